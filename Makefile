@@ -17,7 +17,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test test-fast test-long faults coverage load audit deploy-check docs texts lint format bench success-map reproduction constraints clean tools test-foreign
+.PHONY: help run test test-fast test-long faults coverage load audit compose-check deploy-check docs texts lint format bench success-map reproduction constraints clean tools test-foreign
 
 help: ## What there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -115,6 +115,9 @@ load: $(STAMP) tools ## Crowds, attacks and faults: a table, and JSON in out/
 audit: $(STAMP) ## Known faults in code and dependencies
 	@$(BIN)/bandit -q -c pyproject.toml -r server cli words web planner foldback_client
 	@$(BIN)/pip-audit -r constraints.txt --no-deps
+
+compose-check: $(STAMP) tools ## Run compose.yaml without containers: folds, backup, restoration (root, Linux)
+	@$(BIN)/python -m tests.deploy.rehearsal
 
 deploy-check: $(STAMP) ## Build the image's steps for real (root, Debian, minutes)
 	@$(BIN)/python tests/deploy/build.py

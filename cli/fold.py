@@ -16,7 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from cli.inputs import make_directory, read_input, refuse
-from cli.options import ALL_OPTIONS, AsJson, PlanDirectory, Workers, takes
+from cli.options import AsJson, PlanDirectory, Workers, takes
 from planner.chain.module import module_named
 from planner.cores import cores
 from planner.errors import InputError
@@ -38,7 +38,7 @@ STAGE_VERBS = {
 }
 
 
-@takes(*ALL_OPTIONS)
+@takes()
 def fold(
     *,
     out: PlanDirectory,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import wraps
 from inspect import Parameter, signature
 from pathlib import Path
@@ -47,24 +47,28 @@ Workers = Annotated[
     int | None,
     typer.Option(min=1, help="Parallel explosions when one stalls. Default: the number of cores."),
 ]
-ALL_OPTIONS: Final = tuple(options_of(FoldRequest))
-"""Names of all options of a fold."""
 PATH_OPTIONS: Final = (*options_of(PathOptions), "seed")
 """Names of the options that turn a shape into a path."""
 METAVARS: Final = {int: "INTEGER", float: "FLOAT"}
 """Names of values in the help of the command line by their type; texts have none."""
 
 
-def takes(*names: str, **lines: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def takes(
+    *names: str,
+    schema: type[FoldRequest] = FoldRequest,
+    lines: Mapping[str, str] | None = None,
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Return a decorator that reads the parameter ``request`` of a command from its options.
 
     The command gets a checked request; one that is refused ends it with 2.
 
     Args:
-        names: Options of ``FoldRequest``, in the order of the help.
+        names: Options, in the order of the help; all if there are none.
+        schema: Class of the request.
         lines: Help of options that mean something else here, by their names.
     """
-    options = options_of(FoldRequest)
+    options = options_of(schema)
+    names, lines = names or tuple(options), lines or {}
 
     def with_options(command: Callable[..., None]) -> Callable[..., None]:
         own = signature(command, eval_str=True)
@@ -81,7 +85,7 @@ def takes(*names: str, **lines: str) -> Callable[[Callable[..., None]], Callable
             try:
                 if "settings" in names:
                     given["settings"] = settings_text_of(given["settings"], given.pop("robot"))
-                request = FoldRequest.of(**{name: given.pop(name) for name in names})
+                request = schema.of(**{name: given.pop(name) for name in names})
                 request.check()
             except InputError as error:
                 refuse(error, as_json)

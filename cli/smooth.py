@@ -24,7 +24,7 @@ from words.smoothing import smoothing_note, smoothing_rows
 @takes(
     "seed",
     "module_size",
-    module_size="Module size in the clearance check. Default: the plan's.",
+    lines={"module_size": "Module size in the clearance check. Default: the plan's."},
 )
 def smooth(
     *,

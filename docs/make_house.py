@@ -50,7 +50,7 @@ FLOORS: Final = (
     ("server.api",),
     ("server.pages",),
     ("server.app",),
-    ("server.doctor",),
+    ("server.doctor", "server.operate"),
     ("server.cli",),
 )
 """From the ground up. A room imports from lower floors, or from itself."""

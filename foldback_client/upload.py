@@ -9,6 +9,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, Literal, Protocol, TypedDict
 
+from foldback_client.options import PlanOptions, PreviewOptions
+
 
 class Array(Protocol):
     """Array like NumPy's, which need not be installed."""
@@ -27,32 +29,18 @@ Source = str | os.PathLike[str] | bytes | IO[bytes] | Sequence[Sequence[int]] | 
 """A file's path, its bytes, an open file, cells as (n, 3) numbers, or a solid as a 3D array."""
 
 
-class ShapeOptions(TypedDict, total=False):
-    """Options that turn a shape into a chain; the service has defaults."""
+class ShapeOptions(PreviewOptions, total=False):
+    """Options that turn a shape into a chain, or a preview that has done so."""
 
-    module: Literal["cube", "tetrahedron"]
-    modules: int
-    method: Literal["auto", "blocks", "exact", "snake"]
-    repair: bool
-    ends: Literal["any", "surface"]
-    as_voxels: bool
-    start: tuple[int, int, int]
-    world: Literal["floating", "table"]
-    seed: int
     preview: str
 
 
-class FoldOptions(ShapeOptions, total=False):
-    """Options of a fold, with those of its shape."""
+class FoldOptions(ShapeOptions, PlanOptions, total=False):
+    """Options of a fold, with those of its shape, and the folds that it is made from."""
 
     fold: str
     refold: str
     smooth: str
-    preset: Literal["default", "paper", "direct"]
-    settings: str
-    module_size: float
-    strategy: Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"]
-    prefer: Literal["computing", "time", "torque", "clearance"]
 
 
 class MovieOptions(TypedDict, total=False):

@@ -42,7 +42,6 @@ from server.http.security import (
 )
 from server.http.uploads import MAX_FORM_FIELD_BYTES, MAX_FORM_FIELDS, MAX_FORM_FILES, UploadsAtOnce
 from server.jobs.movies import Movies
-from server.jobs.queue import Jobs
 from server.jobs.remaining import EtaEstimator
 from server.limits.fair_threads import FairThreads
 from server.limits.quota import Quota
@@ -145,7 +144,6 @@ def create_app(
             context.waits.close()
             context.fold_states.close()
             context.preview_scenes.close()
-            context.jobs.close()
             context.store.close()
             stats.close()
             context.uploads.close()
@@ -207,9 +205,6 @@ async def _warm_up(context: Context) -> None:
 
 def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Context:
     store = Store(settings)
-    jobs = Jobs(settings)
-    if not settings.read_only:
-        jobs.reconcile(store)
     previews = Previews(settings, store.folders.storage)
     leases = Leases.of(settings, store)
     artifacts = Artifacts(
@@ -236,7 +231,6 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     return Context(
         settings=settings,
         store=store,
-        jobs=jobs,
         timelines=TimelineViews(),
         waits=FrameWaits(settings.max_waits, settings.max_waits_of_visitor),
         streams=Quota(
@@ -295,7 +289,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
             ),
             motions,
         ),
-        movies=Movies(settings, store, jobs),
+        movies=Movies(settings, store),
         gallery=gallery,
         fold_states=FoldStates(store, remaining),
         remaining=remaining,

@@ -44,7 +44,7 @@ class Settings(BaseSettings):
     )
     jobs_url: str | None = Field(
         default=None,
-        description="Database of the job system. Default: database_url if set, else SQLite.",
+        description="Not used: the queue is in database_url. Kept so that old settings still work.",
     )
     storage_url: str | None = Field(
         default=None,
@@ -476,13 +476,6 @@ class Settings(BaseSettings):
             if url.startswith(scheme):
                 return f"postgresql+psycopg://{url.removeprefix(scheme)}"
         return url
-
-    @property
-    def queue_url(self) -> str:
-        """URL of the database with the job system's tables."""
-        if self.jobs_url is None and self.store_url.startswith("postgresql"):
-            return self.store_url
-        return self.jobs_url or f"sqlite:///{self.root / 'jobs.db'}"
 
     def make_directories(self) -> None:
         """Make the directories that are not there yet, unless the disk is read-only."""

@@ -7,16 +7,24 @@ import os
 import subprocess
 import sys
 from collections.abc import Generator, Iterator
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from httpx._transports import default as http_transports
 from hypothesis import settings
 
 from tests import progress
 from tests.server.service import Service
 from tests.web.blog import Blog
 
+# Programs that tests start, and this one with its rewritten assertions, compile what they import
+# only once, also where the environment forbids it.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+# Each HTTP client would read the certificates of all authorities, for 34 ms of the processor.
+http_transports.create_ssl_context = cache(http_transports.create_ssl_context)
 # No test asserts wall-clock time, so hypothesis must not either.
 settings.register_profile(
     "commit", max_examples=30, deadline=None, derandomize=True, print_blob=True

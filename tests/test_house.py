@@ -20,6 +20,7 @@ from docs.make_house import (
     room_of,
     with_table,
 )
+from tests.case import case
 
 FEWEST, MOST = 5, 25
 ROOMS = [room for room in FLOOR_OF if room not in COLUMNS and modules()[room].name == "__init__.py"]
@@ -37,11 +38,12 @@ def test_every_import_points_to_a_lower_floor() -> None:
     assert up == []
 
 
-@pytest.mark.parametrize("room", ROOMS)
-def test_a_room_has_a_purpose_and_a_size_to_live_in(room: str) -> None:
-    files = [path for path in modules()[room].parent.iterdir() if path.is_file()]
-    assert FEWEST <= len(files) <= MOST
-    assert about(room).endswith(".")
+def test_a_room_has_a_purpose_and_a_size_to_live_in() -> None:
+    for room in ROOMS:
+        with case(room):
+            files = [path for path in modules()[room].parent.iterdir() if path.is_file()]
+            assert FEWEST <= len(files) <= MOST
+            assert about(room).endswith(".")
 
 
 def test_no_folder_is_forgotten() -> None:

@@ -47,7 +47,7 @@ class Option:
         label: Label of its control on the preview page; empty if there is none.
         choices: Allowed values by name, in their order; empty if it has others.
         range: Smallest and largest number, inclusive; None for other values.
-        unit: What a number counts or is a fraction of, in error messages.
+        unit: Unit of the number, in error messages.
         pattern: Regular expression of the texts that ``parse`` reads.
         max_chars: Maximum number of characters of a text.
         metavar: Name of the value on the command line; that of its type if empty.
@@ -91,8 +91,9 @@ class Option:
     @property
     def annotation(self) -> Any:
         """The type of its values in a form: one of the choices, a text that is parsed, or as is."""
-        kind = self.kind if self.parse is None else str
-        kind = Literal[tuple(self.choices)] if self.choices else kind
+        kind: Any = self.kind if self.parse is None else str
+        if self.choices:
+            kind = Literal[tuple(self.choices)]
         return kind | None if self.optional else kind
 
     def read(self, value: Any) -> Any:
@@ -117,7 +118,7 @@ class Option:
         Raises:
             InputError: ``unknown-…`` or ``bad-…``, with the option in ``where``.
         """
-        if value is None and self.optional:
+        if value is None:
             return
         if self.choices and value not in self.choices:
             raise InputError(

@@ -23,9 +23,10 @@ PRESET_CHOICES: Final[Choices] = {
         label="Direct servoing (usually fails)", note="direct servoing; fails for most shapes"
     ),
 }
-"""Sets of parameters: foldback's own method (``default``), the published method (``paper``), and
-servos that turn straight to the shape's angles (``direct``)."""
+"""Sets of parameters by name, with their texts for people."""
 PRESETS: Final = tuple(PRESET_CHOICES)
+"""Names of sets of parameters: foldback's own method (``default``), the published method
+(``paper``), and servos that turn straight to the shape's angles (``direct``)."""
 BASELINE: Final = "one-by-one"
 AUTO: Final = "auto"
 STRATEGY_CHOICES: Final[Choices] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from typing import Any, Final, Self
+from typing import Any, Final, Self, cast
 
 from planner.chain.module import CUBE, TETRAHEDRON
 from planner.parameters.option import Choice, Choices, Option, option, options_of
@@ -118,13 +118,13 @@ class PathOptions:
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Self:
         """Return the request that ``to_json`` wrote; what it lacks has its default."""
-        known = {each.name for each in fields(cls)} & set(values)
-        return cls(
-            **{
-                name: tuple(values[name]) if isinstance(values[name], list) else values[name]
-                for name in known
-            }
-        )
+        known = {each.name for each in fields(cls)}
+        given: dict[str, Any] = {
+            name: tuple(cast(list[int], value)) if isinstance(value, list) else value
+            for name, value in values.items()
+            if name in known
+        }
+        return cls(**given)
 
     def to_json(self) -> dict[str, Any]:
         """Return all values for a JSON file."""

@@ -61,11 +61,24 @@ class PreviewRequest(PathOptions):
     seed: int = 0
     path: bool = True
 
+    @classmethod
+    def of_fold(cls, request: FoldRequest) -> PreviewRequest:
+        """Return the preview that finds the same path as a fold."""
+        return cls(**asdict(request.path_options()), seed=request.seed)
+
     @property
     def key(self) -> str:
         """The same for the same options."""
         text = json.dumps(asdict(self), sort_keys=True)
         return sha256(text.encode()).hexdigest()[:24]
+
+    def check(self) -> None:
+        """Refuse what no fold can have either.
+
+        Raises:
+            InputError: Naming the parameter in ``where``.
+        """
+        FoldRequest(**asdict(self.path_options()), seed=self.seed).check()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +145,7 @@ class FoldRequest(PathOptions):
             "strategies, paths and smoothings, which takes several times as long. The plan's "
             "`attempts` list all of them with their figures.",
             label="Preferred plan",
-            choices=PREFERENCES,
+            choices={**PREFERENCES},
         ),
     )
     filename: str | None = None

@@ -1,4 +1,4 @@
-"""Beginnings: the finished folds that refolds begin with, and whose plans are smoothed."""
+"""Base folds: the finished folds that refolds begin with, and whose plans are smoothed."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class BaseFold:
             shutil.copyfile(path, directory / name)
 
 
-def beginning_of(context: Context, fold_id: str, use: Use) -> BaseFold:
+def finished_base(context: Context, fold_id: str, use: Use) -> BaseFold:
     """Return a finished fold as the base of another one.
 
     Raises:
@@ -72,21 +72,19 @@ def beginning_of(context: Context, fold_id: str, use: Use) -> BaseFold:
         )
     check(directory, *COPIED_FILES[use].values())
     files = {name: directory / source for name, source in COPIED_FILES[use].items()}
-    return _beginning(use, fold_id, row, files)
+    return _base(use, fold_id, row, files)
 
 
-def beginning_noted(directory: Path, row: FoldRow) -> BaseFold | None:
+def stored_base(directory: Path, row: FoldRow) -> BaseFold | None:
     """Return the base of a refold or of a smoothed plan; None of other folds."""
     if row.refold is None and row.smooths is None:
         return None
     use: Use = "refold" if row.smooths is None else "smooth"
-    found = _beginning(
-        use, row.smooths, row, {name: directory / name for name in COPIED_FILES[use]}
-    )
+    found = _base(use, row.smooths, row, {name: directory / name for name in COPIED_FILES[use]})
     return found if row.refold is None else replace(found, name=row.refold)
 
 
-def _beginning(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path]) -> BaseFold:
+def _base(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path]) -> BaseFold:
     plan = files[START_PLAN if use == "refold" else RECORDED_PLAN]
     name = row.name
     try:

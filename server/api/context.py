@@ -21,7 +21,6 @@ from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
 from server.http.client_address import address_of
 from server.jobs.movies import Movies
-from server.jobs.queue import Jobs
 from server.jobs.remaining import EtaEstimator
 from server.limits.networks import hidden
 from server.limits.quota import Quota
@@ -45,7 +44,6 @@ class Context:
 
     settings: Settings
     store: Store
-    jobs: Jobs
     timelines: TimelineViews
     waits: FrameWaits
     fork_server: ForkServer | None

@@ -11,7 +11,6 @@ from fastapi import Request
 from server.api.alternatives import alternative
 from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
-from server.jobs.queue import Jobs
 from server.settings import Settings
 from server.store.estimates import Estimates
 from server.store.shown import FoldSource, Found, id_of_fold
@@ -25,7 +24,7 @@ ADDRESS_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 class Viewing(Protocol):
     """Services that a fold's pages need: those of the service, or of a viewer of one directory.
 
-    There are neither jobs nor settings where nothing is computed.
+    There are no settings where nothing is computed.
     """
 
     @property
@@ -36,8 +35,6 @@ class Viewing(Protocol):
     def waits(self) -> FrameWaits: ...
     @property
     def artifacts(self) -> Artifacts: ...
-    @property
-    def jobs(self) -> Jobs | None: ...
     @property
     def settings(self) -> Settings | None: ...
     @property

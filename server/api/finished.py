@@ -20,6 +20,7 @@ from sqlalchemy.exc import IntegrityError
 from planner.files import settle
 from planner.pipeline.request import FoldRequest
 from planner.plan.packed import unpack
+from server.api.source import Source
 from server.api.submit import Submission
 from server.files.uploads import Upload
 from server.processes.scratch import Scratch
@@ -98,8 +99,10 @@ def _content_key(about: dict[str, Any], folder: Path, gallery: Gallery) -> str |
         upload=Upload(
             directory=folder, filename=shape.filename, digest=digest, size=len(shape.data)
         ),
-        shape=shape.name,
-        request=FoldRequest(preset=about["summary"]["preset"], seed=about["summary"]["seed"]),
+        source=Source(
+            request=FoldRequest(preset=about["summary"]["preset"], seed=about["summary"]["seed"]),
+            shape=shape.name,
+        ),
         visitor=SERVICE_VISITOR,
         token="",
     )

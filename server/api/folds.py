@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator
-from dataclasses import asdict, replace
-from io import BytesIO
-from typing import Annotated, Any, BinaryIO, Final
+from dataclasses import replace
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, File, Form, Request, UploadFile
+from fastapi import APIRouter, Depends, Request
 from fastapi.responses import Response
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
-from planner.errors import InputError
 from planner.names import clean_name
-from planner.pathfinding.options import PathOptions
-from planner.pipeline.request import FoldRequest, PreviewRequest
-from planner.readers.limits import quote
-from server.api.base_folds import beginning_noted, beginning_of
+from planner.pipeline.request import FoldRequest
 from server.api.context import Context, context_of, in_list_rate
 from server.api.forms import form_of
 from server.api.schemas import (
@@ -31,7 +26,8 @@ from server.api.schemas import (
     Shape,
     Shapes,
 )
-from server.api.submit import Submission, input_noted, noted, submit
+from server.api.source import Origin, open_source, origin_in_form, validate
+from server.api.submit import Submission, submit
 from server.errors import Forbidden, Unidentified, Unusable
 from server.files.cancelled import sweep_cancelled_of
 from server.http.client_address import address_of
@@ -40,18 +36,10 @@ from server.store.folds import new_token
 from server.store.owned import change_fold
 
 router = APIRouter(prefix="/api/folds", tags=["folds"])
-OPTIONAL_ID: Final = "^[A-Za-z0-9_-]*$"
-MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
-"""File name suffixes of uploads that are triangle meshes, in lower case. Other uploads hold voxels,
-paths of cells, or chains."""
 bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
 
 Here = Annotated[Context, Depends(context_of)]
 Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]
-
-
-Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]
-GalleryShape = Annotated[str | None, Form(description="Or: the name of a gallery shape.")]
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -67,103 +55,30 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     responses=problems(404, 409, 413, 422, 429, 503, 507),
 )
 def post_fold(
-    *,
-    request: Request,
+    http: Request,
     context: Here,
     credentials: Bearer,
+    origin: Annotated[Origin, Depends(origin_in_form)],
     asked: Annotated[FoldRequest, Depends(form_of(FoldRequest))],
-    file: Uploaded = None,
-    shape: GalleryShape = None,
-    preview: Annotated[
-        str | None, Form(max_length=64, pattern=OPTIONAL_ID, description="Or: the id of a preview.")
-    ] = None,
-    fold: Annotated[
-        str | None,
-        Form(
-            max_length=64,
-            pattern=OPTIONAL_ID,
-            description="Or: the id of a fold whose input and shape options are used again.",
-        ),
-    ] = None,
-    refold: Annotated[
-        str | None,
-        Form(
-            max_length=64,
-            pattern=OPTIONAL_ID,
-            description="The id of a finished fold. Its chain unfolds and then folds into the "
-            "shape, which must have the same number of modules of the same kind.",
-        ),
-    ] = None,
-    smooth: Annotated[
-        str | None,
-        Form(
-            max_length=64,
-            pattern=OPTIONAL_ID,
-            description="Or: the id of a verified fold. A new fold makes its motion shorter and "
-            "smoother. Preset and strategy do not apply, because there is no new explosion.",
-        ),
-    ] = None,
 ) -> Accepted:
     """Accept a fold and add it to the queue.
 
     The same request with the same token returns the same fold. A gallery shape with default
     options is folded once for everyone.
     """
-    asked = replace(asked, refold=refold is not None, smooth=smooth is not None)
-    validate(asked)
-    if shape is not None and asked.world == "table":
-        asked = replace(asked, as_voxels=True)  # likewise those of the gallery
-    source, filename = input_of(context, file, shape, preview, fold, smooth)
-    if smooth is not None and refold is not None:
-        source.close()
-        raise Unusable(
-            "smooth-or-refold", "got the form fields 'smooth' and 'refold', expected one."
+    request = replace(asked, refold=origin.refold is not None, smooth=origin.smooth is not None)
+    validate(request)
+    with (
+        open_source(context, origin, request) as (stream, source),
+        context.uploads.stored(stream, source.request.filename) as upload,
+    ):
+        submission = Submission(
+            upload=upload,
+            source=source,
+            visitor=context.visitor(http),
+            token=token_of(credentials) or new_token(),
         )
-    with source:
-        previewed = PreviewRequest(**asdict(asked.path_options()), seed=asked.seed)
-        cells = _previewed(context, preview, previewed)
-        prepared = None if preview is None else context.previews.prepared(preview, previewed)
-        again = smooth if fold is None else fold
-        row = None
-        if again is not None:
-            row = context.store.fold(again)
-            shape = row.shape
-            path, cells = noted(context.store.directory(again))
-            if asked.world != row.world and asked.world == "table":
-                # The path of a floating chain is not used; a mesh gets 2×2×2 modules as before.
-                mesh = cells is None or (filename or "").lower().endswith(MESH_SUFFIXES)
-                method = "blocks" if mesh and path.method == "auto" else "auto"
-                path = replace(path, as_voxels=True, method=method)
-            # The world is asked for each time.
-            asked = replace(asked, **{**asdict(path), "world": asked.world})
-            validate(asked)
-            if smooth is not None and asked.module_size is None:
-                asked = replace(asked, module_size=row.module_size)
-        beginning = None
-        if smooth is not None:
-            beginning = beginning_of(context, smooth, "smooth")
-        elif refold is not None:
-            beginning = beginning_of(context, refold, "refold")
-            if file is not None or preview is not None:  # others know what they are made of
-                modules = asked.modules or beginning.modules
-                asked = replace(asked, module=beginning.module, modules=modules)
-        elif fold is not None and row is not None:
-            beginning = beginning_noted(context.store.directory(fold), row)
-        with context.uploads.stored(source, filename) as upload:
-            receipt = submit(
-                context,
-                Submission(
-                    upload=upload,
-                    shape=shape,
-                    request=asked.canonical(),
-                    visitor=context.visitor(request),
-                    token=token_of(credentials) or new_token(),
-                    cells=cells,
-                    prepared=prepared,
-                    beginning=beginning,
-                    again=None if fold is None else row,
-                ),
-            )
+        receipt = submit(context, submission)
     return Accepted(
         id=receipt.row.id,
         owner_token=receipt.token,
@@ -246,7 +161,6 @@ def post_cancel(fold_id: str, context: Here, credentials: Bearer) -> Fold:
         raise _not_owner()
     row = store.fold(fold_id)
     if not before.over:
-        context.jobs.forget(fold_id)
         sweep_cancelled_of(store, row.visitor)
     return Fold.of(row, context.store, context.remaining)
 
@@ -292,83 +206,8 @@ def delete_fold(fold_id: str, context: Here, credentials: Bearer) -> Response:
         )
     if not store.delete(fold_id, token):
         raise _not_owner()
-    context.jobs.forget(fold_id)
     store.folders.remove(fold_id)
     return Response(status_code=204)
-
-
-def validate(request: PathOptions) -> None:
-    """Refuse an invalid request with the planner's error.
-
-    Raises:
-        Unusable: When it is so.
-    """
-    try:
-        request.check()
-    except InputError as error:
-        raise Unusable.of(error) from None
-
-
-def input_of(
-    context: Context,
-    file: UploadFile | None,
-    shape: str | None,
-    preview: str | None,
-    fold: str | None = None,
-    smooth: str | None = None,
-) -> tuple[BinaryIO, str | None]:
-    """Return the open input of a form and its name: a file, or one that the service has.
-
-    Raises:
-        NoSuchFoldError: When there is no such fold.
-        NoSuchPreviewError: When the preview is not there any more.
-        ServiceError: When it is none of them, or several.
-    """
-    given = [
-        name
-        for name, value in (
-            ("file", file),
-            ("shape", shape),
-            ("preview", preview),
-            ("fold", fold),
-            ("smooth", smooth),
-        )
-        if value is not None
-    ]
-    if len(given) != 1:
-        raise Unusable(
-            "file-or-shape",
-            f"got {' and '.join(given) or 'none'} of the form fields 'file', 'shape', "
-            "'preview', 'fold' and 'smooth', expected one of them.",
-        )
-    if file is not None:
-        return file.file, clean_filename(file.filename)
-    if preview is not None:
-        return context.previews.upload(preview)
-    if (again := smooth if fold is None else fold) is not None:
-        context.store.fold(again)
-        return input_noted(context.store.directory(again))
-    found = context.gallery.shape(shape or "")
-    if found is None:
-        raise Unusable(
-            "no-such-shape",
-            f"got the shape {quote(shape)!r}, expected one of "
-            f"{context.gallery.nearest((shape or '')[:100])}; GET /api/shapes lists them.",
-        )
-    return BytesIO(found.data), found.filename
-
-
-def _previewed(
-    context: Context, preview: str | None, options: PreviewRequest
-) -> list[list[int]] | None:
-    """Return the cells that a preview has found, so that the fold's page can draw them at once."""
-    return None if preview is None else context.previews.cells(preview, options)
-
-
-def clean_filename(name: str | None) -> str | None:
-    """Return the last part of an upload's file name, fit to be shown; None if nothing is left."""
-    last = (name or "").replace("\\", "/").rpartition("/")[2]
-    return clean_name(last, max_length=MAX_FOLD_NAME) or None
 
 
 def token_of(credentials: HTTPAuthorizationCredentials | None) -> str | None:

@@ -34,7 +34,7 @@ def form_of(request: type[RequestT]) -> Callable[..., RequestT]:
 
 
 def field(option: Option) -> Any:
-    """Return what the API says of an option, as a field of a form."""
+    """Return an option as a field of a form, with its description for the API."""
     low, high = option.range or (None, None)
     return Form(
         ge=low,

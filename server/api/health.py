@@ -75,12 +75,14 @@ async def get_metrics(request: Request, context: Here, credentials: Bearer) -> R
             "'Authorization: Bearer …'.",
         )
     stats: Stats = request.app.state.stats
+    readiness: Readiness = request.app.state.readiness
     streams, robots = len(context.streams), len(context.robots)
     try:
         figures = await asyncio.to_thread(stats.figures)
     except SQLAlchemyError:
         figures = None
-    text = context.metrics.text(figures, streams=streams, robots=robots)
+    places = await asyncio.to_thread(readiness.places)
+    text = context.metrics.text(figures, places, streams=streams, robots=robots)
     return Response(text, media_type=METRICS_MEDIA_TYPE)
 
 

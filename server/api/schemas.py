@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from typing import Any, Final, Literal, cast, overload
 
@@ -13,6 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from planner.certificate.figures import FoldSummary
 from planner.certificate.verdict import summary_told_honestly
 from planner.exports import Export
+from planner.parameters.parameters import World
+from planner.pipeline.request import FoldRequest
 from planner.progress import Stage
 from planner.readers.gallery import GalleryShape
 from server.jobs.remaining import EtaEstimator
@@ -20,6 +22,7 @@ from server.store.estimates import Expected, plain_fold
 from server.store.folds import FoldRow, Store
 from server.store.leases import Preparing
 from server.store.shown import ShownFold
+from server.store.tables import REQUESTED_COLUMNS
 
 SMOOTHING_MESSAGE: Final = "smoothing"
 """Progress message of the stage ``explode`` if a fold only smooths an existing plan; web pages name
@@ -33,6 +36,11 @@ larger value makes lists and pages harder to read. Chosen."""
 TOKEN_PATTERN: Final = r"^[!-~]{24,200}$"
 """Pattern of an owner token (the secret with which a client proves that folds are its own) that the
 client chooses itself: 24 to 200 printable ASCII characters without spaces."""
+SHOWN_COLUMNS: Final = (
+    *("id", "name", "status", "stage", "public", "modules", "module", "shape", "refold", "smooths"),
+    *REQUESTED_COLUMNS,
+)
+"""Columns of a fold's row that the API shows as they are, under the same names."""
 
 
 class ProblemBody(BaseModel):
@@ -240,27 +248,12 @@ class Fold(BaseModel):
     @classmethod
     def of(cls, row: FoldRow, store: Store, remaining: EtaEstimator) -> Fold:
         """Return the API's representation of a row."""
+        values: dict[str, Any] = {name: getattr(row, name) for name in SHOWN_COLUMNS}
         return cls(
-            id=row.id,
-            name=row.name,
+            **values,
             title=ShownFold.of(row).title,
-            status=row.status,  # pyright: ignore[reportArgumentType]
-            stage=row.stage,  # pyright: ignore[reportArgumentType]
             created_at=row.created,
             expires_at=moment(store.kept_until(row)),
-            public=row.public,
-            modules=row.modules,
-            module=row.module,
-            shape=row.shape,
-            refold=row.refold,
-            smooths=row.smooths,
-            preset=row.preset,
-            settings=row.settings,
-            seed=row.seed,
-            module_size=row.module_size,
-            strategy=row.strategy,
-            prefer=row.prefer,
-            world=row.world,
             progress=Progress.model_validate(progress_of(row, remaining)),
             summary={**summary_told_honestly(cast(FoldSummary, row.summary or {}))},
             error=Fault.model_validate(row.error) if row.error else None,
@@ -431,13 +424,13 @@ class ExpectedTimes:
     expected_preferred_s: float
 
     @classmethod
-    def of(cls, report: Mapping[str, Any], world: str, expected: Expected) -> ExpectedTimes:
+    def of(cls, report: Mapping[str, Any], world: World, expected: Expected) -> ExpectedTimes:
         """Return the times of the chain that a preview reports."""
-        modules, module = int(report["modules"]), str(report["module"])
+        modules, plain = int(report["modules"]), FoldRequest(module=str(report["module"]))
         return cls(
-            expected_s=expected(plain_fold(modules, module=module, world=world)),
-            expected_as_published_s=expected(plain_fold(modules, module=module, preset="paper")),
-            expected_preferred_s=expected(plain_fold(modules, module=module, prefer="time")),
+            expected_s=expected(plain_fold(modules, replace(plain, world=world))),
+            expected_as_published_s=expected(plain_fold(modules, replace(plain, preset="paper"))),
+            expected_preferred_s=expected(plain_fold(modules, replace(plain, prefer="time"))),
         )
 
 

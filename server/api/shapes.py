@@ -17,19 +17,10 @@ from fastapi.responses import Response
 
 from planner.parameters.option import options_of
 from planner.pipeline.request import FoldRequest, PreviewRequest
-from server.api.folds import (
-    OPTIONAL_ID,
-    Bearer,
-    GalleryShape,
-    Here,
-    Uploaded,
-    input_of,
-    problems,
-    token_of,
-    validate,
-)
+from server.api.folds import Bearer, Here, problems, token_of
 from server.api.forms import field, form_of
 from server.api.schemas import MAX_FOLD_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
+from server.api.source import GalleryShape, Origin, Uploaded, id_field, open_source, validate
 from server.errors import NotFound, Unusable
 from server.store.folds import hash_of
 from server.store.owned import note_preview
@@ -49,27 +40,19 @@ def get_shapes(context: Here) -> Shapes:
     return Shapes(shapes=[Shape.of(shape) for shape in context.gallery.shapes()])
 
 
-@router.post(
-    "/preview",
-    summary="Preview a shape before folding it",
-    responses=problems(404, 413, 422, 429, 503, 504, 507),
-)
-async def post_preview(
-    *,
-    request: Request,
-    context: Here,
-    credentials: Bearer,
-    options: Options,
+def previewed_in_form(
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[
-        str | None,
-        Form(
-            max_length=64,
-            pattern=OPTIONAL_ID,
-            description="Or: the id of an earlier preview, with other options.",
-        ),
+        str | None, id_field("Or: the id of an earlier preview, with other options.")
     ] = None,
+) -> Origin:
+    """Return the origin of a preview that a form names."""
+    return Origin(file=file, shape=shape, preview=preview)
+
+
+def preview_in_form(
+    options: Options,
     seed: Seed = 0,
     path: Annotated[
         bool,
@@ -79,21 +62,38 @@ async def post_preview(
         ),
     ] = True,
     full: Annotated[bool, Form(description="Include cells and mesh, which may be large.")] = True,
+) -> tuple[PreviewRequest, bool]:
+    """Return the request of a preview, and True if the answer includes what may be large."""
+    return replace(options, seed=seed, path=path), full
+
+
+@router.post(
+    "/preview",
+    summary="Preview a shape before folding it",
+    responses=problems(404, 413, 422, 429, 503, 504, 507),
+)
+async def post_preview(
+    request: Request,
+    context: Here,
+    credentials: Bearer,
+    origin: Annotated[Origin, Depends(previewed_in_form)],
+    form: Annotated[tuple[PreviewRequest, bool], Depends(preview_in_form)],
 ) -> Preview:
     """Return the voxels and a path through them, if there is one. `POST /api/folds` takes the id.
 
     With a token, the preview is listed in `GET /api/mine/previews`.
     """
-    settings = context.settings
-    options = bounded(replace(options, seed=seed, path=path), settings.max_modules)
-
+    settings, (options, full) = context.settings, form
+    bounded(options, settings.max_modules)
     visitor, token = context.visitor(request), token_of(credentials)
 
     def reported(gone: Callable[[], bool]) -> Preview:
-        known = preview
-        if known is None or file is not None or shape is not None:
-            source, filename = input_of(context, file, shape, preview)
-            with source, context.uploads.stored(source, filename) as upload:
+        known = origin.preview
+        if known is None or origin != Origin(preview=known):
+            with (
+                open_source(context, origin, FoldRequest()) as (stream, source),
+                context.uploads.stored(stream, source.request.filename) as upload,
+            ):
                 known = context.previews.add(upload, visitor)
         report = context.previews.report(
             known, options, context.preparer, visitor=visitor, gone=gone
@@ -101,7 +101,7 @@ async def post_preview(
         if token is not None:
             row = preview_row(known, token, options, report)
             keep_s = settings.preview_keep_s
-            note_preview(context.store, row, sent=known != preview, keep_s=keep_s)
+            note_preview(context.store, row, sent=known != origin.preview, keep_s=keep_s)
         times = ExpectedTimes.of(report, options.world, context.estimates.total_s)
         return Preview.of(known, options.key, report, times, full=full)
 
@@ -118,9 +118,7 @@ async def post_offers(
     request: Request,
     context: Here,
     options: Options,
-    preview: Annotated[
-        str, Form(max_length=64, pattern=OPTIONAL_ID, description="The id of an earlier preview.")
-    ],
+    preview: Annotated[str, id_field("The id of an earlier preview.")],
     seed: Seed = 0,
 ) -> TableOffers:
     """Search for a repair, 2×2×2 modules and nearby counts, until the client disconnects.
@@ -128,7 +126,8 @@ async def post_offers(
     Send the same options as for the preview that found no path on a table. The search may take
     as long as a preview, and counts as one.
     """
-    options = bounded(replace(options, seed=seed), context.settings.max_modules)
+    options = replace(options, seed=seed)
+    bounded(options, context.settings.max_modules)
     visitor = context.visitor(request)
     async with leaving(request) as gone:
         found = await run_in_threadpool(
@@ -142,8 +141,8 @@ async def post_offers(
     return TableOffers.model_validate(found)
 
 
-def bounded(options: PreviewRequest, max_modules: int) -> PreviewRequest:
-    """Return the options, refused if they cannot be had or ask for too many modules.
+def bounded(options: PreviewRequest, max_modules: int) -> None:
+    """Refuse options that are invalid or ask for too many modules.
 
     Raises:
         Unusable: ``too-many-modules``, or as ``validate`` does.
@@ -154,7 +153,6 @@ def bounded(options: PreviewRequest, max_modules: int) -> PreviewRequest:
             f"got {options.modules} modules, expected at most {max_modules}.",
         )
     validate(options)
-    return options
 
 
 def preview_row(

@@ -8,21 +8,17 @@ import json
 import os
 import shutil
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, BinaryIO
 
 from planner.errors import InputError
-from planner.file_names import PREPARED
-from planner.files import json_of
-from planner.pathfinding.options import PathOptions
+from planner.file_names import PREPARED, REQUEST
 from planner.pipeline.expected_cost import ExpectedCost
-from planner.pipeline.request import FoldRequest
-from planner.verification.integrity import check
 from server.api.base_folds import BaseFold
 from server.api.context import Context
-from server.errors import Conflict, NotFound, Unavailable, Unusable, nearly_full, not_stored
+from server.api.source import Source
+from server.errors import Conflict, Unavailable, Unusable, nearly_full, not_stored
 from server.files.uploads import Upload
 from server.limits.queue_room import Waiting, check_room
 from server.processes.children import ChildError
@@ -30,43 +26,24 @@ from server.processes.read_task import MAX_STORED_CELLS
 from server.settings import Settings
 from server.store.fold_files import size_of, sync
 from server.store.folds import cost_of, hash_of, new_id
-from server.store.tables import FoldRow
+from server.store.tables import FoldRow, columns_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Submission:
-    """Validated request for a fold."""
+    """Validated request for a fold.
+
+    Attributes:
+        upload: Bytes of the input.
+        source: Origin of the input, with the request that it completes.
+        visitor: Name of the visitor with its networks.
+        token: Token of the client, which owns the new fold.
+    """
 
     upload: Upload
-    shape: str | None
-    request: FoldRequest
-    """Canonical request, see ``FoldRequest.canonical``."""
+    source: Source
     visitor: str
     token: str
-    """Of who asks: he owns what is made for him."""
-    cells: list[list[int]] | None = None
-    """For a drawing until there is a chain; those that a preview has found."""
-    prepared: Path | None = None
-    """File of the chains that a preview has found."""
-    beginning: BaseFold | None = None
-    again: FoldRow | None = None
-    """The fold that is asked for once more, by its id."""
-
-    @property
-    def public(self) -> bool:
-        """True if everyone may find it: a gallery shape, folded with the default options."""
-        default = not self.request.changed()
-        return self.shape is not None and self.beginning is None and default
-
-    @property
-    def refolds(self) -> BaseFold | None:
-        """Fold that a refold starts from, or None."""
-        return self.beginning if self.beginning and self.beginning.use == "refold" else None
-
-    @property
-    def smooths(self) -> BaseFold | None:
-        """Fold whose plan is to be smoothed, or None."""
-        return self.beginning if self.beginning and self.beginning.use == "smooth" else None
 
     @property
     def content_key(self) -> str:
@@ -78,16 +55,17 @@ class Submission:
 
     def key_of(self, owner: str | None) -> str:
         """Return its content key, also if it belongs to a visitor."""
+        request, parent = self.source.request, self.source.parent
         parameters = {
             "format": "foldback-fold/1",
             "version": version("foldback"),
-            "preset": self.request.preset,
-            "seed": self.request.seed,
-            "module_size": self.request.module_size,
+            "preset": request.preset,
+            "seed": request.seed,
+            "module_size": request.module_size,
             "content": self.upload.digest,
-            **self.request.changed(),
-            **({} if self.beginning is None else {self.beginning.use: self.beginning.digest}),
-            **({} if self.public else {"owner": owner}),
+            **request.changed(),
+            **({} if parent is None else {parent.use: parent.digest}),
+            **({} if self.source.public else {"owner": owner}),
         }
         return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()
 
@@ -102,114 +80,31 @@ class Receipt:
 
 
 def submit(context: Context, submission: Submission) -> Receipt:
-    """Accepts a submission: checks it, keeps it safe, and puts it into the queue.
+    """Check a submission, store it durably, and put it into the queue.
 
     Raises:
         ServiceError: When it can't be used, there is too much to do, or no room.
     """
     if (known := _known(context, submission)) is not None:
         return known
-    _check_room(context, submission)
-    fold_id = new_id()
-    aside = submission.upload.directory
+    _check_room(context, submission.visitor)
+    directory, source = submission.upload.directory, submission.source
     try:
-        _write(aside, submission)
-        found = _read(context, aside, submission.beginning, submission.visitor)
-        _note(aside, submission)
-        size = size_of(aside)
-        context.store.folders.adopt(aside, fold_id)
-        row = FoldRow(
-            id=fold_id,
-            name=_title(context, submission.shape) or found.name,
-            status="queued",
-            stage=None,
-            created_at=time.time(),
-            started_at=None,
-            ended_at=None,
-            modules=found.modules,
-            module=found.module,
-            shape=submission.shape,
-            public=submission.public,
-            preset=submission.request.preset,
-            settings=submission.request.settings,
-            seed=submission.request.seed,
-            module_size=submission.request.module_size,
-            content_key=submission.content_key,
-            visitor=submission.visitor,
-            cancel_requested=False,
-            progress={},
-            summary={},
-            error=None,
-            world=submission.request.world,
-            refold=submission.refolds and submission.refolds.name,
-            strategy=submission.request.strategy,
-            prefer=submission.request.prefer,
-            smooths=submission.smooths and submission.smooths.fold,
-            bytes=size,
-        )
-        try:
-            added = _add(context, row, submission.token)
-        except Exception:  # it was not acknowledged, and nothing of it stays
-            with contextlib.suppress(Exception):
-                context.store.folders.remove(fold_id)
-            raise
-        if not added:
-            context.store.folders.remove(fold_id)
-            if (known := _known(context, submission)) is not None:
-                return known
-            raise Conflict(
-                "changed-meanwhile", "The same fold has just finished; send the request again."
-            )
+        _write(directory, source)
+        found = _read(context, directory, source.parent, submission.visitor)
+        _note(directory, source)
+        row = _row(context, submission, found)
+        context.store.folders.adopt(directory, row.id)
+        added = _add(context, row, submission.token)
     except OSError as error:
         raise not_stored("upload", error) from error
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
-    context.jobs.enqueue(fold_id, row.turn, row.cost_s)
+    if not added:
+        if (known := _known(context, submission)) is not None:
+            return known
+        raise Conflict(
+            "changed-meanwhile", "The same fold has just finished; send the request again."
+        )
     return Receipt(row=row, token=submission.token, existing=False)
-
-
-def input_noted(directory: Path) -> tuple[BinaryIO, str | None]:
-    """Return the input of a fold, open, and the name of its file.
-
-    Raises:
-        NotFound: If it is not there any more.
-        DamagedError: If it is not what was written.
-    """
-    try:
-        source = open(directory / "input", "rb")  # noqa: SIM115 (the caller closes it)
-    except OSError as error:
-        raise _no_input() from error
-    try:
-        check(directory, "input", "request.json")
-        return source, _request(directory)["filename"]
-    except BaseException:
-        source.close()
-        raise
-
-
-def _request(directory: Path) -> dict[str, Any]:
-    request = json_of(directory / "request.json")
-    if "filename" not in request:
-        raise _no_input()
-    return request
-
-
-def _no_input() -> NotFound:
-    return NotFound("no-input", "The input file of this fold has expired; send the file again.")
-
-
-def noted(directory: Path) -> tuple[PathOptions, list[list[int]] | None]:
-    """Return a fold's options for its path, and its cells for a drawing if there are any.
-
-    Raises:
-        NotFound: When they are not there any more.
-    """
-    options = PathOptions.from_json(_request(directory))
-    try:
-        cells = json.loads((directory / "cells.json").read_bytes())
-    except (OSError, ValueError):
-        cells = None
-    return options, cells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,6 +112,31 @@ class _Found:
     name: str
     module: str
     modules: int
+
+
+def _row(context: Context, submission: Submission, found: _Found) -> FoldRow:
+    """Return the row of a new fold, whose files lie in the directory of its upload."""
+    source, parent = submission.source, submission.source.parent
+    return FoldRow(
+        id=new_id(),
+        name=_title(context, source.shape) or found.name,
+        status="queued",
+        created_at=time.time(),
+        modules=found.modules,
+        module=found.module,
+        shape=source.shape,
+        public=source.public,
+        content_key=submission.content_key,
+        visitor=submission.visitor,
+        cancel_requested=False,
+        progress={},
+        summary={},
+        error=None,
+        refold=parent.name if parent and parent.use == "refold" else None,
+        smooths=parent.fold if parent and parent.use == "smooth" else None,
+        bytes=size_of(submission.upload.directory),
+        **columns_of(source.request),
+    )
 
 
 def _title(context: Context, shape: str | None) -> str | None:
@@ -227,21 +147,19 @@ def _title(context: Context, shape: str | None) -> str | None:
 
 def _known(context: Context, submission: Submission) -> Receipt | None:
     """Return the existing fold: the visitor's own, one of the gallery, or that of a link."""
-    key, again = submission.content_key, submission.again
+    key, again = submission.content_key, submission.source.repeats
     if again is not None and again.content_key == (theirs := submission.key_of(again.owner)):
         key = theirs
     row = context.store.ask(key, submission.token)
     if row is None:
         return None
-    if row.status == "queued":  # if its job was lost in a crash, this brings it back
-        context.jobs.enqueue(row.id, row.turn, row.cost_s)
     own = row.owner == hash_of(submission.token)
     return Receipt(row=row, token=submission.token if own else None, existing=True)
 
 
-def _check_room(context: Context, submission: Submission) -> None:
+def _check_room(context: Context, visitor: str) -> None:
     settings = context.settings
-    check_room(_waiting(context), Waiting(submission.visitor, 0.0), settings)
+    check_room(_waiting(context), Waiting(visitor, 0.0), settings)
     if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
         raise nearly_full()
 
@@ -253,15 +171,25 @@ def _waiting(context: Context) -> list[Waiting]:
 def _add(context: Context, row: FoldRow, token: str) -> bool:
     """Add a fold that the queue has room for; False if its content key is taken.
 
+    Unless it is added, nothing of it stays.
+
     Raises:
         TooMany: If the queue has no room for it.
         Unusable: If it cannot end within the limits.
     """
-    cost = cost_of(row)
-    _check_limits(cost, context.settings)
-    with context.store.admitting:
-        check_room(_waiting(context), Waiting(row.visitor, cost.expected_s), context.settings)
-        return context.store.add(row, token)
+    store, cost = context.store, cost_of(row)
+    try:
+        _check_limits(cost, context.settings)
+        with store.admitting:
+            check_room(_waiting(context), Waiting(row.visitor, cost.expected_s), context.settings)
+            added = store.add(row, token)
+    except Exception:
+        with contextlib.suppress(Exception):
+            store.folders.remove(row.id)
+        raise
+    if not added:
+        store.folders.remove(row.id)
+    return added
 
 
 def _check_limits(cost: ExpectedCost, settings: Settings) -> None:
@@ -280,39 +208,34 @@ def _check_limits(cost: ExpectedCost, settings: Settings) -> None:
         )
 
 
-def _write(directory: Path, submission: Submission) -> None:
-    request = replace(
-        submission.request,
-        filename=submission.upload.filename,
-        refold=submission.refolds is not None,
-        smooth=submission.smooths is not None,
-    )
-    if submission.beginning is not None:
-        submission.beginning.copy(directory)
-        for name in submission.beginning.files:
+def _write(directory: Path, source: Source) -> None:
+    """Write the request and the files of its parent; they outlast a power cut."""
+    if source.parent is not None:
+        source.parent.copy(directory)
+        for name in source.parent.files:
             sync(directory / name)
-    with open(directory / "request.json", "w") as file:
-        json.dump(request.to_json(), file)
+    with open(directory / REQUEST, "w") as file:
+        json.dump(source.request.to_json(), file)
         file.flush()
         os.fsync(file.fileno())
     sync(directory)
 
 
-def _note(directory: Path, submission: Submission) -> None:
+def _note(directory: Path, source: Source) -> None:
     """Store what a preview has found: cells for the page's first drawing, and chains."""
-    if submission.cells and len(submission.cells) <= MAX_STORED_CELLS:
-        (directory / "cells.json").write_text(json.dumps(submission.cells))
-    if submission.prepared is not None:
+    if source.cells and len(source.cells) <= MAX_STORED_CELLS:
+        (directory / "cells.json").write_text(json.dumps(source.cells))
+    if source.prepared is not None:
         with contextlib.suppress(FileNotFoundError):  # the preview was just deleted
-            shutil.copyfile(submission.prepared, directory / PREPARED)
+            shutil.copyfile(source.prepared, directory / PREPARED)
 
 
-def _read(context: Context, directory: Path, beginning: BaseFold | None, visitor: str) -> _Found:
+def _read(context: Context, directory: Path, parent: BaseFold | None, visitor: str) -> _Found:
     try:
         found = context.reader.check(directory, visitor=visitor)
     except InputError as error:
-        if beginning is not None:
-            error = context.gallery.advised(error, beginning.module, beginning.modules)
+        if parent is not None:
+            error = context.gallery.advised(error, parent.module, parent.modules)
         raise Unusable.of(error) from None
     except ChildError as error:
         raise Unavailable(error.code, error.detail) from None

@@ -34,14 +34,17 @@ COMMANDS: Final = {
     "servos": "List servos that are strong enough for a torque.",
     "table": "Check if a plan works on a table, and compute the joint torques.",
     "doctor": "Check the requirements of the service.",
-    "admin": "List, delete, repeat and pin folds of a service.",
+    "admin": "Manage the folds, backups and tables of a service.",
 }
 """Commands of ``foldback`` with the first line of their help; the list of commands is printed
 without importing their modules."""
 
-SERVICE_COMMANDS: Final = frozenset(("serve", "worker", "play", "movie", "doctor", "admin"))
-"""Commands that need the web service's code or its processes: modules of ``server.cli``. All others
-are modules of the package ``cli``, which imports nothing of the service."""
+SERVICE_PACKAGES: Final = {
+    **dict.fromkeys(("serve", "worker", "play", "movie", "doctor"), "server.cli"),
+    "admin": "server.operate",
+}
+"""Packages of the commands that need the web service's code or its processes; a command is a module
+there. All others are modules of the package ``cli``, which imports nothing of the service."""
 
 OPENGL_COMMANDS: Final = frozenset(("serve", "worker", "movie", "doctor"))
 """Commands that draw or start processes that draw. For all others MuJoCo's OpenGL is not loaded,
@@ -90,7 +93,7 @@ def _not_imported() -> None:
 def _imported(name: str) -> Command:
     """Return the command of this name, from the module of this name."""
     found: typer.Typer | Callable[..., None] = getattr(
-        import_module(f"{'server.cli' if name in SERVICE_COMMANDS else 'cli'}.{name}"), name
+        import_module(f"{SERVICE_PACKAGES.get(name, 'cli')}.{name}"), name
     )
     if isinstance(found, typer.Typer):
         return get_command(found)

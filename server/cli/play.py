@@ -68,7 +68,6 @@ class FolderContext:
     timelines: TimelineViews
     waits: FrameWaits
     artifacts: Artifacts
-    jobs: None = None
     estimates: None = None
     settings: None = None
 

@@ -165,25 +165,22 @@ def _allow_files(count: int) -> None:
 
 
 def _fold_first(context: Context, name: str) -> str:
-    from io import BytesIO
-
     from planner.pipeline.request import FoldRequest
+    from server.api.finished import SERVICE_VISITOR
+    from server.api.source import Origin, open_source
     from server.api.submit import Submission, submit
+    from server.errors import Unusable
     from server.store.folds import new_token
 
-    shape = context.gallery.shape(name)
-    if shape is None:
-        names = ", ".join(s.name for s in context.gallery.shapes())
-        raise typer.BadParameter(f"got the shape {name!r}, expected one of {names}.")
-    with context.uploads.stored(BytesIO(shape.data), shape.filename) as upload:
-        receipt = submit(
-            context,
-            Submission(
-                upload=upload,
-                shape=name,
-                request=FoldRequest(),
-                visitor="the service itself",
-                token=new_token(),
-            ),
-        )
+    try:
+        with (
+            open_source(context, Origin(shape=name), FoldRequest()) as (stream, source),
+            context.uploads.stored(stream, source.request.filename) as upload,
+        ):
+            submission = Submission(
+                upload=upload, source=source, visitor=SERVICE_VISITOR, token=new_token()
+            )
+            receipt = submit(context, submission)
+    except Unusable as error:
+        raise typer.BadParameter(error.detail) from None
     return receipt.row.id

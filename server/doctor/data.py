@@ -8,7 +8,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import psutil
 import sqlalchemy as sa
@@ -21,7 +21,7 @@ from server.ops.readiness import check_folder
 from server.settings import Settings
 from server.store.object_store import open_storage
 from server.store.schema_version import Schema
-from server.store.tables import read_only_engine
+from server.store.tables import missing_database, reading_engine
 
 NETWORK_FILESYSTEMS: Final = frozenset(
     {"nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p", "afs"}
@@ -31,7 +31,6 @@ MAX_CLOCK_DIFFERENCE_S: Final = 5.0
 """Largest difference between the clocks of the database and of this machine that ``foldback
 doctor`` accepts, in s. Larger differences distort expiry times and queue times; a smaller value
 reports harmless ones. Chosen."""
-JOBS_TABLE: Final = "workflow_status"
 
 
 def directory(settings: Settings) -> Finding:
@@ -137,26 +136,14 @@ def _tables(name: str, url: str, connection: sa.Connection) -> Finding:
     return Finding(name=name, verdict="ok", found=found)
 
 
-def jobs(settings: Settings) -> Finding:
-    """Check that the job system's database answers."""
-    return _asked("job system", settings.queue_url, "FOLDBACK_JOBS_URL", _queue)
-
-
-def _queue(name: str, url: str, connection: sa.Connection) -> Finding:
-    schema = "dbos" if connection.dialect.name == "postgresql" else None
-    made = sa.inspect(connection).has_table(JOBS_TABLE, schema=schema)
-    found = _shown(url) if made else f"{_shown(url)}, empty; tables will be created"
-    return Finding(name=name, verdict="ok", found=found)
-
-
 def _asked(
     name: str, url: str, setting: str, look: Callable[[str, str, sa.Connection], Finding]
 ) -> Finding:
     """Return the finding of a look into a database, or that it is missing or unusable."""
-    if (missing := _not_there(url)) is not None:
+    if (missing := missing_database(url)) is not None:
         return Finding(name=name, verdict="ok", found=f"{missing} will be created")
     try:
-        engine = _readonly(url)
+        engine = reading_engine(url)
     except (SQLAlchemyError, ModuleNotFoundError) as error:
         return _unusable(name, url, setting, error)
     try:
@@ -201,21 +188,6 @@ def _check_storage(settings: Settings) -> None:
         opened.check()
     finally:
         opened.close()
-
-
-def _not_there(url: str) -> str | None:
-    """Return the path of a SQLite database that does not exist yet, or None."""
-    path = sa.make_url(url).database if url.startswith("sqlite") else None
-    return path if path and not Path(path).exists() else None
-
-
-def _readonly(url: str) -> sa.Engine:
-    """Return a read-only engine: a check must neither create nor repair a database."""
-    made = sa.make_url(url)
-    if made.get_backend_name() == "sqlite":
-        return read_only_engine(url)
-    timeout: dict[str, Any] = {"connect_timeout": 5}
-    return sa.create_engine(made, connect_args=timeout)
 
 
 def _ahead_s(connection: sa.Connection, schema: Schema) -> float:

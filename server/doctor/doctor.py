@@ -17,7 +17,6 @@ CHECKS: Final[tuple[tuple[str, Check], ...]] = (
     ("settings", machine.variables),
     ("data directory", data.directory),
     ("database", data.database),
-    ("job system", data.jobs),
     ("storage", data.storage),
     ("port", machine.port),
     ("allowed hosts", machine.names),

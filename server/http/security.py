@@ -91,7 +91,8 @@ class AllowedHosts:
     """Refuses requests under names that are not the service's own.
 
     Without it a page of another site could have its name point here (DNS rebinding), and would then
-    count as one of ours.
+    count as one of ours. The address to which a connection was made is the service's own: no name
+    leads there under it.
     """
 
     def __init__(self, app: ASGIApp, *, hosts: Iterable[str]) -> None:
@@ -103,7 +104,8 @@ class AllowedHosts:
         """Handle one request."""
         if scope["type"] in ("http", "websocket"):
             host = host_name(Headers(scope=scope).get("host", ""))
-            if not self._any and not self._allowed(host):
+            own, _ = scope.get("server") or (None, None)
+            if not self._any and host != own and not self._allowed(host):
                 await self._refuse(host, scope, receive, send)
                 return
         await self._app(scope, receive, send)

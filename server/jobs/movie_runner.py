@@ -20,7 +20,9 @@ from planner.file_names import TIMELINE
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.errors import Damaged
+from server.jobs.movies import INTERRUPTED
 from server.jobs.progress import JobProgress
+from server.jobs.queue import MAX_LOSSES, MovieClaim
 from server.jobs.retry import retry_until_available
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
@@ -44,9 +46,13 @@ class MovieJobs:
         self._scratch = Scratch(settings.scratch_dir)
         self._scratch.sweep()
 
-    def make(self, fold_id: str, movie_id: str, job: str) -> None:
+    def make(self, claim: MovieClaim) -> None:
         """Make one movie. Errors are stored in its row; none is raised."""
+        fold_id, movie_id, job = claim.fold_id, claim.movie_id, claim.job
         about = {"fold": fold_id, "movie": movie_id}
+        if claim.losses >= MAX_LOSSES:
+            self._fail(job, INTERRUPTED["code"], INTERRUPTED["detail"], None, about)
+            return
         try:
             self._make(fold_id, job, about)
         except (InputError, ChildError) as error:

@@ -23,7 +23,6 @@ from planner.file_names import TIMELINE
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.errors import Conflict, NoRoom, NoSuch, NotFound, TooMany, Unavailable
-from server.jobs.queue import Jobs
 from server.limits.networks import networks_of
 from server.limits.quota import Holder, network_share
 from server.settings import Settings
@@ -43,8 +42,8 @@ value makes the list slower. Chosen."""
 INTERRUPTED: Final = {
     "code": "interrupted",
     "detail": "this movie was interrupted; request it again.",
-    "where": None,
 }
+"""Problem of a movie whose file is gone, or that was lost with its worker too often."""
 
 log = logging.getLogger("foldback.web")
 
@@ -89,10 +88,9 @@ class MovieState:
 class Movies:
     """The service's end of movies. Safe to use from many threads, and in many processes."""
 
-    def __init__(self, settings: Settings, store: Store, jobs: Jobs) -> None:
+    def __init__(self, settings: Settings, store: Store) -> None:
         self._settings = settings
         self._store = store
-        self._jobs = jobs
 
     def ask(
         self,
@@ -166,11 +164,7 @@ class Movies:
         Raises:
             NoSuchMovieError: When there is no such movie.
         """
-        row = self._row(fold_id, movie_id)
-        if row.status in UNFINISHED_MOVIE_STATUSES:
-            self._settle([row])
-            row = self._row(fold_id, movie_id)
-        return MovieState.of(row)
+        return MovieState.of(self._row(fold_id, movie_id))
 
     def made(self, token: str) -> list[tuple[MovieRow, FoldRow]]:
         """Movies that the holder of a token has asked for, each with its fold, newest first."""
@@ -222,15 +216,7 @@ class Movies:
             raise NoSuchMovieError(movie_id)
         return row
 
-    def _enqueue(self, row: MovieRow) -> None:
-        self._jobs.enqueue_movie(row.job, row.fold_id, row.id)
-
     def _add(self, wanted: MovieRow) -> None:
-        with self._store.reading() as session:
-            making = session.scalars(
-                sa.select(MovieRow).where(MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES))
-            ).all()
-        self._settle(making)
         with self._store.changing() as session:
             failed = self._delete(
                 session,
@@ -252,7 +238,6 @@ class Movies:
                 .offset(self._settings.movies_of_fold - 1)
             ).all()
             gone = self._delete(session, MovieRow.job.in_(old))
-        self._enqueue(wanted)
         try:
             self._clear([*failed, *gone])
         except StorageError as error:  # the movie that was asked for is on its way all the same
@@ -288,22 +273,12 @@ class Movies:
         if shutil.disk_usage(settings.root).free < settings.min_free_disk_bytes:
             raise NoRoom("no-room", "The disk of the service is nearly full; try again later.")
 
-    def _settle(self, making: Iterable[MovieRow]) -> None:
-        """Correct the rows of movies that no job works on."""
-        rows = list(making)
-        going = self._jobs.going([row.job for row in rows]) if rows else {}
-        for row in rows:
-            if row.job not in going:  # who asked has died in between, or is about to go on
-                self._enqueue(row)
-            elif not going[row.job]:
-                self._lose(row.job, UNFINISHED_MOVIE_STATUSES)
-
     def _lose(self, job: str, while_it_is: tuple[str, ...]) -> None:
         with self._store.changing() as session:
             session.execute(
                 sa.update(MovieRow)
                 .where(MovieRow.job == job, MovieRow.status.in_(while_it_is))
-                .values(status="failed", problem=dict(INTERRUPTED), bytes=0)
+                .values(status="failed", problem={**INTERRUPTED, "where": None}, bytes=0)
             )
 
     def _take_over(self, fold_id: str, movie_id: str) -> None:
@@ -321,7 +296,6 @@ class Movies:
         return [(fold_id, job) for fold_id, job in session.execute(deleted)]
 
     def _clear(self, gone: Iterable[tuple[str, str]]) -> None:
-        """Remove the files and jobs of deleted rows."""
+        """Remove the files of deleted rows."""
         for fold_id, job in gone:
-            self._jobs.forget(job)
             self._store.folders.remove_movie(fold_id, movie_file(job))

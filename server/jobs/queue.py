@@ -1,211 +1,234 @@
-"""Jobs: how the server hands folds to the workers.
+"""Queue: workers take folds and movies from it, keep what they have computed, and hand back.
 
-The queue is durable and lives in its own tables; the server only puts folds in and takes them out,
-the workers (``server/jobs/worker.py``) compute.
+The rows of the database are the queue. A fold that is not over and has no ``worker`` waits, the
+least ``turn`` first; one statement gives it to one execution, so that no two workers get the same.
+An execution has a name that is never used again, and writes to the row only while ``worker`` is its
+name: who has lost a fold writes nothing.
+
+A fold continues after its last finished stage: ``checkpoint`` holds the stage that follows, and the
+epoch of the files that this stage starts from.
 """
 
 from __future__ import annotations
 
-import contextlib
-import time
-from collections.abc import Generator
-from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Final
+import secrets
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
 
 import sqlalchemy as sa
-from dbos import DBOS, DBOSClient, EnqueueOptions
 
-from server.limits.fair_queue import is_quick
-from server.settings import Settings
+from planner.progress import STAGES
+from server.limits.fair_queue import QUICK_FOLD_S
+from server.store.folds import UNFINISHED_STATUSES, Store, rows_of
+from server.store.tables import ENDED, FoldRow, MovieRow
 
-if TYPE_CHECKING:
-    from server.store.folds import Store
-    from server.store.tables import FoldRow
-
-APPLICATION: Final = "foldback"
-# Fixed: jobs that wait go on after an update; the workflow's steps keep their meaning.
-APPLICATION_VERSION: Final = "1"
-QUEUE: Final = "folds"
-QUICK_QUEUE: Final = "quick-folds"
-"""Name of the queue of folds that are expected to take little time. Every worker computes a number
-of them besides those of the other queue, so that they do not wait for long folds."""
-WORKFLOW: Final = "fold"
-MOVIES_QUEUE: Final = "movies"
-MOVIE_WORKFLOW: Final = "movie"
-ACTIVE_JOB_STATES: Final = frozenset({"ENQUEUED", "DELAYED", "PENDING"})
-"""Job states of DBOS, the job system, in which a worker computes the job or will do so."""
-QUEUE_POLL_S: Final = 0.2
-"""Time between two checks of a worker for waiting folds, in s, in each of two queues. A fold waits
-half of it on average. A smaller value takes more processor time while there is nothing to do: 4 to
-5 % of a core at this value, together with 1 s for movies. Chosen."""
-MOVIE_POLL_S: Final = 1.0
-"""Time between two checks of a worker for waiting movies, in s. A movie waits half of it on
-average; a smaller value takes more processor time while there is nothing to do. Chosen."""
-JOBS_PER_BATCH: Final = 500
-"""Maximum number of ended jobs that are read and deleted at once in the job system's tables. A
-larger value locks the tables for longer; a smaller one needs more queries. Chosen."""
-MAX_JOB_BATCHES: Final = 20
-"""Maximum number of batches of ended jobs that one sweep deletes; later sweeps delete the rest. A
-larger value delays the worker's other duties. Chosen."""
-JOB_RECORD_S: Final = 3600.0
-"""Time for which the job system keeps the record of an ended job, in s. It must exceed the time
-between checks for failed jobs; a larger value makes the job tables larger. Chosen."""
-# A job ends so when not even its end could be noted, or when it took its worker along every time.
-FAILED_JOB_STATES: Final = ("ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED")
-ENDED_JOB_STATES: Final = frozenset({"SUCCESS", "CANCELLED", *FAILED_JOB_STATES})
-JOB_TABLES_LOCK: Final = 0x666F6C64
-"""Key of the advisory lock of PostgreSQL that a process holds while it creates the job system's
-tables, so that two processes never do so at the same time. Any number that no other lock uses."""
+MAX_LOSSES: Final = 100
+"""Number of executions of a fold or a movie that may be lost with their worker between two finished
+stages; then it fails. With a larger value something that always crashes its worker delays other
+folds for longer; a smaller one may fail folds on machines that are restarted often. Chosen."""
 
 
-def place_of(turn: int, cost_s: float) -> tuple[str, int]:
-    """Return the queue and the priority of a fold; the least priority above 0 comes first."""
-    return QUICK_QUEUE if is_quick(cost_s) else QUEUE, turn + 1
+class Lane(StrEnum):
+    """Parts of the queue; each worker computes several jobs of each lane at a time."""
+
+    LONG = "long"
+    QUICK = "quick"
+    MOVIES = "movies"
 
 
-def prepare(settings: Settings) -> None:
-    """Migrate the job system's tables to their newest schema and register the queues."""
-    url = settings.queue_url
-    if url.startswith("sqlite"):
-        engine = sa.create_engine(url)
-        with engine.connect() as connection:
-            connection.exec_driver_sql("PRAGMA journal_mode=WAL")
-        engine.dispose()
-    with _alone(url):
-        DBOS.migrate(url)
-        _register(settings)
+@dataclass(frozen=True, slots=True)
+class FoldClaim:
+    """A fold that one execution computes.
+
+    Attributes:
+        fold_id: The fold.
+        execution: Name of the execution.
+        stage: The next stage.
+        files: The epoch of the files that this stage starts from.
+        losses: Number of executions since the last finished stage whose worker died.
+    """
+
+    fold_id: str
+    execution: str
+    stage: str
+    files: int
+    losses: int
 
 
-def _register(settings: Settings) -> None:
-    client = _client(settings)
-    try:
-        for name in (QUEUE, QUICK_QUEUE):
-            client.register_queue(
-                name,
-                worker_concurrency=settings.folds_per_worker,
-                polling_interval_sec=QUEUE_POLL_S,
-            )
-        # One at a time: software OpenGL and the encoder keep all cores of a small machine busy.
-        client.register_queue(MOVIES_QUEUE, worker_concurrency=1, polling_interval_sec=MOVIE_POLL_S)
-    finally:
-        client.destroy()
+@dataclass(frozen=True, slots=True)
+class MovieClaim:
+    """A movie that one execution makes.
+
+    Attributes:
+        fold_id: Its fold.
+        movie_id: The key of its options.
+        job: The name of its file and row, unique among all movies.
+        execution: Name of the execution.
+        losses: Number of executions whose worker died.
+    """
+
+    fold_id: str
+    movie_id: str
+    job: str
+    execution: str
+    losses: int = 0
 
 
-@contextlib.contextmanager
-def _alone(url: str) -> Generator[None]:
-    """Lock out others that would create the same tables at the same time."""
-    if not url.startswith("postgresql"):
-        yield
-        return
-    # Not in a transaction: indexes that are made concurrently would wait for its end.
-    engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
-    try:
-        with engine.connect() as connection:
-            connection.execute(sa.select(sa.func.pg_advisory_lock(JOB_TABLES_LOCK)))
-            yield
-    finally:
-        engine.dispose()  # and with the connection goes the lock
+Claim = FoldClaim | MovieClaim
 
 
-def _client(settings: Settings) -> DBOSClient:
-    # Who asks is told that the database is away; a job that got lost so is found by the workers.
-    return DBOSClient(
-        system_database_url=settings.queue_url,
-        application_name=APPLICATION,
-        retry_connection_errors=False,
-        lazy=settings.read_only,
-    )
+class Queue:
+    """The workers' end of the queue. Safe to use from many threads.
 
+    Args:
+        store: Rows of the folds and movies.
+    """
 
-class Jobs:
-    """The server's end of the queue."""
+    def __init__(self, store: Store) -> None:
+        self._store = store
 
-    def __init__(self, settings: Settings) -> None:
-        if not settings.read_only:
-            prepare(settings)
-        self._client = _client(settings)
+    def has_work(self) -> bool:
+        """Return True if a job waits: one query, for those who ask again and again."""
+        with self._store.reading() as session:
+            return bool(session.scalar(_HAS_WORK))
 
-    def close(self) -> None:
-        """Close the database."""
-        self._client.destroy()
+    def claim(self, lane: Lane, worker: str) -> Claim | None:
+        """Claim the next job of a lane for a worker; None if none waits."""
+        execution = f"{worker}:{secrets.token_hex(6)}"
+        if lane is Lane.MOVIES:
+            return self._claim_movie(execution)
+        quick = FoldRow.cost_s <= QUICK_FOLD_S
+        waits = (
+            sa.select(FoldRow.id, FoldRow.checkpoint, FoldRow.losses)
+            .where(*_FOLD_WAITS, quick if lane is Lane.QUICK else sa.not_(quick))
+            .order_by(FoldRow.turn, FoldRow.created_at)
+            .limit(1)
+            .with_for_update(skip_locked=True)  # nothing in SQLite, where writers take turns
+        )
+        while True:
+            with self._store.changing() as session:
+                row = session.execute(waits).first()
+                if row is None:
+                    return None
+                fold_id, checkpoint, losses = row
+                kept = checkpoint or {"stage": STAGES[0], "files": 0}
+                stage, files = str(kept["stage"]), int(kept["files"])
+                if self._store.begin_in(session, fold_id, stage, execution) is not None:
+                    return FoldClaim(fold_id, execution, stage, files, losses)
+            # Another worker was quicker, or it was cancelled just now.
 
-    def enqueue(self, fold_id: str, turn: int, cost_s: float) -> None:
-        """Put a fold into the queue of its lane, in its turn; do nothing if it is there."""
-        queue, priority = place_of(turn, cost_s)
-        options: EnqueueOptions = {
-            "workflow_name": WORKFLOW,
-            "queue_name": queue,
-            "workflow_id": fold_id,
-            "app_version": APPLICATION_VERSION,
-            "priority": priority,
-        }
-        self._client.enqueue(options, fold_id)
+    def _claim_movie(self, execution: str) -> MovieClaim | None:
+        waits = (
+            sa.select(MovieRow.job)
+            .where(_MOVIE_WAITS)
+            .order_by(MovieRow.created_at)
+            .limit(1)
+            .with_for_update(skip_locked=True)
+        )
+        while True:
+            with self._store.changing() as session:
+                job = session.scalar(waits)
+                if job is None:
+                    return None
+                mine = sa.update(MovieRow).where(MovieRow.job == job, _MOVIE_WAITS)
+                claimed = session.execute(
+                    mine.values(status="running", worker=execution).returning(
+                        MovieRow.fold_id, MovieRow.id, MovieRow.losses
+                    )
+                ).first()
+                if claimed is not None:
+                    fold_id, movie_id, losses = claimed
+                    return MovieClaim(fold_id, movie_id, job, execution, losses)
 
-    def forget(self, fold_id: str) -> None:
-        """Remove a fold that has not started from the queue."""
-        # One that runs is stopped by its row; here it must be left to come to its own end.
-        with contextlib.suppress(Exception):
-            status = self._client.retrieve_workflow(fold_id).get_status()
-            if status.status == "ENQUEUED":
-                self._client.cancel_workflow(fold_id)
-
-    def enqueue_movie(self, job: str, fold_id: str, movie_id: str) -> None:
-        """Enqueue a movie under a unique name."""
-        options: EnqueueOptions = {
-            "workflow_name": MOVIE_WORKFLOW,
-            "queue_name": MOVIES_QUEUE,
-            "workflow_id": job,
-            "app_version": APPLICATION_VERSION,
-        }
-        self._client.enqueue(options, fold_id, movie_id, job)
-
-    def going(self, jobs: list[str]) -> dict[str, bool]:
-        """Return for each known job whether it is waiting or running."""
-        found = self._client.list_workflows(workflow_ids=jobs, load_input=False, load_output=False)
-        return {str(job.workflow_id): job.status in ACTIVE_JOB_STATES for job in found}
-
-    def sweep(self, now: float) -> int:
-        """Delete jobs that are over and were asked for more than ``JOB_RECORD_S`` ago.
+    def keep(self, claim: FoldClaim, *, stage: str, files: int) -> bool:
+        """Store that a fold continues with ``stage``, from the files of epoch ``files``.
 
         Returns:
-            Number of jobs that were deleted.
+            False if another execution has the fold, or it was deleted.
         """
-        before = datetime.fromtimestamp(now - JOB_RECORD_S, UTC).isoformat()
-        gone = 0
-        for _ in range(MAX_JOB_BATCHES):
-            over = self._client.list_workflows(
-                status=sorted(ENDED_JOB_STATES),
-                end_time=before,
-                limit=JOBS_PER_BATCH,
-                load_input=False,
-                load_output=False,
-            )
-            if over:
-                self._client.delete_workflows([str(job.workflow_id) for job in over])
-            gone += len(over)
-            if len(over) < JOBS_PER_BATCH:
-                break
-        return gone
+        kept = (
+            sa.update(FoldRow)
+            .where(FoldRow.id == claim.fold_id, FoldRow.worker == claim.execution)
+            .values(checkpoint={"stage": stage, "files": files}, losses=0)
+        )
+        with self._store.changing() as session:
+            return bool(rows_of(session.execute(kept)))
 
-    def reconcile(self, store: Store, *, older_s: float = 0.0) -> list[FoldRow]:
-        """Enqueue folds that have a row and no job, after a crash between the two.
+    def hand_back(self, claim: Claim) -> None:
+        """Put a job back into the queue that its execution does not finish."""
+        with self._store.changing() as session:
+            if isinstance(claim, FoldClaim):
+                mine = (FoldRow.id == claim.fold_id, FoldRow.worker == claim.execution)
+                session.execute(_FOLD_BACK.where(*mine))
+            else:
+                session.execute(_MOVIE_BACK.where(MovieRow.worker == claim.execution))
+
+    def release(self, claim: FoldClaim) -> None:
+        """Store that nothing is left to do for a fold that has ended."""
+        mine = (FoldRow.id == claim.fold_id, FoldRow.worker == claim.execution)
+        with self._store.changing() as session:
+            session.execute(sa.update(FoldRow).where(*mine).values(worker=None))
+
+    def holders(self) -> set[str]:
+        """Return the names of the workers that have jobs."""
+        with self._store.reading() as session:
+            held = [
+                *session.scalars(sa.select(FoldRow.worker).where(FoldRow.worker.is_not(None))),
+                *session.scalars(sa.select(MovieRow.worker).where(MovieRow.status == "running")),
+            ]
+        return {name.rpartition(":")[0] for name in held if name}
+
+    def hand_back_all(self, worker: str, *, lost: bool) -> list[tuple[str, int]]:
+        """Put all jobs of a worker back into the queue.
 
         Args:
-            store: Store with the rows.
-            older_s: Minimum age of a row, s; a new one has no job yet.
+            worker: Name of the worker.
+            lost: True if the worker died; False if it stops in good order.
 
         Returns:
-            Folds that are not over though their job is, which has failed without a word.
+            Folds that it has ended without giving up its own files of them, each with the epoch of
+            the files that stay.
         """
-        rows = store.unfinished()
-        states: dict[str, str] = {}
-        for first in range(0, len(rows), JOBS_PER_BATCH):
-            some = [row.id for row in rows[first : first + JOBS_PER_BATCH]]
-            found = self._client.list_workflows(
-                workflow_ids=some, load_input=False, load_output=False
+        more = int(lost)
+        theirs = FoldRow.worker.startswith(f"{worker}:", autoescape=True)
+        with self._store.changing() as session:
+            session.execute(_FOLD_BACK.where(theirs).values(losses=FoldRow.losses + more))
+            session.execute(
+                _MOVIE_BACK.where(MovieRow.worker.startswith(f"{worker}:", autoescape=True)).values(
+                    losses=MovieRow.losses + more
+                )
             )
-            states.update({str(job.workflow_id): str(job.status) for job in found})
-        for row in rows:
-            if row.id not in states and time.time() - row.created_at >= older_s:
-                self.enqueue(row.id, row.turn, row.cost_s)
-        return [row for row in rows if states.get(row.id) in FAILED_JOB_STATES]
+            gone = sa.update(FoldRow).where(theirs, FoldRow.status.in_(ENDED)).values(worker=None)
+            ended = session.execute(gone.returning(FoldRow.id, FoldRow.kept)).all()
+        return [(row.id, row.kept) for row in ended]
+
+
+_FOLD_WAITS: Final = (
+    FoldRow.status.in_(UNFINISHED_STATUSES),
+    FoldRow.worker.is_(None),
+    FoldRow.cancel_requested.is_(False),
+)
+_MOVIE_WAITS: Final = MovieRow.status == "queued"
+_HAS_WORK: Final = sa.select(
+    sa.or_(
+        sa.select(FoldRow.id).where(*_FOLD_WAITS).exists(),
+        sa.select(MovieRow.job).where(_MOVIE_WAITS).exists(),
+    )
+)
+_FOLD_BACK: Final = (
+    sa.update(FoldRow)
+    .where(FoldRow.status == "running")
+    .values(
+        status=sa.case((FoldRow.cancel_requested, "cancelled"), else_=FoldRow.status),
+        # When it was cancelled: that counts as a look at it.
+        ended_at=sa.case((FoldRow.cancel_requested, FoldRow.seen_at)),
+        worker=None,
+    )
+)
+"""Puts running folds back into the queue; those that are cancelled end. The others stay ``running``
+for their visitors: they continue before all folds of a later turn."""
+_MOVIE_BACK: Final = (
+    sa.update(MovieRow).where(MovieRow.status == "running").values(status="queued", worker=None)
+)
+"""Puts running movies back into the queue."""

@@ -24,8 +24,8 @@ TICKS_PER_SECOND: Final = 10
 larger value distinguishes the costs of quick folds more finely, and reaches the largest priority
 earlier. Chosen."""
 MAX_PRIORITY: Final = 2**31 - 2
-"""Largest priority number of the job system (a 32-bit integer), hence the largest virtual time of
-the fair queue; at full load it is reached after years."""
+"""Largest virtual time of the fair queue (a 32-bit integer); at full load it is reached after
+years."""
 QUICK_FOLD_S: Final = 10.0
 """Maximum expected computing time of a fold in the queue for quick folds, in s. With a larger value
 quick folds wait longer for each other; with a smaller one more folds wait for long ones. Chosen:

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 from server.settings import Settings
 
-QUIET_LOGGERS: Final = ("alembic", "dbos", "httpx", "opentelemetry", "websockets")
+QUIET_LOGGERS: Final = ("alembic", "httpx", "opentelemetry", "websockets")
 CONTEXT_FIELDS: Final = ("fold", "movie", "worker", "request")
 ACCESS_FIELDS: Final = ("method", "route", "path", "status", "duration_ms")
 """Fields of a record of the logger ``foldback.access`` that become fields of a JSON log line; plain
@@ -121,7 +121,3 @@ def set_up_logs(settings: Settings, *, worker: str | None = None) -> None:
     for name in QUIET_LOGGERS:
         least = max(logging.WARNING, logging.getLogger().level)
         logging.getLogger(name).setLevel(least)
-    # The job system brings a handler of its own for when there is none.
-    jobs = logging.getLogger("dbos")
-    jobs.handlers = [logging.NullHandler()]
-    jobs.propagate = True

@@ -10,6 +10,7 @@ from prometheus_client import CollectorRegistry, Gauge, Histogram, ProcessCollec
 from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.registry import Collector
 
+from server.ops.readiness import OK, Places
 from server.store.stats import Figures
 
 METRICS_MEDIA_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
@@ -53,16 +54,18 @@ class Metrics:
         with self._websockets.track_inprogress():
             yield
 
-    def text(self, figures: Figures | None, *, streams: int, robots: int) -> bytes:
+    def text(self, figures: Figures | None, places: Places, *, streams: int, robots: int) -> bytes:
         """Return all figures, in the format that Prometheus reads.
 
         Args:
-            figures: Those of the rows; None when the database does not answer.
-            streams: Open event streams.
-            robots: Robots that are being driven.
+            figures: Figures of the rows; None if the database does not answer.
+            places: State of disk and storage.
+            streams: Number of open event streams.
+            robots: Number of connected robots.
         """
         rows = CollectorRegistry(auto_describe=False)
         rows.register(_Open(streams=streams, robots=robots))
+        rows.register(_Places(places))
         rows.register(_Rows(figures))
         return generate_latest(self._registry) + generate_latest(rows)
 
@@ -75,6 +78,20 @@ class _Open(Collector):
         words = {"streams": "Open event streams.", "robots": "Connected robots."}
         for name, count in self._counts.items():
             yield GaugeMetricFamily(f"foldback_{name}_open", words[name], value=count)
+
+
+class _Places(Collector):
+    def __init__(self, places: Places) -> None:
+        self._places = places
+
+    def collect(self) -> Iterable[GaugeMetricFamily]:
+        words = "1 if the files of folds can be read and written, else 0."
+        yield _gauge("storage_up", words, self._places.storage == OK)
+        words = "1 if this machine's disk accepts uploads, else 0."
+        yield _gauge("disk_up", words, self._places.disk == OK)
+        if self._places.free_bytes is not None:
+            words = "Free space of the data directory's disk."
+            yield _gauge("disk_free_bytes", words, self._places.free_bytes)
 
 
 class _Rows(Collector):
@@ -107,6 +124,10 @@ class _Rows(Collector):
         yield seconds
         words = "Folds that ended within the last hour, at most 500."
         yield _gauge("folds_ended_lately", words, len(found.computed_s))
+        failures = _by("failures_lately", "Failed folds among these, by code.", "code")
+        for code, count in sorted(found.failures.items()):
+            failures.add_metric([code], count)
+        yield failures
 
 
 def _gauge(name: str, words: str, value: float) -> GaugeMetricFamily:

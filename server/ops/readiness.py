@@ -44,6 +44,21 @@ class State:
         return not self.reasons
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Places:
+    """State of this machine's disk and of the storage of folds.
+
+    Attributes:
+        disk: ``ok`` or the problem.
+        storage: ``ok`` or the problem.
+        free_bytes: Free space of the disk; None if it cannot be read.
+    """
+
+    disk: str
+    storage: str
+    free_bytes: int | None
+
+
 class Readiness:
     """State of all that the service needs, cached for ``READINESS_CACHE_S``.
 
@@ -61,7 +76,7 @@ class Readiness:
         self._stats = stats
         self._lock = threading.Lock()
         self._ending = threading.Event()
-        self._kept: tuple[float, str, str] | None = None
+        self._kept: tuple[float, Places] | None = None
 
     def end(self) -> None:
         """Report the service as not ready from now on, as it is about to stop."""
@@ -75,11 +90,15 @@ class Readiness:
         except SQLAlchemyError as error:
             log.warning("database: %r", error)
             database = "does not answer"
-        disk, storage = self._places()
+        places = self.places()
         compiled = compiling_fraction(self._settings.root)
         reasons = [
             f"the {name} {found}" if found.startswith(("does", "can")) else f"{name}: {found}"
-            for name, found in (("database", database), ("disk", disk), ("storage", storage))
+            for name, found in (
+                ("database", database),
+                ("disk", places.disk),
+                ("storage", places.storage),
+            )
             if found != OK
         ]
         if self._settings.read_only:
@@ -91,20 +110,35 @@ class Readiness:
         if self._ending.is_set():
             reasons.append("the service is stopping")
         return State(
-            database=database, disk=disk, storage=storage, workers=workers, reasons=tuple(reasons)
+            database=database,
+            disk=places.disk,
+            storage=places.storage,
+            workers=workers,
+            reasons=tuple(reasons),
         )
 
-    def _places(self) -> tuple[str, str]:
-        # One looks at a time; what it finds is for all, and nobody waits for a silent storage.
+    def places(self) -> Places:
+        """Return the state of disk and storage, at most ``READINESS_CACHE_S`` old if they answer.
+
+        One thread checks at a time. The others return its last result, even if the storage hangs.
+        """
         if self._lock.acquire(blocking=self._kept is None):
             try:
                 now = time.monotonic()
                 if self._kept is None or now - self._kept[0] >= READINESS_CACHE_S:
-                    self._kept = (now, disk_says(self._settings), self._storage_says())
+                    self._kept = (now, self._look())
             finally:
                 self._lock.release()
         assert self._kept is not None
-        return self._kept[1:]
+        return self._kept[1]
+
+    def _look(self) -> Places:
+        try:
+            free_bytes = shutil.disk_usage(self._settings.root).free
+        except OSError:
+            free_bytes = None
+        disk, storage = disk_says(self._settings), self._storage_says()
+        return Places(disk=disk, storage=storage, free_bytes=free_bytes)
 
     def _storage_says(self) -> str:
         try:

@@ -2,51 +2,65 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from importlib.util import find_spec
-from typing import Final
-
-from dbos import DBOSConfig
+from typing import TYPE_CHECKING, Final
 
 from server.settings import Settings
 
-TRACING_PACKAGES: Final = (
-    "opentelemetry.sdk",
-    "opentelemetry.exporter.otlp.proto.http",
-    "opentelemetry.instrumentation.logging",
-)
+if TYPE_CHECKING:
+    from opentelemetry.sdk.trace import TracerProvider
+
+TRACING_PACKAGES: Final = ("opentelemetry.sdk", "opentelemetry.exporter.otlp.proto.http")
 FLUSH_TIMEOUT_MS: Final = 2000
+"""Maximum time that the end of a worker waits for unsent traces, in ms. A larger value delays the
+end if the receiver does not answer. Chosen."""
+_provider: TracerProvider | None = None
 
 
 class NoTracingError(Exception):
     """The packages for traces are not installed."""
 
 
-def tracing(settings: Settings) -> DBOSConfig:
-    """Return the job system's options for traces; none unless ``otlp_endpoint`` is set.
+def start_tracing(settings: Settings) -> None:
+    """Send the spans of this process to ``otlp_endpoint``; do nothing unless it is set.
 
     Raises:
         NoTracingError: When the packages are missing.
     """
+    global _provider
     if settings.otlp_endpoint is None:
-        return DBOSConfig()
+        return
     if any(not _there(name) for name in TRACING_PACKAGES):
         raise NoTracingError(
             "got FOLDBACK_OTLP_ENDPOINT without the packages that send traces: install "
             "'foldback[otel]', or unset it."
         )
-    return DBOSConfig(enable_otlp=True, otlp_traces_endpoints=[settings.otlp_endpoint])
-
-
-def send_rest(settings: Settings) -> None:
-    """Send what waits to be sent, within ``FLUSH_TIMEOUT_MS``; for a process that ends at once."""
-    if settings.otlp_endpoint is None:
-        return
+    from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
+    from opentelemetry.sdk.resources import Resource
     from opentelemetry.sdk.trace import TracerProvider
-    from opentelemetry.trace import get_tracer_provider
+    from opentelemetry.sdk.trace.export import BatchSpanProcessor
 
-    provider = get_tracer_provider()
-    if isinstance(provider, TracerProvider):
-        provider.force_flush(FLUSH_TIMEOUT_MS)
+    _provider = TracerProvider(resource=Resource.create({"service.name": "foldback"}))
+    exporter = OTLPSpanExporter(endpoint=settings.otlp_endpoint)
+    _provider.add_span_processor(BatchSpanProcessor(exporter))
+
+
+@contextmanager
+def span(name: str, **attributes: str) -> Generator[None]:
+    """Trace what is done within; free of charge unless tracing was started."""
+    if _provider is None:
+        yield
+        return
+    with _provider.get_tracer("foldback").start_as_current_span(name, attributes=attributes):
+        yield
+
+
+def send_rest() -> None:
+    """Send what waits to be sent, within ``FLUSH_TIMEOUT_MS``; for a process that ends."""
+    if _provider is not None:
+        _provider.force_flush(FLUSH_TIMEOUT_MS)
 
 
 def _there(name: str) -> bool:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
+from planner.parameters.parameters import FLOATING, WORLD_CHOICES
+from planner.pathfinding.options import MODULE_CHOICES
 from server.store.shown import ShownFold, shown_name
 
 if TYPE_CHECKING:
@@ -37,12 +39,14 @@ TAG_LABELS: Final = {
 TETRAHEDRA_TAG: Final = "tetrahedra"
 """Tag of gallery shapes whose chains consist of tetrahedra. The list of tags omits it, as the
 gallery has a separate choice between kinds of modules."""
-CHAIN_LABELS: Final = {"cube": "Cubes", "tetrahedron": "Tetrahedra"}
+CHAIN_LABELS: Final = {name: choice.label for name, choice in MODULE_CHOICES.items()}
 MODULE_PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
 MAX_ZERO_TORQUE_WP: Final = 0.05
 """Joint torque below which gallery cards say that a fold on a table needs no motor torque, in w·p
 (module weight × pitch). A larger value hides small torques. Chosen."""
-WORLD_LABELS: Final = {"table": "On a table"}
+WORLD_LABELS: Final = {
+    name: choice.label for name, choice in WORLD_CHOICES.items() if name != FLOATING
+}
 CARD_STATUS_LABELS: Final = {
     "verified": "Verified",
     "running": "Running",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, NotRequired, TypedDict, cast
 
@@ -18,7 +19,7 @@ from planner.exports import exports_of
 from planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLAN, RECORD, TIMELINE
 from planner.files import json_of
 from planner.motion.record import TableRecord
-from planner.parameters.parameters import AUTO, FLOATING
+from planner.parameters.parameters import FLOATING
 from planner.parameters.settings import TABLE_SETTINGS
 from planner.pipeline.fold_layout import result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
@@ -44,6 +45,7 @@ from server.pages.table_check import ruled_out_on_table
 from server.store.estimates import Expected, expected_of_cost, plain_fold
 from server.store.fold_files import frames_promised
 from server.store.shown import RUNNING_STATUSES, Found, ShownFold, has_motion
+from server.store.tables import request_of
 from words import certificate as certificate_words
 from words.certificate import TableWords
 from words.choice import PREFERENCE_WORDS, Choice, choice_of, superlative
@@ -58,7 +60,15 @@ VIEW_DOWNLOADS: Final = (
     ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
     ("recording.viser", "Recording", ".viser: for the viser client"),
 )
-
+OTHER_PRESETS: Final = (
+    ("default", "Reverse explosion", "The default method"),
+    (
+        "direct",
+        "Direct servoing",
+        "Drives every joint straight to its target (fails for most shapes)",
+    ),
+)
+"""Presets, besides the published one, that a fold may be compared with: name, label and hint."""
 
 Form = dict[str, str | int | float]
 """Fields of a form that asks for a fold."""
@@ -162,21 +172,11 @@ def fold_facts(
     running = row.status in RUNNING_STATUSES
     damaged = [] if running else damaged_among(directory, SHOWN_FILES)
     done = row.status in ("verified", "failed")
-    certificate = summary.get("certificate") or told_honestly(
-        cast(
-            CertificateFigures,
-            {} if CERTIFICATE in damaged else json_of(result(directory, CERTIFICATE)),
-        ),
-        summary.get("playback"),
-    )
+    certificate = _certificate(directory, summary, damaged)
     where = "" if row.world == FLOATING else ", on a table"
     problem = _problem(row, summary)
     choice = choice_of(directory, preference_named(row.prefer), playable=api) if done else None
     there = api and done and (directory / PLAN).is_file()
-    downloads: list[Download] = [
-        {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
-        for export in (exports_of(moving=has_motion(summary)) if there else ())
-    ]
     facts: FoldFacts = {
         "id": row.id,
         "name": row.title,
@@ -193,7 +193,7 @@ def fold_facts(
         "again": _again(row) if api else None,
         "frames": frames_promised(directory),
         "refoldable": api and row.status == "verified" and row.world == FLOATING,
-        "refold": _published(row) if row.preset == "paper" else {},
+        "refold": _published(row),
         "smoothable": api and _smoothable(row, summary),
         "smoothing": _smoothing(found if api else None, summary),
         "comparable": api and not running,
@@ -204,18 +204,40 @@ def fold_facts(
         "made": _made(summary),
         "movies": api and not running and frames_promised(directory) > 0,
         "robot": api and row.status == "verified",
-        "files": [
-            {"href": f"/folds/{row.id}/{name}", "label": label, "hint": hint}
-            for name, label, hint in VIEW_DOWNLOADS
-            if not running and frames_promised(directory) and found.alternative_to is None
-        ],
+        "files": [] if running else _files(found),
         "properties": properties(row, summary, certificate, directory),
-        "downloads": downloads,
+        "downloads": _downloads(row, summary) if there else [],
         "downloads_hint": "You can download the plan when the fold is finished."
         if running
         else "Nothing to download here.",
     }
     return _with_damage(facts, damaged) if damaged else facts
+
+
+def _certificate(directory: Path, summary: FoldSummary, damaged: list[str]) -> CertificateFigures:
+    """Return the certificate of a fold: of its summary, or while it runs of its directory."""
+    if known := summary.get("certificate"):
+        return known
+    stored = {} if CERTIFICATE in damaged else json_of(result(directory, CERTIFICATE))
+    return told_honestly(cast(CertificateFigures, stored), summary.get("playback"))
+
+
+def _downloads(row: ShownFold, summary: FoldSummary) -> list[Download]:
+    """Return the files that the plan of a fold can be downloaded as."""
+    return [
+        {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
+        for export in exports_of(moving=has_motion(summary))
+    ]
+
+
+def _files(found: Found) -> list[Download]:
+    """Return the files that show a fold's motion; none of an alternative to its plan."""
+    if not frames_promised(found.directory) or found.alternative_to is not None:
+        return []
+    return [
+        {"href": f"/folds/{found.row.id}/{name}", "label": label, "hint": hint}
+        for name, label, hint in VIEW_DOWNLOADS
+    ]
 
 
 def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
@@ -288,99 +310,96 @@ def _problem(row: ShownFold, summary: FoldSummary) -> Problem | None:
 
 
 def _published(row: ShownFold) -> Form:
-    """Return the fields of a form that ask for a fold's preset with its settings."""
-    return {"preset": row.preset, **({"settings": row.settings} if row.settings else {})}
+    """Return the fields that request the published method as a fold does; none for others."""
+    request = FoldRequest(preset=row.preset, settings=row.settings)
+    return request.changed() if row.preset == "paper" else {}
+
+
+def _form(row: ShownFold, request: FoldRequest, *stated: str) -> Form:
+    """Return the fields that request a fold of the same input; ``stated`` ones even as defaults."""
+    changed = {name: value for name, value in request.changed().items() if name != "module"}
+    values = {"seed": request.seed, **changed, **{name: getattr(request, name) for name in stated}}
+    return {"fold": row.id, **values}
 
 
 def _again(row: ShownFold) -> Suggestion | None:
     """Return the label and the form of the button that tries a failed fold again."""
-    form: Form = {"fold": row.id, **_published(row), "seed": row.seed}
-    if row.module_size is not None:
-        form["module_size"] = row.module_size
-    if row.strategy != AUTO:
-        form["strategy"] = row.strategy
-    if row.prefer != COMPUTING:
-        form["prefer"] = row.prefer
-    if row.world != FLOATING:
-        form["world"] = row.world
+    request, plain = request_of(row), FoldRequest()
     if row.status == "cancelled":
-        return {"text": "Fold again", "form": form}
+        return {"text": "Fold again", "form": _form(row, request, "preset")}
     if row.status != "failed" or row.stage == "read":  # such an input fails again
         return None
-    plain = FoldRequest()
     if row.preset != plain.preset:
-        plainly = {key: value for key, value in form.items() if key != "settings"}
-        plainly["preset"] = plain.preset
-        return {"text": "Try with the default preset", "form": plainly}
-    if row.module_size is not None and row.module_size > plain.parameters().module_size:
-        usual = {key: value for key, value in form.items() if key != "module_size"}
-        return {"text": "Try the default module size", "form": usual}
-    seed = (row.seed + 1) % (MAX_SEED + 1)
-    return {"text": "Try another seed", "form": {**form, "seed": seed}}
+        text, other = "Try with the default preset", replace(request, preset="default", settings="")
+    elif row.module_size is not None and row.module_size > plain.parameters().module_size:
+        text, other = "Try the default module size", replace(request, module_size=None)
+    else:
+        text, other = "Try another seed", replace(request, seed=_next_seed(row))
+    return {"text": text, "form": _form(row, other, "preset")}
+
+
+def _next_seed(row: ShownFold) -> int:
+    """Return the seed after that of a fold."""
+    return (row.seed + 1) % (MAX_SEED + 1)
 
 
 def _compare(found: Found, expected: Expected) -> list[Suggestion]:
-    """Return the label and the form of the button that folds the same with another method.
+    """Return the label and the form of the buttons that fold the same with another method."""
+    row = found.row
+    plain = FoldRequest(seed=row.seed, module_size=row.module_size)
+    seed = _next_seed(row)
+    same = replace(request_of(row), strategy=plain.strategy, prefer=plain.prefer, seed=seed)
+    another: Suggestion = {
+        "text": "Another seed",
+        "hint": f"Seed {seed}",
+        "form": _form(row, same, "preset"),
+    }
+    if row.smooths:
+        before = found.recorded
+        text, hint = "Before smoothing", "The original plan"
+        return [{"text": text, "hint": hint, "id": before}, another] if before else [another]
+    if row.world != FLOATING:
+        floating = replace(plain, settings=_floating_settings(row.settings))
+        text, hint = "In zero gravity", "The same fold without a table"
+        return [{"text": text, "hint": hint, "form": _form(row, floating, "settings")}, another]
+    return [*_other_methods(found, plain, expected), another]
+
+
+def _other_methods(found: Found, plain: FoldRequest, expected: Expected) -> list[Suggestion]:
+    """Return the suggestions for a fold without a table: table, preference and presets.
 
     ``settable`` states that settings of the published method may be sent with it, or must.
     """
     row = found.row
-    form: Form = {"fold": row.id, "seed": row.seed}
-    if row.module_size is not None:
-        form["module_size"] = row.module_size
-    seed = (row.seed + 1) % (MAX_SEED + 1)
-    other = {**form, **_published(row), "seed": seed}
-    another: Suggestion = {"text": "Another seed", "hint": f"Seed {seed}", "form": other}
-    if row.smooths:
-        if not found.recorded:
-            return [another]
-        return [
-            {"text": "Before smoothing", "hint": "The original plan", "id": found.recorded},
-            another,
-        ]
-    if row.world != FLOATING:
-        other["world"] = row.world
-        floating: Suggestion = {"text": "In zero gravity", "hint": "The same fold without a table"}
-        floating["form"] = {**form, "settings": _floating_settings(row.settings)}
-        return [floating, another]
-    ways = (
-        ("default", "Reverse explosion", "The default method"),
-        (
-            "direct",
-            "Direct servoing",
-            "Drives every joint straight to its target (fails for most shapes)",
-        ),
-    )
-    others: list[Suggestion] = [
-        {"text": text, "hint": hint, "form": {**form, "preset": preset}}
-        for preset, text, hint in ways
-        if (preset, "") != (row.preset, row.settings)
-    ]
-    unlike: Preference = "time" if row.prefer == COMPUTING else COMPUTING
-    if row.preset == FoldRequest().preset:
-        takes_s = expected(plain_fold(row.modules, module=row.module, prefer=unlike))
-        best: Suggestion = {
-            "text": PREFERENCE_WORDS[unlike],
-            "hint": f"Takes {_about(takes_s)}",
-            "form": {**form, "prefer": unlike},
-        }
-        others = [best, *others]
+    cube = FoldRequest(module=row.module)
+
+    def takes(request: FoldRequest) -> str:
+        return _about(expected(plain_fold(row.modules, request)))
+
+    others: list[Suggestion] = []
     if _may_rest(row) and not ruled_out_on_table(result(found.directory, CHAIN)):
-        takes = _about(expected(plain_fold(row.modules, world="table")))
-        rests: Suggestion = {"text": "On a table", "hint": f"With gravity, takes {takes}"}
-        rests["form"] = {**form, "world": "table"}
-        others = [rests, *others]
-    takes = _about(expected(plain_fold(row.modules, module=row.module, preset="paper")))
+        hint = f"With gravity, takes {takes(FoldRequest(world='table'))}"
+        form = _form(row, replace(plain, world="table"))
+        others.append({"text": "On a table", "hint": hint, "form": form})
+    if row.preset == plain.preset:
+        unlike: Preference = "time" if row.prefer == COMPUTING else COMPUTING
+        hint = f"Takes {takes(replace(cube, prefer=unlike))}"
+        form = _form(row, replace(plain, prefer=unlike), "prefer")
+        others.append({"text": PREFERENCE_WORDS[unlike], "hint": hint, "form": form})
+    for preset, text, hint in OTHER_PRESETS:
+        if (preset, "") != (row.preset, row.settings):
+            form = _form(row, replace(plain, preset=preset), "preset")
+            others.append({"text": text, "hint": hint, "form": form})
     published: Suggestion = {
         "text": "Published method",
-        "hint": f"Takes {takes}",
-        "form": {**form, "preset": "paper"},
+        "hint": f"Takes {takes(replace(cube, preset='paper'))}",
+        "form": _form(row, replace(plain, preset="paper")),
         "settable": "may",
     }
     if (row.preset, row.settings) == ("paper", ""):
         published["text"], published["hint"] = "Published method, changed", "With your own settings"
         published["settable"] = "must"
-    return [*others, published, another]
+    return [*others, published]
 
 
 def _may_rest(row: ShownFold) -> bool:

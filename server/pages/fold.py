@@ -48,7 +48,7 @@ def _fold_page(request: Request, fold_id: str) -> Response:
         return not_found_page(
             "Fold not found",
             "The link may be incomplete, or the fold has been deleted.",
-            service=viewing_of(request).jobs is not None,
+            service=viewing_of(request).settings is not None,
         )
     mark(request, found.row)
     facts = _facts(request, found)
@@ -61,7 +61,7 @@ def _fold_page(request: Request, fold_id: str) -> Response:
         facts_json=script_json(facts),
         drawing=drawing_in(found.directory) if drawable else "",
         details=True,
-        service=viewing_of(request).jobs is not None,
+        service=viewing_of(request).settings is not None,
         origin=origin_of(request),
         view=_asked_view(request),
     )
@@ -116,7 +116,7 @@ def _facts(request: Request, found: Found) -> FoldFacts:
     estimates = viewing.estimates
     return fold_facts(
         found,
-        api=viewing.jobs is not None,
+        api=viewing.settings is not None,
         embed=embed,
         kept=kept,
         expected=expected_of_cost if estimates is None else estimates.total_s,

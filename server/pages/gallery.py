@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Literal
 
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
+from planner.parameters.parameters import World
 from planner.pipeline.request import FoldRequest
 from server.api.context import context_of, in_list_rate
 from server.api.folds import post_fold
+from server.api.source import Origin
 from server.errors import ServiceError
 from server.http.problems import Problem
 from server.pages.cards import (
@@ -59,17 +60,15 @@ async def gallery_page(request: Request) -> Response:
 
 
 @router.post("/gallery/{name}", response_class=HTMLResponse)
-def fold_shape(
-    request: Request, name: str, world: Literal["floating", "table"] = "floating"
-) -> Response:
+def fold_shape(request: Request, name: str, world: World = "floating") -> Response:
     """Fold an example shape and redirect to its fold, for browsers without scripts."""
     try:
         accepted = post_fold(
-            request=request,
+            http=request,
             context=context_of(request),
             credentials=None,
+            origin=Origin(shape=name),
             asked=FoldRequest(world=world),
-            shape=name,
         )
     except ServiceError as error:
         problem = Problem.of(error)

@@ -14,9 +14,10 @@ from fastapi.responses import HTMLResponse, Response
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
+from planner.parameters.option import options_of
+from planner.pipeline.request import FoldRequest
 from server.http.security import INDEXED_HEADERS
 from web.static_files import VERSIONED, code_of, scripts_of, scripts_version, text_of
-from words.choice import PREFERENCE_WORDS
 from words.settings import PAPER_ROWS, SOURCE_LABELS, TABLE_ROWS
 
 THEME_SCRIPT: Final = "js/theme.js"
@@ -75,7 +76,7 @@ def entry(page_name: str) -> Markup:
 TEMPLATE_VALUES: Final[dict[str, object]] = {
     "paper_settings": PAPER_ROWS,
     "table_settings": TABLE_ROWS,
-    "preferences": PREFERENCE_WORDS,
+    "options": options_of(FoldRequest),
     "setting_sources": SOURCE_LABELS,
     "entry": entry,
     "icon": icon,

@@ -59,7 +59,7 @@ async def embedded(request: Request, fold_id: str) -> Response:
         answer = not_found_page(
             "Fold not found",
             "The link may be incomplete, or the fold has been deleted.",
-            service=viewing_of(request).jobs is not None,
+            service=viewing_of(request).settings is not None,
         )
     else:
         # Who may see the one need not have the link of the other.
@@ -82,7 +82,7 @@ async def compare(
         return not_found_page(
             "One of these folds was not found",
             "The link may be incomplete, or the fold has been deleted.",
-            service=viewing_of(request).jobs is not None,
+            service=viewing_of(request).settings is not None,
         )
     facts = [await asyncio.to_thread(fold_facts, side) for side in sides if side is not None]
     return page(

@@ -10,7 +10,7 @@ from typing import Final
 import sqlalchemy as sa
 
 from server.store.folds import Store, cost_of
-from server.store.tables import FoldRow
+from server.store.tables import REQUESTED_COLUMNS, FoldRow
 
 MAX_COMPARED_FOLDS: Final = 100
 """Maximum number of latest folds with the same options whose durations are read to estimate that of
@@ -28,6 +28,11 @@ MIN_SIMILAR_FOLDS: Final = 3
 """Minimum number of earlier folds of similar size from which a duration is estimated. With a
 smaller value one slow fold decides the estimate; with a larger one new kinds of folds have no
 estimate for longer. Chosen."""
+KIND_COLUMNS: Final = (
+    "module",
+    *(name for name in REQUESTED_COLUMNS if name not in ("seed", "module_size")),
+)
+"""Columns of a fold's row in which folds are alike whose durations are compared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,12 +51,7 @@ class Duration:
 def durations_like(store: Store, row: FoldRow) -> list[Duration]:
     """Return durations of the latest verified folds computed the same way, of any size."""
     alike = (
-        FoldRow.module == row.module,
-        FoldRow.preset == row.preset,
-        FoldRow.strategy == row.strategy,
-        FoldRow.prefer == row.prefer,
-        FoldRow.world == row.world,
-        FoldRow.settings == row.settings,
+        *(getattr(FoldRow, name) == getattr(row, name) for name in KIND_COLUMNS),
         FoldRow.smooths.is_(None) if row.smooths is None else FoldRow.smooths.is_not(None),
         FoldRow.refold.is_(None) if row.refold is None else FoldRow.refold.is_not(None),
     )

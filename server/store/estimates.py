@@ -13,11 +13,10 @@ from typing import Final
 
 from cachetools import TTLCache
 
-from planner.parameters.parameters import AUTO, FLOATING
-from planner.pipeline.preference import COMPUTING
-from server.store.durations import Duration, durations_like, typical_s
+from planner.pipeline.request import FoldRequest
+from server.store.durations import KIND_COLUMNS, Duration, durations_like, typical_s
 from server.store.folds import Store, cost_of
-from server.store.tables import FoldRow
+from server.store.tables import FoldRow, columns_of
 
 DURATIONS_CACHE_S: Final = 5.0
 """Time for which durations of earlier folds are cached, in s. A larger value includes the newest
@@ -40,26 +39,10 @@ Expected = Callable[[FoldRow], float]
 """Returns the seconds that a fold is expected to take."""
 
 
-def plain_fold(
-    modules: int,
-    *,
-    module: str = "cube",
-    preset: str = "default",
-    prefer: str = COMPUTING,
-    world: str = FLOATING,
-) -> FoldRow:
-    """Return the row of a fold that nobody has asked for, to estimate its time."""
-    return FoldRow(
-        modules=modules,
-        module=module,
-        preset=preset,
-        prefer=prefer,
-        world=world,
-        strategy=AUTO,
-        settings="",
-        smooths=None,
-        refold=None,
-    )
+def plain_fold(modules: int, request: FoldRequest) -> FoldRow:
+    """Return the row of a fold that no client has requested, to estimate its time."""
+    columns = columns_of(request)
+    return FoldRow(modules=modules, module=request.module, smooths=None, refold=None, **columns)
 
 
 def expected_of_cost(row: FoldRow) -> float:
@@ -97,8 +80,11 @@ class Estimates:
         return sum((self.stages_s(row) or {}).values())
 
     def _like(self, row: FoldRow) -> list[Duration]:
-        asked = (row.module, row.preset, row.strategy, row.prefer, row.world, row.settings)
-        kind = (*asked, row.smooths is None, row.refold is None)
+        kind = (
+            *(getattr(row, name) for name in KIND_COLUMNS),
+            row.smooths is None,
+            row.refold is None,
+        )
         with self._lock:
             known = self._measured.get(kind)
         if known is None:

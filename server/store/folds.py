@@ -19,10 +19,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session, sessionmaker
 
-from planner.parameters.parameters import AUTO, FLOATING
 from planner.pipeline.expected_cost import ExpectedCost, expected_cost
-from planner.pipeline.preference import COMPUTING, preference_named
-from planner.pipeline.request import FoldRequest
 from planner.progress import COMPILING
 from server.limits.fair_queue import (
     QUICK_FOLD_S,
@@ -43,6 +40,7 @@ from server.store.tables import (
     engine_of,
     is_read_only,
     migrate,
+    request_of,
 )
 
 __all__ = ["FoldRow", "NoSuchFoldError", "Store", "hash_of", "new_id", "new_token", "rows_of"]
@@ -416,14 +414,14 @@ class Store:
             False when the token is not its owner's.
         """
         own = (FoldRow.id == fold_id, FoldRow.owner == hash_of(token))
-        queued = FoldRow.status == "queued"
+        waits = FoldRow.worker.is_(None)
         with self.changing() as session:
             session.execute(
                 sa.update(FoldRow)
                 .where(*own, FoldRow.status.in_(UNFINISHED_STATUSES))
                 .values(
-                    status=sa.case((queued, "cancelled"), else_=FoldRow.status),
-                    ended_at=sa.case((queued, time.time()), else_=FoldRow.ended_at),
+                    status=sa.case((waits, "cancelled"), else_=FoldRow.status),
+                    ended_at=sa.case((waits, time.time()), else_=FoldRow.ended_at),
                     seen_at=time.time(),
                     content_key=None,
                     cancel_requested=True,
@@ -469,40 +467,47 @@ class Store:
 
     # Writing, on the side of the workers
 
-    def begin(self, fold_id: str, stage: str, worker: str) -> int | None:
-        """Mark a stage as running.
+    def begin(self, fold_id: str, stage: str, execution: str) -> int | None:
+        """Mark a stage as running; claim the fold if nobody computes it.
 
         Args:
             fold_id: The fold.
             stage: Stage that starts.
-            worker: Name of the execution, never used before: any earlier one loses the fold.
+            execution: Name of the execution.
 
         Returns:
-            The epoch in which it is computed; None when it is cancelled, over or deleted.
+            The epoch in which it is computed; None when it is cancelled, over, deleted, or computed
+            by another execution.
         """
-        same = FoldRow.worker == worker
         with self.changing() as session:
-            begun = session.execute(
-                sa.update(FoldRow)
-                .where(
-                    FoldRow.id == fold_id,
-                    FoldRow.status.in_(UNFINISHED_STATUSES),
-                    FoldRow.cancel_requested.is_(False),
-                )
-                .values(
-                    status="running",
-                    stage=stage,
-                    started_at=sa.func.coalesce(FoldRow.started_at, time.time()),
-                    epoch=sa.case((same, FoldRow.epoch), else_=FoldRow.epoch + 1),
-                    resumed_at=sa.case((same, FoldRow.resumed_at), else_=time.time()),
-                    worker=worker,
-                )
-                .returning(FoldRow.epoch, FoldRow.turn)
-            ).first()
-            if begun is None:
-                return None
-            session.execute(TURN_COUNTER.where(CounterRow.value < begun[1]).values(value=begun[1]))
-            return begun[0]
+            return self.begin_in(session, fold_id, stage, execution)
+
+    @staticmethod
+    def begin_in(session: Session, fold_id: str, stage: str, execution: str) -> int | None:
+        """Do what ``begin`` does, in a transaction of the caller."""
+        same = FoldRow.worker == execution
+        begun = session.execute(
+            sa.update(FoldRow)
+            .where(
+                FoldRow.id == fold_id,
+                FoldRow.status.in_(UNFINISHED_STATUSES),
+                FoldRow.cancel_requested.is_(False),
+                sa.or_(same, FoldRow.worker.is_(None)),
+            )
+            .values(
+                status="running",
+                stage=stage,
+                started_at=sa.func.coalesce(FoldRow.started_at, time.time()),
+                epoch=sa.case((same, FoldRow.epoch), else_=FoldRow.epoch + 1),
+                resumed_at=sa.case((same, FoldRow.resumed_at), else_=time.time()),
+                worker=execution,
+            )
+            .returning(FoldRow.epoch, FoldRow.turn)
+        ).first()
+        if begun is None:
+            return None
+        session.execute(TURN_COUNTER.where(CounterRow.value < begun[1]).values(value=begun[1]))
+        return begun[0]
 
     def pause(self, fold_id: str, epoch: int, *, spent_s: float) -> bool:
         """Put a running fold back into the queue, in the turn of a fold that is asked for now.
@@ -529,6 +534,7 @@ class Store:
             row.turn = self._turn(session, row)
             row.pauses += 1
             row.status = "queued"
+            row.worker = None
             return True
 
     def show(self, fold_id: str, epoch: int) -> None:
@@ -576,6 +582,7 @@ class Store:
         repeatable: bool = True,
         kept: int | None = None,
         size: int | None = None,
+        execution: str | None = None,
     ) -> bool:
         """End a fold, once; False if it was deleted. A cancelled one stays cancelled.
 
@@ -588,6 +595,7 @@ class Store:
                 computed anew.
             kept: The epoch whose files readers see from now on; as before when None.
             size: Bytes of its files; as before when None.
+            execution: Name of the execution that must have the fold; any when None.
         """
         values: dict[str, Any] = {
             "status": status,
@@ -603,6 +611,8 @@ class Store:
         if not repeatable:
             values["content_key"] = None
         going = sa.update(FoldRow).where(FoldRow.id == fold_id, FoldRow.status.not_in(ENDED))
+        if execution is not None:
+            going = going.where(FoldRow.worker == execution)
         with self.changing() as session:
             if status != "cancelled":
                 wanted = FoldRow.cancel_requested.is_(False)
@@ -618,17 +628,7 @@ class Store:
 
 def cost_of(row: FoldRow, modules: int | None = None) -> ExpectedCost:
     """Return what computing a fold is expected to cost, or one like it of so many modules."""
-    request = FoldRequest(
-        preset=row.preset,
-        settings=row.settings or "",
-        strategy=row.strategy or AUTO,
-        prefer=preference_named(row.prefer or COMPUTING),
-        world="table" if row.world == "table" else FLOATING,
-        module=row.module,
-        refold=row.refold is not None,
-        smooth=row.smooths is not None,
-    )
-    return expected_cost(row.modules if modules is None else modules, request)
+    return expected_cost(row.modules if modules is None else modules, request_of(row))
 
 
 def _in_lane(cost_s: float) -> sa.ColumnElement[bool]:

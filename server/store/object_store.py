@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypeVar
 
 from planner.files import temporary_path, write_whole
 from server.settings import Settings
@@ -191,7 +191,7 @@ class Storage:
                 aside.unlink(missing_ok=True)
         return True
 
-    def keep_file(self, key: str, path: Path) -> None:
+    def keep_file(self, key: str, path: Path | BinaryIO) -> None:
         """Upload one file.
 
         Raises:
@@ -234,6 +234,15 @@ class Storage:
         with self._storage_errors():
             found = self._obstore.list_with_delimiter(self._store, f"{key}/")
         return [prefix.rstrip("/").rpartition("/")[2] for prefix in found["common_prefixes"]]
+
+    def names(self, key: str) -> list[str]:
+        """Return the names of all files below a key, relative to it.
+
+        Raises:
+            StorageError: When the storage does not answer.
+        """
+        with self._storage_errors():
+            return [file.name for file in self._list(key)]
 
     def ages(self, key: str) -> dict[str, tuple[float, int]]:
         """Return the last change and the size of everything under a key.

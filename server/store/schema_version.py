@@ -29,14 +29,19 @@ class Schema:
     known: tuple[str, ...]
 
     @classmethod
-    def of(cls, connection: sa.Connection) -> Schema:
+    def of(cls, connection: sa.Connection | None) -> Schema:
         """Return the schema of a database; nothing is changed.
+
+        Args:
+            connection: The database; None if there is none yet.
 
         Raises:
             SQLAlchemyError: When the database does not answer.
         """
         scripts = ScriptDirectory.from_config(config())
         known = tuple(reversed([script.revision for script in scripts.walk_revisions()]))
+        if connection is None:
+            return cls(found=None, known=known)
         found = MigrationContext.configure(connection).get_current_revision()
         return cls(found=found, known=known)
 
@@ -51,11 +56,16 @@ class Schema:
         return self.found is not None and self.found not in self.known
 
     @property
+    def missing(self) -> tuple[str, ...]:
+        """The versions to which the tables have not been migrated yet, the oldest first."""
+        if self.found is None:
+            return self.known
+        return () if self.newer else self.known[self.known.index(self.found) + 1 :]
+
+    @property
     def behind(self) -> int:
         """The number of missing migrations."""
-        if self.found is None:
-            return len(self.known)
-        return 0 if self.newer else len(self.known) - 1 - self.known.index(self.found)
+        return len(self.missing)
 
     def check(self) -> None:
         """Refuse a database that a newer foldback wrote.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -44,6 +45,7 @@ class Figures:
         storage_bytes: Size of the files of all folds, with derived ones.
         workers: Number of live workers.
         computed_s: Computing time in s of each fold that ended recently, in ascending order.
+        failures: Number of failed ones among these, by the code of the error.
     """
 
     folds: Mapping[str, int]
@@ -52,6 +54,7 @@ class Figures:
     storage_bytes: int
     workers: int
     computed_s: tuple[float, ...]
+    failures: Mapping[str, int]
 
 
 class Stats:
@@ -108,8 +111,8 @@ class Stats:
             movies = session.execute(
                 sa.select(MovieRow.status, sa.func.count()).group_by(MovieRow.status)
             ).all()
-            ended = session.scalars(
-                sa.select(took)
+            ended = session.execute(
+                sa.select(took, FoldRow.status, FoldRow.error)
                 .where(
                     FoldRow.status.in_(ENDED),
                     FoldRow.created_at > now - RECENT_WINDOW_S - MAX_FOLD_AGE_S,
@@ -126,7 +129,12 @@ class Stats:
             oldest_queued_s=0.0 if oldest is None else max(0.0, now - oldest),
             storage_bytes=taken,
             workers=self.workers(),
-            computed_s=tuple(sorted(float(seconds or 0.0) for seconds in ended)),
+            computed_s=tuple(sorted(float(seconds or 0.0) for seconds, _, _ in ended)),
+            failures=Counter(
+                str((error or {}).get("code", "unknown"))
+                for _, status, error in ended
+                if status == "failed"
+            ),
         )
 
     def _taken(self, session: Session) -> int:

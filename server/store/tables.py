@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import time
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote
 
@@ -14,8 +15,11 @@ from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
+from planner.pipeline.request import FoldRequest
+
 if TYPE_CHECKING:
     from server.settings import Settings
+    from server.store.shown import ShownFold
 
 
 class Base(DeclarativeBase):
@@ -31,13 +35,16 @@ class FoldRow(Base):
     ``refold`` is the name of the shape that a refold begins as, None where the chain is straight;
     ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded;
     ``prefer`` tells which of several plans is wanted, see ``planner.pipeline.preference``;
-    ``world`` is where it folds, see ``planner.parameters.parameters.WORLDS``;
+    ``world`` is where it folds, see ``planner.parameters.parameters.WORLD_CHOICES``;
     ``settings`` is what ``planner.parameters.settings.settings_text`` makes of those of its
     preset.
 
     ``turn`` is its place in the queue, the least first, and ``cost_s`` what computing it is
-    expected to take. ``worker`` computes it; ``epoch`` counts how often it has changed hands, and
-    who has it from an older epoch has no say any more. Readers see the files of epoch ``kept``.
+    expected to take. ``worker`` is the execution that computes it, the name of the worker and a
+    random part, None while nobody does; ``epoch`` counts the executions, each of which writes files
+    of its own. ``checkpoint`` is what follows the last finished stage, see ``server.jobs.queue``,
+    and ``losses`` counts the executions since then whose worker died. Readers see the files of
+    epoch ``kept``.
     ``bytes`` is what its own files take, from the moment on that it is accepted;
     ``derived_bytes`` what exports and pictures take that were made of it and can be made again.
     ``seen_at`` is when somebody last looked, or when it was asked for or ended if that was later;
@@ -57,6 +64,7 @@ class FoldRow(Base):
         sa.Index("ix_folds_status_seen_at", "status", "seen_at"),
         sa.Index("ix_folds_visitor_status_seen_at", "visitor", "status", "seen_at"),
         sa.Index("ix_folds_public_status", "public", "status"),
+        sa.Index("ix_folds_worker", "worker"),
     )
 
     id: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
@@ -99,6 +107,8 @@ class FoldRow(Base):
     world: Mapped[str] = mapped_column(sa.String(16), default="floating")
     pauses: Mapped[int] = mapped_column(default=0)
     resumed_at: Mapped[float | None] = mapped_column(default=None)
+    checkpoint: Mapped[dict[str, Any] | None] = mapped_column(default=None)
+    losses: Mapped[int] = mapped_column(default=0)
 
     @property
     def created(self) -> datetime:
@@ -109,6 +119,30 @@ class FoldRow(Base):
     def over(self) -> bool:
         """True if the fold has ended, verified or not."""
         return self.status in ENDED
+
+
+REQUESTED_COLUMNS: Final = (
+    "preset",
+    "settings",
+    "seed",
+    "module_size",
+    "strategy",
+    "prefer",
+    "world",
+)
+"""Options of a request that are columns of a fold's row, under the same names."""
+
+
+def columns_of(request: FoldRequest) -> dict[str, Any]:
+    """Return the columns of a row that hold a request."""
+    return {name: getattr(request, name) for name in REQUESTED_COLUMNS}
+
+
+def request_of(row: FoldRow | ShownFold) -> FoldRequest:
+    """Return the request of a fold, without the options that turn its shape into a path."""
+    values = {name: getattr(row, name) for name in (*REQUESTED_COLUMNS, "module")}
+    given: dict[str, Any] = {name: each for name, each in values.items() if each is not None}
+    return FoldRequest(**given, refold=row.refold is not None, smooth=row.smooths is not None)
 
 
 STATUSES = ("queued", "running", "verified", "failed", "cancelled")
@@ -139,7 +173,8 @@ class MovieRow(Base):
     ``id`` is the key of its options, which are ``wishes``; ``job`` the name of what makes it, whose
     end is that of its file; ``status`` one of ``queued``, ``running``, ``ready`` and ``failed``;
     ``problem`` the ``code``, ``detail``, ``where`` of what went wrong. ``bytes`` are those of its
-    file. ``of_owner`` tells that the fold's owner has asked for it.
+    file. ``of_owner`` tells that the fold's owner has asked for it. ``worker`` and ``losses`` are
+    like those of a fold.
     """
 
     __tablename__ = "movies"
@@ -158,6 +193,8 @@ class MovieRow(Base):
     created_at: Mapped[float]
     bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
     of_owner: Mapped[bool] = mapped_column(default=False)
+    worker: Mapped[str | None] = mapped_column(sa.String(200), index=True, default=None)
+    losses: Mapped[int] = mapped_column(default=0)
 
     @property
     def file(self) -> str:
@@ -244,6 +281,23 @@ def read_only_engine(url: str) -> sa.Engine:
             f"sqlite:///file:{path}?{READ_ONLY_QUERY}&immutable=1", hide_parameters=True
         )
     return engine
+
+
+def missing_database(url: str) -> Path | None:
+    """Return the path of a SQLite database that does not exist yet, or None."""
+    path = sa.make_url(url).database if url.startswith("sqlite") else None
+    return Path(path) if path and not Path(path).exists() else None
+
+
+def reading_engine(url: str) -> sa.Engine:
+    """Return an engine for a look at an existing database, which it neither creates nor repairs."""
+    if url.startswith("sqlite"):
+        return read_only_engine(url)
+    return sa.create_engine(
+        sa.make_url(url).set(drivername="postgresql+psycopg"),
+        connect_args={"connect_timeout": 5},
+        hide_parameters=True,
+    )
 
 
 def is_read_only(engine: sa.Engine) -> bool:

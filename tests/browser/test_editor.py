@@ -65,8 +65,6 @@ def test_drag_a_letter_and_fold_it(visit: Visit, service: Service) -> None:
     expect(page.locator("#count")).to_have_text("72 modules")
     first = page.locator('[data-x="2"][data-y="2"]').bounding_box()
     last = page.locator('[data-x="4"][data-y="2"]').bounding_box()
-    assert first
-    assert last
     page.mouse.move(first["x"] + 9, first["y"] + 9)
     page.mouse.down()
     page.mouse.move(last["x"] + 9, last["y"] + 9, steps=8)
@@ -86,7 +84,6 @@ def test_tools_files_and_a_path_of_ones_own(visit: Visit, service: Service) -> N
 
     def at(x: int, y: int) -> tuple[float, float]:
         box = page.locator(f'[data-x="{x}"][data-y="{y}"]').bounding_box()
-        assert box
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
     # A pointer that is fast leaves nothing out; what is painted on both sides is painted twice.

@@ -161,7 +161,6 @@ def test_compare_turns_both_sides_and_its_address_is_the_view(visit: Visit, wren
     left, right = (page.locator(f"#side-{k} canvas") for k in range(2))
     before = right.screenshot()
     box = left.bounding_box()
-    assert box
     page.mouse.move(box["x"] + 100, box["y"] + 150)
     page.mouse.down()
     page.mouse.move(box["x"] + 160, box["y"] + 190, steps=3)

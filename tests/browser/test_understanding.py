@@ -90,7 +90,6 @@ def test_plots_show_the_figures_and_lead_into_the_fold(beside: Page, figures: Fi
     least = plots.filter(has_text="Least clearance").locator("b")
     expect(least).to_have_text(f"{float(f'{figures.min_clearance[40]:.2g}'):g} pitch")
     box = plots.nth(0).locator("svg").bounding_box()
-    assert box
     page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 20)
     assert shown_frame(page) == pytest.approx(0.75 * (len(figures) - 1), abs=3)
     page.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 20)

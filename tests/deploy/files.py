@@ -1,9 +1,13 @@
-"""Where the files of deploy/ are, and which settings they name."""
+"""Files of deploy/: paths, settings that they name, and compose.yaml with its variables."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 EXAMPLES = (
@@ -11,6 +15,9 @@ EXAMPLES = (
     "Dockerfile",
     "Caddyfile",
     "example.env",
+    "alerts.yml",
+    "prometheus.yml",
+    "systemd/foldback-.service.d/common.conf",
     "systemd/foldback.env",
     "systemd/foldback-web.service",
     "systemd/foldback-worker@.service",
@@ -20,3 +27,23 @@ EXAMPLES = (
 def settings_named(text: str) -> set[str]:
     """The settings that a text sets or speaks of."""
     return set(re.findall(r"\bFOLDBACK_([A-Z0-9_]+)\b", text))
+
+
+def variables(name: str = "example.env") -> dict[str, str]:
+    """Return the variables that a file of deploy/ sets."""
+    lines = (DEPLOY / name).read_text().splitlines()
+    return dict(line.split("=", 1) for line in lines if line and not line.startswith("#"))
+
+
+def compose(given: Mapping[str, str]) -> dict[str, Any]:
+    """Return compose.yaml with its variables replaced, as compose does it."""
+
+    def value(found: re.Match[str]) -> str:
+        name, way, default = found.groups()
+        if name in given:
+            return given[name]
+        assert way == ":-", f"{name} is not in example.env"
+        return default
+
+    text = (DEPLOY / "compose.yaml").read_text()
+    return yaml.safe_load(re.sub(r"\$\{([A-Z0-9_]+)(?:(:-|:\?)([^}]*))?\}", value, text))

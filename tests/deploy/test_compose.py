@@ -11,30 +11,11 @@ import pytest
 import yaml
 from compose_spec import PyCompose
 
-from tests.deploy.files import DEPLOY
+from tests.deploy.files import DEPLOY, compose, variables
 
 TEXT = (DEPLOY / "compose.yaml").read_text()
-ENVIRONMENT = dict(
-    line.split("=", 1)
-    for line in (DEPLOY / "example.env").read_text().splitlines()
-    if line and not line.startswith("#")
-)
-
-
-def filled_in(text: str) -> str:
-    """With the variables of the example, as compose does it."""
-
-    def value(found: re.Match[str]) -> str:
-        name, way, default = found.groups()
-        if name in ENVIRONMENT:
-            return ENVIRONMENT[name]
-        assert way == ":-", f"{name} is not in example.env"
-        return default
-
-    return re.sub(r"\$\{([A-Z0-9_]+)(?:(:-|:\?)([^}]*))?\}", value, text)
-
-
-COMPOSE: dict[str, Any] = yaml.safe_load(filled_in(TEXT))
+ENVIRONMENT = variables()
+COMPOSE = compose(ENVIRONMENT)
 SERVICES: dict[str, dict[str, Any]] = COMPOSE["services"]
 
 
@@ -44,9 +25,11 @@ def plain() -> dict[str, Any]:
 
 
 def test_it_is_as_the_specification_says() -> None:
-    compose = PyCompose.from_yaml(yaml.safe_dump(plain()))
-    compose.validate()
-    assert set(compose.service_names()) == {"proxy", "web", "worker", "database", "storage"}
+    found = PyCompose.from_yaml(yaml.safe_dump(plain()))
+    found.validate()
+    names = {"proxy", "web", "worker", "database", "storage", "prometheus"}
+    assert set(found.service_names()) == names
+    assert [name for name in names if "profiles" in SERVICES[name]] == ["prometheus"]
 
 
 @pytest.mark.parametrize(
@@ -119,6 +102,33 @@ def test_the_proxy_alone_says_who_a_visitor_is() -> None:
     assert ipaddress.ip_address(address) in ipaddress.ip_network(front["subnet"])
     # No other container can be given that address.
     assert ipaddress.ip_address(address) not in ipaddress.ip_network(front["ip_range"])
+
+
+def test_another_network_moves_the_proxy_and_the_trust_in_it() -> None:
+    moved = compose({**ENVIRONMENT, "FRONT_NETWORK": "10.9.8"})
+    assert "172.30.90" not in yaml.safe_dump(moved)
+    web, proxy = moved["services"]["web"], moved["services"]["proxy"]
+    assert web["environment"]["FOLDBACK_TRUSTED_PROXIES"] == "10.9.8.2"
+    assert proxy["networks"]["front"]["ipv4_address"] == "10.9.8.2"
+    assert moved["networks"]["front"]["ipam"]["config"][0]["subnet"] == "10.9.8.0/24"
+
+
+def test_metrics_are_open_inside_and_closed_outside() -> None:
+    assert SERVICES["web"]["environment"]["FOLDBACK_METRICS_PUBLIC"] == "true"
+    assert re.search(r"@operators path /metrics ", (DEPLOY / "Caddyfile").read_text())
+    prometheus = yaml.safe_load((DEPLOY / "prometheus.yml").read_text())
+    (job,) = prometheus["scrape_configs"]
+    assert job["dns_sd_configs"][0]["names"] == ["web"] and "web" in SERVICES
+    assert SERVICES["prometheus"]["networks"] == ["front"]
+    mounted = {v.split(":")[1] for v in SERVICES["prometheus"]["volumes"] if v[0] == "."}
+    assert {f"/etc/prometheus/{name}" for name in prometheus["rule_files"]} < mounted
+
+
+def test_backups_are_made_by_programs_of_the_database_s_version() -> None:
+    bookworm = "15"  # what Debian 12 has, the base of both images
+    assert SERVICES["database"]["image"] == f"postgres:{bookworm}-bookworm"
+    text = (DEPLOY / "Dockerfile").read_text()
+    assert "postgresql-client " in text and "slim-bookworm\n\n# For movies" in text
 
 
 def test_folds_that_are_nearly_done_are_finished() -> None:

@@ -109,7 +109,6 @@ def test_dockerignore_lets_everything_through_that_is_copied(context: Path) -> N
 
 def test_requirements_layer_lists_the_dependencies(context: Path) -> None:
     command = re.search(r"^RUN (python3 -c .*) > requirements.txt", DOCKERFILE.read_text(), re.M)
-    assert command
     done = subprocess.run(
         ["sh", "-c", command[1].replace("python3", shlex.quote(sys.executable), 1)],
         cwd=context,
@@ -174,5 +173,4 @@ def test_it_has_what_movies_need() -> None:
     from server.processes.movie_task import NO_GL
 
     named = re.search(r"apt-get install ([\w -]+)'", NO_GL)
-    assert named
     assert set(named[1].split()) <= set(DOCKERFILE.read_text().split())

@@ -28,3 +28,12 @@ def test_the_settings_of_examples_are_taken(name: str) -> None:
 def test_all_files_are_looked_at() -> None:
     there = {str(p.relative_to(DEPLOY)) for p in DEPLOY.rglob("*") if p.is_file()}
     assert there - {"systemd/foldback.sysusers"} == set(EXAMPLES)
+
+
+def test_both_examples_offer_the_same_choices() -> None:
+    compose, units = (
+        settings_named((DEPLOY / name).read_text())
+        for name in ("compose.yaml", "systemd/foldback.env")
+    )
+    shared = {"IMPRINT_URL", "EMBED_ORIGINS", "METRICS_TOKEN", "KEEP_DAYS", "STORAGE_BYTES"}
+    assert shared <= compose & units

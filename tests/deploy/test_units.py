@@ -12,6 +12,8 @@ from tests.deploy.files import DEPLOY
 from tests.tools import SYSTEMD
 
 UNITS = ("foldback-web.service", "foldback-worker@.service")
+COMMON = "foldback-.service.d/common.conf"
+"""Drop-in of both."""
 MOST_EXPOSED = 20
 """In tenths; 1.4 is what is left: the network, and compiled kernels."""
 
@@ -20,6 +22,8 @@ MOST_EXPOSED = 20
 def units(tmp_path: Path) -> list[Path]:
     """The units as they are, but for the program, which is not at its place here."""
     found: list[Path] = []
+    (tmp_path / COMMON).parent.mkdir()
+    shutil.copy(DEPLOY / "systemd" / COMMON, tmp_path / COMMON)
     for name in UNITS:
         path = tmp_path / name.replace("@", "@1")
         text = (DEPLOY / "systemd" / name).read_text()
@@ -39,7 +43,8 @@ def test_systemd_takes_the_units(units: list[Path]) -> None:
 
 
 def test_systemd_says_what_is_wrong(units: list[Path]) -> None:
-    units[0].write_text(units[0].read_text().replace("KillMode=mixed", "KilMode=mixed"))
+    drop_in = units[0].parent / COMMON
+    drop_in.write_text(drop_in.read_text().replace("KillMode=mixed", "KilMode=mixed"))
     assert "KilMode" in analyze("verify", "--man=no", units[0]).stderr
 
 
@@ -56,16 +61,33 @@ def test_a_worker_may_finish_before_it_is_killed(name: str) -> None:
     assert drain_s and stop_s and int(stop_s[1]) >= int(drain_s[1]) + 15
 
 
-def test_both_units_are_shut_in_alike() -> None:
-    def hardening(name: str) -> str:
-        return (DEPLOY / "systemd" / name).read_text().partition("# Shut in")[2]
+def test_units_repeat_nothing_of_their_drop_in() -> None:
+    def lines(name: str) -> list[str]:
+        found = (DEPLOY / "systemd" / name).read_text().splitlines()
+        return [line for line in found if line and line[0] not in "#["]
 
-    assert hardening(UNITS[0]) == hardening(UNITS[1])
+    shared = lines(COMMON)
+    assert len(shared) > 40 and len(shared) == len(set(shared))
+    for name in UNITS:
+        own = set(lines(name))
+        assert not own & set(shared)
+        # What a unit sets, the drop-in would override.
+        keys = {line.partition("=")[0] for line in own} & {
+            line.partition("=")[0] for line in shared
+        }
+        assert keys <= {"Environment", "After"}
+
+
+def test_without_its_drop_in_a_unit_is_found_exposed(units: list[Path], tmp_path: Path) -> None:
+    (tmp_path / COMMON).unlink()
+    for unit in units:
+        done = analyze("security", "--offline=true", f"--threshold={MOST_EXPOSED}", unit)
+        assert done.returncode != 0
 
 
 def test_computing_processes_may_shut_themselves_in() -> None:
     """Their first calls would end them, were they not among those that the unit lets through."""
-    text = (DEPLOY / "systemd" / UNITS[0]).read_text()
+    text = (DEPLOY / "systemd" / COMMON).read_text()
     allowed: set[str] = set()
     for line in re.findall(r"^SystemCallFilter=(.*)$", text, re.MULTILINE):
         found = {call for name in line.lstrip("~").split() for call in calls_of(name)}

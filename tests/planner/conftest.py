@@ -41,12 +41,6 @@ def hook_chain(hook: Path) -> Chain:
     return Chain.from_path(hook)
 
 
-@pytest.fixture(params=sorted(SHAPES.glob("*.json")), ids=lambda path: path.stem)
-def example(request: pytest.FixtureRequest) -> FilePath:
-    """Each example shape's file."""
-    return request.param
-
-
 @dataclass(frozen=True)
 class Folded:
     """A fold that has been through all stages, and what they left behind. Look, don't touch."""

@@ -79,7 +79,6 @@ class Bucket:
     @contextmanager
     def silent(self) -> Generator[None]:
         """It takes calls and answers none."""
-        assert self._process is not None
         self._process.send_signal(signal.SIGSTOP)
         try:
             yield

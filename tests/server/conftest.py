@@ -11,7 +11,7 @@ import pytest
 from server.settings import Settings
 from server.store.folds import Store
 from tests.server.bucket import Bucket
-from tests.server.here import ServiceHere
+from tests.server.here import ServiceHere, give_tables
 from tests.server.postgres import Postgres
 from tests.server.service import SNAKE, Service
 
@@ -60,7 +60,9 @@ def without_ffmpeg(tmp_path: Path) -> dict[str, str]:
 @pytest.fixture
 def store(tmp_path: Path) -> Iterator[Store]:
     """The folds of a service that has none yet."""
-    store = Store(Settings(data_dir=tmp_path))
+    settings = Settings(data_dir=tmp_path)
+    give_tables(settings)
+    store = Store(settings)
     yield store
     store.close()
 

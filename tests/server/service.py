@@ -94,14 +94,12 @@ class Service:
         lines.put("")
 
     def stop(self) -> int:
-        assert self.process is not None
         self.process.send_signal(signal.SIGTERM)
         self.http.close()
         return self.process.wait(PATIENCE_S)
 
     def kill(self) -> None:
         """As a power cut would; what it started has to notice by itself."""
-        assert self.process is not None
         theirs = psutil.Process(self.process.pid).children(recursive=True)
         self.process.kill()
         self.process.wait()
@@ -136,7 +134,6 @@ class Service:
 
     def processes(self, module: str) -> list[psutil.Process]:
         """The processes of a module that this service has started."""
-        assert self.process is not None
         found = []
         for process in psutil.Process(self.process.pid).children(recursive=True):
             try:

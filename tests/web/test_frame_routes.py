@@ -166,14 +166,11 @@ def test_play_shows_a_directory(tmp_path: Path, service: Service, fold: str) -> 
         text=True,
     )
     try:
-        assert process.stdout is not None
         address = re.search(r"http://[^/\s]+", process.stdout.readline())
-        assert address
         with httpx.Client(base_url=address.group(), timeout=60) as http:
             page = http.get("/folds/fold")
             assert page.status_code == 200
             found = re.search(r'id="facts">(.*?)</script>', page.text, re.DOTALL)
-            assert found
             facts = json.loads(found[1])
             assert facts["verdict"]["tone"] == "good"
             assert not facts["refoldable"]

@@ -55,12 +55,10 @@ def until(true: Callable[[], bool]) -> None:
 
 def colours(shown: Shown) -> np.ndarray:
     """(n, 3) linear bytes that clients were sent."""
-    assert shown._scene is not None
     return np.asarray(shown._scene._modules.batched_colors)
 
 
 def positions(shown: Shown) -> np.ndarray:
-    assert shown._scene is not None
     return np.asarray(shown._scene._modules.batched_positions) / shown._scene.pitch
 
 

@@ -7,6 +7,7 @@ from difflib import SequenceMatcher
 
 import pytest
 
+from tests.case import case
 from web.static_files import COMMENTS, STATIC, code_of, scripts_of, text_of
 
 SCRIPTS = sorted(path.relative_to(STATIC).as_posix() for path in STATIC.rglob("*.js"))
@@ -45,23 +46,24 @@ def test_only_lines_that_are_comments_and_types_go() -> None:
     assert COMMENTS.sub("", WRITTEN) == SENT
 
 
-@pytest.mark.parametrize("name", SCRIPTS)
-def test_no_line_of_a_script_goes_that_does_something(name: str) -> None:
-    untyped = ((line, TYPE.sub("", line)) for line in text_of(name).splitlines())
-    lines = [code if code.strip() else line for line, code in untyped]
-    kept = code_of(name).splitlines()
-    gone: list[str] = []
-    inside = False
-    for what, begin, end, other, last in SequenceMatcher(
-        None, lines, kept, autojunk=False
-    ).get_opcodes():
-        assert what in ("equal", "delete"), lines[begin:end]
-        gone += lines[begin:end] if what == "delete" else []
-        if what == "delete":
-            assert not inside, f"a text over several lines: {lines[begin]}"
-        for line in kept[other:last]:
-            inside ^= len(re.findall(r"(?<!\\)`", line)) % 2 == 1
-    assert all(re.match(r"\s*(//|/\*\*|\*)", line) for line in gone), gone
+def test_no_line_of_a_script_goes_that_does_something() -> None:
+    for name in SCRIPTS:
+        with case(name):
+            untyped = ((line, TYPE.sub("", line)) for line in text_of(name).splitlines())
+            lines = [code if code.strip() else line for line, code in untyped]
+            kept = code_of(name).splitlines()
+            gone: list[str] = []
+            inside = False
+            for what, begin, end, other, last in SequenceMatcher(
+                None, lines, kept, autojunk=False
+            ).get_opcodes():
+                assert what in ("equal", "delete"), lines[begin:end]
+                gone += lines[begin:end] if what == "delete" else []
+                if what == "delete":
+                    assert not inside, f"a text over several lines: {lines[begin]}"
+                for line in kept[other:last]:
+                    inside ^= len(re.findall(r"(?<!\\)`", line)) % 2 == 1
+            assert all(re.match(r"\s*(//|/\*\*|\*)", line) for line in gone), gone
 
 
 def test_a_page_needs_at_once_what_is_imported_and_later_the_rest() -> None:

@@ -144,6 +144,5 @@ def test_how_a_chain_is_held_is_told(friction: float, base: Base, words: str, he
     chain = line(7)
     found = table_certificate(chain, moving(chain, 1, -LIFTED), friction=friction, base=base)
     told = on_table({"table": found.as_dict()}, None)
-    assert told is not None
     assert words in told["text"]
     assert held in dict(told["rows"])["Base"]

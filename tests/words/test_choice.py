@@ -60,7 +60,6 @@ def written(directory: Path, chosen: int, *tried: dict[str, Any]) -> Path:
 )
 def test_gain_and_cost_are_told(prefer: Preference, chosen: int, text: str, tmp_path: Path) -> None:
     choice = choice_of(written(tmp_path, chosen, *TRIED), prefer)
-    assert choice is not None
     assert choice["text"].startswith(text)
     assert choice["seconds"] == 100.0, "of those that are verified"
     assert [plan["chosen"] for plan in choice["plans"]].count(True) == 1
@@ -69,7 +68,6 @@ def test_gain_and_cost_are_told(prefer: Preference, chosen: int, text: str, tmp_
 
 def test_each_plan_has_a_name_and_a_row(tmp_path: Path) -> None:
     choice = choice_of(written(tmp_path, 3, *TRIED), "time")
-    assert choice is not None
     assert [plan["label"] for plan in choice["plans"]] == [
         *(
             "1. One part at a time",

@@ -108,7 +108,6 @@ def test_an_untouched_fold_is_verified_again(directory: FilePath) -> None:
     assert found.problems == ()
     plan = Plan.load(directory / "plan.npz")
     assert found.certificate.min_clearance == plan.certificate.min_clearance
-    assert found.replay is not None
     assert found.replay.pose_difference < 1e-9
     assert found.replay.overlap == 0.0
     assert found.replay.frames == 2 * len(plan.time_s) - 1
@@ -212,7 +211,6 @@ def forge(directory: FilePath, **changes: Any) -> None:
     """Writes another playback into all files that tell of it, with a certificate and digests."""
     plan = Plan.load(directory / "plan.npz")
     recorded, old = Workspace(directory).read_record(), Workspace(directory).read_playback()
-    assert recorded is not None
     assert old is not None
     playback = replace(old, **changes)
     parameters = Workspace(directory).read_request().parameters()
@@ -274,7 +272,6 @@ def test_nothing_is_off_what_was_not_simulated(peeled: FilePath) -> None:
 
 def test_what_was_simulated_does_not_pass_for_kinematic(directory: FilePath) -> None:
     playback = Workspace(directory).read_playback()
-    assert playback is not None
     assert not playback.frames.is_windowed
     frames = playback.frames.with_columns(
         joint_angles_rad=playback.reference.joint_angles_rad,
@@ -300,7 +297,6 @@ def test_what_was_simulated_does_not_pass_for_kinematic(directory: FilePath) -> 
 def test_a_reference_does_not_pass_for_a_simulation(directory: FilePath) -> None:
     """Of a kind that could have been simulated: what comes of one is never its reference."""
     playback = Workspace(directory).read_playback()
-    assert playback is not None
     assert not playback.frames.is_windowed
     errors = np.zeros_like(playback.frames.joint_error_rad)
     frames = playback.frames.with_columns(
@@ -389,7 +385,6 @@ def test_a_place_that_is_as_near_will_do(directory: FilePath) -> None:
         return "\n".join(p for p in verify(directory).problems if "plan.npz certificate" in p)
 
     bound = certificate.clearance_bound
-    assert bound is not None
     assert told(min_clearance_at=near) == ""
     assert "min_clearance_at" in told(min_clearance_at=far)
     assert told(clearance_bound=bound * 0.9995, in_betweens=certificate.in_betweens + 1) == ""
@@ -537,8 +532,6 @@ def test_snapshots_that_were_changed_are_told(change: str, tmp_path: FilePath) -
     run_stages(tmp_path)
     assert verify(tmp_path).problems == ()
     record = Workspace(tmp_path).read_record()
-    assert record is not None
-    assert record.snapshots_rad is not None
     snapshots = record.snapshots_rad.copy()
     snapshots[len(snapshots) // 2, 3] += 0.1
     found = {"value": snapshots, "fewer": snapshots[1:], "none": None}[change]

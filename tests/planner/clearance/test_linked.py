@@ -42,7 +42,7 @@ def relieved(size: float, count: int) -> Array:
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [0.9, *LONG_SIZES])
 def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range(size: float) -> None:
-    points = relieved(size, 25)
+    points = relieved(size, 17)
     half = 0.5 * size
     for rotation in whole_range(47):
         seen = points @ rotation - CUBE.offset  # from the next cube, all of which is there
@@ -98,7 +98,6 @@ def test_the_worst_overlap_is_found_and_bounded() -> None:
     looked = np.concatenate([ends, 0.5 * (ends[1:] + ends[:-1])]).reshape(-1, 2)
     seen = [overlap(rotation, 0.95) for rotation in turned(looked[:, 0], looked[:, 1])]
     assert found.worst_overlap == pytest.approx(max(seen), abs=1e-12)
-    assert found.worst_overlap_at is not None
     assert found.worst_overlap_at.modules == (2, 3)
     assert deepest <= found.worst_overlap_bound
 
@@ -109,7 +108,6 @@ def test_a_quarter_turn_overlaps_by_what_everybody_can_work_out() -> None:
     found = exempt_pairs(chain, [plan], size=0.95)
     assert found.worst_overlap == pytest.approx(0.95 / np.sqrt(2.0) - 0.525, abs=1e-4)
     assert found.worst_overlap_bound == pytest.approx(found.worst_overlap, abs=1e-3)
-    assert found.worst_overlap_at is not None
     assert found.worst_overlap_at.frame == pytest.approx(45.0, abs=1.0)
     # Between two frames it is deeper than at both, and within the bound all the same.
     coarse = exempt_pairs(chain, [np.deg2rad([[5.0, 0.0], [85.0, 0.0]])], size=0.95)

@@ -97,7 +97,7 @@ def assert_same(chain: Chain, motion: Array | Motion, size: float) -> bool:
 
 
 @pytest.mark.slow
-@examples(one_of=2)
+@examples(one_of=4)
 @given(MODULES, st.integers(4, 13), SEEDS, STEPS_RAD, st.floats(0.5, 0.95))
 def test_frames_have_the_bound_of_the_reference(
     module: Module, modules: int, seed: int, step: float, size: float
@@ -110,7 +110,7 @@ def test_frames_have_the_bound_of_the_reference(
 
 
 @pytest.mark.slow
-@examples(one_of=2)
+@examples(one_of=3)
 @given(MODULES, st.integers(6, 13), SEEDS, STEPS_RAD, st.floats(0.4, 0.9))
 def test_windows_have_the_bound_of_the_reference(
     module: Module, modules: int, seed: int, step: float, size: float
@@ -131,7 +131,7 @@ def test_most_random_motions_are_proved_and_some_refused(module: Module) -> None
     verdicts: list[bool] = []
     for seed in range(8):
         rng = np.random.default_rng(seed)
-        chain = bent(module, 8, rng)
+        chain = bent(module, 6, rng)
         start = rng.normal(0.0, 0.6, len(chain.folded_rad))
         motion = np.stack([start, start + rng.uniform(-1.5, 1.5, len(start))])
         verdicts.append(assert_same(chain, motion, 0.8))

@@ -102,7 +102,7 @@ def test_nothing_is_missed_of_chains_whose_ends_swing_far() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", ["wrench-24", "mallet-64"])
+@pytest.mark.parametrize("shape", ["wrench-24", pytest.param("mallet-64", marks=pytest.mark.long)])
 def test_the_bound_of_real_records_holds(shape: str, folded: Callable[..., Any]) -> None:
     record = folded(shape).record
     chain = folded(shape).chain

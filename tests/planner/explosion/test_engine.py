@@ -119,7 +119,6 @@ def test_engine_in_contact_moves_as_one_tree(seed: int) -> None:
     finder = ContactFinder(chain, Material(geom_size=1.0))
     finder.prepare(len(chain))
     contacts = finder.find(engine.positions, engine.rotations)
-    assert contacts is not None
     loads = Loads(torques, rotors, np.zeros((len(chain), 3)), np.zeros(3))
     found = joined(engine.constrained(state, loads, contacts))
     mj_model = tree(chain, 1.0, masses, rotors, Lumps.none())
@@ -127,5 +126,4 @@ def test_engine_in_contact_moves_as_one_tree(seed: int) -> None:
     assert count == len(contacts.points.depths) > 2
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
     twin = finder.copy().find(engine.positions, engine.rotations)
-    assert twin is not None
     np.testing.assert_array_equal(twin.points.points, contacts.points.points)

@@ -33,7 +33,6 @@ def test_a_small_coil_comes_out_straight() -> None:
     assert (np.diff(frames.time_s) >= 0.0).all()
     np.testing.assert_array_equal(Motion.joined(parts).time_s, frames.time_s)
     snapshots = record.snapshots_rad
-    assert snapshots is not None
     # One every so many steps and the straight one; the frames kept are among them.
     assert len(snapshots) == record.steps // PAPER.snapshot_interval + 2
     interval = PAPER.snapshot_interval * PAPER.step_s

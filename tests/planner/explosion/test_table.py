@@ -37,14 +37,12 @@ def record() -> Record:
 
 def test_a_box_lies_down_straight_and_every_frame_stands_within_the_bound(record: Record) -> None:
     assert record.status == "straight", record.reason
-    assert record.table is not None
     assert record.frames.is_windowed
     chain = chain_of(BOX)
     found = table_certificate(
         chain, record.frames, base="free", on_table=True, height=chain.table_height
     )
     assert not found.unbalanced
-    assert found.torque is not None
     assert found.torque <= record.table.bound * 1.001
     assert found.clearance >= -MAX_TABLE_PENETRATION_PITCH - 1e-3
     assert np.abs(record.frames.angles(chain)[-1]).max() < 1e-6
@@ -64,7 +62,6 @@ def test_what_no_motor_can_bear_is_taken_back_and_told() -> None:
     found = explode_on_table(chain_of(BOX), weak)
     assert found.status == "stalled"
     assert "0.30 w·p" in found.reason
-    assert found.table is not None
     assert found.table.bound == pytest.approx(0.3)
     assert found.table.taken_back > weak.refusals
     assert [bound for _, bound in found.table.raised][:2] == pytest.approx([0.23, 0.2645])
@@ -93,12 +90,10 @@ def test_friction_counts_in_the_guard() -> None:
     chain = chain_of(BOX)
     found = explode_on_table(chain, rubbing, seed=1)
     assert found.status == "straight", found.reason
-    assert found.table is not None
     assert found.frames.is_windowed
     certificate = table_certificate(
         chain, found.frames[::-1], friction=0.1, on_table=True, height=chain.table_height
     )
-    assert certificate.torque is not None
     assert certificate.torque <= 1.2 * found.table.bound
 
 
@@ -111,7 +106,6 @@ def test_a_chain_that_lies_free_drifts_and_rubs_less_than_a_clamped_one() -> Non
     for base in get_args(Base):
         found = explode_on_table(chain, replace(rubbing, base=base), seed=1)
         assert found.status == "straight", found.reason
-        assert found.table is not None
         assert found.frames.is_windowed
         bounds[base] = found.table.bound
         certificate = table_certificate(
@@ -122,7 +116,6 @@ def test_a_chain_that_lies_free_drifts_and_rubs_less_than_a_clamped_one() -> Non
             on_table=True,
             height=chain.table_height,
         )
-        assert certificate.torque is not None
         assert certificate.torque <= 1.2 * found.table.bound
     assert bounds["free"] < 0.8 * bounds["clamped"]
 

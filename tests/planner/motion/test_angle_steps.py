@@ -57,7 +57,6 @@ def test_angles_are_read_as_they_were_written(angles: NDArray[np.float64]) -> No
     np.testing.assert_array_equal(again, near)
     single = near.astype(np.float32)
     steps = whole_steps(single)
-    assert steps is not None
     np.testing.assert_array_equal((steps * PLAN_STEP_RAD).astype(np.float32), single)
 
 

@@ -41,7 +41,6 @@ def cube(side: int) -> Chain:
 def test_a_ring_folds_and_a_second_look_agrees(folded_ring: Path) -> None:
     found = verify(folded_ring)
     assert found.verified, found.problems
-    assert found.certificate.min_clearance is not None
     assert found.certificate.min_clearance > 0.0
 
 
@@ -51,7 +50,6 @@ def test_a_solid_folds(tmp_path: Path) -> None:
     plan = fold(cube(2), directory=tmp_path)
     assert len(plan.chain) == 96
     assert plan.certificate.verdict == "verified (simulated)"
-    assert plan.certificate.rms_position_error is not None
     assert plan.certificate.rms_position_error <= 0.01
 
 

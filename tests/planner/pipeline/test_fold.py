@@ -90,14 +90,14 @@ def note(event, arguments):
     elif event in ("os.mkdir", "os.rename", "os.remove"):
         written.append(str(arguments[0]))
 
-plan = fold(coil(8))  # which compiles, and loads what is loaded late
-refold(plan, coil(8)), smooth_plan(plan)
+plan = fold(coil(4))  # which compiles, and loads what is loaded late
+refold(plan, coil(4)), smooth_plan(plan)
 sys.addaudithook(note)
 watched = True
-refold(fold(coil(8)), coil(8)), smooth_plan(plan)
+refold(fold(coil(4)), coil(4)), smooth_plan(plan)
 watched = False
 print(written)
-fold(coil(8), progress=lambda _: None, directory=sys.argv[1])
+fold(coil(4), progress=lambda _: None, directory=sys.argv[1])
 """
 
 
@@ -130,10 +130,10 @@ def same_plans(one: Plan, other: Plan) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("preset", ["default", "direct"])
 def test_a_plan_made_in_memory_is_that_of_a_directory(preset: str, tmp_path: FilePath) -> None:
-    first = fold(coil(8), preset=preset)
-    same_plans(first, fold(coil(8), preset=preset, directory=tmp_path / "fold"))
+    first = fold(coil(5), preset=preset)
+    same_plans(first, fold(coil(5), preset=preset, directory=tmp_path / "fold"))
     if preset == "default":
-        same_plans(refold(first, coil(8)), refold(first, coil(8), directory=tmp_path / "refold"))
+        same_plans(refold(first, coil(5)), refold(first, coil(5), directory=tmp_path / "refold"))
         same_plans(smooth_plan(first), smooth_plan(first, directory=tmp_path / "smoothed"))
 
 
@@ -156,8 +156,11 @@ def test_of_failures_in_memory_the_same_is_shown(
 
 
 @pytest.mark.slow
-def test_in_memory_the_plan_is_the_same_for_any_number_of_workers() -> None:
-    # Modules as large as their cells always touch, so that all is tried.
+def test_in_memory_the_plan_is_the_same_for_any_number_of_workers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Modules as large as their cells always touch, so that others are tried.
+    monkeypatch.setattr("planner.pipeline.search.MAX_REFUSED_EXPLOSIONS", 3)
     plans = [fold(SQUARE, module_size=1.0, workers=workers) for workers in (1, 2)]
     assert len(plans[0].attempts) > 1
     same_plans(*plans)

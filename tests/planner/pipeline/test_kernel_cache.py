@@ -15,6 +15,7 @@ from numba.core.dispatcher import Dispatcher
 
 from planner import kernel_cache
 from planner.kernel_cache import KERNELS, sources, sources_digest
+from tests.case import case
 
 FILES = sorted(path for path in KERNELS.glob("*.py") if path.name != "__init__.py")
 
@@ -30,20 +31,21 @@ def imported(path: Path) -> set[Path]:
     }
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_sources_of_a_file_hold_all_that_it_imports_of_kernels_and_nothing_else_is_used(
-    path: Path,
-) -> None:
-    assert path in sources(path)
-    for source in sources(path):
-        assert imported(source) <= set(sources(path))
-        # What another package defines would not be compared.
-        modules = [
-            node.module or ""
-            for node in ast.parse(source.read_text()).body
-            if isinstance(node, ast.ImportFrom)
-        ]
-        assert all(not m.startswith("planner") or m.startswith("planner.kernels") for m in modules)
+def test_sources_of_a_file_hold_all_that_it_imports_of_kernels_and_nothing_else_is_used() -> None:
+    for path in FILES:
+        with case(path.stem):
+            assert path in sources(path)
+            for source in sources(path):
+                assert imported(source) <= set(sources(path))
+                # What another package defines would not be compared.
+                modules = [
+                    node.module or ""
+                    for node in ast.parse(source.read_text()).body
+                    if isinstance(node, ast.ImportFrom)
+                ]
+                assert all(
+                    not m.startswith("planner") or m.startswith("planner.kernels") for m in modules
+                )
 
 
 def test_digest_changes_with_a_file_that_is_imported_by_an_imported_one(tmp_path: Path) -> None:
@@ -60,15 +62,16 @@ def test_digest_changes_with_a_file_that_is_imported_by_an_imported_one(tmp_path
     assert sources_digest(sweep) == before == sources_digest(KERNELS / "sweep.py")
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_every_kernel_compares_all_its_sources(path: Path) -> None:
-    module = importlib.import_module(f"planner.kernels.{path.stem}")
-    for kernel in vars(module).values():
-        if isinstance(kernel, Dispatcher) and kernel.py_func.__module__ == module.__name__:
-            cache: Any = vars(kernel)["_cache"]
-            file = cache._cache_file
-            assert file._source_stamp == sources_digest(path)
-            assert sources_digest(path) in file._version
+def test_every_kernel_compares_all_its_sources() -> None:
+    for path in FILES:
+        with case(path.stem):
+            module = importlib.import_module(f"planner.kernels.{path.stem}")
+            for kernel in vars(module).values():
+                if isinstance(kernel, Dispatcher) and kernel.py_func.__module__ == module.__name__:
+                    cache: Any = vars(kernel)["_cache"]
+                    file = cache._cache_file
+                    assert file._source_stamp == sources_digest(path)
+                    assert sources_digest(path) in file._version
 
 
 def test_index_of_other_sources_that_names_a_type_that_is_gone_is_not_read(

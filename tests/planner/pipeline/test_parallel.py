@@ -127,7 +127,6 @@ def test_one_that_is_made_beside_is_the_same_and_its_timeline_is_the_folds(
         assert len(beside()) == 1
         pool.schedule(CHOICE, [STUCK], second)
         made = pool.collect(fold / TIMELINE, told.append, never)
-        assert made is not None
         assert len(beside()) <= 1  # the one after it has been begun meanwhile
         same_motion(made.frames, record.frames)
         one, other = (Attempt.of_record(second, chain, r, parameters) for r in (made, record))

@@ -220,7 +220,6 @@ def test_a_peeling_that_stops_says_what_is_buried() -> None:
 
     broken = replace(peel(chain, PeelingParameters(), cancelled=soon), status="stalled")
     found = diagnose(chain, broken, Parameters())
-    assert found is not None
     assert found.kind == "buried"
     assert found.modules and min(found.modules) > 10
     # A joint that stays bent by less is where it sticks, too.

@@ -35,13 +35,10 @@ def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path)
     plan = Plan.load(tmp_path / "plan.json")
     table = plan.certificate.table
     assert plan.certificate.verdict.startswith("verified (simulated)"), plan.certificate.verdict
-    assert table is not None
     assert table.rests
     assert table.on_table
-    assert table.torque is not None
     assert table.torque <= Parameters().table.most_torque
     assert len(table.torques) == len(plan.motion)
-    assert plan.certificate.peak_torque_nm is not None
     # Motors are limited by what the record asks, which the plan's curve leaves by a little.
     allowed = 1.05 * TABLE_MOTOR_RESERVE * max(table.torque, MIN_SIZING_TORQUE_WP)
     assert plan.certificate.peak_torque_nm <= allowed * table.unit_nm
@@ -55,7 +52,6 @@ def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path)
     replace(plan, certificate=forged).save_npz(tmp_path / "plan.npz")
     assert "plan.npz certificate.table" in " ".join(verify(tmp_path).problems)
     assert not plan.motion.is_windowed
-    assert plan.playback is not None
     lifted = plan.motion.with_columns(root_position=plan.motion.root_position + [0.0, 0.0, 0.01])
     replace(plan, motion=lifted).save_npz(tmp_path / "plan.npz")
     assert "whose first module is clamped" in " ".join(verify(tmp_path).problems)
@@ -73,7 +69,6 @@ def test_with_friction_a_chain_lies_free_and_its_plan_drifts_as_it_does(tmp_path
     plan = Plan.load(tmp_path / "plan.npz")
     table, motion = plan.certificate.table, plan.motion
     assert plan.certificate.verdict.startswith("verified (simulated)"), plan.certificate.verdict
-    assert table is not None
     assert (table.base, table.friction) == ("free", 0.1)
     assert "friction 0.1, free base" in table.verdict
     assert not motion.is_windowed

@@ -306,7 +306,6 @@ def test_links_and_joints_of_the_urdf_are_physical(plan: Plan) -> None:
     limits = {joint.get("name"): joint.find("limit") for joint in urdf.iter("joint")}
     for name, angles in zip(plan.chain.joint_names, plan.joint_angles_rad.T, strict=True):
         limit = limits[name]
-        assert limit is not None
         assert float(limit.attrib["lower"]) <= angles.min()
         assert angles.max() <= float(limit.attrib["upper"])
         assert min(float(limit.attrib[kind]) for kind in ("effort", "velocity")) > 0.0

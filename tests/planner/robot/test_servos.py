@@ -9,10 +9,9 @@ import pytest
 
 from docs.make_servos import PAGE, with_table
 from planner.errors import InputError
-from planner.robot.servos import KGF_CM_NM, Servo, servo_named, servos
+from planner.robot.servos import KGF_CM_NM, servo_named, servos
 from planner.robot.sizing import PERMANENT_TORQUE_SHARE
-
-ALL = pytest.mark.parametrize("servo", servos(), ids=lambda servo: servo.name)
+from tests.case import case
 
 
 def test_there_are_thirty_and_no_name_twice() -> None:
@@ -23,27 +22,29 @@ def test_there_are_thirty_and_no_name_twice() -> None:
     assert masses == sorted(masses)
 
 
-@ALL
-def test_each_is_possible(servo: Servo) -> None:
-    a, b, c = servo.size_m
-    assert 0.005 < a <= b <= c < 0.1
-    assert 600.0 < servo.mass_kg / (a * b * c) < 3500.0
-    shafts_kg = servo.mass_kg / servo.axes
-    assert 5.0 < servo.stall_nm / shafts_kg < 80.0
-    # Along the straight line from stall to no load the power is largest in its middle.
-    assert 5.0 < servo.stall_nm * servo.no_load_rad_s / 4.0 / shafts_kg < 250.0
-    assert 2.0 < servo.no_load_rad_s < 50.0
-    assert 3.0 < servo.volts <= 24.0
-    assert servo.range_deg is None or 90.0 <= servo.range_deg <= 360.0
-    assert servo.axes in (1, 2)
+def test_each_is_possible() -> None:
+    for servo in servos():
+        with case(servo.name):
+            a, b, c = servo.size_m
+            assert 0.005 < a <= b <= c < 0.1
+            assert 600.0 < servo.mass_kg / (a * b * c) < 3500.0
+            shafts_kg = servo.mass_kg / servo.axes
+            assert 5.0 < servo.stall_nm / shafts_kg < 80.0
+            # Along the straight line from stall to no load the power is largest in its middle.
+            assert 5.0 < servo.stall_nm * servo.no_load_rad_s / 4.0 / shafts_kg < 250.0
+            assert 2.0 < servo.no_load_rad_s < 50.0
+            assert 3.0 < servo.volts <= 24.0
+            assert servo.range_deg is None or 90.0 <= servo.range_deg <= 360.0
+            assert servo.axes in (1, 2)
 
 
-@ALL
-def test_each_says_where_its_figures_are_from(servo: Servo) -> None:
-    assert len(servo.title) > 10
-    assert len(servo.checked) > 20
-    address = urlsplit(servo.url)
-    assert address.scheme == "https" and "." in address.netloc and len(address.path) > 1
+def test_each_says_where_its_figures_are_from() -> None:
+    for servo in servos():
+        with case(servo.name):
+            assert len(servo.title) > 10
+            assert len(servo.checked) > 20
+            address = urlsplit(servo.url)
+            assert address.scheme == "https" and "." in address.netloc and len(address.path) > 1
 
 
 def test_figures_stand_in_the_file_as_in_the_documents_and_come_out_in_si() -> None:

@@ -54,7 +54,6 @@ def plan(made: FilePath) -> Plan:
 
 def test_a_smoothed_plan_is_verified_and_better(plan: Plan, mallet: Folded) -> None:
     assert plan.verified
-    assert plan.smoothing is not None
     before, after = plan.smoothing["before"], plan.smoothing["after"]
     assert plan.smoothing["way"] == SMOOTHED
     assert plan.smoothing["seconds"] == mallet.plan.certificate.fold_time_s
@@ -106,7 +105,6 @@ def test_the_same_seed_gives_the_same_plan(
     np.testing.assert_array_equal(first.joint_angles_rad, again.joint_angles_rad)
     # A smoothed plan may be smoothed, and begun from.
     further = smooth_plan(first)
-    assert further.smoothing is not None
     assert further.smoothing["before"]["frames"] == len(first.time_s)
 
 
@@ -132,7 +130,6 @@ def test_what_the_certificate_refuses_is_smoothed_less(
     plan = smooth_plan(wrench, directory=tmp_path)
     assert tried == [SMOOTHED, SOFTENED, RECORDED]
     assert plan.verified
-    assert plan.smoothing is not None
     assert plan.smoothing["way"] == RECORDED
     assert [a["verdict"].partition(":")[0] for a in plan.attempts] == [
         "failed",
@@ -171,9 +168,7 @@ def test_clearances_before_and_after_are_at_one_module_size(
     wrench = folded("wrench-24").plan
     size = 0.99
     plan = smooth_plan(wrench, module_size=size)
-    assert plan.smoothing is not None
     before = plan.smoothing["before"]["clearance"]
-    assert wrench.certificate.min_clearance is not None
     assert before < wrench.certificate.min_clearance
     swept = sweep(wrench.chain, wrench.joint_angles_rad, size=size).clearance
     assert before == pytest.approx(swept, abs=1e-9)

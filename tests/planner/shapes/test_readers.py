@@ -4,7 +4,6 @@ import io
 import json
 import random
 from collections.abc import Callable
-from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
@@ -19,6 +18,8 @@ from planner.errors import InputError
 from planner.names import MAX_NAME_LENGTH
 from planner.plan.shape_files import write_chain, write_path
 from planner.readers import read
+from tests.case import case
+from tests.planner.conftest import SHAPES
 from tests.planner.lattice import walks
 from tests.planner.shapes.test_readers_fuzz import mutated
 
@@ -113,15 +114,17 @@ def test_a_chain_off_the_lattice_is_read_back(angles_deg: list[tuple[float, floa
     np.testing.assert_allclose(back.folded_rad, chain.folded_rad, atol=1e-15)
 
 
-def test_examples_are_read(example: FilePath) -> None:
-    found = read(example.read_bytes(), filename=example.name)
-    content = json.loads(example.read_bytes())
-    assert isinstance(found, Path | Chain)
-    assert found.name == example.stem
-    if isinstance(found, Path):
-        assert found.cells.tolist() == content["cells"]
-    else:
-        assert np.rint(np.rad2deg(found.folded_rad)).tolist() == content["joint_angles_deg"]
+def test_examples_are_read() -> None:
+    for example in sorted(SHAPES.glob("*.json")):
+        with case(example.stem):
+            found = read(example.read_bytes(), filename=example.name)
+            content = json.loads(example.read_bytes())
+            assert isinstance(found, Path | Chain)
+            assert found.name == example.stem
+            if isinstance(found, Path):
+                assert found.cells.tolist() == content["cells"]
+            else:
+                assert np.rint(np.rad2deg(found.folded_rad)).tolist() == content["joint_angles_deg"]
 
 
 @pytest.mark.parametrize(

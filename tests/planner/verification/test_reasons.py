@@ -51,7 +51,6 @@ def stuck(
     values.setdefault("spent", Spent("pushes", 40, 41))
     record = Record(frames=in_place("explosion", angles[None]), seconds=0.1, **values)
     found = diagnose(chain, record, parameters)
-    assert found is not None
     plain = json.loads(json.dumps(found.as_dict()))
     assert Diagnosis.from_dict(plain) == found
     return chain, record, parameters, plain
@@ -63,7 +62,6 @@ def differences(stuck: Stuck, **changed: Any) -> tuple[str, ...]:
     told = {**told, "evidence": {**told["evidence"], **changed}}
     plain = json.loads(json.dumps(parameters.as_dict()))
     found = check_reason(chain, record, told, plain)  # type: ignore[arg-type]
-    assert found is not None
     assert found.confirmed is (not found.differences)
     return found.differences
 
@@ -185,7 +183,6 @@ def test_a_budget_is_that_of_the_parameters_and_used_up() -> None:
     chain = coil(12)
     record = explode(chain, HASTY.explosion)  # type: ignore[arg-type]
     found = diagnose(chain, record, HASTY)
-    assert found is not None
     told = json.loads(json.dumps(found.as_dict()))
     assert told["words"].startswith("the limit of 10 steps was reached; ")
     late = (chain, record, HASTY, told)

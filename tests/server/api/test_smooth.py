@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 from planner.plan.plan import Plan
 from planner.verification.verify import verify
-from server.cli.admin_tasks import AdminTasks
 from server.cli.command_line import application
+from server.operate.fold_tasks import AdminTasks
 from server.settings import Settings
 from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service, owner

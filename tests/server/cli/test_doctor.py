@@ -138,10 +138,8 @@ def test_a_disk_that_is_full_or_does_not_last(tmp_path: Path) -> None:
     assert found.verdict == "warning" and "tmpfs" in found.found
 
 
-@pytest.mark.parametrize(
-    ("check", "file"), [(data.database, "foldback.db"), (data.jobs, "jobs.db")]
-)
-def test_a_database_file_that_is_garbage(tmp_path: Path, check: Any, file: str) -> None:
+def test_a_database_file_that_is_garbage(tmp_path: Path) -> None:
+    check, file = data.database, "foldback.db"
     here = settings(tmp_path, data_dir=tmp_path)
     assert check(here).verdict == "ok"
     assert not (tmp_path / file).exists()
@@ -165,7 +163,7 @@ def test_a_schema_that_is_behind_or_ahead(
         command.upgrade(alembic, "0001")
     found = data.database(here)
     assert found.verdict == "warning"
-    assert "version 0001, 11 behind 0012" in found.found
+    assert "version 0001, 12 behind 0013" in found.found
     assert "foldback serve" in (found.remedy or "")
     migrate(engine)
     assert data.database(here).verdict == "ok"
@@ -177,17 +175,14 @@ def test_a_schema_that_is_behind_or_ahead(
     engine.dispose()
 
 
-@pytest.mark.parametrize("check", [data.database, data.jobs])
-def test_a_database_server_that_is_not_there(
-    tmp_path: Path, postgres: Postgres, check: Any
-) -> None:
-    url = postgres.database()
-    assert check(settings(tmp_path, database_url=url, jobs_url=url)).verdict == "ok"
+def test_a_database_server_that_is_not_there(tmp_path: Path, postgres: Postgres) -> None:
+    url, check = postgres.database(), data.database
+    assert check(settings(tmp_path, database_url=url)).verdict == "ok"
     gone = url.replace("foldback@", "foldback:geheim@").replace(f":{postgres.port}/", ":1/")
-    found = check(settings(tmp_path, database_url=gone, jobs_url=gone))
+    found = check(settings(tmp_path, database_url=gone))
     assert found.verdict == "problem"
     assert "geheim" not in found.line
-    missing = check(settings(tmp_path, database_url=f"{url}x", jobs_url=f"{url}x"))
+    missing = check(settings(tmp_path, database_url=f"{url}x"))
     assert missing.verdict == "problem" and "does not exist" in missing.found
 
 

@@ -119,7 +119,7 @@ def said(installed: Path, code: str) -> str:
 
 
 def test_the_library_needs_no_service_and_no_viewer(installed: Path) -> None:
-    unwanted = ("fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "dbos", "typer", "server")
+    unwanted = ("fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer", "server")
     code = f"""
 for name in {unwanted}:
     sys.modules[name] = None  # whoever imports it fails

@@ -108,7 +108,6 @@ def test_viser_ends_by_signal_where_the_shell_ignores_sigint(
         [*ignoring, *command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as playing:
         try:
-            assert playing.stdout is not None
             line = playing.stdout.readline()
             assert line.startswith("snake is at http://127.0.0.1:")
             address = next(word for word in line.split() if "http" in word)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 
+import httpx
 import pytest
 import websockets
+from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.http.security import AllowedHosts, SameOrigin, hosts_of
@@ -83,6 +85,27 @@ def test_other_names_do_not_lead_here(desk: Service) -> None:
         assert "FOLDBACK_ALLOWED_HOSTS" in answer.json()["detail"]
     for host in ("localhost", f"localhost:{port}", f"[::1]:{port}", f"127.0.0.1:{port}"):
         assert desk.http.get("/health", headers={"Host": host}).status_code == 200
+
+
+def test_address_of_the_connection_leads_here_and_no_other_address() -> None:
+    """Prometheus asks each web process by the address that it finds."""
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        await PlainTextResponse("here")(scope, receive, send)
+
+    hosts = AllowedHosts(app, hosts=("fold.example.org",))
+
+    def status(host: str) -> int:
+        async def asked() -> int:
+            transport = httpx.ASGITransport(hosts)
+            async with httpx.AsyncClient(transport=transport) as client:
+                answer = await client.get("http://172.30.90.129:8000/", headers={"Host": host})
+            return answer.status_code
+
+        return asyncio.run(asked())
+
+    assert status("172.30.90.129:8000") == status("fold.example.org") == 200
+    assert status("172.30.90.130:8000") == status("172.30.90.129.evil.example") == 400
 
 
 def test_websockets_under_other_names_are_refused(desk: Service) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from planner.exports.export import export_name
 from planner.names import MAX_NAME_LENGTH, clean_name
-from server.api.folds import clean_filename
+from server.api.source import clean_filename
 from tests.server.service import SNAKE, Service, bearer
 
 INVISIBLE = {

@@ -71,7 +71,6 @@ def length(size: int) -> bytes:
 
 @pytest.mark.slow
 def test_twenty_large_uploads_at_once_fit_into_little_memory(service: Service) -> None:
-    assert service.process is not None
     web = psutil.Process(service.process.pid)
     service.http.post("/api/folds", files={"file": ("a.bin", b"\x89PNG" * MIB)})
     before, most = _settled(web), 0

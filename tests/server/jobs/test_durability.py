@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sqlite3
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -12,20 +11,25 @@ from typing import Any
 
 import psutil
 import pytest
+import sqlalchemy as sa
 
 from planner.file_names import TIMELINE
 from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import last_frame, result
 from planner.plan.plan import Plan
+from planner.progress import STAGES
 from server.api.schemas import PAUSED_MESSAGE
-from server.jobs.runner import MAX_CRASHES, STAGES, Runner
+from server.jobs.execution import MAX_CRASHES, PausedError
+from server.jobs.queue import MAX_LOSSES, FoldClaim, Lane, Queue
+from server.jobs.runner import Runner
 from server.jobs.slices import Slice
 from server.processes.children import Child, ChildError
 from server.processes.fork_server import ForkServer
-from server.store.folds import Store, new_token
+from server.store.folds import Store
+from server.store.tables import FoldRow
 from tests.server.here import FORKS, ServiceHere
 from tests.server.processes.test_fork_server import before_others
-from tests.server.service import PATIENCE_S, SNAKE, STAIRS, Service, over, owner
+from tests.server.service import PATIENCE_S, SNAKE, STAIRS, Service, over
 
 pytestmark = pytest.mark.slow
 HereWith = Callable[..., ServiceHere]
@@ -81,7 +85,6 @@ def test_an_orderly_stop_keeps_the_fold_for_the_next_start(service_with) -> None
     assert service.wait_exploding(fold_id)["status"] == "running"
     followers = service.events(fold_id)
     assert next(followers)[0] == "progress"
-    assert service.process is not None
     service.process.terminate()
     assert "done" not in [name for name, _ in followers]  # let go, in good order
     assert service.stop() == 0
@@ -114,10 +117,8 @@ def compute(
     store = Store(service.settings)
     runner = Runner(service.settings, store, fork_server=fork_server)
     try:
-        outcome = runner.run(fold_id, STAGES[0], "tests", 0)
-        while not outcome["ended"] and outcome["following"] is not None:
-            outcome = runner.run(fold_id, outcome["following"], "tests", outcome["epoch"])
-        runner.finish(fold_id, outcome, "tests")
+        claim = FoldClaim(fold_id, "tests", STAGES[0], files=0, losses=0)
+        runner.execution(claim).run()
     finally:
         runner.stop()
         store.close()
@@ -300,10 +301,10 @@ def test_no_result_of_a_stage_that_was_cut_off_for_others_is_kept(
     store = Store(service.settings)
     runner = Runner(service.settings, store, fork_server=FORKS)
     try:
-        epoch = store.begin(fold_id, stage, "one")
-        assert epoch is not None
-        outcome = runner.run(fold_id, stage, "one", epoch)
-        assert (outcome["paused_by"], outcome["following"]) == ("one", stage)
+        claim = FoldClaim(fold_id, "one", stage, files=1, losses=0)
+        with pytest.raises(PausedError):
+            runner.execution(claim).run()
+        assert store.fold(fold_id).checkpoint is None
         assert (store.fold(fold_id).status, store.fold(fold_id).pauses) == ("queued", 1)
     finally:
         runner.stop()
@@ -326,42 +327,22 @@ def test_a_fold_that_needs_too_much_memory_is_ended_with_a_clear_word(
     assert service.http.get("/health").status_code == 200
 
 
-@pytest.mark.long
-def test_a_fold_with_a_row_and_no_job_is_found_at_the_next_start(service_with) -> None:
-    service = service_with(workers=0).start()
+def test_a_fold_that_is_lost_with_its_worker_again_and_again_fails(here_with: HereWith) -> None:
+    service = here_with().start()
     fold_id = service.fold(SNAKE)["id"]
-    service.kill()
-    with sqlite3.connect(service.data_dir / "jobs.db") as jobs:
-        assert jobs.execute("DELETE FROM workflow_status").rowcount == 1
-    jobs.close()
-    service.start()
-    with service.worker():
-        check_finished(service, fold_id)
-
-
-@pytest.mark.parametrize(
-    "status", ["ERROR", pytest.param("MAX_RECOVERY_ATTEMPTS_EXCEEDED", marks=pytest.mark.long)]
-)
-def test_a_job_that_failed_without_a_word_ends_its_fold(service: Service, status: str) -> None:
-    busy = service.fold(shape="mallet-24", preset="paper", seed=str(len(status)))
-    service.wait(busy["id"], lambda _: service.children("stages") != [])
-    computing = service.children("stages")
-    for child in computing:  # so that the other waits
-        child.suspend()
+    store = Store(service.settings)
+    with store.changing() as session:
+        session.execute(sa.update(FoldRow).values(losses=MAX_LOSSES))
+    claim = Queue(store).claim(Lane.QUICK, "tests")
+    assert isinstance(claim, FoldClaim)
+    runner = Runner(service.settings, store, fork_server=FORKS)
     try:
-        fold_id = service.fold(SNAKE)["id"]
-        assert service.state(fold_id)["status"] == "queued"
-        with sqlite3.connect(service.data_dir / "jobs.db", timeout=60) as jobs:
-            change = "UPDATE workflow_status SET status = ? WHERE workflow_uuid = ?"
-            assert jobs.execute(change, (status, fold_id)).rowcount == 1
-        jobs.close()
-        state = service.wait_over(fold_id)
-        assert (state["status"], state["error"]["code"]) == ("failed", "internal")
+        runner.execution(claim).run()
     finally:
-        for child in computing:
-            child.resume()
-        service.http.post(f"/api/folds/{busy['id']}/cancel", headers=owner(busy))
-    assert service.wait_over(busy["id"])["status"] == "cancelled"
+        runner.stop()
+        store.close()
+    state = service.state(fold_id)
+    assert (state["status"], state["error"]["code"]) == ("failed", "internal")
 
 
 def test_what_was_being_uploaded_at_the_end_leaves_nothing(here_with: HereWith) -> None:
@@ -372,16 +353,3 @@ def test_what_was_being_uploaded_at_the_end_leaves_nothing(here_with: HereWith) 
     service.start()
     assert not left.exists()
     assert service.http.get("/api/folds").json() == {"folds": []}
-
-
-@pytest.mark.long
-def test_asking_again_brings_a_lost_job_back(service_with) -> None:
-    service = service_with(workers=0).start()
-    token = new_token()
-    fold_id = service.fold(SNAKE, token=token)["id"]
-    with sqlite3.connect(service.data_dir / "jobs.db") as jobs:
-        assert jobs.execute("DELETE FROM workflow_status").rowcount == 1
-    jobs.close()
-    assert service.fold(SNAKE, token=token)["id"] == fold_id
-    with service.worker():
-        check_finished(service, fold_id)

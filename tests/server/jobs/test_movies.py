@@ -56,7 +56,6 @@ def over(movie: dict[str, Any]) -> bool:
 
 def children(service: Service) -> list[psutil.Process]:
     """Processes that make movies, encoders included."""
-    assert service.process is not None
     found = []
     for process in psutil.Process(service.process.pid).children(recursive=True):
         try:

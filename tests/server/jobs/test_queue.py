@@ -1,60 +1,192 @@
+"""The queue: who gets which job, what a checkpoint keeps, and what a lost worker costs."""
+
 from __future__ import annotations
 
-import sqlite3
-import time
+import random
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from dbos import DBOSClient
+import pytest
 
-from server.jobs.queue import JOB_RECORD_S, QUEUE, QUICK_QUEUE, Jobs
+from server.jobs.queue import FoldClaim, Lane, MovieClaim, Queue
 from server.limits.fair_queue import QUICK_FOLD_S
 from server.settings import Settings
-from tests.server.rows import statements
+from server.store.folds import Store, new_token
+from server.store.tables import FoldRow
+from tests.server.rows import a_fold, a_movie, statements
+
+TOKEN = new_token()
 
 
-def test_folds_are_taken_in_their_turn(tmp_path: Path) -> None:
-    settings = Settings(data_dir=tmp_path)
-    turns = {"last": 70, "first": 0, "middle": 3}
-    jobs = Jobs(settings)
-    for fold_id, turn in turns.items():
-        jobs.enqueue(fold_id, turn, QUICK_FOLD_S)
-    jobs.close()
-    client = DBOSClient(system_database_url=settings.queue_url)
-    priorities = {job.workflow_id: job.priority for job in client.list_queued_workflows()}
-    client.destroy()
-    assert priorities.keys() == turns.keys()
-    # The job system goes by rising priority; 0 would be none at all.
-    assert 0 < priorities["first"] < priorities["middle"] < priorities["last"]  # type: ignore[operator]
+@pytest.fixture(params=["sqlite", "postgresql"])
+def store(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Store]:
+    sqlite = request.param == "sqlite"
+    url = None if sqlite else request.getfixturevalue("postgres").database()
+    store = Store(Settings(data_dir=tmp_path, database_url=url))
+    yield store
+    store.close()
 
 
-def test_quick_folds_wait_in_a_queue_of_their_own(tmp_path: Path) -> None:
-    settings = Settings(data_dir=tmp_path)
-    jobs = Jobs(settings)
-    jobs.enqueue("quick", 0, QUICK_FOLD_S)
-    jobs.enqueue("long", 0, QUICK_FOLD_S + 1.0)
-    jobs.close()
-    client = DBOSClient(system_database_url=settings.queue_url)
-    queues = {job.workflow_id: job.queue_name for job in client.list_queued_workflows()}
-    client.destroy()
-    assert queues == {"quick": QUICK_QUEUE, "long": QUEUE}
+def add(store: Store, fold_id: str, *, turn: int = 0, cost_s: float = 1.0) -> None:
+    with store.changing() as session:
+        session.add(a_fold(fold_id, status="queued", turn=turn, cost_s=cost_s, owner=TOKEN))
 
 
-def test_jobs_that_are_over_are_deleted_and_no_others_are_read(tmp_path: Path) -> None:
-    jobs = Jobs(Settings(data_dir=tmp_path))
-    for name in ("waits", "gone", "gone-too"):
-        jobs.enqueue(name, 0, QUICK_FOLD_S)
-    jobs.forget("gone")
-    jobs.forget("gone-too")
-    assert jobs.sweep(time.time()) == 0, "they are kept for a while"
+def claimed(queue: Queue, lane: Lane = Lane.QUICK, worker: str = "one") -> FoldClaim:
+    claim = queue.claim(lane, worker)
+    assert isinstance(claim, FoldClaim)
+    return claim
+
+
+def test_folds_are_taken_in_their_turn_and_in_their_lane(store: Store) -> None:
+    queue = Queue(store)
+    for fold_id, turn in {"last": 70, "first": 0, "middle": 3}.items():
+        add(store, fold_id, turn=turn, cost_s=QUICK_FOLD_S)
+    add(store, "long", cost_s=QUICK_FOLD_S + 1.0)
+    assert [claimed(queue).fold_id for _ in range(3)] == ["first", "middle", "last"]
+    assert claimed(queue, Lane.LONG).fold_id == "long"
+    assert [queue.claim(lane, "one") for lane in Lane] == [None] * 3
+    with store.reading() as session:
+        rows = session.query(FoldRow).all()
+    assert {(row.status, row.stage, row.epoch) for row in rows} == {("running", "read", 1)}
+
+
+def test_no_two_workers_get_the_same_job(store: Store) -> None:
+    names = [f"f{k}" for k in range(24)]
+    for name in names:
+        add(store, name)
+        with store.changing() as session:
+            session.add(a_movie(name, "m", status="queued"))
+    ready = threading.Barrier(4)
+
+    def take(worker: int) -> list[str]:
+        queue = Queue(store)
+        ready.wait()
+        jobs = []
+        for lane in (Lane.QUICK, Lane.MOVIES):
+            while (claim := queue.claim(lane, f"worker{worker}")) is not None:
+                jobs.append(claim.job if isinstance(claim, MovieClaim) else claim.fold_id)
+        return jobs
+
+    with ThreadPoolExecutor(4) as threads:
+        taken = sorted(job for jobs in threads.map(take, range(4)) for job in jobs)
+    assert taken == sorted([*names, *(f"{name}-m" for name in names)])
+
+
+def test_a_fold_continues_after_its_last_finished_stage(store: Store) -> None:
+    queue = Queue(store)
+    add(store, "a")
+    first = claimed(queue)
+    assert (first.stage, first.files) == ("read", 0)
+    assert queue.keep(first, stage="explode", files=1)
+    queue.hand_back(first)
+    second = claimed(queue, worker="two")
+    assert (second.stage, second.files, second.losses) == ("explode", 1, 0)
+    assert store.fold("a").stage == "explode"
+    # The first execution has lost the fold: nothing that it writes counts.
+    assert not queue.keep(first, stage="certify", files=1)
+    queue.hand_back(first)
+    assert store.finish("a", "failed", summary={}, execution=first.execution)
+    row = store.fold("a")
+    assert (row.status, row.worker, row.epoch) == ("running", second.execution, 2)
+    assert store.finish("a", "verified", summary={}, execution=second.execution)
+    queue.release(second)
+    assert (store.fold("a").status, store.fold("a").worker) == ("verified", None)
+
+
+def test_jobs_of_a_lost_worker_are_queued_again_and_losses_are_counted(store: Store) -> None:
+    queue = Queue(store)
+    for name in ("running", "cancelled", "ended", "another"):
+        add(store, name)
+        claimed(queue, worker="other" if name == "another" else "one")
+    with store.changing() as session:
+        session.add(a_movie("running", "m", status="queued"))
+    movie = queue.claim(Lane.MOVIES, "one")
+    assert isinstance(movie, MovieClaim)
+    with store.changing() as session:
+        session.query(FoldRow).filter_by(id="cancelled").update({"cancel_requested": True})
+    store.finish("ended", "verified", summary={}, kept=1)
+    assert queue.holders() == {"one", "other"}
+    assert queue.hand_back_all("one", lost=True) == [("ended", 1)]
+    assert queue.holders() == {"other"}
+    found = {name: store.fold(name) for name in ("running", "cancelled", "ended", "another")}
+    assert {name: row.status for name, row in found.items()} == {
+        **{"running": "running", "cancelled": "cancelled"},
+        **{"ended": "verified", "another": "running"},
+    }
+    assert (found["running"].losses, found["another"].losses) == (1, 0)
+    again = claimed(queue, worker="one")
+    assert (again.fold_id, again.losses) == ("running", 1)
+    assert queue.keep(again, stage="explode", files=2)
+    queue.hand_back_all("one", lost=False)
+    assert claimed(queue).losses == 0, "a finished stage is progress"
+    repeated = queue.claim(Lane.MOVIES, "two")
+    assert isinstance(repeated, MovieClaim) and (repeated.job, repeated.losses) == (movie.job, 1)
+
+
+def test_a_fold_that_is_cancelled_while_no_worker_has_it_ends_at_once(store: Store) -> None:
+    queue = Queue(store)
+    token = new_token()
+    store.add(a_fold("a", status="queued"), token)
+    claim = claimed(queue)
+    queue.hand_back(claim)
+    assert store.fold("a").status == "running", "its visitors see no difference"
+    assert store.cancel("a", token)
+    assert store.fold("a").status == "cancelled"
+    assert queue.claim(Lane.QUICK, "two") is None
+
+
+def test_a_worker_s_name_is_not_a_pattern(store: Store) -> None:
+    queue = Queue(store)
+    add(store, "a")
+    claimed(queue, worker="host/1")
+    for other in ("host/%", "host/_", "host/"):
+        queue.hand_back_all(other, lost=True)
+    assert store.fold("a").status == "running"
+
+
+@pytest.mark.slow
+def test_executions_killed_at_random_repeat_no_finished_stage(store: Store) -> None:
+    """Model of a fold whose worker dies at 200 random points: every stage finishes once."""
+    queue, dice = Queue(store), random.Random(1)
+    stages = ["read", "explode", "play_back", "certify", "export"]
+    deaths, finished = 0, []
+    while deaths < 200:
+        name = f"f{len(finished)}"
+        add(store, name)
+        for stage in stages:
+            while True:
+                claim = claimed(queue, worker=f"w{deaths}")
+                assert claim.stage == stage, "a finished stage was repeated"
+                if dice.random() < 0.7:
+                    deaths += 1
+                    queue.hand_back_all(f"w{deaths - 1}", lost=True)
+                    continue
+                break
+            following = stages[stages.index(stage) + 1] if stage != stages[-1] else None
+            if following is None:
+                assert store.finish(name, "verified", summary={}, execution=claim.execution)
+                queue.release(claim)
+            else:
+                assert queue.keep(claim, stage=following, files=store.fold(name).epoch)
+                queue.hand_back(claim)
+        finished.append(name)
+    assert all(store.fold(name).status == "verified" for name in finished)
+
+
+def test_a_check_for_jobs_reads_an_index_only(tmp_path: Path) -> None:
+    store = Store(Settings(data_dir=tmp_path))
+    queue = Queue(store)
     with statements() as said:
-        assert jobs.sweep(time.time() + 2 * JOB_RECORD_S) == 2
-    assert jobs.going(["waits", "gone", "gone-too"]) == {"waits": True}
-    jobs.close()
-    with sqlite3.connect(tmp_path / "jobs.db") as database:
-        for table in ("workflow_status", "workflow_input", "workflow_output"):
-            assert database.execute(f"SELECT count(*) FROM {table}").fetchone()[0] <= 1
+        assert not queue.has_work()
+        assert [queue.claim(lane, "one") for lane in Lane] == [None] * 3
+        assert queue.holders() == set()
+    with store.reading() as session:
+        connection = session.connection()
         for statement, values in said:
-            if "workflow" in statement:
-                plan = database.execute(f"EXPLAIN QUERY PLAN {statement}", values).fetchall()
-                assert not [line for line in plan if line[3].startswith("SCAN workflow")], statement
-    database.close()
+            plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", values).all()
+            scans = [str(line[3]) for line in plan if str(line[3]).startswith("SCAN")]
+            assert set(scans) <= {"SCAN CONSTANT ROW"}, statement
+    store.close()

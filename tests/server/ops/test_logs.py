@@ -236,7 +236,7 @@ def test_what_is_below_the_level_is_not_told() -> None:
         "import logging; from server.ops.logs import set_up_logs; "
         "from server.settings import Settings; set_up_logs(Settings()); "
         "logging.getLogger('foldback.access').info('small'); "
-        "logging.getLogger('foldback').error('big'); logging.getLogger('dbos').warning('alien')"
+        "logging.getLogger('foldback').error('big'); logging.getLogger('alembic').warning('alien')"
     )
     told = run(code, FOLDBACK_LOG_LEVEL="ERROR").stderr.splitlines()
     assert len(told) == 1 and told[0].endswith("error foldback: big")

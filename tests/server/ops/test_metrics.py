@@ -49,7 +49,8 @@ def test_a_fold_is_counted_with_what_it_took(service: Service, finished: dict[st
     assert value(found, "folds", status="verified") >= 1
     assert value(found, "folds", status="queued") == value(found, "queue_length")
     assert value(found, "workers") == 1
-    assert value(found, "database_up") == 1
+    assert value(found, "database_up") == value(found, "storage_up") == value(found, "disk_up") == 1
+    assert value(found, "disk_free_bytes") > 0
     state = service.state(finished["id"])
     took = [value(found, "fold_seconds_lately", quantile=q) for q in ("0.5", "0.9", "1")]
     assert took == sorted(took) and took[-1] > 0
@@ -173,6 +174,7 @@ def test_the_stats_count_rows(kind: str, tmp_path: Path, request: pytest.Fixture
                     started_at=now - 100.0 if over else None,
                     ended_at=now - 100.0 + 10.0 * n if over else None,
                     bytes=10**n,
+                    error={"code": "internal"} if status == "failed" else None,
                 )
             )
         session.add(a_fold("old", status="failed", started_at=1.0, ended_at=2.0))
@@ -188,6 +190,7 @@ def test_the_stats_count_rows(kind: str, tmp_path: Path, request: pytest.Fixture
     assert found.storage_bytes == 11111
     assert found.workers == 1
     assert found.computed_s == pytest.approx((30.0, 40.0))
+    assert found.failures == {"internal": 1}
     stats.close()
     store.close()
     engine.dispose()

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import importlib.util
 import re
-import sqlite3
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+import yaml
 
-from server.cli.admin import admin
 from server.cli.command_line import COMMANDS
+from server.operate.admin import admin
 from server.ops.metrics import Metrics
+from server.ops.readiness import Places
 from server.settings import Settings
-from server.store.folds import Store
-from tests.server.rows import a_fold
+from server.store.stats import Figures
+from server.store.tables import STATUSES
 
 DOCS = Path(__file__).parents[3] / "docs"
 
@@ -43,10 +44,28 @@ def test_the_table_of_settings_is_that_of_the_code(page: str, maker: ModuleType)
 
 def test_the_figures_are_those_that_are_told(page: str) -> None:
     shown = page.partition("| metric | meaning |")[2].partition("\n\n")[0]
-    text = Metrics().text(None, streams=0, robots=0).decode()
+    figures = Figures(
+        folds=dict.fromkeys(STATUSES, 0),
+        movies={},
+        oldest_queued_s=0.0,
+        storage_bytes=0,
+        workers=0,
+        computed_s=(),
+        failures={},
+    )
+    places = Places(disk="ok", storage="ok", free_bytes=0)
+    text = Metrics().text(figures, places, streams=0, robots=0).decode()
     for name in re.findall(r"# TYPE (foldback_\w+)", text):
         if not name.endswith("_created"):
             assert name in shown or name.removeprefix("foldback") in shown
+    told = set(re.findall(r"# TYPE (foldback_\w+)", text))
+    alerts = yaml.safe_load((DOCS.parent / "deploy" / "alerts.yml").read_text(encoding="utf-8"))
+    rules = [rule for group in alerts["groups"] for rule in group["rules"]]
+    assert len(rules) >= 5
+    for rule in rules:
+        used = set(re.findall(r"foldback_[a-z_]+[a-z]", rule["expr"]))
+        assert {name.removesuffix("_count") for name in used} <= told, rule["alert"]
+        assert rule["annotations"]["summary"].endswith(".")
 
 
 def test_the_commands_are_there(page: str) -> None:
@@ -54,24 +73,3 @@ def test_the_commands_are_there(page: str) -> None:
     told = set(re.findall(r"^foldback admin (\w+)", page, re.MULTILINE))
     assert offered - {"unpin"} == told
     assert "admin" in COMMANDS
-
-
-def test_a_backup_of_a_running_database_is_whole(tmp_path: Path) -> None:
-    """As the page says: SQLite's own backup, while the service has the database open."""
-    store = Store(Settings(data_dir=tmp_path / "data"))
-    store.add(a_fold("kept"), "token")
-    (tmp_path / "again").mkdir()
-    with (
-        sqlite3.connect(tmp_path / "data" / "foldback.db") as running,
-        sqlite3.connect(tmp_path / "again" / "foldback.db") as backup,
-    ):
-        running.backup(backup)
-    running.close()
-    backup.close()
-    store.add(a_fold("later"), "token")
-    store.close()
-    restored = Store(Settings(data_dir=tmp_path / "again"))
-    assert restored.fold("kept").id == "kept"
-    assert restored.owns("kept", "token")
-    assert len(restored.list_owned("token")) == 1
-    restored.close()

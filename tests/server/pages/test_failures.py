@@ -112,7 +112,6 @@ def test_a_limit_says_what_was_exceeded_and_how_far_it_came() -> None:
     stuck = {"kind": "stopped", "modules": [3, 8], "words": "the chain was still unfolding"}
     error = {"code": "time-limit", "detail": "the stage 'explode' took long.", "where": "explode"}
     told = failure(row(error=error), {"stuck": stuck})
-    assert told is not None
     assert told["text"] == "Exploding took long. The chain was still unfolding."
     # What was complete by then is not told to be on its way.
     detail = {"detail": "the stage 'certify' failed: KeyError: 'x'"}
@@ -152,7 +151,6 @@ def test_a_playback_that_ends_elsewhere_says_so() -> None:
         "reason": "the playback ends 1 pitch (RMS) from the folded shape",
     }
     told = failure(row(), summary)
-    assert told is not None
     assert (told["heading"], told["modules"]) == ("It doesn't end in its target shape", [])
     assert told["text"] == "The playback ends 1 pitch (RMS) from the folded shape."
     beyond = failure(row(), {**summary, "reason": "the plan bends a joint beyond its range"})

@@ -16,8 +16,7 @@ from pathlib import Path
 import pytest
 
 from planner.errors import InputError
-from planner.progress import COMPILING
-from server.jobs.runner import STAGES
+from planner.progress import COMPILING, STAGES
 from server.limits.quota import Quota
 from server.processes import children
 from server.processes.children import EVENTS, Child, ChildError, Pool, Reader
@@ -307,8 +306,6 @@ def test_a_child_ends_with_its_parent() -> None:
         stdout=subprocess.PIPE,
     )
     with child:
-        assert child.stdout is not None
         assert json.loads(child.stdout.readline())["event"] == "ready"
-        assert child.stdin is not None
         child.stdin.close()
         assert child.wait(60) == 1

@@ -202,7 +202,6 @@ def test_it_ends_with_its_parent_and_so_do_its_children(directory: Path) -> None
         [sys.executable, "-c", PARENT, str(directory)], stdout=subprocess.PIPE, text=True
     )
     with parent:
-        assert parent.stdout is not None
         theirs = [psutil.Process(int(pid)) for pid in parent.stdout.readline().split()]
         assert len(theirs) == 2
         parent.kill()
@@ -232,7 +231,6 @@ def test_fork_server_that_compiles_ends_when_its_parent_is_killed(tmp_path: Path
         [sys.executable, "-c", STARTS, before_others(tmp_path)], stdout=subprocess.PIPE, text=True
     )
     with parent:
-        assert parent.stdout is not None
         server = psutil.Process(int(parent.stdout.readline()))
         parent.kill()
     try:

@@ -123,7 +123,6 @@ def test_a_disk_that_takes_nothing_refuses_uploads_and_nothing_else(
     with ServiceHere(service.data_dir).start() as taking_in:
         fold_id = sent(taking_in)["id"]
     service.start()
-    assert service.process is not None
     before = resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE)
     resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, (1000, before[1]))
     for data in (b"[" * 3_000_000, b"[" * 10_000):  # while it comes in, and when it is kept

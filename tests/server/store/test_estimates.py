@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from planner.pipeline.request import FoldRequest
 from server.api.schemas import ExpectedTimes
 from server.jobs.remaining import EtaEstimator
 from server.settings import Settings
@@ -49,7 +50,7 @@ def told_everywhere(store: Store, tmp_path: Path) -> tuple[float, float]:
 def test_estimate_with_few_samples_is_the_expected_cost(store: Store, tmp_path: Path) -> None:
     add_ended(store, MIN_SIMILAR_FOLDS - 1)
     preview_s, fold_s = told_everywhere(store, tmp_path)
-    assert preview_s == pytest.approx(expected_of_cost(plain_fold(160)))
+    assert preview_s == pytest.approx(expected_of_cost(plain_fold(160, FoldRequest())))
     assert fold_s == round(preview_s)
 
 
@@ -66,9 +67,9 @@ def test_estimate_of_other_options_uses_their_own_samples(store: Store) -> None:
     add_ended(store, MIN_SIMILAR_FOLDS)
     times = ExpectedTimes.of(REPORT, "floating", Estimates(store).total_s)
     assert times.expected_as_published_s == pytest.approx(
-        expected_of_cost(plain_fold(160, preset="paper"))
+        expected_of_cost(plain_fold(160, FoldRequest(preset="paper")))
     )
     assert times.expected_preferred_s == pytest.approx(
-        expected_of_cost(plain_fold(160, prefer="time"))
+        expected_of_cost(plain_fold(160, FoldRequest(prefer="time")))
     )
-    assert Estimates(store).stages_s(plain_fold(0)) is None
+    assert Estimates(store).stages_s(plain_fold(0, FoldRequest())) is None

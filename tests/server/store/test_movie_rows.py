@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sqlite3
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -16,7 +15,7 @@ from server.errors import TooMany, Unavailable
 from server.jobs import movie_runner, progress
 from server.jobs.movie_runner import MovieJobs
 from server.jobs.movies import Movies, MovieState, NoSuchMovieError
-from server.jobs.queue import Jobs
+from server.jobs.queue import MAX_LOSSES, MovieClaim
 from server.limits.networks import visitor_at
 from server.settings import Settings
 from server.store.folds import Store, new_token
@@ -33,13 +32,11 @@ class Process:
 
     def __init__(self, settings: Settings) -> None:
         self.store = Store(settings)
-        self.jobs = Jobs(settings)
-        self.movies = Movies(settings, self.store, self.jobs)
+        self.movies = Movies(settings, self.store)
         self.worker = MovieJobs(settings, self.store)
         self.settings = settings
 
     def close(self) -> None:
-        self.jobs.close()
         self.store.close()
 
     def row(self, movie: Movie = MOVIES[0]) -> MovieRow:
@@ -49,7 +46,7 @@ class Process:
         return row
 
     def make(self, movie: Movie = MOVIES[0]) -> None:
-        self.worker.make("a1", movie.key, self.row(movie).job)
+        self.worker.make(MovieClaim("a1", movie.key, self.row(movie).job, "worker:1"))
 
     def fold(self) -> FoldRow:
         return self.store.fold("a1")
@@ -94,13 +91,6 @@ def filming(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], None]]:
     return acts
 
 
-def jobs_of(process: Process, change: str, *values: object) -> int:
-    with sqlite3.connect(process.settings.root / "jobs.db") as jobs:
-        count = jobs.execute(change, values).rowcount
-    jobs.close()
-    return count
-
-
 def left(process: Process) -> list[str]:
     folder = process.settings.folds_dir / "a1" / "movies"
     return [path.name for path in folder.iterdir()] if folder.is_dir() else []
@@ -117,7 +107,7 @@ def test_asked_for_at_once_it_is_one_job(processes: Callable[..., list[Process]]
     with ThreadPoolExecutor(8) as threads:
         tokens = list(threads.map(ask, both * 4))
     assert len([token for token in tokens if token]) == 1
-    assert jobs_of(both[0], "UPDATE workflow_status SET name = name") == 1
+    assert both[0].row().status == "queued"
 
 
 def test_the_bounds_hold_over_all_processes(processes: Callable[..., list[Process]]) -> None:
@@ -130,10 +120,8 @@ def test_the_bounds_hold_over_all_processes(processes: Callable[..., list[Proces
     with pytest.raises(Unavailable) as full:
         here.movies.ask("a1", MOVIES[2], "a third")
     assert full.value.code == "busy"
-    # The same again is no other movie, and one whose job is lost is in nobody's way.
+    # The same again is no other movie.
     assert there.movies.ask("a1", MOVIES[0], "somebody")[1] is None
-    jobs_of(here, "UPDATE workflow_status SET status = 'ERROR'")
-    assert there.movies.ask("a1", MOVIES[2], "somebody")[1]
 
 
 def test_movies_of_one_network_leave_room_for_others(
@@ -148,28 +136,19 @@ def test_movies_of_one_network_leave_room_for_others(
     assert here.movies.ask("a1", MOVIES[2], visitor_at("2001:db8:2::1"))[1]
 
 
-def test_a_job_that_is_lost_fails_its_movie_and_may_be_asked_for_again(
+def test_a_movie_that_is_lost_again_and_again_fails_and_may_be_asked_for_again(
     processes: Callable[..., list[Process]],
 ) -> None:
     here, there = processes()
     _, first = here.movies.ask("a1", MOVIES[0], "somebody")
-    jobs_of(here, "UPDATE workflow_status SET status = 'ERROR'")
+    claim = MovieClaim("a1", MOVIES[0].key, here.row().job, "worker:1", losses=MAX_LOSSES)
+    here.worker.make(claim)
     state = there.movies.state("a1", MOVIES[0].key)
     assert (state.status, state.problem and state.problem["code"]) == ("failed", "interrupted")
     state, second = there.movies.ask("a1", MOVIES[0], "somebody")
     assert state.status == "queued"
     assert second and second != first
     assert state.owned_by(second)
-
-
-def test_who_asked_died_before_the_job_was_in_the_queue(
-    processes: Callable[..., list[Process]],
-) -> None:
-    here, there = processes()
-    here.movies.ask("a1", MOVIES[0], "somebody")
-    assert jobs_of(here, "DELETE FROM workflow_status") == 1
-    assert there.movies.state("a1", MOVIES[0].key).status == "queued"
-    assert there.jobs.going([here.row().job]) == {here.row().job: True}
 
 
 def test_done_twice_it_counts_once(processes: Callable[..., list[Process]], filming: Any) -> None:
@@ -199,7 +178,8 @@ def test_deleted_meanwhile_nothing_is_left(
     with pytest.raises(NoSuchMovieError):
         here.movies.state("a1", MOVIES[0].key)
     here.movies.ask("a1", MOVIES[0], "somebody")
-    here.worker.make("a1", MOVIES[0].key, job)  # the old job is nobody's any more
+    old = MovieClaim("a1", MOVIES[0].key, job, "worker:1")
+    here.worker.make(old)  # the old job is nobody's any more
     assert here.row().status == "queued"
 
     def delete_fold() -> None:

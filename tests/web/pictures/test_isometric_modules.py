@@ -49,7 +49,6 @@ def test_titles_are_escaped(title: str | None) -> None:
 def test_everything_is_inside_the_box() -> None:
     svg = chain_svg(read_angle_string(RING))
     box = re.search(r'viewBox="([^"]+)"', svg)
-    assert box is not None
     x, y, width, height = (float(v) for v in box[1].split())
     points = np.array(re.findall(r"[ML](-?[\d.]+) (-?[\d.]+)", svg), dtype=float)
     assert (points >= [x, y]).all()

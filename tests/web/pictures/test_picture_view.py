@@ -27,7 +27,6 @@ def camera(view: PictureView) -> View:
 def test_short_form_names_frame_and_camera() -> None:
     assert PictureView.from_short("12,,,1") == PictureView(frame=11)
     view = PictureView.from_short("1,-90,45.5,1.25,0.1,-0.2")
-    assert view is not None
     assert view.azimuth_rad == pytest.approx(-np.pi / 2)
     assert view.elevation_rad == pytest.approx(np.deg2rad(45.5))
     assert (view.frame, view.zoom, view.aside) == (0, 1.25, (0.1, -0.2))

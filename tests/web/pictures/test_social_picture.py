@@ -32,7 +32,6 @@ def drawn(picture: np.ndarray) -> np.ndarray:
 )
 def test_the_shape_fills_the_picture_and_is_whole(name: str) -> None:
     shape = Gallery().shape(name)
-    assert shape is not None
     found = read(shape.data, filename=shape.filename)
     picture = pixels(found if isinstance(found, Chain) else Chain.from_path(found))
     rows, columns = np.nonzero(drawn(picture))

@@ -185,7 +185,6 @@ def test_a_timeline_from_before_errors_were_told_is_shown(long_path: Path, tmp_p
 
 def test_a_camera_keeps_to_what_moves_in_a_long_fold(long_path: Path) -> None:
     timeline = TimelineView(long_path)
-    assert timeline.stretch is not None
     assert timeline.snapshot(0).framed == len(LONG_CHAIN)  # all of it is folded
     straight = timeline.snapshot(len(LONG) // 2)
     assert straight.framed < len(LONG_CHAIN)

@@ -1,7 +1,7 @@
 // The preview page: what its controls change, requests for reports, offers and a fold.
 import { Refusal, ask, formOf, ownKey } from "../lib/api.js";
 import { UNREACHABLE, element, get, later, sentence } from "../lib/text.js";
-import { refused, settingsOf } from "../panels/paper_settings.js";
+import { fieldsOf, refused, settingsOf } from "../panels/paper_settings.js";
 import { Preview } from "../panels/preview_state.js";
 import { Picture, choicesOnPage, cover, foldWords, radios, showOffers, showOptions, showProblem, showReport, showStart, showTrouble } from "../panels/preview_view.js";
 
@@ -132,7 +132,7 @@ get("fold").onclick = async () => {
   showProblem("");
   const settings = preview.onTable ? settingsOf(get("table-settings")) : preset === "paper" ? settingsOf(get("paper-settings")) : "";
   const words = await requesting(({ openFold }) => openFold({
-    ...preview.fields, preset, prefer, ...(settings && { settings }), ...(report.as_voxels && { as_voxels: true }),
+    ...preview.fields, ...fieldsOf(get("more")), prefer, ...(settings && { settings }), ...(report.as_voxels && { as_voxels: true }),
   }));
   if (words === "") return;
   if (words) {

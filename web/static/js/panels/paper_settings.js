@@ -15,11 +15,16 @@ export function follow(presets) {
   showFor(presets.value);
 }
 
+const inputsIn = (/** @type {HTMLElement} */ part) => /** @type {(HTMLInputElement | HTMLSelectElement)[]} */ ([...part.querySelectorAll("input, select")]);
+
+// Return what is filled in within a part of the page, by its name.
+/** @param {HTMLElement} part */
+export const fieldsOf = (part) => Object.fromEntries(inputsIn(part).filter(({ value }) => value).map(({ name, value }) => [name, value]));
+
 // Return what differs from the usual in the fields of a part of the page, as a text of settings.
 /** @param {HTMLElement} part */
 export function settingsOf(part) {
-  const inputs = /** @type {(HTMLInputElement | HTMLSelectElement)[]} */ ([...part.querySelectorAll("input, select")]);
-  return inputs.map((input) => ({ name: input.name, value: input.value.trim().replaceAll(",", "."), usual: input.dataset.usual ?? ("placeholder" in input ? input.placeholder : "") }))
+  return inputsIn(part).map((input) => ({ name: input.name, value: input.value.trim().replaceAll(",", "."), usual: input.dataset.usual ?? ("placeholder" in input ? input.placeholder : "") }))
     .filter(({ value, usual }) => value && value !== usual).map(({ name, value }) => `${name}=${value}`).join(",");
 }
 

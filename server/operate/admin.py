@@ -1,11 +1,11 @@
-"""``foldback admin``: list, delete, repeat and pin the folds of a service."""
+"""``foldback admin``: commands of operators for folds, backups and tables."""
 
 from __future__ import annotations
 
 import json
 import time
 from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
@@ -14,7 +14,7 @@ import typer
 from server.ops.starting import settings_of
 
 if TYPE_CHECKING:
-    from server.cli.admin_tasks import AdminTasks
+    from server.operate.fold_tasks import AdminTasks
     from server.store.tables import FoldRow
 
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
@@ -24,44 +24,56 @@ Ids = Annotated[list[str], typer.Argument(help="Ids of the folds.")]
 Force = Annotated[
     bool, typer.Option("--force", help="Also act in cases that are normally refused.")
 ]
+BackupDirectory = Annotated[Path, typer.Argument(help="Directory of the backup.")]
 FOLD_LIST_COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor", "kept")
 PSEUDONYM_CHARACTERS: Final = 8
 """Number of first characters of a visitor's pseudonym that the operator's lists display. They are
 part of the hash of the visitor's network of IP addresses, so visitors of one network look the same.
 A larger value makes the lists wider. Chosen."""
+PENDING_EXIT_CODE: Final = 3
+"""Exit code of ``migrate --check`` if a migration would change tables."""
 
 admin = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
-    help="List, delete, repeat and pin folds of a service.",
+    help="Manage the folds, backups and tables of a service.",
 )
 
 
 @contextmanager
-def _tasks(data_dir: Path | None) -> Generator[AdminTasks]:
-    """An operator's tasks with these settings; what is wrong ends the command in words."""
+def _refusals() -> Generator[None]:
+    """Turn an error of a task into one line and the exit code 1."""
     from sqlalchemy.exc import SQLAlchemyError
 
-    from server.cli.admin_tasks import AdminError, AdminTasks
+    from server.operate.errors import AdminError
+    from server.store.folds import NoSuchFoldError
+    from server.store.object_store import StorageError
+    from server.store.schema_version import NewerSchemaError
 
     try:
-        tasks = AdminTasks(settings_of(data_dir=data_dir))
-    except AdminError as error:
-        raise _ended(str(error)) from None
+        yield
+    except (AdminError, NewerSchemaError) as error:
+        words = str(error)
+    except NoSuchFoldError:
+        words = "There is no fold with this id."
     except SQLAlchemyError as error:
-        raise _ended(
-            f"the database does not answer ({type(error).__name__}); run `foldback doctor` for "
-            "details."
-        ) from None
-    try:
-        yield tasks
-    finally:
-        tasks.close()
-
-
-def _ended(words: str) -> typer.Exit:
+        words = f"the database does not answer ({type(error).__name__}); run `foldback doctor`."
+    except StorageError as error:
+        words = f"{str(error).removesuffix('.')}; run `foldback doctor`."
+    except OSError as error:
+        words = f"{error.filename or 'a file'} cannot be used ({error.strerror})."
+    else:
+        return
     typer.echo(words, err=True)
-    return typer.Exit(1)
+    raise typer.Exit(1)
+
+
+@contextmanager
+def _tasks(data_dir: Path | None) -> Generator[AdminTasks]:
+    from server.operate.fold_tasks import AdminTasks
+
+    with _refusals(), closing(AdminTasks(settings_of(data_dir=data_dir))) as tasks:
+        yield tasks
 
 
 @admin.command("list")
@@ -79,26 +91,20 @@ def list_folds(
         rows = [_shown(row) for row in tasks.folds(status=status, older_days=older)]
     if as_json:
         typer.echo(json.dumps(rows, indent=2))
-        return
-    _table(FOLD_LIST_COLUMNS, [_words(row) for row in rows])
+    else:
+        _table(FOLD_LIST_COLUMNS, [_words(row) for row in rows])
 
 
 @admin.command()
 def show(fold_id: str, as_json: AsJson = False, data_dir: DataDir = None) -> None:
     """Show the details of a fold."""
-    from server.store.folds import NoSuchFoldError
-
     with _tasks(data_dir) as tasks:
-        try:
-            row = tasks.fold(fold_id)
-        except NoSuchFoldError:
-            raise _ended(f"There is no fold {fold_id!r}.") from None
-        known = {column.key: getattr(row, column.key) for column in row.__table__.columns}
-        known |= {
-            "visitor": row.visitor[:PSEUDONYM_CHARACTERS],
-            "owner": row.owner is not None,
-            "job": tasks.job(fold_id),
-        }
+        row = tasks.fold(fold_id)
+    known = {column.key: getattr(row, column.key) for column in row.__table__.columns} | {
+        "visitor": row.visitor[:PSEUDONYM_CHARACTERS],
+        "owner": row.owner is not None,
+        "job": None if row.over else row.status,
+    }
     if as_json:
         typer.echo(json.dumps(known, indent=2))
         return
@@ -132,7 +138,7 @@ def expire(
             return
         if not yes:
             typer.confirm(f"Permanently delete {len(ids)} folds?", abort=True)
-        _each(ids, lambda fold_id: tasks.expire(fold_id, force=force), "forgotten")
+        _each(ids, lambda fold_id: tasks.expire(fold_id, force=force), "deleted")
 
 
 @admin.command()
@@ -171,45 +177,94 @@ def damaged(data_dir: DataDir = None) -> None:
 @admin.command()
 def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
     """List the workers."""
+    shown = ("name", "host", "pid", "folds_at_once", "version", "beat")
     with _tasks(data_dir) as tasks:
-        found = tasks.workers()
-    now = time.time()
-    rows = [
-        {
-            "name": row.name,
-            "host": row.host,
-            "pid": row.pid,
-            "folds_at_once": row.folds_at_once,
-            "version": row.version,
-            "age_s": round(now - row.started_at, 1),
-            "beat": row.beat,
-        }
-        for row in found
-    ]
+        rows: list[dict[str, Any]] = [
+            {name: getattr(row, name) for name in shown}
+            | {"age_s": round(time.time() - row.started_at, 1)}
+            for row in tasks.workers()
+        ]
     if as_json:
         typer.echo(json.dumps(rows, indent=2))
-        return
-    if rows:
+    elif rows:
         _table(tuple(rows[0]), [[str(value) for value in row.values()] for row in rows])
     else:
         typer.echo("No worker is running.")
 
 
+@admin.command()
+def backup(directory: BackupDirectory, data_dir: DataDir = None) -> None:
+    """Write databases and files into a new directory; the service may run meanwhile."""
+    from server.operate.backup import back_up
+
+    with _refusals():
+        manifest = back_up(settings_of(data_dir=data_dir), directory)
+    size = sum(file.bytes for file in (manifest.database, *manifest.files))
+    typer.echo(f"{directory}: {len(manifest.files)} files of folds, {size} bytes in all.")
+
+
+@admin.command()
+def restore(
+    directory: BackupDirectory,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Delete the data that the service has now.")
+    ] = False,
+    data_dir: DataDir = None,
+) -> None:
+    """Restore a backup. Stop all web processes and workers first."""
+    from server.operate import backup
+
+    with _refusals():
+        manifest = backup.restore(settings_of(data_dir=data_dir), directory, replace=replace)
+    date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(manifest.created_at))
+    typer.echo(f"Restored the state of {date}: {len(manifest.files)} files of folds.")
+
+
+@admin.command()
+def migrate(
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check", help="Only list the changes; exits with 3 if there are any, otherwise 0."
+        ),
+    ] = False,
+    data_dir: DataDir = None,
+) -> None:
+    """Bring all tables to this version's, as a start of the service does."""
+    from server.operate.migration import pending_changes, run_migration
+
+    settings = settings_of(data_dir=data_dir)
+    with _refusals():
+        changes = pending_changes(settings)
+        if changes and not check:
+            run_migration(settings)
+    for change in changes:
+        typer.echo(f"{'would migrate' if check else 'migrated'} {change}")
+    if not changes:
+        typer.echo("All tables are of this version.")
+    elif check:
+        raise typer.Exit(PENDING_EXIT_CODE)
+
+
 def _each(ids: Sequence[str], do: Callable[[str], None], done: str) -> None:
-    """Apply a task to each fold; a refusal does not stop the others."""
-    from server.cli.admin_tasks import AdminError
+    """Apply a task to each fold; a refusal does not stop the others.
+
+    Args:
+        ids: Ids of the folds.
+        do: The task.
+        done: State of a fold after it, for a message.
+    """
+    from server.operate.errors import AdminError
     from server.store.folds import NoSuchFoldError
 
-    refused = 0
+    refused = False
     for fold_id in ids:
         try:
             do(fold_id)
-        except NoSuchFoldError:
-            typer.echo(f"There is no fold {fold_id!r}.", err=True)
-            refused += 1
-        except AdminError as error:
-            typer.echo(str(error), err=True)
-            refused += 1
+        except (NoSuchFoldError, AdminError) as error:
+            is_missing = isinstance(error, NoSuchFoldError)
+            typer.echo(f"There is no fold {fold_id!r}." if is_missing else error, err=True)
+            refused = True
         else:
             typer.echo(f"{fold_id} is {done}.")
     if refused:

@@ -1,0 +1,302 @@
+"""Sources: inputs of folds, and how each of them completes the request."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields, replace
+from io import BytesIO
+from pathlib import Path
+from typing import Annotated, Any, BinaryIO, Final
+
+from fastapi import File, Form, UploadFile
+
+from planner.errors import InputError
+from planner.file_names import INPUT, REQUEST
+from planner.files import json_of
+from planner.names import clean_name
+from planner.pathfinding.options import PathOptions
+from planner.pipeline.request import FoldRequest, PreviewRequest
+from planner.readers.limits import quote
+from planner.verification.integrity import check
+from server.api.base_folds import BaseFold, finished_base, stored_base
+from server.api.context import Context
+from server.api.schemas import MAX_FOLD_NAME
+from server.errors import NotFound, Unusable
+from server.store.tables import FoldRow
+
+MESH_SUFFIXES: Final = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
+"""File name suffixes of uploads that are triangle meshes, in lower case. Other uploads hold voxels,
+paths of cells, or chains."""
+MAX_ID_CHARS: Final = 64
+"""Maximum length of an id in a form; no id is longer. A larger value only lets longer texts in
+before they are refused."""
+OPTIONAL_ID: Final = "^[A-Za-z0-9_-]*$"
+Cells = list[list[int]]
+Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]
+GalleryShape = Annotated[str | None, Form(description="Or: the name of a gallery shape.")]
+
+
+def id_field(description: str) -> Any:
+    """Return the form field of the id of a fold or a preview."""
+    return Form(max_length=MAX_ID_CHARS, pattern=OPTIONAL_ID, description=description)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """Input of a fold as a form names it, and the fold that a refold begins with.
+
+    Attributes:
+        file: An upload.
+        shape: Name of a gallery shape.
+        preview: Id of a preview.
+        fold: Id of a fold whose input is used again.
+        smooth: Id of a fold whose plan is smoothed.
+        refold: Id of the fold that a refold begins with, whatever its input is.
+    """
+
+    file: UploadFile | None = None
+    shape: str | None = None
+    preview: str | None = None
+    fold: str | None = None
+    smooth: str | None = None
+    refold: str | None = None
+
+    def check(self) -> None:
+        """Refuse none, or several.
+
+        Raises:
+            Unusable: ``file-or-shape`` or ``smooth-or-refold``.
+        """
+        names = [each.name for each in fields(self) if each.name != "refold"]
+        given = [name for name in names if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise Unusable(
+                "file-or-shape",
+                f"got {' and '.join(given) or 'none'} of the form fields 'file', 'shape', "
+                "'preview', 'fold' and 'smooth', expected one of them.",
+            )
+        if self.smooth is not None and self.refold is not None:
+            raise Unusable(
+                "smooth-or-refold", "got the form fields 'smooth' and 'refold', expected one."
+            )
+
+
+def origin_in_form(
+    file: Uploaded = None,
+    shape: GalleryShape = None,
+    preview: Annotated[str | None, id_field("Or: the id of a preview.")] = None,
+    fold: Annotated[
+        str | None,
+        id_field("Or: the id of a fold whose input and shape options are used again."),
+    ] = None,
+    refold: Annotated[
+        str | None,
+        id_field(
+            "The id of a finished fold. Its chain unfolds and then folds into the shape, which "
+            "must have the same number of modules of the same kind."
+        ),
+    ] = None,
+    smooth: Annotated[
+        str | None,
+        id_field(
+            "Or: the id of a verified fold. A new fold makes its motion shorter and smoother. "
+            "Preset and strategy do not apply, because there is no new explosion."
+        ),
+    ] = None,
+) -> Origin:
+    """Return the origin that a form names; ``Origin.check`` judges it."""
+    return Origin(file=file, shape=shape, preview=preview, fold=fold, refold=refold, smooth=smooth)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """The input of a new fold, and the request as that input completes it.
+
+    Attributes:
+        request: Request with the name of the input.
+        shape: Name of the gallery shape; None for other inputs.
+        cells: Cells that are known already, so that the fold's page can draw them at once.
+        prepared: File of the chains that a preview has found.
+        parent: Fold that it refolds or smooths.
+        repeats: Fold that is requested once more, by its id.
+    """
+
+    request: FoldRequest
+    shape: str | None = None
+    cells: Cells | None = None
+    prepared: Path | None = None
+    parent: BaseFold | None = None
+    repeats: FoldRow | None = None
+
+    @property
+    def public(self) -> bool:
+        """True if everyone may find the fold: a gallery shape with the default options."""
+        return self.shape is not None and self.parent is None and not self.request.changed()
+
+
+@contextmanager
+def open_source(
+    context: Context, origin: Origin, request: FoldRequest
+) -> Generator[tuple[BinaryIO, Source]]:
+    """Open the input that a form names, and complete a valid request by it.
+
+    Raises:
+        NoSuchFoldError: When there is no such fold.
+        NoSuchPreviewError: When the preview is not there any more.
+        ServiceError: When it cannot be used.
+    """
+    origin.check()
+    stream, filename = _opened(context, origin)
+    with stream:
+        source = Source(request=replace(request, filename=filename))
+        if origin.shape is not None:
+            source = _of_gallery(source, origin.shape)
+        elif origin.preview is not None:
+            source = _of_preview(context, source, origin.preview)
+        elif (earlier := origin.smooth or origin.fold) is not None:
+            source = _of_fold(context, source, earlier, smooth=origin.smooth is not None)
+        if (parent := _parent(context, origin, source.repeats)) is not None:
+            source = _derived(source, parent, origin)
+        yield stream, replace(source, request=source.request.canonical())
+
+
+def _opened(context: Context, origin: Origin) -> tuple[BinaryIO, str | None]:
+    """Return the open input and its name."""
+    if origin.file is not None:
+        return origin.file.file, clean_filename(origin.file.filename)
+    if origin.preview is not None:
+        return context.previews.upload(origin.preview)
+    if (earlier := origin.smooth or origin.fold) is not None:
+        context.store.fold(earlier)
+        return stored_input(context.store.directory(earlier))
+    name = origin.shape or ""
+    found = context.gallery.shape(name)
+    if found is None:
+        raise Unusable(
+            "no-such-shape",
+            f"got the shape {quote(name)!r}, expected one of "
+            f"{context.gallery.nearest(name[:100])}; GET /api/shapes lists them.",
+        )
+    return BytesIO(found.data), found.filename
+
+
+def _of_gallery(source: Source, shape: str) -> Source:
+    """Complete the source of a gallery shape, whose path suits no table."""
+    on_table = source.request.world == "table"
+    request = replace(source.request, as_voxels=source.request.as_voxels or on_table)
+    return replace(source, request=request, shape=shape)
+
+
+def _of_preview(context: Context, source: Source, preview_id: str) -> Source:
+    """Complete the source of a preview by the cells and chains that it has found."""
+    options = PreviewRequest.of_fold(source.request)
+    return replace(
+        source,
+        cells=context.previews.cells(preview_id, options),
+        prepared=context.previews.prepared(preview_id, options),
+    )
+
+
+def _of_fold(context: Context, source: Source, fold_id: str, *, smooth: bool) -> Source:
+    """Complete the source of an earlier fold, whose path options are used again.
+
+    The world is requested each time. A smoothing takes the module size of its fold by default.
+    """
+    row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
+    request, cells = source.request, _stored_cells(directory)
+    options = PathOptions.from_json(_stored_request(directory))
+    if request.world == "table" != row.world:
+        # The path of a floating chain is not used; a mesh gets 2×2×2 modules as before.
+        mesh = cells is None or (request.filename or "").lower().endswith(MESH_SUFFIXES)
+        method = "blocks" if mesh and options.method == "auto" else "auto"
+        options = replace(options, as_voxels=True, method=method)
+    request = replace(request, **{**asdict(options), "world": request.world})
+    validate(request)
+    if smooth and request.module_size is None:
+        request = replace(request, module_size=row.module_size)
+    repeats = None if smooth else row
+    return replace(source, request=request, shape=row.shape, cells=cells, repeats=repeats)
+
+
+def _parent(context: Context, origin: Origin, repeats: FoldRow | None) -> BaseFold | None:
+    """Return the fold that is refolded or smoothed; None of others."""
+    if origin.smooth is not None:
+        return finished_base(context, origin.smooth, "smooth")
+    if origin.refold is not None:
+        return finished_base(context, origin.refold, "refold")
+    if repeats is not None:
+        return stored_base(context.store.directory(repeats.id), repeats)
+    return None
+
+
+def _derived(source: Source, parent: BaseFold, origin: Origin) -> Source:
+    """Complete a source by its parent; a refold of a new input takes its module and count."""
+    request, use = source.request, parent.use
+    if origin.refold is not None and (origin.file is not None or origin.preview is not None):
+        modules = request.modules or parent.modules
+        request = replace(request, module=parent.module, modules=modules)
+    request = replace(request, refold=use == "refold", smooth=use == "smooth")
+    return replace(source, request=request, parent=parent)
+
+
+def validate(request: PathOptions) -> None:
+    """Refuse an invalid request with the planner's error.
+
+    Raises:
+        Unusable: When it is invalid.
+    """
+    try:
+        request.check()
+    except InputError as error:
+        raise Unusable.of(error) from None
+
+
+def clean_filename(name: str | None) -> str | None:
+    """Return the last part of an upload's file name, fit to be shown; None if nothing is left."""
+    last = (name or "").replace("\\", "/").rpartition("/")[2]
+    return clean_name(last, max_length=MAX_FOLD_NAME) or None
+
+
+def stored_input(directory: Path) -> tuple[BinaryIO, str | None]:
+    """Return the input of a fold, open, and the name of its file.
+
+    Raises:
+        NotFound: If it is not there any more.
+        DamagedError: If it is not what was written.
+    """
+    try:
+        source = open(directory / INPUT, "rb")  # noqa: SIM115 (the caller closes it)
+    except OSError as error:
+        raise _no_input() from error
+    try:
+        check(directory, INPUT, REQUEST)
+        return source, _stored_request(directory)["filename"]
+    except BaseException:
+        source.close()
+        raise
+
+
+def _stored_request(directory: Path) -> dict[str, Any]:
+    """Return the values of a fold's request.
+
+    Raises:
+        NotFound: If they are not there any more.
+    """
+    request = json_of(directory / REQUEST)
+    if "filename" not in request:
+        raise _no_input()
+    return request
+
+
+def _stored_cells(directory: Path) -> Cells | None:
+    """Return a fold's cells for a drawing, if there are any."""
+    try:
+        return json.loads((directory / "cells.json").read_bytes())
+    except (OSError, ValueError):
+        return None
+
+
+def _no_input() -> NotFound:
+    return NotFound("no-input", "The input file of this fold has expired; send the file again.")

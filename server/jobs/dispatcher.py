@@ -1,0 +1,128 @@
+"""Dispatcher: takes jobs from the queue as places become free, and computes each in a thread."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from typing import Final
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from server.jobs.execution import LeaseLostError, NotFinishedError
+from server.jobs.movie_runner import MovieJobs
+from server.jobs.queue import Claim, FoldClaim, Lane, Queue
+from server.jobs.retry import retry_until_available
+from server.jobs.runner import Runner
+from server.ops.logs import about
+from server.ops.tracing import span
+from server.store.tables import passes
+
+QUEUE_POLL_S: Final = 0.1
+"""Time between two checks of a worker for waiting jobs, in s. A job waits half of it on average. A
+smaller value takes more processor time while there is nothing to do. Chosen."""
+log = logging.getLogger("foldback.worker")
+
+
+class Dispatcher:
+    """Threads that compute what this worker has claimed.
+
+    Args:
+        queue: The queue.
+        runner: Computes folds.
+        movies: Makes movies.
+        worker: Name of this worker.
+        places: Number of jobs of each lane that are computed at the same time.
+    """
+
+    def __init__(
+        self,
+        queue: Queue,
+        runner: Runner,
+        movies: MovieJobs,
+        *,
+        worker: str,
+        places: dict[Lane, int],
+    ) -> None:
+        self._queue = queue
+        self._runner = runner
+        self._movies = movies
+        self._worker = worker
+        self._free = dict(places)
+        self._total = sum(places.values())
+        self._changed = threading.Condition()
+        self._closed = False
+
+    def start(self) -> None:
+        """Start to take jobs."""
+        threading.Thread(target=self._take_jobs, name="dispatcher", daemon=True).start()
+
+    def close(self) -> None:
+        """Take no more jobs; those that were taken continue."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    def wait_idle(self, timeout_s: float) -> bool:
+        """Wait until no job is being computed; False if the time ends first."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self.active == 0, timeout_s)
+
+    @property
+    def active(self) -> int:
+        """Number of jobs that are being computed."""
+        return self._total - sum(self._free.values())
+
+    def _take_jobs(self) -> None:
+        told = False
+        while not self._closed:
+            took = False
+            try:
+                if self._queue.has_work():
+                    for lane in Lane:
+                        took |= self._take(lane)
+                told = False
+            except Exception as error:
+                if not (isinstance(error, SQLAlchemyError) and passes(error)):
+                    log.exception("the queue cannot be read")
+                elif not told:
+                    log.warning("the queue does not answer: %s", error)
+                told = True
+            if not took:
+                with self._changed:
+                    self._changed.wait(QUEUE_POLL_S)
+
+    def _take(self, lane: Lane) -> bool:
+        """Start the next job of a lane; False if there is no free place or no job."""
+        with self._changed:
+            if self._closed or not self._free[lane]:
+                return False
+        claim = self._queue.claim(lane, self._worker)
+        if claim is None:
+            return False
+        with self._changed:
+            self._free[lane] -= 1
+        threading.Thread(
+            target=self._compute, args=(claim, lane), name=claim.fold_id, daemon=True
+        ).start()
+        return True
+
+    def _compute(self, claim: Claim, lane: Lane) -> None:
+        try:
+            if isinstance(claim, FoldClaim):
+                with about(fold=claim.fold_id), span("fold", operationUUID=claim.fold_id):
+                    self._runner.execution(claim).run()
+            else:
+                with about(fold=claim.fold_id, movie=claim.movie_id), span("movie"):
+                    self._movies.make(claim)
+        except LeaseLostError:
+            pass  # it is another's
+        except Exception as error:
+            if not isinstance(error, NotFinishedError):
+                log.exception("job %s goes back to the queue", claim.execution)
+                time.sleep(QUEUE_POLL_S)
+            retry_until_available(lambda: self._queue.hand_back(claim))
+        finally:
+            with self._changed:
+                self._free[lane] += 1
+                self._changed.notify_all()

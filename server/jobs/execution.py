@@ -1,0 +1,510 @@
+"""Execution: one attempt of a worker at computing a fold, from its checkpoint to its end."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import threading
+import time
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from planner.errors import InputError, TimelineError
+from planner.file_names import START_CHAIN, TIMELINE
+from planner.motion.timeline import Timeline, TimelineWriter
+from planner.pipeline.fold_layout import any_verified, result
+from planner.progress import STAGES
+from planner.readers.gallery import Gallery
+from server.files.cancelled import sweep_cancelled_of
+from server.jobs.progress import REPEATED_STAGES, JobProgress
+from server.jobs.queue import MAX_LOSSES, FoldClaim, Queue
+from server.jobs.retry import RETRY_INTERVAL_S, Answer, retry_until_available
+from server.jobs.slices import Slice
+from server.ops.tracing import span
+from server.processes.children import CRASHED, LOST, Child, ChildError, Children
+from server.store.fold_files import frames_promised
+from server.store.folds import NoSuchFoldError, Store
+from server.store.object_store import StorageError
+
+UPLOAD_INTERVAL_S: Final = 0.7
+"""Time between two copies of a running fold's motion to the object store, in s. A larger value
+shows frames later; a smaller one transfers more. Chosen."""
+MAX_CRASHES: Final = 3
+"""Number of crashes of the computing process within one stage after which a fold fails. With 1 a
+single accident fails a fold; with a larger value a fold that always crashes occupies a worker for
+longer. Chosen."""
+log = logging.getLogger("foldback.worker")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """Result of a stage.
+
+    Attributes:
+        status: Status of the fold.
+        following: The next stage; None if the fold has ended.
+        summary: Figures of the result.
+        error: ``code``, ``detail``, ``where`` of what went wrong, or None.
+        repeatable: True if the same upload would end the same way.
+        files: The epoch of its files.
+        size: Bytes of its files; None if unknown.
+    """
+
+    status: str
+    following: str | None = None
+    summary: dict[str, Any] = field(default_factory=dict[str, Any])
+    error: dict[str, Any] | None = None
+    repeatable: bool = True
+    files: int = 0
+    size: int | None = None
+
+
+class NotFinishedError(Exception):
+    """An execution that ends before its fold; nothing more is stored of it."""
+
+
+class LeaseLostError(NotFinishedError):
+    """Another execution has the fold."""
+
+
+class StoppingError(NotFinishedError):
+    """The worker stops: another one continues the fold."""
+
+
+class PausedError(NotFinishedError):
+    """The fold is back in the queue, as others wait and its slice is over."""
+
+
+class CancelledError(Exception):
+    """The fold was cancelled while something was waited for."""
+
+
+def internal_failure(error: Exception, stage: str | None) -> Outcome:
+    """Return the outcome of an error of the service itself."""
+    detail = f"an error occurred inside the service ({type(error).__name__}); try again."
+    return Outcome(
+        status="failed",
+        error={"code": "internal", "detail": detail, "where": stage},
+        repeatable=False,
+    )
+
+
+class Execution:
+    """Computes one fold, in a child process with limits.
+
+    Args:
+        claim: The fold, and where it continues.
+        store: Rows and files.
+        children: Processes that compute stages.
+        stage_seconds: Maximum duration of a stage, in s.
+        stopping: Set once the worker stops.
+    """
+
+    def __init__(
+        self,
+        claim: FoldClaim,
+        *,
+        store: Store,
+        children: Children,
+        stage_seconds: float,
+        stopping: threading.Event,
+    ) -> None:
+        self._claim = claim
+        self._fold_id = claim.fold_id
+        self._store = store
+        self._queue = Queue(store)
+        self._children = children
+        self._stage_seconds = stage_seconds
+        self._stopping = stopping
+        self._child: Child | None = None
+        self._slice: Slice | None = None
+
+    def run(self) -> None:
+        """Compute the fold to its end, and store that.
+
+        Raises:
+            NotFinishedError: When it does not end here.
+        """
+        try:
+            stage, files = self._claim.stage, self._claim.files
+            while True:
+                with span(stage):
+                    outcome = self.compute(stage, files)
+                if outcome.following is None:
+                    break
+                stage, files = outcome.following, outcome.files
+                self._checkpoint(stage, files)
+            self.finish(outcome)
+        finally:
+            self._release_child()
+
+    def compute(self, stage: str, files: int) -> Outcome:
+        """Compute one stage and store its files. Any failure of it is an outcome.
+
+        Args:
+            stage: The stage.
+            files: The epoch of the files that it starts from.
+
+        Raises:
+            NotFinishedError: When it does not end here.
+        """
+        epoch = 0
+        try:
+            begun = self._wait_for(
+                lambda: self._store.begin(self._fold_id, stage, self._claim.execution)
+            )
+            if begun is None:
+                return self._concluded(self._unwanted(), stage, files)
+            epoch = begun
+            outcome = self._attempt(stage, files, epoch)
+            if outcome.following is None:
+                outcome = self._concluded(outcome, stage, epoch)
+            size = self._unless_cancelled(
+                epoch, lambda: self._store.folders.keep(self._fold_id, epoch)
+            )
+            return replace(outcome, files=epoch, size=size)
+        except CancelledError:
+            return replace(self._unwanted(), files=files)  # what it has made is kept nowhere
+
+    def finish(self, outcome: Outcome) -> None:
+        """Store the result of the fold in its row, or clean up after a deleted one.
+
+        Raises:
+            LeaseLostError: When another execution has the fold.
+        """
+        self._release_child()
+        if self._store.folders.storage is None:
+            self._close()
+        known = self._wait_for(
+            lambda: self._store.finish(
+                self._fold_id,
+                outcome.status,
+                summary=outcome.summary,
+                error=outcome.error,
+                repeatable=outcome.repeatable,
+                kept=outcome.files,
+                size=outcome.size,
+                execution=self._claim.execution,
+            )
+        )
+        if not known:
+            self._wait_for(lambda: self._store.folders.remove(self._fold_id))
+            return
+        self._check_held()
+        if outcome.status != "cancelled":
+            self._wait_for(lambda: self._store.folders.leave(self._fold_id, outcome.files))
+        else:
+            # Who has cancelled it wants the worker for something else: no waiting.
+            with contextlib.suppress(StorageError, SQLAlchemyError, NoSuchFoldError):
+                self._store.folders.leave(self._fold_id, outcome.files)
+                sweep_cancelled_of(self._store, self._store.fold(self._fold_id).visitor)
+        self._wait_for(lambda: self._queue.release(self._claim))
+
+    def _checkpoint(self, stage: str, files: int) -> None:
+        if not self._wait_for(lambda: self._queue.keep(self._claim, stage=stage, files=files)):
+            self._check_held()
+
+    def _check_held(self) -> None:
+        """Check that no other execution has the fold.
+
+        Raises:
+            LeaseLostError: When one has.
+        """
+        with contextlib.suppress(NoSuchFoldError):
+            row = self._wait_for(lambda: self._store.fold(self._fold_id))
+            if row.worker != self._claim.execution:
+                log.warning("fold %s was taken over by %s", self._fold_id, row.worker or "nobody")
+                raise LeaseLostError(self._fold_id)
+
+    def _attempt(self, stage: str, files: int, epoch: int) -> Outcome:
+        """Compute a stage; return any failure as an outcome."""
+        if self._claim.losses >= MAX_LOSSES:
+            return internal_failure(RuntimeError("worker lost"), stage)
+        try:
+            return self._run(stage, files, epoch)
+        except (NotFinishedError, CancelledError):
+            raise
+        except InputError as error:
+            error = self._advised(error)
+            told = {"code": error.code, "detail": error.detail, "where": error.where}
+            return Outcome(status="failed", error=told)
+        except ChildError as error:
+            self._release_child()
+            place = self._store.folders.place(self._fold_id)
+            if stage in REPEATED_STAGES and any_verified(place):
+                # What was tried for a better plan went wrong: the best one so far is the fold's.
+                return Outcome(status="running", following=STAGES[-1])
+            told = {"code": error.code, "detail": error.detail, "where": stage}
+            return Outcome(status="failed", error=told, repeatable=False)
+        except Exception as error:
+            self._check_stopping()
+            log.exception(
+                "fold %s failed in stage %s", self._fold_id, stage, extra={"fold": self._fold_id}
+            )
+            return internal_failure(error, stage)
+
+    def _concluded(self, outcome: Outcome, stage: str, files: int) -> Outcome:
+        """Close what a fold that ends has left open; add its last known state if it failed."""
+        outcome = replace(outcome, files=files)
+        self._check_stopping()
+        self._release_child()
+        self._close()
+        log.info(
+            "fold %s: %s in stage %s",
+            *(self._fold_id, outcome.status, stage),
+            extra={"fold": self._fold_id},
+        )
+        if outcome.status == "verified" or outcome.summary:
+            return outcome
+        return replace(outcome, summary=self._last_state())
+
+    def _run(self, stage: str, files: int, epoch: int) -> Outcome:
+        directory = self._unless_cancelled(
+            epoch, lambda: self._store.folders.bring(self._fold_id, files, epoch)
+        )
+        spent_s = self._wait_for(lambda: self._store.stage_s(self._fold_id))
+        done = _Progress(self._store, self._fold_id, stage, epoch, spent_s)
+        progress = JobProgress(done.report)
+        part = self._slice
+        if part is None:
+            part = self._wait_for(lambda: Slice(self._store, self._fold_id, epoch))
+            self._slice = part
+        with _keeping(self._store, self._fold_id, epoch):
+            result = self._call(
+                stage,
+                directory,
+                on_progress=done.take,
+                cancelled=lambda: progress.cancelled() or part.over(),
+            )
+        done.take_end()
+        wanted = self._wait_for(progress.last)
+        # A stage that was told to stop may have a result all the same, of what there was by then.
+        if part.ended and wanted and self._wait_for(part.pause):
+            raise PausedError(self._fold_id)
+        if part.ended or result.get("status") == "cancelled" or not wanted:
+            return self._unwanted()
+        if stage == "read":
+            self._wait_for(
+                lambda: self._store.describe(
+                    self._fold_id,
+                    name=str(result["name"]),
+                    modules=int(result["modules"]),
+                    module=str(result["module"]),
+                )
+            )
+        if stage == STAGES[-1]:
+            status = "verified" if result.get("status") == "verified" else "failed"
+            error = None
+            if status == "failed":
+                reason = str(result.get("reason") or "the plan could not be verified.")
+                error = {"code": "not-verified", "detail": reason, "where": None}
+            return Outcome(status=status, summary=result, error=error)
+        # A plan that the certificate has refused is tried again in another way, a few times.
+        following = result.get("again") or STAGES[STAGES.index(stage) + 1]
+        return Outcome(status="running", following=following)
+
+    def _call(
+        self,
+        stage: str,
+        directory: Path,
+        *,
+        on_progress: Callable[[dict[str, Any]], None],
+        cancelled: Callable[[], bool],
+    ) -> dict[str, Any]:
+        """Compute a stage in the child of this execution; one that dies gets a successor.
+
+        Raises:
+            InputError: If the input is at fault.
+            ChildError: If a limit was exceeded, or ``MAX_CRASHES`` children died.
+            StoppingError: When the worker stops.
+        """
+        deaths = 0
+        while True:
+            child = self._child = self._child or self._children.take()
+            try:
+                answer = child.call(
+                    stage,
+                    directory,
+                    wall_s=self._stage_seconds,
+                    on_progress=on_progress,
+                    cancelled=cancelled,
+                )
+                self._check_stopping()
+                return answer
+            except ChildError as error:
+                self._check_stopping()
+                if error.code not in (CRASHED, LOST):
+                    raise
+                self._release_child()
+                deaths += error.code == CRASHED
+                if deaths == MAX_CRASHES:
+                    detail = f"{error.detail} This happened {deaths} times in the stage '{stage}'."
+                    raise ChildError(CRASHED, detail) from None
+                log.warning("stage=%s directory=%s restarts: %s", stage, directory, error)
+            self._wait(RETRY_INTERVAL_S)
+            if cancelled():
+                return {"status": "cancelled", "reason": "cancelled"}
+
+    def _advised(self, error: InputError) -> InputError:
+        """Return the refusal, with shapes that a refold may end in instead."""
+        if error.code != "refold-differs":
+            return error
+        place = self._store.folders.place(self._fold_id)
+        start = json.loads((place / START_CHAIN).read_bytes())
+        return Gallery().advised(error, str(start["module"]), int(start["modules"]))
+
+    def _unwanted(self) -> Outcome:
+        """Return the outcome of a fold that was cancelled or deleted.
+
+        Raises:
+            LeaseLostError: When another execution has the fold.
+        """
+        self._check_held()
+        return Outcome(status="cancelled", repeatable=False)
+
+    def _wait_for(self, do: Callable[[], Answer]) -> Answer:
+        """Call ``do`` until the database, the storage and the disk answer.
+
+        Raises:
+            StoppingError: When the worker stops meanwhile.
+        """
+        return retry_until_available(do, wait=self._wait)
+
+    def _unless_cancelled(self, epoch: int, do: Callable[[], Answer]) -> Answer:
+        """Call ``do`` until the storage answers, but give up on a cancelled fold.
+
+        Raises:
+            CancelledError: When the fold was cancelled or taken over meanwhile.
+            StoppingError: When the worker stops meanwhile.
+        """
+
+        def wait(seconds: float) -> None:
+            self._wait(seconds)
+            with contextlib.suppress(SQLAlchemyError):
+                if not self._store.report(self._fold_id, epoch):
+                    raise CancelledError(self._fold_id)
+
+        return retry_until_available(do, wait=wait)
+
+    def _wait(self, seconds: float) -> None:
+        self._stopping.wait(seconds)
+        self._check_stopping()
+
+    def _check_stopping(self) -> None:
+        # Its child was ended by us: whatever it has answered is no result.
+        if self._stopping.is_set():
+            raise StoppingError(self._fold_id)
+
+    def _close(self) -> None:
+        """Close the timeline of a stage that was killed before it could."""
+        path = result(self._store.folders.place(self._fold_id), TIMELINE)
+        with contextlib.suppress(TimelineError, OSError, ValueError, KeyError):
+            if Timeline.open(path).status == "growing":
+                TimelineWriter.reopen(path).close("failed")
+
+    def _last_state(self) -> dict[str, Any]:
+        """Return the last known state of a fold that did not finish: its frame and its attempts."""
+        try:
+            # The physics: only when a fold's end was missed.
+            from planner.pipeline.workspace import Workspace
+
+            return Workspace(self._store.folders.place(self._fold_id)).settle()
+        except Exception:
+            log.exception("fold %s cannot be read", self._fold_id, extra={"fold": self._fold_id})
+            return {}
+
+    def _release_child(self) -> None:
+        if self._child is not None:
+            self._children.release(self._child)
+            self._child = None
+
+
+@contextlib.contextmanager
+def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
+    """Upload growing files while a stage computes, so that other machines see them."""
+    folders = store.folders
+    if folders.storage is None:
+        yield
+        return
+    over = threading.Event()
+
+    def keep() -> None:
+        shown = False
+        while True:
+            try:
+                folders.keep(fold_id, epoch)
+                if not shown:
+                    store.show(fold_id, epoch)
+                    shown = True
+            except (StorageError, SQLAlchemyError, OSError) as error:
+                log.warning(
+                    "fold %s could not be stored yet: %s",
+                    fold_id,
+                    error,
+                    extra={"fold": fold_id},
+                )
+            if over.wait(UPLOAD_INTERVAL_S):
+                return
+
+    thread = threading.Thread(target=keep, name="keeping", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+class _Progress:
+    """Progress of a stage as its row stores it."""
+
+    def __init__(
+        self, store: Store, fold_id: str, stage: str, epoch: int, spent_s: dict[str, float]
+    ) -> None:
+        self._store = store
+        self._spent_s = spent_s
+        self._began_at = time.time()
+        self._fold_id = fold_id
+        self._epoch = epoch
+        self._place = store.folders.place(fold_id)
+        self._progress: dict[str, Any] = {
+            "stage": stage,
+            "fraction": 0.0,
+            "steps": 0,
+            "steps_per_second": 0.0,
+            "simulated_s": 0.0,
+            "message": "getting ready" if stage in STAGES[:2] else "",
+            "plan": 0,
+            "plans": 0,
+        }
+        self._waits = True
+
+    def take(self, event: dict[str, Any]) -> None:
+        """Process an event of the child."""
+        self._progress = {key: event[key] for key in self._progress}
+        self._waits = True
+
+    def take_end(self) -> None:
+        """The child is done: what it has made, and how long it took, is reported once more."""
+        stage = self._progress["stage"]
+        took_s = time.time() - self._began_at
+        self._spent_s[stage] = round(self._spent_s.get(stage, 0.0) + took_s, 3)
+        self._began_at = time.time()
+        self._waits = True
+
+    def report(self) -> bool:
+        """Send pending reports; False if the fold is no longer wanted."""
+        progress = {
+            **self._progress,
+            "frames": frames_promised(self._place),
+            "stage_s": self._spent_s,
+            "began_at": self._began_at,
+        }
+        going = self._store.report(self._fold_id, self._epoch, progress if self._waits else None)
+        self._waits = False
+        return going

@@ -1,0 +1,106 @@
+"""Manifest of a backup: every file with its size and digest. It is written last.
+
+A backup may come from elsewhere. Names in a manifest are checked before they become paths.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import asdict, dataclass
+from hashlib import file_digest
+from io import BufferedReader
+from typing import Any, Final, Self
+
+from server.operate.errors import AdminError
+
+MANIFEST: Final = "manifest.json"
+BACKUP_FORMAT: Final = 1
+"""Version number of the manifest's format. Backups of another format are refused; it rises when an
+older foldback could not restore a new backup. Chosen."""
+DATABASE_NAME: Final = re.compile(r"rows\.(sqlite|dump)")
+FILE_NAMES: Final = re.compile(
+    r"folds/[0-9A-Za-z]{1,32}(/(?!\.)[^/\\\x00-\x1f]{1,255}){1,32}"
+    r"|movies/[0-9A-Za-z]{1,32}/(?!\.)[^/\\\x00-\x1f]{1,255}"
+)
+"""Names of stored files: the id of a fold, then parts that begin with no dot. Unfinished files
+begin with one, and are not backed up."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BackupFile:
+    """One file of a backup.
+
+    Attributes:
+        name: Path below the backup's directory.
+        bytes: Size.
+        sha256: Digest of the content, in hexadecimal digits.
+    """
+
+    name: str
+    bytes: int
+    sha256: str
+
+    @classmethod
+    def of(cls, name: str, file: BufferedReader) -> Self:
+        """Read a file to its end and describe it."""
+        return cls(name=name, sha256=file_digest(file, "sha256").hexdigest(), bytes=file.tell())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manifest:
+    """Content of a backup.
+
+    Attributes:
+        foldback: Version of the foldback that made it.
+        created_at: Time of its start, in seconds since 1970.
+        schema: Version of the rows' tables.
+        storage: Kind of the stored files: ``directory`` or ``objects``.
+        database: Dump of the database.
+        files: Stored files.
+    """
+
+    foldback: str
+    created_at: float
+    schema: str
+    storage: str
+    database: BackupFile
+    files: tuple[BackupFile, ...]
+
+    def text(self) -> bytes:
+        """Return the manifest as JSON."""
+        return json.dumps({"format": BACKUP_FORMAT, **asdict(self)}, indent=1).encode()
+
+    @classmethod
+    def read(cls, text: bytes) -> Self:
+        """Return the manifest of a JSON text.
+
+        Raises:
+            AdminError: It is no manifest of this format, or has a name that leads elsewhere.
+        """
+        try:
+            values: dict[str, Any] = json.loads(text)
+            if values.pop("format") != BACKUP_FORMAT:
+                raise ValueError("another format")
+            database = BackupFile(**values.pop("database"))
+            files = tuple(BackupFile(**one) for one in values.pop("files"))
+            found = cls(database=database, files=files, **values)
+            names = [str(one.name) for one in (database, *files)]
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+            raise AdminError(
+                f"got a {MANIFEST} that cannot be read ({error}), expected one of format "
+                f"{BACKUP_FORMAT}; use a backup that `foldback admin backup` completed."
+            ) from None
+        strange = [] if DATABASE_NAME.fullmatch(str(database.name)) else [database.name]
+        strange += [one.name for one in files if not is_file_name(str(one.name))]
+        if strange or len(set(names)) < len(names):
+            raise AdminError(
+                f"got a {MANIFEST} with the file name {(strange or names)[0]!r}, expected names of "
+                "folds' files, each once; this backup was changed, so use another one."
+            )
+        return found
+
+
+def is_file_name(name: str) -> bool:
+    """Return True if a name can be that of a stored file of a fold."""
+    return FILE_NAMES.fullmatch(name) is not None

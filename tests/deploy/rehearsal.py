@@ -1,0 +1,334 @@
+"""Runs deploy/compose.yaml as a whole without containers, and tries what came of it.
+
+Run by ``make compose-check``, as root on Linux. Each service is a process in a network namespace of
+its own, connected as the file says, under its names and addresses, with exactly the environment of
+the file and of the Dockerfile but for the paths of data and kernels. PostgreSQL and Caddy are those
+of this machine; moto stands for the S3 store, a file of names for Docker's name server. Nothing of
+it is seen outside: all namespaces go with this process.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import shutil
+import signal
+import ssl
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from foldback_client import Client
+from tests.deploy.files import DEPLOY, compose, variables
+from tests.server.service import SNAKE
+from tests.tools import CADDY, POSTGRES
+
+ROOT = DEPLOY.parent
+SITE = "fold.localhost"
+NETWORKS = {"back": "10.77.0", "outside": "10.78.0"}
+"""First numbers of the networks whose addresses Docker would choose."""
+HOME = {"database": 2, "storage": 3, "proxy": 2, "web": 129, "worker": 150}
+"""Last numbers of the addresses of services; replicas follow."""
+PATIENCE_S = 120.0
+FOLDBACK = (sys.executable, "-P", "-m", "server.cli.command_line")
+
+
+def run(*command: object, **given: Any) -> str:
+    done = subprocess.run(
+        [str(part) for part in command], capture_output=True, text=True, check=False, **given
+    )
+    assert done.returncode == 0, f"{command}: {done.stdout}{done.stderr}"
+    return done.stdout
+
+
+def check(what: str, so: bool) -> None:
+    """Says what was found, and ends when it is not so."""
+    print(f"{'ok ' if so else 'NOT'} {what}", flush=True)
+    if not so:
+        sys.exit(1)
+
+
+def wait_for(what: str, so: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            if so():
+                return check(what, True)
+        except (httpx.TransportError, AssertionError, OSError):
+            pass
+        if time.monotonic() > deadline:
+            return check(what, False)
+        time.sleep(0.2)
+
+
+class Services:
+    """The services of the file, each process in a network namespace of its own.
+
+    Args:
+        place: Holds data and logs.
+    """
+
+    def __init__(self, place: Path) -> None:
+        self.place = place
+        made = {name: secrets.token_hex(32) for name in ("POSTGRES_PASSWORD", "S3_SECRET_KEY")}
+        self.file = compose({**variables(), **made, "SITE": SITE})
+        front = self.file["networks"]["front"]["ipam"]["config"][0]["subnet"]
+        self.networks = {**NETWORKS, "front": front.rpartition(".")[0]}
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        text = (DEPLOY / "Dockerfile").read_text().rpartition("FROM ")[2]
+        (block,) = re.findall(r"^ENV ((?:.*\\\n)*.*)", text, re.MULTILINE)
+        self.of_image = dict(word.split("=", 1) for word in block.replace("\\\n", " ").split())
+
+    def replicas(self, service: str) -> list[str]:
+        count = self.file["services"][service].get("deploy", {}).get("replicas", 1)
+        return [f"{service}-{n}" for n in range(int(count))]
+
+    def address(self, replica: str, network: str) -> str:
+        service, _, n = replica.rpartition("-")
+        fixed = self.file["services"][service]["networks"]
+        told = (fixed[network] or {}).get("ipv4_address") if isinstance(fixed, dict) else None
+        return told or f"{self.networks[network]}.{HOME[service] + int(n)}"
+
+    def connect(self) -> None:
+        """Makes networks, namespaces and names."""
+        Path("/run/netns").mkdir(exist_ok=True)
+        run("mount", "-t", "tmpfs", "tmpfs", "/run/netns")
+        for network, first in self.networks.items():
+            run("ip", "link", "add", network, "type", "bridge")
+            run("ip", "addr", "add", f"{first}.1/24", "dev", network)
+            run("ip", "link", "set", network, "up")
+        names = ["127.0.0.1 localhost", f"{self.networks['outside']}.2 {SITE}"]
+        for service in ("database", "storage", "web", "worker", "proxy"):
+            for replica in self.replicas(service):
+                run("ip", "netns", "add", replica)
+                run("ip", "-n", replica, "link", "set", "lo", "up")
+                for n, network in enumerate(self.file["services"][service]["networks"]):
+                    inner, outer = f"eth{n}", f"{replica}.{n}"
+                    run(
+                        "ip",
+                        "link",
+                        "add",
+                        outer,
+                        "type",
+                        "veth",
+                        "peer",
+                        "name",
+                        inner,
+                        "netns",
+                        replica,
+                    )
+                    run("ip", "link", "set", outer, "master", network, "up")
+                    address = self.address(replica, network)
+                    run("ip", "-n", replica, "addr", "add", f"{address}/24", "dev", inner)
+                    run("ip", "-n", replica, "link", "set", inner, "up")
+                    wanted = "front" if service == "web" else "back"
+                    if network == wanted and service != "proxy":
+                        names.append(f"{address} {service}")
+        hosts = self.place / "hosts"
+        hosts.write_text("\n".join(names) + "\n")
+        run("mount", "--bind", hosts, "/etc/hosts")
+
+    def environment(self, service: str) -> dict[str, str]:
+        given = self.file["services"][service].get("environment", {})
+        # compose replaces variables after it has read YAML: every value is a text.
+        texts = {name: "" if value is None else str(value) for name, value in given.items()}
+        return {"PATH": os.environ["PATH"], "HOME": str(self.place), **texts}
+
+    def of_foldback(self, replica: str) -> dict[str, str]:
+        """That of the image and of the file, with a data directory of this machine."""
+        of_image = {k: v for k, v in self.of_image.items() if k not in ("PATH", "NUMBA_CACHE_DIR")}
+        data = {"FOLDBACK_DATA_DIR": str(self.place / f"data-{replica}")}
+        named = self.environment(replica.rpartition("-")[0])
+        return {**of_image, **named, **data, "PYTHONPATH": str(ROOT)}
+
+    def inside(self, replica: str, *command: object) -> list[str]:
+        return ["nsenter", f"--net=/run/netns/{replica}", *(str(part) for part in command)]
+
+    def start(self, replica: str, environment: Mapping[str, str], *command: object) -> None:
+        with open(self.place / f"{replica}.log", "ab") as log:
+            self.processes[replica] = subprocess.Popen(
+                self.inside(replica, *command),
+                env=dict(environment),
+                cwd=self.place,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
+
+    def start_foldback(self) -> None:
+        for service in ("web", "worker"):
+            (command,) = self.file["services"][service]["command"]
+            for replica in self.replicas(service):
+                self.start(replica, self.of_foldback(replica), *FOLDBACK, command)
+
+    def stop_foldback(self) -> None:
+        self.stop(*(name for name in self.processes if name.startswith(("web", "worker"))))
+
+    def admin(self, *arguments: object) -> subprocess.CompletedProcess[str]:
+        """What `docker compose run --rm worker admin …` does."""
+        return subprocess.run(
+            self.inside("worker-0", *FOLDBACK, "admin", *arguments),
+            env=self.of_foldback("worker-0"),
+            cwd=self.place,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    def stop(self, *replicas: str) -> None:
+        for replica in replicas:
+            # PostgreSQL would wait for its clients.
+            number = signal.SIGINT if replica.startswith("database") else signal.SIGTERM
+            self.processes[replica].send_signal(number)
+        for replica in replicas:
+            self.processes.pop(replica).wait(PATIENCE_S)
+
+
+def start_database(services: Services) -> None:
+    programs = Path(POSTGRES.get())
+    given = services.environment("database")
+    home = services.place / "database"
+    home.mkdir()
+    (home / "password").write_text(given["POSTGRES_PASSWORD"])
+    shutil.chown(home, "postgres", "postgres")
+    shutil.chown(home / "password", "postgres", "postgres")
+    anyone = ("setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups")
+    made = ("--username", given["POSTGRES_USER"], "--pwfile", home / "password")
+    run(
+        *(*anyone, programs / "initdb", "--pgdata", home / "cluster", *made),
+        *("--auth=scram-sha-256", "--no-sync", "--no-instructions"),
+        cwd=home,
+    )
+    with open(home / "cluster" / "pg_hba.conf", "a") as file:
+        file.write("host all all all scram-sha-256\n")
+    _, *options = services.file["services"]["database"]["command"]
+    begun = ("-D", home / "cluster", "-h", "*", "-k", home, *options)
+    services.start("database-0", given, *anyone, programs / "postgres", *begun)
+    _, *well = services.file["services"]["database"]["healthcheck"]["test"]
+    wait_for(
+        "its own health check finds the database well",
+        lambda: not subprocess.call(services.inside("database-0", *well), env=given),
+    )
+    query = f"CREATE DATABASE {given['POSTGRES_DB']}"
+    reach = ("--host=database", f"--username={given['POSTGRES_USER']}", "--dbname=postgres")
+    password = {**given, "PGPASSWORD": given["POSTGRES_PASSWORD"]}
+    run(programs / "psql", *reach, "--command", query, env=password)
+
+
+def start_storage(services: Services) -> None:
+    given = services.environment("storage")
+    port = given["VGW_PORT"].removeprefix(":")
+    moto = (sys.executable, "-P", "-m", "moto.server", "-H", "0.0.0.0", "-p", port)
+    services.start("storage-0", given, *moto)
+    make_bucket = f"http://storage:{port}/foldback"
+    wait_for("the store has a bucket", lambda: httpx.put(make_bucket, timeout=9).is_success)
+
+
+def start_proxy(services: Services) -> ssl.SSLContext:
+    own = {"XDG_DATA_HOME": str(services.place), "XDG_CONFIG_HOME": str(services.place)}
+    config = ("--config", DEPLOY / "Caddyfile", "--adapter", "caddyfile")
+    services.start("proxy-0", services.environment("proxy") | own, CADDY.get(), "run", *config)
+    root = services.place / "caddy" / "pki" / "authorities" / "local" / "root.crt"
+    wait_for("the proxy has a certificate", root.is_file)
+    return ssl.create_default_context(cafile=str(root))
+
+
+def try_out(services: Services, trusts: ssl.SSLContext) -> None:
+    """Folds through the proxy, and looks at what is open and what is closed."""
+    address = f"https://{SITE}"
+    webs = [services.address(replica, "front") for replica in services.replicas("web")]
+    http = httpx.Client(base_url=address, verify=trusts, timeout=30)
+    wait_for("a page comes over TLS", lambda: http.get("/").is_success)
+    for web in webs:
+        inner = f"http://{web}:8000"
+        wait_for(f"{web} is ready", lambda inner=inner: httpx.get(f"{inner}/ready").is_success)
+        figures = httpx.get(f"{inner}/metrics").text
+        check(f"{web} tells its metrics inside", "foldback_storage_up 1.0" in figures)
+        every = f"foldback_workers {len(services.replicas('worker'))}.0"
+        wait_for(
+            f"{web} knows all workers",
+            lambda inner=inner, every=every: every in httpx.get(f"{inner}/metrics").text,
+        )
+    for path in ("/metrics", "/ready", "/metrics/", "/METRICS"):
+        refused = http.get(path)
+        check(f"{path} is closed outside", "foldback_" not in refused.text and refused.is_error)
+    for host, port in ((services.address("database-0", "back"), 5432), ("web", 8000)):
+        code = f"import socket; socket.create_connection(({host!r}, {port}), 3)"
+        left = subprocess.call(
+            services.inside("proxy-0", sys.executable, "-c", code), stderr=subprocess.DEVNULL
+        )
+        check(f"the proxy reaches port {port}: {port == 8000}", (left == 0) == (port == 8000))
+    with Client(address, verify=trusts) as client:
+        fold = client.fold(SNAKE, seed=1)
+        wait_for("it folds", lambda: client.get(fold.id).status == "verified")
+        page, plan = f"/folds/{fold.id}", f"/api/folds/{fold.id}/plan.json"
+        before = http.get(plan).content
+        check("its page and its plan are there", http.get(page).is_success and len(before) > 100)
+        services.stop("web-0")
+        wait_for("one web process is enough", lambda: http.get(page).is_success)
+        back_up_and_restore(services)
+        wait_for("the fold is there again", lambda: http.get(page).is_success)
+        check("its plan is the same", http.get(plan).content == before)
+        again = client.fold(SNAKE, seed=2)
+        wait_for("it folds again", lambda: client.get(again.id).status == "verified")
+
+
+def back_up_and_restore(services: Services) -> None:
+    """Makes a backup of the running service, loses all data, and restores them."""
+    copy = services.place / "backup"
+    done = services.admin("backup", copy)
+    check(f"a backup is made: {done.stdout.strip()}{done.stderr}", done.returncode == 0)
+    check("a running service is not overwritten", services.admin("restore", copy).returncode == 1)
+    refused = services.admin("restore", "--replace", copy)
+    check("not even when told", refused.returncode == 1 and "in use" in refused.stderr)
+    services.stop_foldback()
+    services.stop("storage-0")  # it holds everything in memory
+    start_storage(services)
+    for data in services.place.glob("data-*"):
+        shutil.rmtree(data)
+    done = services.admin("restore", "--replace", copy)
+    check(f"it is restored: {done.stdout.strip()}{done.stderr}", done.returncode == 0)
+    check("no table is old", services.admin("migrate", "--check").returncode == 0)
+    services.start_foldback()
+
+
+def rehearse() -> None:
+    run("mount", "--make-rprivate", "/")
+    run("ip", "link", "set", "lo", "up")
+    with tempfile.TemporaryDirectory(prefix="foldback-rehearsal-", dir="/tmp") as place:
+        services = Services(Path(place))
+        Path(place).chmod(0o755)
+        try:
+            services.connect()
+            start_database(services)
+            start_storage(services)
+            services.start_foldback()
+            try_out(services, start_proxy(services))
+        except BaseException:
+            for log in Path(place).glob("*.log"):
+                print(f"--- {log.name}\n" + "\n".join(log.read_text().splitlines()[-15:]))
+            raise
+        finally:
+            services.stop_foldback()  # workers hand folds back, for which they need the rest
+            services.stop(*services.processes)
+
+
+def main() -> None:
+    if sys.argv[1:] == ["--inside"]:
+        rehearse()
+        return
+    if os.geteuid() != 0 or not all(map(shutil.which, ("unshare", "nsenter", "setpriv", "ip"))):
+        sys.exit("This needs root on Linux, with util-linux and iproute2.")
+    command = ["unshare", "--net", "--mount", sys.executable, "-m", "tests.deploy.rehearsal"]
+    sys.exit(subprocess.call([*command, "--inside"], cwd=ROOT))
+
+
+if __name__ == "__main__":
+    main()

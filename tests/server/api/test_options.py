@@ -1,0 +1,127 @@
+"""Options of a fold: each is described once, and everything that offers it takes it from there."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import httpx
+import typer
+from fastapi import Depends, FastAPI
+from typer.testing import CliRunner
+
+from cli.options import AsJson, takes
+from docs import make_options
+from planner.parameters.option import Choice, Option, option, options_of
+from planner.pipeline.request import FoldRequest
+from server.api.forms import form_of
+from server.pages.page import rendered
+from server.store.tables import REQUESTED_COLUMNS, FoldRow
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extended(FoldRequest):
+    """The request of a fold with one more option."""
+
+    pace: str = option(
+        "brisk",
+        Option(
+            title="Pace of the fold",
+            help="Pace: `brisk`, or `slow` for spectators.",
+            label="Pace",
+            choices={"brisk": Choice(label="Brisk"), "slow": Choice(label="Slow", note="a show")},
+        ),
+    )
+
+
+def test_the_api_takes_a_new_option() -> None:
+    app = FastAPI()
+
+    @app.post("/folds")
+    def post(asked: Annotated[Extended, Depends(form_of(Extended))]) -> dict[str, Any]:
+        asked.check()
+        return asked.to_json()
+
+    del post
+    (body,) = (
+        schema for name, schema in app.openapi()["components"]["schemas"].items() if "post" in name
+    )
+    assert list(body["properties"])[0] == "pace"
+    assert body["properties"]["pace"] == {
+        "type": "string",
+        "enum": ["brisk", "slow"],
+        "title": "Pace",
+        "description": "Pace: `brisk`, or `slow` for spectators.",
+        "default": "brisk",
+    }
+
+    async def posted(**form: str) -> httpx.Response:
+        transport = httpx.ASGITransport(app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://test") as client:
+            return await client.post("/folds", data=form)
+
+    answer = asyncio.run(posted(pace="slow", start="1,2,3"))
+    assert Extended.from_json(answer.json()) == Extended(pace="slow", start=(1, 2, 3))
+    assert asyncio.run(posted(pace="hasty")).status_code == 422
+
+
+def test_the_command_line_takes_a_new_option() -> None:
+    seen: list[FoldRequest] = []
+    app = typer.Typer()
+
+    @app.command()
+    @takes(schema=Extended)
+    def fold(*, request: FoldRequest, as_json: AsJson = False) -> None:
+        seen.append(request)
+
+    del fold
+    told = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"})
+    assert "Pace of the fold: brisk or slow (a show)." in told.output
+    told = CliRunner().invoke(app, ["--pace", "slow", "--seed", "7", "--repair"])
+    assert (told.exit_code, seen) == (0, [Extended(pace="slow", seed=7, repair=True)])
+    told = CliRunner().invoke(app, ["--pace", "hasty"])
+    assert told.exit_code == 2
+    assert "got the pace 'hasty', expected one of: brisk, slow." in told.output
+
+
+def test_the_client_and_the_docs_have_a_new_option() -> None:
+    assert '\n    pace: Literal["brisk", "slow"]\n' in make_options.client_types(Extended)
+    row = "| `pace` | `brisk`, `slow` | `brisk` | Pace: `brisk`, or `slow` for spectators. |"
+    assert row in make_options.page(make_options.PAGE.read_text(encoding="utf-8"), Extended)
+
+
+def test_the_preview_page_has_a_control_for_a_new_option() -> None:
+    facts = {"name": "Cup", "most_modules": 100}
+    html = rendered("preview.html", facts=facts, facts_json="{}", options=options_of(Extended))
+    _, _, more = html.partition('id="more"')  # the script sends all fields in there
+    control, _, _ = more.partition("</div>")
+    assert '<select id="pace" name="pace"><option value="brisk">Brisk</option>' in control
+    for name in ("preset", "seed"):
+        assert f'name="{name}"' in control
+
+
+def test_the_preview_page_names_every_choice() -> None:
+    html = rendered("preview.html", facts={"name": "Cup", "most_modules": 100}, facts_json="{}")
+    for each in options_of(FoldRequest).values():
+        for value, choice in each.choices.items() if each.label else ():
+            assert f'value="{value}"' in html
+            assert choice.label in html
+
+
+def test_the_client_and_the_docs_are_up_to_date() -> None:
+    page = make_options.PAGE.read_text(encoding="utf-8")
+    assert make_options.page(page) == page
+    assert make_options.client_types() == make_options.CLIENT.read_text(encoding="utf-8")
+
+
+def test_a_request_is_read_as_it_was_written() -> None:
+    request = FoldRequest(filename="a.stl", start=(1, 2, 3), modules=64, refold=True)
+    assert FoldRequest.from_json(request.to_json()) == request
+    older = {"filename": "a.stl", "preset": "paper", "unknown": 1}
+    assert FoldRequest.from_json(older) == FoldRequest(filename="a.stl", preset="paper")
+
+
+def test_columns_of_a_fold_are_options() -> None:
+    assert set(REQUESTED_COLUMNS) <= set(options_of(FoldRequest))
+    assert set(REQUESTED_COLUMNS) <= set(FoldRow.__table__.columns.keys())

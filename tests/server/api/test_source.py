@@ -1,0 +1,167 @@
+"""Sources: how an input completes the request of a fold. No service runs here."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from planner.pipeline.request import FoldRequest
+from planner.readers.gallery import Gallery
+from server.api import source as source_module
+from server.api.base_folds import BaseFold
+from server.api.context import Context
+from server.api.folds import post_fold
+from server.api.source import Origin, Source, open_source, origin_in_form
+from server.errors import Unusable
+from server.store.tables import FoldRow
+
+
+class Upload:
+    """An uploaded file, which ``open_source`` closes."""
+
+    filename = "a/cup.stl"
+
+    @property
+    def file(self) -> BytesIO:
+        return BytesIO(b"solid")
+
+
+FILE = cast(Any, Upload())
+TABLE = FoldRequest(world="table")
+PARENT = BaseFold(
+    use="refold", fold=None, name="Cup", module="tetrahedron", modules=48, files={}, digest="d"
+)
+
+
+@pytest.fixture
+def context(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Context:
+    """Return what ``open_source`` needs: the gallery, and folds whose files lie in a directory."""
+    folds = {
+        "mesh": FoldRow(id="mesh", shape=None, module_size=0.9, world="floating"),
+        "voxels": FoldRow(id="voxels", shape="mallet-64", module_size=None, world="floating"),
+        "rests": FoldRow(id="rests", shape=None, module_size=None, world="table"),
+    }
+    for name in folds:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "input").write_bytes(b"input")
+        filename = "cup.stl" if name == "mesh" else "cup.json"
+        request = {"filename": filename, "repair": True, "seed": 5, "world": folds[name].world}
+        (tmp_path / name / "request.json").write_text(json.dumps(request))
+    for name in ("voxels", "rests"):
+        (tmp_path / name / "cells.json").write_text("[[0, 0, 0]]")
+    monkeypatch.setattr(source_module, "check", lambda *_: None)
+    monkeypatch.setattr(
+        source_module, "finished_base", lambda _context, _id, use: replace(PARENT, use=use)
+    )
+    monkeypatch.setattr(source_module, "stored_base", lambda _directory, _row: None)
+    store = SimpleNamespace(fold=folds.__getitem__, directory=lambda name: tmp_path / name)
+    return cast(Context, SimpleNamespace(gallery=Gallery(), store=store))
+
+
+def completed(context: Context, origin: Origin, request: FoldRequest) -> Source:
+    with open_source(context, origin, request) as (stream, source):
+        assert not stream.closed
+    return source
+
+
+@pytest.mark.parametrize(
+    ("origin", "request_", "expected"),
+    [
+        # A path that was made to float suits no table; a mesh gets 2×2×2 modules as before.
+        (Origin(shape="mallet-64"), TABLE, {"world": "table", "as_voxels": True}),
+        (Origin(shape="mallet-64"), FoldRequest(), {}),
+        (
+            Origin(fold="mesh"),
+            TABLE,
+            {"world": "table", "as_voxels": True, "method": "blocks", "repair": True},
+        ),
+        (
+            Origin(fold="voxels"),
+            TABLE,
+            {"world": "table", "as_voxels": True, "repair": True},
+        ),
+        (Origin(fold="rests"), TABLE, {"world": "table", "repair": True}),
+        # The world is requested each time, and so is the seed.
+        (Origin(fold="rests"), FoldRequest(seed=2), {"repair": True, "seed": 2}),
+        # A smoothing has the module size of its fold, unless another one is requested.
+        (Origin(smooth="mesh"), FoldRequest(), {"repair": True, "module_size": 0.9}),
+        (
+            Origin(smooth="mesh"),
+            FoldRequest(module_size=0.8),
+            {"repair": True, "module_size": 0.8},
+        ),
+        # A new input is made of the modules of the fold that a refold begins with.
+        (Origin(file=FILE, refold="x"), FoldRequest(), {"module": "tetrahedron", "modules": 48}),
+        (
+            Origin(file=FILE, refold="x"),
+            FoldRequest(modules=50),
+            {"module": "tetrahedron", "modules": 50},
+        ),
+        (Origin(shape="mallet-64", refold="x"), FoldRequest(), {}),
+        (Origin(file=FILE), FoldRequest(), {}),
+    ],
+)
+def test_an_input_completes_the_request(
+    context: Context, origin: Origin, request_: FoldRequest, expected: dict[str, Any]
+) -> None:
+    source = completed(context, origin, request_)
+    assert source.request.changed() == expected
+    assert source.request.smooth == (origin.smooth is not None)
+    assert source.request.refold == (origin.refold is not None)
+    assert (source.repeats is not None) == (origin.fold is not None)
+
+
+def test_the_name_of_an_upload_is_its_last_part(context: Context) -> None:
+    assert completed(context, Origin(file=FILE), FoldRequest()).request.filename == "cup.stl"
+
+
+@pytest.mark.parametrize(
+    ("origin", "request_", "public"),
+    [
+        (Origin(shape="mallet-64"), FoldRequest(), True),
+        (Origin(shape="mallet-64"), FoldRequest(seed=1), False),
+        (Origin(shape="mallet-64"), FoldRequest(settings="robots=5"), False),
+        (Origin(shape="mallet-64", refold="x"), FoldRequest(), False),
+        (Origin(smooth="voxels"), FoldRequest(), False),
+    ],
+)
+def test_only_a_gallery_shape_with_default_options_is_public(
+    context: Context, origin: Origin, request_: FoldRequest, public: bool
+) -> None:
+    assert completed(context, origin, request_).public == public
+
+
+@pytest.mark.parametrize(
+    ("origin", "code"),
+    [
+        (Origin(), "file-or-shape"),
+        (Origin(refold="x"), "file-or-shape"),
+        (Origin(shape="mallet-64", fold="mesh"), "file-or-shape"),
+        (Origin(smooth="mesh", refold="x"), "smooth-or-refold"),
+        (Origin(shape="no-such"), "no-such-shape"),
+    ],
+)
+def test_an_origin_that_names_no_input_is_refused(
+    context: Context, origin: Origin, code: str
+) -> None:
+    with pytest.raises(Unusable) as refused, open_source(context, origin, FoldRequest()):
+        pass
+    assert refused.value.code == code
+
+
+def test_a_form_names_an_origin_by_its_fields() -> None:
+    assert origin_in_form(shape="cup", refold="x") == Origin(shape="cup", refold="x")
+
+
+def test_a_bad_option_is_refused_before_its_input_is_looked_up() -> None:
+    nothing = cast(Any, None)  # no context is needed for it
+    request = FoldRequest(world="table", preset="paper")
+    with pytest.raises(Unusable) as refused:
+        post_fold(nothing, nothing, nothing, Origin(fold="no-such-fold"), request)
+    assert refused.value.code == "unsuited-world"

@@ -1,0 +1,295 @@
+"""Backups: what a backup of real databases and files holds, and what its restoration refuses."""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+import stat
+import subprocess
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+from alembic import command
+from click.testing import Result
+from typer.testing import CliRunner
+
+from server.operate.admin import admin
+from server.operate.database import Database
+from server.operate.errors import AdminError
+from server.operate.manifest import MANIFEST, BackupFile, Manifest
+from server.settings import Settings
+from server.store.folds import NoSuchFoldError, Store
+from server.store.schema_version import config
+from server.store.tables import engine_for
+from tests.server.bucket import Bucket
+from tests.server.postgres import Postgres
+from tests.server.rows import a_fold
+
+
+@dataclass(frozen=True)
+class Site:
+    """Settings of one service, as keywords and as variables."""
+
+    data_dir: Path
+    database_url: str | None = None
+    storage_url: str | None = None
+
+    @property
+    def settings(self) -> Settings:
+        return Settings(**self.__dict__)
+
+    def run(self, *arguments: str) -> Result:
+        given = {f"FOLDBACK_{name.upper()}": str(value) for name, value in self.__dict__.items()}
+        given = {name: value for name, value in given.items() if value != "None"}
+        return CliRunner().invoke(admin, arguments, env=given)
+
+    def add(self, fold_id: str) -> None:
+        """Adds a fold with files, which waits."""
+        store = Store(self.settings)
+        store.add(a_fold(fold_id, status="queued"), "token")
+        aside = self.data_dir / f"aside-{fold_id}"
+        (aside / "timeline.zarr").mkdir(parents=True)
+        (aside / "input").write_bytes(b"cells of " + fold_id.encode())
+        (aside / "timeline.zarr" / "zarr.json").write_bytes(b'{"attributes": {}}')
+        store.folders.adopt(aside, fold_id)
+        store.close()
+
+    def input_of(self, fold_id: str) -> bytes:
+        store = Store(self.settings)
+        try:
+            return (store.directory(fold_id) / "input").read_bytes()
+        finally:
+            store.close()
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Site:
+    site = Site(tmp_path / "small")
+    site.add("first")
+    return site
+
+
+@pytest.fixture
+def large(
+    tmp_path: Path, postgres: Postgres, bucket: Bucket, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Site]:
+    for name, value in bucket.environment.items():
+        monkeypatch.setenv(name, value)
+    site = Site(tmp_path / "large", postgres.database(), bucket.bucket())
+    site.add("first")
+    yield site
+
+
+@pytest.mark.parametrize("kind", ["small", pytest.param("large", marks=pytest.mark.processes)])
+def test_restored_service_is_as_it_was(
+    kind: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    site: Site = request.getfixturevalue(kind)
+    copy = tmp_path / "copy"
+    done = site.run("backup", str(copy))
+    assert done.exit_code == 0, done.output
+    for path in copy.rglob("*"):
+        assert stat.S_IMODE(path.stat().st_mode) & 0o077 == 0 or path.is_dir(), path
+    assert stat.S_IMODE(copy.stat().st_mode) == 0o700
+    assert site.run("backup", str(copy)).exit_code == 1  # it is not overwritten
+    site.add("later")
+    refused = site.run("restore", str(copy))
+    assert refused.exit_code == 1 and "--replace" in refused.stderr
+    assert site.input_of("later")
+    done = site.run("restore", "--replace", str(copy))
+    assert done.exit_code == 0, done.output
+    assert site.input_of("first") == b"cells of first"
+    with pytest.raises(NoSuchFoldError):
+        site.input_of("later") if kind == "large" else Store(site.settings).fold("later")
+    assert not (site.data_dir / "folds" / "later").exists()
+    assert json.loads(site.run("show", "first", "--json").stdout)["job"] == "queued"
+    assert site.run("migrate", "--check").exit_code == 0
+
+
+def test_restore_into_an_empty_place_needs_no_permission(small: Site, tmp_path: Path) -> None:
+    small.run("backup", str(tmp_path / "copy"))
+    other = replace(small, data_dir=tmp_path / "other")
+    assert other.run("restore", str(tmp_path / "copy")).exit_code == 0
+    assert other.input_of("first") == b"cells of first"
+    assert stat.S_IMODE((other.data_dir / "foldback.db").stat().st_mode) == 0o600
+
+
+def test_restore_of_a_service_that_runs_is_refused(small: Site, tmp_path: Path) -> None:
+    small.run("backup", str(tmp_path / "copy"))
+    store = Store(small.settings)
+    assert store.fold("first")
+    refused = small.run("restore", "--replace", str(tmp_path / "copy"))
+    store.close()
+    assert refused.exit_code == 1 and "in use" in refused.stderr
+
+
+def test_restore_of_another_kind_or_version_is_refused(small: Site, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    small.run("backup", str(copy))
+    other = replace(small, database_url="postgresql://nobody@127.0.0.1:9/none")
+    assert "expected rows.dump" in other.run("restore", str(copy)).stderr
+    manifest = Manifest.read((copy / MANIFEST).read_bytes())
+    (copy / MANIFEST).write_bytes(replace(manifest, schema="9999").text())
+    assert "version 9999" in small.run("restore", str(copy)).stderr
+
+
+def _changed(copy: Path) -> None:
+    (copy / "folds/first/input").write_bytes(b"cells of fIrst")
+
+
+def _missing(copy: Path) -> None:
+    (copy / "folds/first/input").unlink()
+
+
+def _linked(copy: Path) -> None:
+    secret = copy.parent / "secret"
+    secret.write_bytes((copy / "folds/first/input").read_bytes())
+    (copy / "folds/first/input").unlink()
+    (copy / "folds/first/input").symlink_to(secret)
+
+
+def _linked_folder(copy: Path) -> None:
+    (copy / "folds").rename(copy.parent / "elsewhere")
+    (copy / "folds").symlink_to(copy.parent / "elsewhere")
+
+
+def _pipe(copy: Path) -> None:
+    (copy / "folds/first/input").unlink()
+    os.mkfifo(copy / "folds/first/input")
+
+
+def _unfinished(copy: Path) -> None:
+    (copy / MANIFEST).unlink()
+
+
+def _named(name: str) -> Callable[[Path], None]:
+    """A manifest that names a file elsewhere, which is there and has the right digest."""
+
+    def change(copy: Path) -> None:
+        (copy.parent / "evil").write_bytes(b"evil")
+        with open(copy.parent / "evil", "rb") as file:
+            evil = replace(BackupFile.of("", file), name=name)
+        manifest = Manifest.read((copy / MANIFEST).read_bytes())
+        changed = (
+            replace(manifest, database=evil)
+            if "rows" in name
+            else replace(manifest, files=(*manifest.files, evil))
+        )
+        (copy / MANIFEST).write_bytes(changed.text())
+
+    return change
+
+
+HOSTILE = {
+    "changed": _changed,
+    "missing": _missing,
+    "linked": _linked,
+    "linked folder": _linked_folder,
+    "pipe": _pipe,
+    "unfinished": _unfinished,
+    "above": _named("folds/first/../../../evil"),
+    "absolute": _named("/etc/evil"),
+    "beside": _named("../evil"),
+    "no fold": _named("folds/../evil"),
+    "hidden": _named("folds/first/.evil"),
+    "line": _named("folds/first/a\nb"),
+    "database": _named("../rows.sqlite"),
+    "twice": _named("folds/first/input"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_restore_of_a_backup_that_was_changed_touches_nothing(
+    name: str, small: Site, tmp_path: Path
+) -> None:
+    copy = tmp_path / "copy"
+    assert small.run("backup", str(copy)).exit_code == 0
+    HOSTILE[name](copy)
+    there = {path: path.stat().st_mtime_ns for path in small.data_dir.rglob("*")}
+    refused = small.run("restore", "--replace", str(copy))
+    assert refused.exit_code == 1
+    assert any(words in refused.stderr for words in ("use another", "completed"))
+    assert {path: path.stat().st_mtime_ns for path in small.data_dir.rglob("*")} == there
+    assert not list(tmp_path.rglob("evil/*")) and not (small.data_dir / "evil").exists()
+
+
+def test_links_among_the_files_of_a_service_are_not_backed_up(small: Site, tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("secret")
+    (small.data_dir / "folds" / "first" / "link").symlink_to(secret)
+    done = small.run("backup", str(tmp_path / "copy"))
+    assert done.exit_code == 0, done.output
+    assert not (tmp_path / "copy/folds/first/link").exists()
+
+
+def test_backup_of_a_running_database_is_whole(small: Site, tmp_path: Path) -> None:
+    store = Store(small.settings)
+    store.add(a_fold("second"), "token")  # it stands in the write-ahead log alone
+    assert small.run("backup", str(tmp_path / "copy")).exit_code == 0
+    store.add(a_fold("third"), "token")
+    store.close()
+    with sqlite3.connect(tmp_path / "copy/rows.sqlite") as copy:
+        found = {fold_id for (fold_id,) in copy.execute("SELECT id FROM folds")}
+    copy.close()
+    assert found == {"first", "second"}
+
+
+def test_passwords_reach_programs_in_their_environment_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[tuple[list[str], dict[str, str]]] = []
+
+    def note(command: list[str], *, env: dict[str, str], **_: object) -> object:
+        seen.append((command, env))
+        return subprocess.CompletedProcess(command, 1, "", "no such server\nmore")
+
+    monkeypatch.setattr(subprocess, "run", note)
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "hidden-too")
+    database = Database("postgresql+psycopg://me:p%40ss%2Fw@db:5433/folds?sslmode=require")
+    with pytest.raises(AdminError, match="exit code 1: no such server$"):
+        database.dump(tmp_path / "rows.dump")
+    ((command, environment),) = seen
+    assert "p@ss/w" not in " ".join(command) and "db" not in command
+    assert environment["PGPASSWORD"] == "p@ss/w" and environment["PGPORT"] == "5433"
+    assert environment["PGSSLMODE"] == "require" and environment["PGDATABASE"] == "folds"
+    assert "hidden-too" not in environment.values()
+
+
+def test_migration_is_told_before_it_is_done(tmp_path: Path) -> None:
+    site = Site(tmp_path / "data")
+    told = site.run("migrate", "--check")
+    assert told.exit_code == 3 and "version 0001" in told.stdout
+    assert not site.data_dir.exists()
+    assert "nothing to back up" in site.run("backup", str(tmp_path / "copy")).stderr
+    site.settings.make_directories()
+    engine = engine_for(site.settings.store_url)
+    alembic = config()
+    with engine.begin() as connection:
+        alembic.attributes["connection"] = connection
+        command.upgrade(alembic, "0012")
+    told = site.run("migrate", "--check")
+    assert told.exit_code == 3
+    assert told.stdout == "would migrate tables of folds: version 0013\n"
+    assert site.run("backup", str(tmp_path / "copy")).exit_code == 0  # before the upgrade
+    assert "foldback admin migrate" in site.run("list").stderr
+    assert site.run("migrate").stdout == "migrated tables of folds: version 0013\n"
+    assert site.run("migrate", "--check").stdout == "All tables are of this version.\n"
+    with engine.begin() as connection:
+        connection.exec_driver_sql("UPDATE alembic_version SET version_num = '9999'")
+    engine.dispose()
+    newer = site.run("migrate", "--check")
+    assert newer.exit_code == 1 and "newer foldback" in newer.stderr
+
+
+@pytest.mark.processes
+def test_migration_on_postgresql_is_told_before_it_is_done(
+    tmp_path: Path, postgres: Postgres
+) -> None:
+    site = Site(tmp_path / "data", postgres.database())
+    told = site.run("migrate", "--check")
+    assert told.exit_code == 3 and "version 0001" in told.stdout
+    assert site.run("migrate").exit_code == 0
+    assert site.run("migrate", "--check").exit_code == 0
