@@ -94,13 +94,11 @@ _HOMES = {
     "planner.verification.verify": ("Verification", "verify"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
-_EARLIER_NAMES = {"Frames": "Motion", "Windows": "Motion"}
 
 
 def __getattr__(name: str) -> Any:
-    home = _EARLIER_NAMES.get(name, name)
-    if home not in _HOME_OF:
+    if name not in _HOME_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = getattr(import_module(_HOME_OF[home]), home)
+    found = getattr(import_module(_HOME_OF[name]), name)
     globals()[name] = found
     return found

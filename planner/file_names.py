@@ -50,8 +50,8 @@ PLAYABLE: Final = (CHAIN, TIMELINE, CERTIFICATE)
 """Files that are kept of a verified plan that was not chosen, so that the web page can still play
 it."""
 RESULT_FILES: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, CLEARANCES_FILE, FORCES)
-"""Files that one attempt of a fold writes; an attempt that smooths the plan of another one also
-writes ``RECORDED_PLAN``."""
+"""Names of the files that one attempt of a fold writes into a folder of its own. When the fold is
+over, those of the best attempt are moved to the fold's directory."""
 EXPORTED_FILES: Final = (PLAN, PLAN_TEXT, MODEL, FIGURES)
 """Files that the last stage of a fold, the export, writes from the chosen attempt."""
 DESCRIBED: Final = (

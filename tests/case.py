@@ -10,7 +10,7 @@ from contextlib import contextmanager
 def case(name: object) -> Iterator[None]:
     """Add the name of a case to what fails within.
 
-    For hundreds of quick cases: each test of pytest takes some 8 ms of the processor by itself.
+    For hundreds of quick cases: each test of pytest takes some 3 ms of the processor by itself.
     """
     try:
         yield

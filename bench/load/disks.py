@@ -6,11 +6,13 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Final
 
 MIB: Final = 2**20
 SIZE_MIB: Final = 512
+ENDING_S: Final = 10.0
 INSIDE: Final = "FOLDBACK_LOAD_INSIDE"
 
 
@@ -100,7 +102,11 @@ class Disk:
         if not self.real:
             _run("mount", "-o", "remount,rw", str(self.path))
             return
-        _run("umount", str(self.path))
+        deadline = time.monotonic() + ENDING_S
+        while not _tried("umount", str(self.path)):
+            if time.monotonic() > deadline:
+                raise NoDiskError(f"{self.path} is in use {ENDING_S} s after all were killed.")
+            time.sleep(0.1)  # processes that were killed take a moment to end
         _tried("e2fsck", "-p", str(self._image))
         _run("mount", "-o", "loop", *self._both)
 

@@ -13,7 +13,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from planner.progress import STAGES, Cancelled, never
+from planner.progress import Cancelled, never
 
 if TYPE_CHECKING:
     from planner.pipeline.request import FoldRequest
@@ -93,13 +93,8 @@ def judge(
         InputError: When the input cannot be used.
     """
     # Loaded late: each process that runs cases of another kind would load all of the planner.
-    from planner.pipeline.stages import next_stage, run_stage
+    from planner.pipeline.stages import run_stages
     from planner.pipeline.workspace import Workspace
 
     Workspace(directory).write_request(request, data)
-    stage: str | None = STAGES[0]
-    result: dict[str, Any] = {}
-    while stage is not None and stage != "export":
-        result = run_stage(stage, directory, cancelled=cancelled)
-        stage = next_stage(stage, result)
-    return result
+    return run_stages(directory, until="export", cancelled=cancelled)

@@ -22,7 +22,7 @@ from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.explosion.table import explode_on_table
 from planner.parameters.explosion import Base, TableParameters
-from planner.table_paths.table_paths import table_paths
+from tests.planner.table_search import table_paths
 
 Cells = NDArray[np.int64]
 SMALL: Final = {"4×3×2": (4, 3, 2), "3×3×3": (3, 3, 3), "4×4×2": (4, 4, 2)}

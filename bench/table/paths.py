@@ -19,7 +19,8 @@ from planner.chain.path import Path as ChainPath
 from planner.errors import InputError
 from planner.readers import read
 from planner.table_paths.rules import LAYERS, faults_of
-from planner.table_paths.table_paths import TablePath, table_paths
+from planner.table_paths.table_paths import TablePath
+from tests.planner.table_search import table_paths
 
 SHAPES = Path(__file__).parents[2] / "examples" / "shapes"
 MOST_CELLS = 64

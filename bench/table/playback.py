@@ -22,8 +22,8 @@ from planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESE
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
-from planner.verification.table_replay import TableReplay, table_replay
 from planner.verification.verify import verify
+from tests.planner.table_replay import TableReplay, table_replay
 
 NAMED: Final = ("mallet-24", "mallet-64", "letter-l", "letter-f")
 BAR, STRETCH = 0.05, 0.01

@@ -204,90 +204,129 @@ def certify(
         raise InputError(
             "bad-module-size", f"got a module size of {size}, expected a number above 0."
         )
-    asked_to_stop = False
-
-    def stopped() -> bool:
-        nonlocal asked_to_stop
-        asked_to_stop = asked_to_stop or cancelled()
-        return asked_to_stop
-
-    def swept(motion: Motion, name: str, fraction: float, share: float = BOUND_RATIO) -> Sweep:
-        progress(Progress(stage="certify", fraction=fraction, message=f"checking the {name}"))
-        return sweep(chain, motion, size=size, share=share, cancelled=stopped)
-
     unusable = _unusable(chain, record, playback, start)
     if unusable:
         record = playback = None
     if record is not None and playback is not None:
         # As the timeline has them, which holds one layout: a table's record is windowed.
         record = replace(record, frames=record.frames.in_layout_of(playback.frames, chain))
-
-    of_record = of_plan = of_playback = exempt = None
-    of_others: list[Sweep] = []
-    figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
-    if playback is not None:
-        with ThreadPoolExecutor(1) as beside:
-            linked = beside.submit(exempt_pairs, chain, followed(playback), size=size)
-            of_plan = swept(playback.reference, "plan", 0.35)
-            if sink is not None and not asked_to_stop:
-                sink(of_plan.per_frame)
-            if playback.simulated:
-                of_playback = swept(playback.frames, "playback", 0.7)
-                of_others = [
-                    swept(one, "playback of another robot", 0.8) for one in others(playback)
-                ]
-            figures = _plan_figures(chain, playback, parameters)
-            exempt = linked.result()
-    if record is not None:
-        frames = None if playback is None else playback.frames
-        if frames is not None and frames.is_windowed and record.frames.passes_as(frames[::-1]):
-            of_record = of_plan  # the same places, and the same ways between them
-        else:
-            # Nothing is proved of a record, whose clearance is only told.
-            of_record = swept(record.frames, "record", 0.0, share=0.0)
-    if given_up := stopped():
-        # What was not looked at to its end proves nothing, and nobody knows what is least in it.
-        of_record = of_plan = of_playback = None
-        of_others = []
-    unit = torque_unit_nm(chain, parameters)
-    weight = unit / chain.pitch_m * GRAVITY_M_S2
-    bounds = [found.bound for found in (of_plan, of_playback, *of_others) if found is not None]
+    sweeper = _Sweeper(chain=chain, size=size, progress=progress, cancelled=cancelled)
+    with ThreadPoolExecutor(1) as beside:
+        motions = () if playback is None else followed(playback)
+        exempt = beside.submit(exempt_pairs, chain, motions, size=size)
+        sweeps = sweeper.sweep_all(record, playback, sink)
+        figures = _plan_figures(chain, playback, parameters)
     if unusable:
         verdict = f"failed: {unusable}"
-    elif given_up:
+    elif sweeper.is_cancelled:
         verdict = "failed: it was cancelled"
     else:
-        verdict = _verdict(
-            chain, start, record, playback, of_plan, [of_playback, *of_others], figures, size
-        )
+        verdict = _verdict(chain, start, record, playback, sweeps, figures, size)
     on_table = None
-    if parameters.world == "table" and playback is not None and not given_up:
+    if parameters.world == "table" and playback is not None and not sweeper.is_cancelled:
         progress(Progress(stage="certify", fraction=0.9, message="balancing every frame"))
         on_table = _on_table(chain, playback, parameters, forces)
         if not on_table.rests and not verdict.startswith("failed"):
             verdict = on_table.verdict
+    weight = torque_unit_nm(chain, parameters) / chain.pitch_m * GRAVITY_M_S2
     return Certificate(
         verdict=verdict,
         table=on_table,
         simulated=None if playback is None else playback.simulated,
         module_size=size,
-        exempt_pairs=exempt or exempt_pairs(chain, (), size=size),
-        min_clearance=of_plan and of_plan.clearance,
-        min_clearance_at=_place(of_plan),
-        clearance_bound=min(bounds, default=None),
-        robots=_robots(chain, playback, [of_playback, *of_others]),
-        min_clearance_playback=of_playback and of_playback.clearance,
-        min_clearance_playback_at=_place(of_playback),
-        min_clearance_record=of_record and of_record.clearance,
-        min_clearance_record_at=_place(of_record),
+        exempt_pairs=exempt.result(),
+        robots=_robots(chain, playback, sweeps),
         max_angle_record_rad=None if record is None else _largest_angle(record.frames),
-        in_betweens=_in_betweens(of_record, of_plan, of_playback, *of_others),
         joint_speed_limit_rad_s=parameters.joint_speed_limit_rad_s,
         gravity_torque_folded_nm=weight * static_torque(chain, chain.folded_rad),
         gravity_torque_straight_nm=weight * static_torque(chain, np.zeros_like(chain.folded_rad)),
         seconds=time.perf_counter() - begun,
+        **sweeps.figures(),
         **figures,
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Sweeps:
+    """Sweeps of a fold's motions; None of a motion that is not there, or not swept to its end."""
+
+    record: Sweep | None = None
+    plan: Sweep | None = None
+    playback: Sweep | None = None
+    others: tuple[Sweep, ...] = ()
+
+    @property
+    def of_robots(self) -> tuple[Sweep | None, ...]:
+        """Sweeps of the simulated playbacks: the one that is shown, and those of other robots."""
+        return (self.playback, *self.others)
+
+    def figures(self) -> dict[str, Any]:
+        """Return the figures of a certificate that come from sweeps alone."""
+        record, plan, playback = self.record, self.plan, self.playback
+        bounds = [found.bound for found in (plan, *self.of_robots) if found is not None]
+        # A sweep that serves two motions counts once.
+        different = {
+            id(found): found for found in (record, plan, *self.of_robots) if found is not None
+        }
+        return {
+            "min_clearance": plan and plan.clearance,
+            "min_clearance_at": _place(plan),
+            "clearance_bound": min(bounds, default=None),
+            "min_clearance_playback": playback and playback.clearance,
+            "min_clearance_playback_at": _place(playback),
+            "min_clearance_record": record and record.clearance,
+            "min_clearance_record_at": _place(record),
+            "in_betweens": sum(found.in_betweens for found in different.values()),
+        }
+
+
+@dataclass(slots=True, kw_only=True)
+class _Sweeper:
+    """Sweeps the motions of a fold, until it is cancelled."""
+
+    chain: Chain
+    size: float
+    progress: Report
+    cancelled: Cancelled
+    is_cancelled: bool = False
+
+    def sweep_all(
+        self, record: Record | None, playback: Playback | None, sink: Callable[[Array], None] | None
+    ) -> _Sweeps:
+        """Return the sweeps of all motions; none at all if it was cancelled."""
+        of_record = of_plan = of_playback = None
+        of_others: tuple[Sweep, ...] = ()
+        if playback is not None:
+            of_plan = self._sweep(playback.reference, "plan", 0.35)
+            if sink is not None and not self.is_cancelled:
+                sink(of_plan.per_frame)
+            if playback.simulated:
+                of_playback = self._sweep(playback.frames, "playback", 0.7)
+                of_others = tuple(
+                    self._sweep(one, "playback of another robot", 0.8) for one in others(playback)
+                )
+        if record is not None:
+            frames = None if playback is None else playback.frames
+            if frames is not None and frames.is_windowed and record.frames.passes_as(frames[::-1]):
+                of_record = of_plan  # the same places, and the same ways between them
+            else:
+                # Nothing is proved of a record, whose clearance is only told.
+                of_record = self._sweep(record.frames, "record", 0.0, share=0.0)
+        if self._stops():
+            # What was not looked at to its end proves nothing; nobody knows what is least in it.
+            return _Sweeps()
+        return _Sweeps(record=of_record, plan=of_plan, playback=of_playback, others=of_others)
+
+    def _sweep(
+        self, motion: Motion, name: str, fraction: float, share: float = BOUND_RATIO
+    ) -> Sweep:
+        message = f"checking the {name}"
+        self.progress(Progress(stage="certify", fraction=fraction, message=message))
+        return sweep(self.chain, motion, size=self.size, share=share, cancelled=self._stops)
+
+    def _stops(self) -> bool:
+        self.is_cancelled = self.is_cancelled or self.cancelled()
+        return self.is_cancelled
 
 
 def _on_table(
@@ -401,13 +440,13 @@ def others(playback: Playback) -> tuple[Motion, ...]:
 
 
 def _robots(
-    chain: Chain, playback: Playback | None, sweeps: list[Sweep | None]
+    chain: Chain, playback: Playback | None, sweeps: _Sweeps
 ) -> tuple[RobotFigures, ...] | None:
     """Return the figures of each robot; None if there are none with model errors."""
     if playback is None or playback.robots is None:
         return None
     plan, found = playback.reference, []
-    for motion, swept in zip(followed(playback)[1:], sweeps, strict=False):
+    for motion, swept in zip(followed(playback)[1:], sweeps.of_robots, strict=False):
         if swept is None:
             continue
         found.append(
@@ -440,21 +479,20 @@ def _largest_angle(motion: Motion) -> float:
     return float(np.abs(motion.angles_rad).max(initial=0.0))
 
 
-def _in_betweens(*sweeps: Sweep | None) -> int:
-    """Count configurations checked between frames; a sweep that serves two motions counts once."""
-    different = {id(sweep): sweep for sweep in sweeps if sweep is not None}
-    return sum(sweep.in_betweens for sweep in different.values())
-
-
 def torque_unit_nm(chain: Chain, parameters: Parameters) -> float:
     """Return the unit of simulated torques, module mass · pitch² / s², in N·m."""
     mass_kg = parameters.density_kg_m3 * chain.module.volume * chain.pitch_m**3
     return mass_kg * chain.pitch_m**2
 
 
-def _plan_figures(chain: Chain, playback: Playback, parameters: Parameters) -> dict[str, Any]:
-    plan, times = playback.reference, playback.frames.time_s
+def _plan_figures(
+    chain: Chain, playback: Playback | None, parameters: Parameters
+) -> dict[str, Any]:
+    """Return the figures ``_PLAN_FIGURES``, each None where it cannot be computed."""
     figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
+    if playback is None:
+        return figures
+    plan, times = playback.reference, playback.frames.time_s
     figures["frames"] = len(plan)
     figures["plan_end_error_rad"] = _end_error(chain, plan)
     figures["max_angle_rad"] = max(_largest_angle(motion) for motion in followed(playback))
@@ -509,17 +547,16 @@ def _verdict(
     start: Chain | None,
     record: Record | None,
     playback: Playback | None,
-    of_plan: Sweep | None,
-    of_playbacks: list[Sweep | None],
+    sweeps: _Sweeps,
     figures: dict[str, Any],
     size: float,
 ) -> str:
     if record is not None and record.status != "straight":
         return f"failed: the explosion {record.status}: {record.reason}"
-    if playback is None or of_plan is None:
+    if playback is None or sweeps.plan is None:
         return "failed: there is no playback"
-    motions: dict[str, Sweep | None] = {"plan": of_plan}
-    for number, of_playback in enumerate(of_playbacks):
+    motions: dict[str, Sweep | None] = {"plan": sweeps.plan}
+    for number, of_playback in enumerate(sweeps.of_robots):
         robot = f" of robot {number + 1}" if number else ""
         motions[f"simulated playback{robot}"] = of_playback
     for name, found in motions.items():

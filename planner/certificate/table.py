@@ -9,7 +9,7 @@ on a table.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Final
@@ -89,17 +89,8 @@ def table_certificate(
     pitch = chain.pitch_m if pitch_m is None else pitch_m
     mass = density_kg_m3 * chain.module.volume * pitch**3 if module_kg is None else module_kg
     _check(len(frames), friction, base, mass, pitch, module_size, bound)
-    clearances = np.concatenate(
-        [
-            floor_clearances(chain.module, poses.positions, poses.rotations, size=module_size)
-            for poses in _parts(chain, frames, height)
-        ]
-    )
-    if not np.isfinite(clearances).all():
-        raise InputError("bad-table", "got frames that are not finite, expected numbers.")
-    stands = (
-        bool(np.abs(clearances).max() <= ON_TABLE_TOLERANCE_PITCH) if on_table is None else on_table
-    )
+    clearances = _clearances_above_table(chain, frames, height, module_size)
+    stands = _are_on_table(clearances) if on_table is None else on_table
     wanted = _Wanted(
         chain=chain,
         frames=frames,
@@ -109,27 +100,11 @@ def table_certificate(
         laid=not stands,
         height=height,
     )
-    found: list[_Balanced] = []
-    starts = range(0, len(frames), BALANCE_CHUNK_FRAMES)
-    with ThreadPoolExecutor(min(cores(), len(starts))) as pool:
-        for part in pool.map(wanted.part, starts):
-            found += part
-            if progress is not None:
-                progress(len(found) / len(frames))
+    found = wanted.all_frames(progress, sink)
     torques = np.array([frame.torque for frame in found])
-    if sink is not None:
-        sink(
-            TableForces(
-                torques=np.array([frame.torques for frame in found]),
-                pressed=np.array([frame.pressed for frame in found]),
-                torque=np.where(np.isfinite(torques), torques, np.nan).astype(np.float32),
-            )
-        )
-    balanced = np.isfinite(torques)
-    worst = int(np.argmax(np.where(balanced, torques, -1.0))) if balanced.any() else None
+    worst, low = _worst_frame(torques), int(np.argmin(clearances))
     largest = None if worst is None else float(torques[worst])
     unit = mass * GRAVITY_M_S2 * pitch
-    low = int(np.argmin(clearances))
     certificate = TableCertificate(
         verdict="",
         name=chain.name,
@@ -145,7 +120,7 @@ def table_certificate(
         torque=largest,
         torque_nm=None if largest is None else largest * unit,
         frame=worst,
-        unbalanced=tuple(np.flatnonzero(~balanced).tolist()),
+        unbalanced=tuple(np.flatnonzero(~np.isfinite(torques)).tolist()),
         clearance=float(clearances[low]),
         clearance_frame=low,
         torques=tuple(float(t) if np.isfinite(t) else None for t in torques),
@@ -167,6 +142,23 @@ class _Wanted:
     size: float
     laid: bool
     height: float
+
+    def all_frames(
+        self,
+        progress: Callable[[float], None] | None,
+        sink: Callable[[TableForces], object] | None,
+    ) -> list[_Balanced]:
+        """Balance all frames, some chunks of them at once; ``sink`` receives the forces of all."""
+        found: list[_Balanced] = []
+        starts = range(0, len(self.frames), BALANCE_CHUNK_FRAMES)
+        with ThreadPoolExecutor(min(cores(), len(starts))) as pool:
+            for part in pool.map(self.part, starts):
+                found += part
+                if progress is not None:
+                    progress(len(found) / len(self.frames))
+        if sink is not None:
+            sink(_forces(found))
+        return found
 
     def part(self, start: int) -> list[_Balanced]:
         """Balance the chunk of frames from ``start`` on."""
@@ -249,10 +241,45 @@ def _moment_later(poses: Poses, k: int) -> tuple[Array, Array]:
     return 2.0 * positions[k] - positions[k - 1], turned @ rotations[k]
 
 
-def _parts(chain: Chain, frames: Motion, height: float) -> Iterator[Poses]:
+def _are_on_table(clearances: Array) -> bool:
+    """Return True if the lowest corner of every frame is at the table."""
+    return bool(np.abs(clearances).max() <= ON_TABLE_TOLERANCE_PITCH)
+
+
+def _worst_frame(torques: Array) -> int | None:
+    """Return the frame with the largest torque; None if no frame has an equilibrium."""
+    balanced = np.isfinite(torques)
+    worst = int(np.argmax(np.where(balanced, torques, -1.0)))
+    return worst if balanced.any() else None
+
+
+def _forces(found: list[_Balanced]) -> TableForces:
+    """Return the forces of all frames; NaN in those without an equilibrium."""
+    torques = np.array([frame.torque for frame in found])
+    return TableForces(
+        torques=np.array([frame.torques for frame in found]),
+        pressed=np.array([frame.pressed for frame in found]),
+        torque=np.where(np.isfinite(torques), torques, np.nan).astype(np.float32),
+    )
+
+
+def _clearances_above_table(chain: Chain, frames: Motion, height: float, size: float) -> Array:
+    """Return the (F,) height of the lowest corner of each frame, pitches.
+
+    Raises:
+        InputError: ``bad-table`` if it is no number.
+    """
+    clearances: list[Array] = []
     for start in range(0, len(frames), BALANCE_CHUNK_FRAMES):
         part = frames.dense(chain, start, min(start + BALANCE_CHUNK_FRAMES, len(frames)))
-        yield _placed(chain, part, height)
+        poses = _placed(chain, part, height)
+        clearances.append(
+            floor_clearances(chain.module, poses.positions, poses.rotations, size=size)
+        )
+    found = np.concatenate(clearances)
+    if not np.isfinite(found).all():
+        raise InputError("bad-table", "got frames that are not finite, expected numbers.")
+    return found
 
 
 def _placed(chain: Chain, frames: Motion, height: float) -> Poses:

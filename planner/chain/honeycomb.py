@@ -22,9 +22,6 @@ Nodes = NDArray[np.int64]
 TETRAHEDRA_PER_RING: Final = 12
 """Number of tetrahedral modules of the closed ring that fills a cube of side 2 in the honeycomb of
 right-angle tetrahedra."""
-TETRAHEDRA_PER_DODECAHEDRON: Final = 24
-"""Number of tetrahedral modules that fill a rhombic dodecahedron in the honeycomb of right-angle
-tetrahedra."""
 _RING_PAIRS: Final = (
     *("123-223", "213-223", "312-322", "122-132", "212-312", "221-231"),
     *("321-322", "221-321", "212-213", "122-123", "231-232", "132-232"),

@@ -18,9 +18,9 @@ LONG_CHAIN: Final = 600
 one after the other, so that peeling (releasing the chain from its end, group by group) explodes it.
 Smaller values restrict the paths of more shapes. Decision 0013."""
 UNSMOOTHED_FROM_MODULES: Final = 1500
-"""Number of modules above which a recorded motion is played back frame by frame, as a spline
-through it would take gigabytes. Simulated joint limits then act ``STOP_COMPLIANCE_RAD`` earlier, as
-no spline cuts the angles that exceed them. Chosen."""
+"""Number of modules above which a recorded motion is played back frame by frame, without a smooth
+curve through its frames, which would take gigabytes. Simulations then stop hinges a little earlier,
+as no curve cuts off angles beyond a joint's range. Chosen."""
 RELIEF_SAMPLES: Final = 64
 """Number of points along each side of a module at which its relief is sampled (material that must
 be removed so that linked modules can turn), to compute its volume. Larger values are more exact and

@@ -56,9 +56,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 MIN_PEELING_PROGRESS_RAD: Final = 0.5
 """Peeling unfolds a chain from its far end on, group by group. Decrease of the sum of all hinge
-angles, rad, that counts as progress. A run that does not reach it for
-``PeelingParameters.patience`` simulation steps is jammed, and forces are changed to loosen it.
-Larger values take slow runs for jammed ones. Chosen."""
+angles, rad, that counts as progress. After many simulation steps (parameter ``patience``) without
+progress the run is jammed, and forces are changed to loosen it. Larger values take slow runs for
+jammed ones. Chosen."""
 MAX_PEELING_DEPTH_PITCH: Final = 0.016
 """Maximum depth of contacts while a chain is peeled, pitches; the limit is lower if the required
 clearance leaves less room. Larger values allow faster steps and leave less clearance. Chosen."""

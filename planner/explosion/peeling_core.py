@@ -64,8 +64,8 @@ values turn the tail less often. Chosen."""
 CLEARANCE_DEFICIT_WEIGHT: Final = 3.0
 """On a table, the direction of the chain's straight unfolded part (tail) is the one with the
 highest score. Points that a direction loses for each pitch by which its distance from the folded
-part falls short of ``HEADING_CLEARANCE_PITCH``. Larger values prefer free directions to short
-turns. Chosen."""
+part falls short of the wanted distance. Larger values prefer free directions to short turns.
+Chosen."""
 
 
 class Core:

@@ -36,12 +36,13 @@ RELEASE_CHECK_STEPS: Final = 5
 """Number of simulation steps between two checks of whether the next modules may be released from
 the folded core. Larger values release later and cost less. Chosen."""
 RETIRE_CHECK_STEPS: Final = 20
-"""Number of simulation steps between two checks of whether outer joints are so straight that they
-need no simulation and become part of the rigid tail. Larger values simulate more modules and check
-less. Chosen."""
+"""Only the modules between the folded part of a chain and its straight rigid tail are simulated.
+Number of simulation steps between two checks of whether outer joints are so straight that they
+become part of the tail. Larger values simulate more modules and check less often. Chosen."""
 MIN_RETIRED_JOINTS: Final = 6
-"""Minimum number of straight joints that become part of the rigid tail at a time, as the simulation
-model is rebuilt each time. Larger values rebuild less often and simulate more modules. Chosen."""
+"""Only the modules between the folded part of a chain and its straight rigid tail are simulated.
+Minimum number of straight joints that become part of the tail at a time, as the model is rebuilt
+each time. Larger values rebuild less often and simulate more modules. Chosen."""
 WINDOW_FINISH_STEPS: Final = 25
 """Number of simulation steps between two attempts to straighten the last bent joints without
 simulation, by shrinking all angles evenly, once all modules are released. Smaller values may end

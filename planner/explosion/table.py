@@ -38,8 +38,9 @@ from planner.progress import Cancelled, Report, never, silent
 
 MIN_TABLE_PROGRESS_RAD: Final = 0.3
 """Decrease of the sum of all hinge angles, rad, that counts as progress of a chain that unfolds on
-a table. A run that does not reach it for ``patience`` simulation steps is jammed, and new random
-forces are drawn to loosen it. Larger values take slow runs for jammed ones. Chosen."""
+a table. After many simulation steps (parameter ``patience``) without progress the run is jammed,
+and new random forces are drawn to loosen it. Larger values take slow runs for jammed ones.
+Chosen."""
 MAX_RELEASE_ERROR_RAD: Final = 1.2
 """Maximum angle between the tail of a chain on a table and its wanted heading, rad, at which the
 next modules are released from the folded core. Larger values release earlier, with a tail that
@@ -53,9 +54,9 @@ FIRST_BACKTRACK_RELEASES: Final = 3
 time; the number doubles each time. Larger values escape from deeper dead ends and repeat more work.
 Chosen."""
 PERTURBATION_GROWTH: Final = 0.25
-"""Random forces loosen a jammed chain on a table. Relative increase of these forces each time that
-they are drawn, or that a release of modules is undone, without progress. Larger values shake
-harder, sooner. Chosen."""
+"""Random forces loosen a jammed chain on a table. Fraction by which they grow with each attempt
+that brings no progress: each time that new forces are drawn, or that modules which did not come
+loose are held again. Larger values shake harder, sooner. Chosen."""
 FORCED_RELEASE_PERIOD: Final = 4
 """Checks of a jammed chain on a table, counted: every time that this number is reached, the next
 modules are released although the chain's tail does not point in its wanted direction; after the

@@ -36,13 +36,13 @@ REPULSION_RAMP: Final = (0.05, 0.25)
 at which it is largest. Larger values keep the repulsion of a packed chain weak for longer.
 Chosen."""
 BODY_CAP_REFERENCE_MODULES: Final = 512
-"""Number of modules up to which ``ExplosionParameters.body_cap`` limits a module's displacement per
-step as it is; for longer chains the limit grows with length, as their ends go farther. Larger
-values take more steps. Chosen."""
+"""A simulation step is so short that no module moves farther than a limit (parameter ``body_cap``).
+Number of modules up to which the limit holds as it is; for longer chains it grows with the length,
+as their ends go farther. Larger values take more steps for long chains. Chosen."""
 MAX_BODY_CAP_SCALE: Final = 2.5
-"""Maximum factor by which a long chain's limit of a module's displacement per step grows. Larger
-values take fewer steps, but modules could meet before the search for near pairs finds them.
-Chosen."""
+"""In one simulation step a module may move only so far; this limit grows with the number of
+modules. Maximum factor by which it grows. Larger values take fewer steps, but modules could meet
+before the search for near pairs finds them. Chosen."""
 
 
 @dataclass(slots=True)

@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.chain import Chain
 from planner.exports.export import export_name, require_frames, rising
 from planner.exports.stl import hull_of
 from planner.plan.plan import Plan
@@ -42,8 +43,16 @@ specification)."""
 Z_UP_TO_Y_UP_XYZW: Final = (-float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5)))
 """Rotation from the planner's frame (z up) to glTF's (y up): −90° about x, as a quaternion (x, y,
 z, w)."""
-MODULE_RGBA: Final = (0.80, 0.36, 0.11, 1.0)
-"""Colour of the modules in a GLB file, linear RGBA from 0 to 1. Chosen."""
+MATERIAL: Final = {
+    "name": "module",
+    "pbrMetallicRoughness": {
+        "baseColorFactor": (0.8, 0.36, 0.11, 1.0),
+        "metallicFactor": 0.0,
+        "roughnessFactor": 0.6,
+    },
+}
+"""Material of the modules in a GLB file, as glTF 2.0 describes it: matt orange (linear RGBA from 0
+to 1). Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,6 +132,46 @@ def write(plan: Plan) -> bytes:
     (normal,) = buffer.add(normals, target=GL_ARRAY_BUFFER)
     (times,) = buffer.add(track.time_s.astype("<f4")[None])
     outputs = list(zip(buffer.add(places), buffer.add(turns), strict=True))
+    document: dict[str, Any] = {
+        "asset": _asset(plan, track),
+        "scene": 0,
+        "scenes": [{"nodes": [len(chain)]}],
+        "nodes": _nodes(chain, places, turns),
+        "meshes": [
+            {
+                "name": chain.module.name,
+                "primitives": [
+                    {"attributes": {"POSITION": position, "NORMAL": normal}, "material": 0}
+                ],
+            }
+        ],
+        "materials": [MATERIAL],
+        "animations": [_animation(times, outputs)],
+        "accessors": buffer.accessors,
+        "bufferViews": buffer.views,
+        "buffers": [{"byteLength": len(buffer.data)}],
+    }
+    text = json.dumps(document, separators=(",", ":")).encode()
+    return _packed(text, bytes(buffer.data))
+
+
+def _asset(plan: Plan, track: Track) -> dict[str, Any]:
+    pitch_m = plan.chain.pitch_m
+    return {
+        "version": "2.0",
+        "generator": "foldback",
+        "extras": {
+            "pitch_m": pitch_m,
+            "module": plan.chain.module.name,
+            "verdict": export_name(plan.certificate.verdict),
+            "keyframes": len(track.time_s),
+            "tolerance_m": track.tolerance * pitch_m,
+        },
+    }
+
+
+def _nodes(chain: Chain, places: Single, turns: Single) -> list[dict[str, Any]]:
+    """Return a node for each module, where it is in the end, and one that holds them upright."""
     nodes: list[dict[str, Any]] = [
         {
             "name": f"module_{i}",
@@ -137,6 +186,16 @@ def write(plan: Plan) -> bytes:
         "rotation": Z_UP_TO_Y_UP_XYZW,
         "children": [*range(len(chain))],
     }
+    return [*nodes, top]
+
+
+def _animation(times: int, outputs: list[tuple[int, int]]) -> dict[str, Any]:
+    """Return the animation of all modules.
+
+    Args:
+        times: Accessor of the keyframes' times.
+        outputs: Accessors of each module's translations and rotations.
+    """
     samplers = [
         {"input": times, "output": output, "interpolation": "LINEAR"}
         for pair in outputs
@@ -144,49 +203,10 @@ def write(plan: Plan) -> bytes:
     ]
     channels = [
         {"sampler": 2 * i + k, "target": {"node": i, "path": path}}
-        for i in range(len(chain))
+        for i in range(len(outputs))
         for k, path in enumerate(("translation", "rotation"))
     ]
-    document: dict[str, Any] = {
-        "asset": {
-            "version": "2.0",
-            "generator": "foldback",
-            "extras": {
-                "pitch_m": chain.pitch_m,
-                "module": chain.module.name,
-                "verdict": export_name(plan.certificate.verdict),
-                "keyframes": len(track.time_s),
-                "tolerance_m": track.tolerance * chain.pitch_m,
-            },
-        },
-        "scene": 0,
-        "scenes": [{"nodes": [len(chain)]}],
-        "nodes": [*nodes, top],
-        "meshes": [
-            {
-                "name": chain.module.name,
-                "primitives": [
-                    {"attributes": {"POSITION": position, "NORMAL": normal}, "material": 0}
-                ],
-            }
-        ],
-        "materials": [
-            {
-                "name": "module",
-                "pbrMetallicRoughness": {
-                    "baseColorFactor": MODULE_RGBA,
-                    "metallicFactor": 0.0,
-                    "roughnessFactor": 0.6,
-                },
-            }
-        ],
-        "animations": [{"name": "fold", "samplers": samplers, "channels": channels}],
-        "accessors": buffer.accessors,
-        "bufferViews": buffer.views,
-        "buffers": [{"byteLength": len(buffer.data)}],
-    }
-    text = json.dumps(document, separators=(",", ":")).encode()
-    return _packed(text, bytes(buffer.data))
+    return {"name": "fold", "samplers": samplers, "channels": channels}
 
 
 def track_of(plan: Plan) -> Track:

@@ -31,9 +31,9 @@ DIFFERENCE_ORDER: Final = 3
 stored: for a smooth motion third differences are small and compress well. Higher orders amplify
 rounding. Chosen."""
 MAX_ANGLE_STEPS: Final = 2**25
-"""Magnitude of an angle, in units of ``PLAN_STEP_RAD``, that stored angles stay below: four right
-angles, so that third differences fit into 32 bits. Angles beyond it are stored without
-differences."""
+"""Magnitude below which angles are stored as differences, in units of a plan's angle resolution
+(90° / 2²³): four right angles, so that third differences fit into 32 bits. Larger angles are stored
+without differences."""
 MAX_PLAIN_ANGLES: Final = 2**18
 """Maximum number of hinge angles that a plan file holds as plain numbers, five megabytes of JSON;
 more are stored as compressed differences. Larger values give larger files that other programs read

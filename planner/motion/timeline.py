@@ -388,11 +388,6 @@ class Timeline:
         """True if another timeline has replaced it, or is about to."""
         return _is_replaced(self.path, self.id)
 
-    @property
-    def sealed(self) -> bool:
-        """True if its chunks carry checksums; earlier versions wrote none."""
-        return self._sealed
-
     def motion(self, start: int = 0, stop: int | None = None, stride: int = 1) -> Motion:
         """Read frames ``start`` to ``stop`` (to the end if None), every ``stride``-th one.
 

@@ -58,8 +58,8 @@ _BY_NAME: Final = {
     found.name: found for _, _, found in _described_fields() if isinstance(found, Setting)
 }
 _FIELDS: Final[dict[str, dict[str, str]]] = {name: {} for name in _BY_NAME}
-"""Name of the field that a setting changes, by the setting's name and then by the part of
-``Parameters`` (a key of ``PARTS``) that has the field."""
+"""Fields that each setting changes: by the name of the setting, then by the part of the parameters
+(``explosion`` or ``playback``) that has the field."""
 for _part, _field, _found in _described_fields():
     _FIELDS[_found if isinstance(_found, str) else _found.name][_part] = _field
 

@@ -113,7 +113,8 @@ class PathOptions:
             InputError: When one of them cannot be read.
         """
         options = options_of(cls)
-        return cls(**{name: options[name].read(each) for name, each in given.items()})
+        read = {name: options[name].read(given[name]) for name in given if name in options}
+        return cls(**{**given, **read})
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Self:

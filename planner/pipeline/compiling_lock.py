@@ -23,9 +23,10 @@ REST_LOCK: Final = "compiling-rest.lock"
 """Name of the lock file for compiling the kernels (numba functions) that a first fold does not
 need; it keeps two processes from compiling the same kernels."""
 FIRST_KERNELS_BYTES: Final = 83_000
-"""Size of the Python bytecode of the kernels (numba functions) that a first fold needs, in bytes.
-Progress of their compilation is the compiled fraction of it; a value that is too large makes
-progress end early, too small a value makes it stop at its maximum. Measured; a test compares it."""
+"""Total size of the Python bytecode of the kernels (numba functions) that a first fold needs, in
+bytes; compiled bytes divided by it are the displayed progress. With too large a value compilation
+finishes before progress reaches 100 %; with too small a one progress waits near 100 %. Measured; a
+test compares it."""
 MAX_COMPILED_FRACTION: Final = 0.99
 """Largest progress, from 0 to 1, that is reported while kernels are compiled; 1 is reported only at
 the end. A smaller value makes the progress stop earlier if the estimate was low. Chosen."""

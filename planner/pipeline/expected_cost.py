@@ -29,8 +29,9 @@ PUBLISHED_STEPS: Final = 80_000.0
 modules. Larger values make estimates of a fold's cost larger. Measured: 81 250 for a mallet of 64
 modules, and 97 725 for a wrench of 160 (docs/reproduction.md)."""
 PUBLISHED_MODULES: Final = 64
-"""Number of modules of the chain that ``PUBLISHED_STEPS`` was measured for; the estimate for other
-chains grows with a power of their number of modules relative to it."""
+"""Number of modules of the chain whose simulation steps by the published method were counted. The
+number of steps of other chains is estimated with a power of their number of modules, relative to
+this one."""
 PUBLISHED_POWER: Final = 0.27
 """Exponent of the number of modules in the expected number of simulation steps of an explosion with
 the paper's method (preset ``paper``: all modules driven apart at once). A larger value expects more

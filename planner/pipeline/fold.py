@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.files import directory_or_aside
+from planner.parameters.parameters import AUTO, FLOATING, World
 from planner.pipeline.attempt import Candidates
 from planner.pipeline.attempt_pool import AttemptPool
 from planner.pipeline.certifying import with_certificate
@@ -21,16 +22,16 @@ from planner.pipeline.exploding import rest, with_explosion
 from planner.pipeline.exporting import finish
 from planner.pipeline.job import Job, Search, Watch
 from planner.pipeline.playing_back import with_playback
-from planner.pipeline.preference import COMPUTING
+from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.reading import read_plan, read_shape
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import Explode, PlayBack, Step, next_step, with_choice
+from planner.pipeline.search import Certify, Explode, PlayBack, Step, next_step, with_choice
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain, write_path
-from planner.progress import Report, naming, silent
+from planner.progress import Cancelled, Report, naming, never, silent
 
 
 def fold(
@@ -40,8 +41,12 @@ def fold(
     seed: int = 0,
     module_size: float | None = None,
     settings: str = "",
+    strategy: str = AUTO,
+    prefer: Preference = COMPUTING,
+    world: World = FLOATING,
     directory: str | FilePath | None = None,
     progress: Report = silent,
+    cancelled: Cancelled = never,
     workers: int = 1,
 ) -> Plan:
     """Explode a shape's chain, play the record back and verify the result.
@@ -53,10 +58,14 @@ def fold(
         module_size: Size at which the plan is verified; None for the preset's.
         settings: Other numbers for ``paper`` or ``direct``, as ``damping=0.05,radial_gain=0.2``:
             see ``planner.parameters.settings``.
+        strategy: Explosion strategy: ``auto``, or one of ``planner.explosion.strategies``.
+        prefer: Preference among several verified plans; ``computing`` takes the first one.
+        world: ``floating``, or on a ``table`` under gravity.
         directory: Gets the plan, the timeline and the model. None for nowhere; then files are
             written only for ``progress``, and removed in the end.
         progress: Called with the progress, and with the directory of a growing timeline:
             ``Progress.directory``.
+        cancelled: Asked periodically whether to stop; the plan then is not verified.
         workers: Explosions that are made at once at most, when one sticks; the plan is the same.
 
     Returns:
@@ -66,9 +75,17 @@ def fold(
         InputError: An unknown preset, or a seed, module size or setting out of range.
     """
     request = FoldRequest(
-        filename=shape.name, preset=preset, seed=seed, module_size=module_size, settings=settings
+        filename=shape.name,
+        preset=preset,
+        seed=seed,
+        module_size=module_size,
+        settings=settings,
+        strategy=strategy,
+        prefer=prefer,
+        world=world,
     )
-    return _plan_of(request, _data(shape), directory, progress, workers=workers)
+    watch = Watch(progress=progress, cancelled=cancelled)
+    return _plan_of(request, _data(shape), directory, watch, workers=workers)
 
 
 def refold(
@@ -81,13 +98,14 @@ def refold(
     settings: str = "",
     directory: str | FilePath | None = None,
     progress: Report = silent,
+    cancelled: Cancelled = never,
 ) -> Plan:
     """Unfold the chain of a plan and fold it into another shape: the paper's reconfiguration.
 
     Args:
         start: Plan of the shape that the chain starts as; of a refold, the shape that it ends as.
         shape: A path through as many cells as the chain has modules, or a chain like it.
-        preset, seed, module_size, settings, directory, progress: See ``fold``.
+        preset, seed, module_size, settings, directory, progress, cancelled: See ``fold``.
 
     Returns:
         One plan from the one shape over straight to the other, verified or not.
@@ -104,7 +122,8 @@ def refold(
         settings=settings,
         refold=True,
     )
-    return _plan_of(request, _data(shape), directory, progress, start=start)
+    watch = Watch(progress=progress, cancelled=cancelled)
+    return _plan_of(request, _data(shape), directory, watch, start=start)
 
 
 def smooth_plan(
@@ -114,12 +133,13 @@ def smooth_plan(
     module_size: float | None = None,
     directory: str | FilePath | None = None,
     progress: Report = silent,
+    cancelled: Cancelled = never,
 ) -> Plan:
     """Smooth the motion of a plan: shortcuts, means and a new time law, certified anew.
 
     Args:
         plan: A verified plan that begins straight.
-        seed, directory, progress: See ``fold``.
+        seed, directory, progress, cancelled: See ``fold``.
         module_size: Size at which the result is verified; None for that of the plan.
 
     Returns:
@@ -129,7 +149,8 @@ def smooth_plan(
         InputError: See ``planner.robot.smoothed.check_smoothable``; or a seed or size out of range.
     """
     request = FoldRequest.smoothing(plan, seed=seed, module_size=module_size)
-    return _plan_of(request, write_chain(plan.chain), directory, progress, recorded=plan)
+    watch = Watch(progress=progress, cancelled=cancelled)
+    return _plan_of(request, write_chain(plan.chain), directory, watch, recorded=plan)
 
 
 def _data(shape: Path | Chain) -> bytes:
@@ -140,25 +161,29 @@ def _plan_of(
     request: FoldRequest,
     data: bytes,
     directory: str | FilePath | None,
-    progress: Report,
+    watch: Watch,
     *,
     start: Plan | None = None,
     recorded: Plan | None = None,
     workers: int = 1,
 ) -> Plan:
     """Return the plan of a request, made in memory or by the stages in a directory."""
-    if directory is None and progress is silent:
-        return _plan_in_memory(request, data, start=start, recorded=recorded, workers=workers)
+    if directory is None and watch.progress is silent:
+        return _plan_in_memory(
+            request, data, watch, start=start, recorded=recorded, workers=workers
+        )
     with directory_or_aside(directory) as place:
         workspace = Workspace(place)
         workspace.write_request(request, data, start=start, recorded=recorded)
-        run_stages(place, progress=naming(place, progress), workers=workers)
+        progress = naming(place, watch.progress)
+        run_stages(place, progress=progress, cancelled=watch.cancelled, workers=workers)
         return workspace.read_plan()
 
 
 def _plan_in_memory(
     request: FoldRequest,
     data: bytes,
+    watch: Watch,
     *,
     start: Plan | None,
     recorded: Plan | None,
@@ -169,6 +194,7 @@ def _plan_in_memory(
     Args:
         request: Request of the fold.
         data: Bytes of the shape.
+        watch: Channels to the observer.
         start: Plan that a refold begins with; None for other folds.
         recorded: Plan that is smoothed; None for other folds.
         workers: Explosions that are made at once at most.
@@ -188,8 +214,10 @@ def _plan_in_memory(
     step = next_step(search.history, job.policy)
     with _pool(request, reading.candidates, workers) as pool:
         while step is not None:
-            search = advance(job, search, step, Watch(), pool).pruned()
+            search = advance(job, search, step, watch, pool).pruned()
             before, step = step, next_step(search.history, job.policy)
+            if isinstance(before, Certify) and watch.cancelled():
+                break
             if isinstance(before, Explode) and not isinstance(step, Explode):
                 rest(pool, search.current.record, len(search.history), request.prefer)
     best = max(search.results, key=lambda number: search.rank(number, request.prefer))

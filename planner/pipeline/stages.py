@@ -87,16 +87,18 @@ def run_stages(
     directory: FilePath,
     *,
     first: str = STAGES[0],
+    until: str | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
     workers: int = 1,
     around: Callable[[str], AbstractContextManager[Report]] | None = None,
 ) -> dict[str, Any]:
-    """Run all stages, those again that a refused plan makes necessary; return the plan's figures.
+    """Run the stages, those again that a refused plan makes necessary; return the last figures.
 
     Args:
         directory: Same as for ``run_stage``.
         first: Stage to begin with; the earlier ones must have run.
+        until: Stage that is not run any more; None to run all, up to the plan.
         progress, cancelled: Same as for ``run_stage``.
         workers: Explosions that are made at once at most. The plan is the same for any number.
         around: Returns, for the name of a stage, the context in which it runs; the context gives
@@ -108,7 +110,7 @@ def run_stages(
     stage: str | None = first
     figures: dict[str, Any] = {}
     with AttemptPool(directory, workers) as pool:
-        while stage is not None:
+        while stage is not None and stage != until:
             with around(stage) if around is not None else nullcontext(progress) as report:
                 figures = run_stage(
                     stage, directory, progress=report, cancelled=cancelled, pool=pool

@@ -1,16 +1,20 @@
-"""Controllers: from a target to torques on a simulated chain, under one interface."""
+"""Controllers: a simulated chain, and torques that drive it towards a target."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.parameters.playback import PlaybackParameters
+from planner.playback.course import Course
 from planner.playback.setpoints import Target
+from planner.simulation.model import Material
 from planner.simulation.robot import Robot
-from planner.simulation.tree import Tree
+from planner.simulation.tree import RateMotors, Servos, Tree
 
 Array = NDArray[np.float64]
 
@@ -125,3 +129,38 @@ class RateServo:
     def drive(self, tree: Tree, target: Target) -> None:
         """Set torques or motor targets, see ``Controller``."""
         tree.set_rates(target.rates + self.gain * (target.angles - tree.angles))
+
+
+def build_plant(course: Course, seed: list[int]) -> tuple[Plant, Callable[[Target], None]]:
+    """Return a chain to simulate, and a function that drives it towards a target."""
+    p, step_s = course.parameters, course.step_s
+    if course.contacts is not None:
+        robot = Robot(
+            course.chain,
+            course.contacts,
+            p.robot,
+            peak_torque=course.peak_torque,
+            seed=seed,
+            step_s=step_s,
+        )
+        return robot, lambda target: drive_robot(robot, target, step_s)
+    motors = _motors(p)
+    material = Material(geom_size=course.module_size, friction=p.friction)
+    tree = Tree(course.chain, material, step_s=step_s, motors=motors, damping=p.damping)
+    controller = _controller(p, motors)
+    return tree, lambda target: controller.drive(tree, target)
+
+
+def _motors(p: PlaybackParameters) -> Servos | RateMotors | None:
+    if p.controller == "computed-torque":
+        return None
+    if p.torque_limit is not None:
+        # The torque of a stiff servo jumps from one limit to the other; a constraint's does not.
+        return RateMotors(torque_limit=p.torque_limit)
+    return Servos(stiffness=p.stiffness, damping=p.stiffness / p.gain)
+
+
+def _controller(p: PlaybackParameters, motors: Servos | RateMotors | None) -> Controller:
+    if motors is None:
+        return ComputedTorque(bandwidth=p.bandwidth, encoder_rad=p.encoder_rad)
+    return RateServo(gain=p.gain) if isinstance(motors, RateMotors) else Servo()

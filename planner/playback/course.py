@@ -1,4 +1,4 @@
-"""Course: the reference of a playback in its time, and the simulated chain that follows it."""
+"""Course: the reference of a playback in its time."""
 
 from __future__ import annotations
 
@@ -14,14 +14,6 @@ from planner.errors import InputError
 from planner.motion.motion import Phase
 from planner.motion.record import Record
 from planner.parameters.playback import PlaybackParameters
-from planner.playback.controllers import (
-    ComputedTorque,
-    Controller,
-    Plant,
-    RateServo,
-    Servo,
-    drive_robot,
-)
 from planner.playback.kinematic import root_folded
 from planner.playback.reference import Reference, clear_reference
 from planner.playback.setpoints import (
@@ -30,7 +22,6 @@ from planner.playback.setpoints import (
     Setpoints,
     Snapshots,
     SnapshotSetpoints,
-    Target,
     TimedSetpoints,
     timed_torques,
 )
@@ -42,9 +33,6 @@ from planner.playback.time_law import (
 )
 from planner.playback.unfolding import Unfolding
 from planner.simulation.contacts import ContactFinder, robot_contacts
-from planner.simulation.model import Material
-from planner.simulation.robot import Robot
-from planner.simulation.tree import RateMotors, Servos, Tree
 
 Array = NDArray[np.float64]
 SPEED_PACED_STEPS_SCALE: Final = 2
@@ -67,21 +55,6 @@ MAX_LAW_TORQUES: Final = 2**23
 """Maximum number of hinge torques (hinges × points on the curve) from which the speed along a
 playback's curve is computed: about 250 MB of memory. Smaller values sample long chains more
 coarsely, which may miss short torque peaks. Chosen."""
-
-
-def _motors(p: PlaybackParameters) -> Servos | RateMotors | None:
-    if p.controller == "computed-torque":
-        return None
-    if p.torque_limit is not None:
-        # The torque of a stiff servo jumps from one limit to the other; a constraint's does not.
-        return RateMotors(torque_limit=p.torque_limit)
-    return Servos(stiffness=p.stiffness, damping=p.stiffness / p.gain)
-
-
-def _controller(p: PlaybackParameters, motors: Servos | RateMotors | None) -> Controller:
-    if motors is None:
-        return ComputedTorque(bandwidth=p.bandwidth, encoder_rad=p.encoder_rad)
-    return RateServo(gain=p.gain) if isinstance(motors, RateMotors) else Servo()
 
 
 class Course:
@@ -109,10 +82,11 @@ class Course:
         folds_robots = parameters.controller == "robot"
         self.robots = parameters.robot.runs if folds_robots else 1
         self.lost_rad = TRACKING_LOST_RAD if folds_robots else np.inf
-        self._contacts: ContactFinder | None = None
+        self.contacts: ContactFinder | None = None
+        """Finder of the robots' contacts, which they share; None if no robots fold."""
         if folds_robots:
-            self._contacts = robot_contacts(chain, geom_size=module_size, step_s=self.step_s)
-            self._contacts.prepare(len(chain))
+            self.contacts = robot_contacts(chain, geom_size=module_size, step_s=self.step_s)
+            self.contacts.prepare(len(chain))
         zero = np.zeros_like(chain.folded_rad)
         if unfolding is not None:
             self.begins = (unfolding.chain.folded_rad, *root_folded(unfolding.chain))
@@ -126,25 +100,6 @@ class Course:
     def step_s(self) -> float:
         """Time step, s: a refined plan is simulated in as many more steps as it has frames."""
         return self.parameters.step_s / self.finer
-
-    def plant(self, seed: list[int]) -> tuple[Plant, Callable[[Target], None]]:
-        """Return a chain to simulate, and a function that drives it towards a target."""
-        p, step_s = self.parameters, self.step_s
-        if self._contacts is not None:
-            robot = Robot(
-                self.chain,
-                self._contacts,
-                p.robot,
-                peak_torque=self.peak_torque,
-                seed=seed,
-                step_s=step_s,
-            )
-            return robot, lambda target: drive_robot(robot, target, step_s)
-        motors = _motors(p)
-        material = Material(geom_size=self.module_size, friction=p.friction)
-        tree = Tree(self.chain, material, step_s=step_s, motors=motors, damping=p.damping)
-        controller = _controller(p, motors)
-        return tree, lambda target: controller.drive(tree, target)
 
     def _all_parts(
         self, record: Record | None, unfolding: Unfolding | None

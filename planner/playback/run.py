@@ -15,6 +15,7 @@ from planner.chain.rotations import aligned_distances
 from planner.errors import SimulationError
 from planner.motion.angle_steps import snapped
 from planner.motion.motion import Motion, Phase
+from planner.playback.controllers import build_plant
 from planner.playback.course import Course
 from planner.playback.setpoints import Setpoints, Target
 from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
@@ -143,7 +144,7 @@ class Run(PlaybackRun):
         self.finer = course.finer
         self.kept: list[Motion] = []
         self.references: list[Array] = []
-        self.plant, self.drive = course.plant(seed)
+        self.plant, self.drive = build_plant(course, seed)
         self.plant.place(*course.begins)
         self.at_rest = course.unfolding is not None or course.parameters.controller in (
             "robot",

@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 LIFTED_DEPTH_SHARE: Final = 0.5
 """The planned curve of a fold on a table is corrected where modules sink too deep into the table:
-they are lifted to this fraction of the permitted depth, ``MAX_TABLE_PENETRATION_PITCH``. Smaller
-values lift further and change the curve more. Chosen."""
+they are lifted to this fraction of the permitted depth (0.01 pitches). Smaller values lift further
+and change the curve more. Chosen."""
 MAX_HEIGHT_ERROR_PITCH: Final = 0.005
 """Maximum difference, pitches, between the height of a module in the smooth curve of a fold on a
 table and in the recorded motion, where it stands on the table; above it the curve is corrected.

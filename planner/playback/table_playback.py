@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +35,6 @@ TABLE_CHUNK_STEPS: Final = 512
 """Maximum number of simulation steps of a fold on a table whose target angles and torques are
 computed at once. Larger values take more memory and a little less time; the targets are the same.
 Chosen."""
-AT_LIMIT_SHARE: Final = 0.999
-"""Fraction of its torque limit above which a motor of a fold on a table is counted as at its limit,
-in the reported share of steps with saturated motors. Just below 1 because of rounding; smaller
-values report more saturation. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,18 +51,10 @@ class TablePlayback:
         position_errors: (F,) RMS over the modules of their position error: relative to a clamped
             first module; for a chain that lies free, which drifts, after the best shift and turn in
             the plane of the table, frame by frame. Heights are never shifted.
-        final_error: Last of ``position_errors``.
         aligned_error: RMS distance from the folded shape at the end, after alignment.
-        rms_error: RMS over all ``position_errors``.
         largest_error_rad: Largest joint error of all steps.
-        torque_limit: Torque limit of the motors.
         largest_torque: Largest torque of all motors and steps.
-        share_at_limit: Fraction of the steps in which some motor is at its limit.
-        hinge_share_at_limit: Fraction of all motors and steps at the limit.
-        friction: μ between modules and table.
-        clamped: True if the first module was clamped to the table.
         steps: Number of steps of the simulation.
-        duration: Simulated duration, in √(pitch / gravity).
         seconds: Wall time, s.
     """
 
@@ -76,18 +64,10 @@ class TablePlayback:
     reference_rad: Array
     torques: Array
     position_errors: Array
-    final_error: float
     aligned_error: float
-    rms_error: float
     largest_error_rad: float
-    torque_limit: float
     largest_torque: float
-    share_at_limit: float
-    hinge_share_at_limit: float
-    friction: float
-    clamped: bool
     steps: int
-    duration: float
     seconds: float
 
     def as_playback(self, pitch_m: float) -> Playback:
@@ -153,8 +133,22 @@ def play_on_table(
         raise InputError("no-record", f"got {len(record)} frames, expected two or more.")
     p = TablePlaybackParameters.usual(clamped=clamped) if parameters is None else parameters
     run = _Run(chain, record, p, torque_limit_wp, friction, clamped)
-    run.simulate(progress, cancelled)
-    return run.result(start_s)
+    try:
+        status, reason = run.simulate(progress, cancelled)
+    except SimulationError as broken:
+        status, reason = "diverged", f"the simulation failed: {broken}"
+    return run.result(status, reason, start_s)
+
+
+class _Kept(NamedTuple):
+    """Recorded frame, with the largest torque of each motor since the frame before."""
+
+    time: float
+    angles: Array
+    target: Array
+    torques: Array
+    centres: Array
+    wxyzs: Array
 
 
 class _Run:
@@ -171,7 +165,7 @@ class _Run:
     ) -> None:
         self._begun = time.perf_counter()
         self.chain, self.p, self.limit = chain, p, limit
-        self.friction, self.clamped = friction, clamped
+        self.clamped = clamped
         self.body = TableBody(
             chain,
             p,
@@ -181,25 +175,17 @@ class _Run:
             clamped=clamped,
         )
         self.course = TableCourse(chain, record, p, self.body, limit)
-        self.steps = self.steps_at_limit = self.hinges_at_limit = 0
+        self.steps = 0
         self.largest_error = self.largest_torque = 0.0
-        self.status: PlaybackStatus = "cancelled"
-        self.reason = ""
         self._most = np.zeros(len(chain.folded_rad))
-        self._times: list[float] = []
-        self._angles: list[Array] = []
-        self._targets: list[Array] = []
-        self._torques: list[Array] = []
-        self._poses: list[tuple[Array, Array]] = []
+        self._kept: list[_Kept] = []
 
-    def simulate(self, progress: Report, cancelled: Cancelled) -> None:
-        """Fold; set ``status`` and ``reason`` to the result."""
-        try:
-            self.status, self.reason = self._simulated(progress, cancelled)
-        except SimulationError as broken:
-            self.status, self.reason = "diverged", f"the simulation failed: {broken}"
+    def simulate(self, progress: Report, cancelled: Cancelled) -> tuple[PlaybackStatus, str]:
+        """Fold; return how that ended, and why.
 
-    def _simulated(self, progress: Report, cancelled: Cancelled) -> tuple[PlaybackStatus, str]:
+        Raises:
+            SimulationError: When the simulation diverges.
+        """
         course, body = self.course, self.body
         reported = time.perf_counter()
         body.place(course.angles(0, 1)[0])
@@ -240,19 +226,13 @@ class _Run:
         body.step((there - here) / p.step, here - body.angles, expected)
         torques = np.abs(body.torques)
         np.maximum(self._most, torques, out=self._most)
-        at_limit = int((torques > AT_LIMIT_SHARE * self.limit).sum())
-        self.hinges_at_limit += at_limit
-        self.steps_at_limit += at_limit > 0
         self.largest_torque = max(self.largest_torque, float(torques.max()))
         self.largest_error = max(self.largest_error, float(np.abs(there - body.angles).max()))
         self.steps += 1
 
     def _keep(self, target: Array) -> None:
-        self._times.append(self.steps * self.p.step)
-        self._angles.append(self.body.angles)
-        self._targets.append(target)
-        self._torques.append(self._most.copy())
-        self._poses.append(self.body.poses)
+        time_now, body = self.steps * self.p.step, self.body
+        self._kept.append(_Kept(time_now, body.angles, target, self._most.copy(), *body.poses))
         self._most[:] = 0.0
 
     def _lost(self, target: Array) -> str:
@@ -265,18 +245,18 @@ class _Run:
             "the fold."
         )
 
-    def result(self, start_s: float) -> TablePlayback:
-        """Return the result of the run."""
+    def result(self, status: PlaybackStatus, reason: str, start_s: float) -> TablePlayback:
+        """Return the result of a run that ended so, with times from ``start_s`` on."""
         chain = self.chain
-        angles, targets = np.array(self._angles), np.array(self._targets)
-        positions = np.array([centres for centres, _ in self._poses])
-        unit = time_unit_s(chain)
+        times, angles, targets, torques, positions, wxyzs = map(
+            np.array, zip(*self._kept, strict=True)
+        )
         frames = Motion.from_frames(
             phase="playback",
-            time_s=start_s + unit * np.array(self._times),
+            time_s=start_s + time_unit_s(chain) * times,
             joint_angles_rad=angles,
             root_position=positions[:, chain.root],
-            root_wxyz=np.array([wxyzs[chain.root] for _, wxyzs in self._poses]),
+            root_wxyz=wxyzs[:, chain.root],
             joint_error_rad=np.abs(angles - targets),
         )
         if self.clamped:
@@ -285,7 +265,6 @@ class _Run:
         wanted = meant.poses(chain).positions
         errors = np.sqrt(((positions - wanted) ** 2).sum(axis=2).mean(axis=1))
         aligned = aligned_distances(positions[-1], chain.folded_poses.positions)
-        status, reason = self.status, self.reason
         if status == "folded" and errors[-1] > GOAL_TOLERANCE_PITCH:
             status = "missed"
             reason = f"the chain ended {errors[-1]:.2g} pitches (RMS) from its target."
@@ -294,19 +273,11 @@ class _Run:
             reason=reason,
             frames=frames,
             reference_rad=snapped(targets),
-            torques=np.array(self._torques),
+            torques=torques,
             position_errors=errors,
-            final_error=float(errors[-1]),
             aligned_error=float(np.sqrt((aligned**2).mean())),
-            rms_error=float(np.sqrt((errors**2).mean())),
             largest_error_rad=self.largest_error,
-            torque_limit=self.limit,
             largest_torque=self.largest_torque,
-            share_at_limit=self.steps_at_limit / max(self.steps, 1),
-            hinge_share_at_limit=self.hinges_at_limit / max(self.steps * len(angles[0]), 1),
-            friction=self.friction,
-            clamped=self.clamped,
             steps=self.steps,
-            duration=self.steps * self.p.step,
             seconds=time.perf_counter() - self._begun,
         )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planner.chain.dynamics import floating_torques
 from planner.chain.module import Module
-from planner.kernels.retiming import torque_passes
+from planner.kernels.speed_profiles import torque_passes
 from planner.playback.reference import Reference
 
 Array = NDArray[np.float64]

@@ -59,8 +59,8 @@ number of simulation steps for each section. Larger values change sections less 
 more joints in every step. Chosen."""
 MIN_SPARE_JOINTS: Final = 8
 """A windowed playback simulates one section of the chain for some steps, then another one. Minimum
-number of joints of a section beyond those that move in its first ``MIN_STRETCH_STEPS`` steps.
-Larger values change sections less often, with slower steps. Chosen."""
+number of joints of a section beyond those that move in its first steps. Larger values change
+sections less often, but simulate more joints in every step. Chosen."""
 MAX_WINDOW_REFINEMENT: Final = 8
 """Maximum factor of the control points, frames and steps of a windowed playback (a short section of
 the chain moves at a time). The factor is doubled until the smooth curve keeps modules clear. Larger

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.kernels.retiming import fastest_profile
+from planner.kernels.speed_profiles import fastest_profile
 from planner.plan.plan import Plan
 from planner.robot.trajectory import CutPath, Trajectory
 

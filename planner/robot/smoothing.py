@@ -91,8 +91,9 @@ MARGIN_ROUNDING_PITCH: Final = 1e-9
 """Loss of clearance, in pitches, that a smoothed motion may have against the given one:
 rounding."""
 MIN_PROVED_BOUND_PITCH: Final = 1e-9
-"""Lower bound of the clearance, in pitches, from which on a smoothed motion counts as proved free
-of contact. Larger values would demand proofs that take most of the checks."""
+"""Smallest proved lower bound of the clearance between modules, in pitches, with which a smoothed
+motion counts as free of contact: just above 0, because of rounding. With a larger value the proof
+computes many more distances, for a gap that nobody needs."""
 MIN_EFFORT: Final = 1e-9
 """Minimum torque effort of a motion by which the smoothing's costs are divided, to avoid a division
 by zero for motions without torque."""
@@ -100,9 +101,8 @@ MIN_STEP_LENGTH_RAD: Final = 1e-6
 """Minimum length of motion between two frames, in rad, by which angle differences are divided in
 smoothing, to avoid a division by zero."""
 DISTANCE_WEIGHT: Final = 0.03
-"""Length of motion, in rad, that smoothing counts for a module's displacement of one pitch; a
-larger value shortens the modules' ways more than the hinges'. Equal to the default of
-``PlaybackParameters.distance_weight``."""
+"""Length of motion, in rad, that smoothing counts for a module's displacement of one pitch, the
+same as in playbacks. A larger value shortens the modules' ways more than the hinges'. Chosen."""
 SWEEP_STEPS: Final = 6
 """Number of consecutive intervals between frames that one sweep checks for collisions in smoothing;
 a sweep reports its closest place only. Smaller values find more close places at once, more slowly.

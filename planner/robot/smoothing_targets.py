@@ -12,9 +12,9 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 FADE_FRAMES: Final = 3
-"""Smoothing changes a section of a motion with a weight that fades in and out over its frames, so
-that speeds stay smooth. Half width of the filters that make the fading, in frames; all of it takes
-about four times as many. Larger values change speeds more gently. Chosen."""
+"""Smoothing changes a section of a motion with a weight that rises from 0 at its start and falls to
+0 at its end. Half width, in frames, of the averaging filters that shape this weight; the rise and
+the fall take about twice as many frames each. Larger values change speeds more gently. Chosen."""
 MIN_TARGET_WEIGHT: Final = 1e-9
 """Smoothing moves the frames of a motion towards a straight line or an average, each by a weight
 from 0 to 1 that fades in and out. Weights below this value count as 0: they are rounding errors of

@@ -237,12 +237,6 @@ class CutPath:
         )
         return angles, before + turn * (along + reach) / (2.0 * reach), turn / (2.0 * reach)
 
-    def at_knots(self) -> Array:
-        """Return (N + 1, J) q at all knots."""
-        cells = np.arange(len(self.knots) - 1)
-        last = self.at(cells[-1:], self.knots[-1:])[0]
-        return np.concatenate([self.at(cells, self.knots[:-1])[0], last])
-
     def deviation(self) -> float:
         """Return the largest distance of a hinge from the straight lines: r (b − a) / 4, rad."""
         cut = self.left != self.right

@@ -30,9 +30,9 @@ MIN_LIMITED_MEMORY_MODULES: Final = 1000
 explicitly, as MuJoCo's default grows with the square of the number. Larger values take more memory
 for long chains. Chosen."""
 MODULE_MEMORY_BYTES: Final = 2**19
-"""Memory for each module, bytes, in a MuJoCo model with more than ``MIN_LIMITED_MEMORY_MODULES``
-modules. With a smaller value a simulation step with many contacts fails; a larger one takes more
-memory. Chosen."""
+"""Memory for each module, bytes, in MuJoCo models of long chains, for which MuJoCo's default would
+be too large. With a smaller value a simulation step with many contacts fails; a larger one takes
+more memory. Chosen."""
 
 SOLIMP: Final = [0.95, 0.99, 0.005, 0.5, 2.0]
 """MuJoCo's ``solimp`` (dmin, dmax, width, midpoint, power) of contacts: their impedance rises from

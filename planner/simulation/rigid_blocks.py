@@ -7,6 +7,7 @@ contact: all other modules of two blocks collide.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -66,7 +67,7 @@ class Blocks:
         stops = np.append(self.starts[1:], n)
         spec = base_spec()
         first = int(np.searchsorted(self.starts, chain.root, side="right")) - 1
-        parts = _Parts(spec, chain, material, folded.positions, folded.rotations)
+        parts = _Parts(chain, material, folded.positions, folded.rotations)
         blocks = list(zip(self.starts.tolist(), stops.tolist(), strict=True))
         inner: dict[int, Any] = {}
         roots: list[tuple[int, int]] = []
@@ -182,17 +183,14 @@ class Blocks:
         )
 
 
+@dataclass(frozen=True, slots=True)
 class _Parts:
     """Builder of the bodies of blocks."""
 
-    def __init__(
-        self, spec: Any, chain: Chain, material: Material, positions: Array, rotations: Array
-    ) -> None:
-        self.spec = spec
-        self.chain = chain
-        self.material = material
-        self.positions = positions
-        self.rotations = rotations
+    chain: Chain
+    material: Material
+    positions: Array
+    rotations: Array
 
     def fill(
         self, body: Any, module: int, start: int, stop: int, ends: list[int]

@@ -41,7 +41,7 @@ motors that reach their torque limit. With smaller values more motors may exceed
 larger ones take more time. Chosen."""
 
 
-class Faults:
+class RobotErrors:
     """Model errors and servos of one robot, drawn from its seed.
 
     Attributes:
@@ -130,19 +130,19 @@ class ServoChain:
 
     Attributes:
         chain: The chain.
-        faults: Model errors of the robot.
+        errors: Model errors of the robot.
         state: Present state of the simulated hinges and of the root.
         engine: Dynamics of the simulated bodies.
 
     Args:
         chain: The chain.
-        faults: Model errors of the robot.
+        errors: Model errors of the robot.
         step_s: Time step, s.
     """
 
-    def __init__(self, chain: Chain, faults: Faults, step_s: float) -> None:
+    def __init__(self, chain: Chain, errors: RobotErrors, step_s: float) -> None:
         self.chain = chain
-        self.faults = faults
+        self.errors = errors
         self.state: State
         self._step_s = step_s
         self.engine: Engine
@@ -170,7 +170,7 @@ class ServoChain:
                 state, Loads(torques, rotor_inertias, forces, torque), contacts
             )
 
-        given, accelerations = self.faults.drive(hinges, state, target, self._step_s, accelerate)
+        given, accelerations = self.errors.drive(hinges, state, target, self._step_s, accelerate)
         if not advance(
             self._reduced,
             accelerations,
@@ -216,9 +216,9 @@ class Robot(ServoChain):
         seed: list[int],
         step_s: float,
     ) -> None:
-        faults = Faults(chain, parameters, peak_torque=peak_torque, seed=seed)
-        super().__init__(chain, faults, step_s)
-        model = build_chain_model(chain, root=chain.root, masses=faults.masses)
+        errors = RobotErrors(chain, parameters, peak_torque=peak_torque, seed=seed)
+        super().__init__(chain, errors, step_s)
+        model = build_chain_model(chain, root=chain.root, masses=errors.masses)
         self.engine = Engine(model, chain.module.angle_limit_rad)
         self._contacts = contacts.copy()
         hinges = len(chain.folded_rad)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from planner.simulation.model import STIFF_SOLREF_SOLIMP, Material, compiled, tr
 from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 ROOT_DOFS: Final = 6
 """Number of degrees of freedom of the root of a simulated chain that floats freely: 3 translations
 and 3 rotations, the first 6 entries of MuJoCo's velocities."""
@@ -46,6 +47,26 @@ class RateMotors:
     """
 
     torque_limit: float
+
+
+class _Indices(NamedTuple):
+    """Indices of hinges (J,) and modules (n,) in MuJoCo's arrays."""
+
+    qpos: Ints
+    dofs: Ints
+    joints: Ints
+    bodies: Ints
+
+    @classmethod
+    def of(cls, model: Any, chain: Chain) -> _Indices:
+        joints = [model.joint(name) for name in chain.joint_names]
+        bodies = [model.body(f"module_{i}").id for i in range(len(chain))]
+        return cls(
+            qpos=np.array([j.qposadr[0] for j in joints], dtype=np.int64),
+            dofs=np.array([j.dofadr[0] for j in joints], dtype=np.int64),
+            joints=np.array([j.id for j in joints], dtype=np.int64),
+            bodies=np.array(bodies, dtype=np.int64),
+        )
 
 
 class Tree:
@@ -85,17 +106,13 @@ class Tree:
             else mujoco.mjtIntegrator.mjINT_EULER
         )
         self.data: Any = mujoco.MjData(self.model)
-        joints = [self.model.joint(name) for name in chain.joint_names]
-        self._qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
-        self._dofs = np.array([j.dofadr[0] for j in joints], dtype=np.int64)
-        self._joints = np.array([j.id for j in joints], dtype=np.int64)
-        self._bodies = np.array([self.model.body(f"module_{i}").id for i in range(len(chain))])
+        self._at = _Indices.of(self.model, chain)
         self._work = np.empty(self.model.nv)
         self._passive = np.zeros(self.model.nv)
         if isinstance(motors, Servos):
             self._actuators = np.array([self.model.actuator(n).id for n in chain.joint_names])
         self._hinge_of_dof = np.zeros(self.model.nv, dtype=np.int64)
-        self._hinge_of_dof[self._dofs] = np.arange(len(self._dofs))
+        self._hinge_of_dof[self._at.dofs] = np.arange(len(self._at.dofs))
         self._rows = self._hinge_of_row = np.zeros(0, dtype=np.int64)
         starts = [int(start) for start in self.model.M_rowadr[:ROOT_DOFS]]
         self._centre = np.zeros(3)
@@ -104,17 +121,17 @@ class Tree:
     @property
     def angles(self) -> Array:
         """(J,) a copy of the hinge angles, rad."""
-        return self.data.qpos[self._qpos]
+        return self.data.qpos[self._at.qpos]
 
     @property
     def rates(self) -> Array:
         """(J,) a copy of the hinge velocities, rad/s."""
-        return self.data.qvel[self._dofs]
+        return self.data.qvel[self._at.dofs]
 
     @property
     def centres(self) -> Array:
         """(n, 3) centres of the modules at ``begin_step`` relative to their mean, pitches."""
-        centres = self.data.xpos[self._bodies]
+        centres = self.data.xpos[self._at.bodies]
         return centres - centres.mean(axis=0)
 
     @property
@@ -131,7 +148,7 @@ class Tree:
     def motor_torques(self) -> Array:
         """(J,) torques of motors and applied torques in the last step."""
         data = self.data
-        torques = (data.qfrc_actuator + data.qfrc_applied - self._passive)[self._dofs]
+        torques = (data.qfrc_actuator + data.qfrc_applied - self._passive)[self._at.dofs]
         if isinstance(self.motors, RateMotors):
             torques[self._hinge_of_row] += data.efc_force[self._rows]
         return torques
@@ -140,7 +157,7 @@ class Tree:
         """Set a configuration at rest."""
         self.data.qpos[:3] = root_position
         self.data.qpos[3:7] = root_wxyz
-        self.data.qpos[self._qpos] = angles
+        self.data.qpos[self._at.qpos] = angles
         self.data.qvel[:] = 0.0
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
@@ -185,7 +202,7 @@ class Tree:
 
     def apply_torques(self, torques: Array) -> None:
         """Set (J,) torques on the hinges for the coming step."""
-        self.data.qfrc_applied[self._dofs] = self._passive[self._dofs] + torques
+        self.data.qfrc_applied[self._at.dofs] = self._passive[self._at.dofs] + torques
 
     def set_rates(self, rates: Array) -> None:
         """Set (J,) rates of rate motors for the coming step, after ``begin_step``."""
@@ -209,12 +226,12 @@ class Tree:
         data, model = self.data, self.model
         accelerations_before = data.qacc.copy()
         data.qacc[:ROOT_DOFS] = 0.0
-        data.qacc[self._dofs] = accelerations
+        data.qacc[self._at.dofs] = accelerations
         mujoco.mj_rne(model, data, 1, self._work)
         data.qacc[:ROOT_DOFS] = -np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
         mujoco.mj_rne(model, data, 1, self._work)
         data.qacc[:] = accelerations_before
-        return self._work[self._dofs]
+        return self._work[self._at.dofs]
 
     def evaluate(self, angles: Array, rates: Array) -> None:
         """Compute positions and velocities of a free chain without momentum.
@@ -223,12 +240,12 @@ class Tree:
         """
         data, model = self.data, self.model
         data.qpos[:7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-        data.qpos[self._qpos] = angles
+        data.qpos[self._at.qpos] = angles
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_makeM(model, data)
         data.qvel[:] = 0.0
-        data.qvel[self._dofs] = rates
+        data.qvel[self._at.dofs] = rates
         mujoco.mj_mulM(model, data, self._work, data.qvel)
         data.qvel[:ROOT_DOFS] = -np.linalg.solve(self._root_inertia(), self._work[:ROOT_DOFS])
         mujoco.mj_comVel(model, data)
@@ -237,15 +254,15 @@ class Tree:
         """Return (J,) torques of a motion while the root is held still, without gravity."""
         data, model = self.data, self.model
         data.qpos[:7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-        data.qpos[self._qpos] = angles
+        data.qpos[self._at.qpos] = angles
         for values, given in ((data.qvel, rates), (data.qacc, accelerations)):
             values[:] = 0.0
-            values[self._dofs] = given
+            values[self._at.dofs] = given
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_comVel(model, data)
         mujoco.mj_rne(model, data, 1, self._work)
-        return self._work[self._dofs]
+        return self._work[self._at.dofs]
 
     def gravity_torques(self) -> Array:
         """Return (J,) torques under gravity 1 in each hinge's worst direction, the root held.
@@ -254,9 +271,9 @@ class Tree:
         it: m |a × r|. The configuration is that of the last ``evaluate``.
         """
         data, model = self.data, self.model
-        bodies = model.jnt_bodyid[self._joints]
-        arms = data.subtree_com[bodies] - data.xanchor[self._joints]
-        lengths = np.linalg.norm(np.cross(data.xaxis[self._joints], arms), axis=1)
+        bodies = model.jnt_bodyid[self._at.joints]
+        arms = data.subtree_com[bodies] - data.xanchor[self._at.joints]
+        lengths = np.linalg.norm(np.cross(data.xaxis[self._at.joints], arms), axis=1)
         return model.body_subtreemass[bodies] * lengths
 
     def _root_inertia(self) -> Array:

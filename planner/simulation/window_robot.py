@@ -19,7 +19,7 @@ from planner.parameters.playback import RobotParameters
 from planner.simulation.contacts import boxes_around, robot_contacts
 from planner.simulation.engine import DetectedContacts, Engine
 from planner.simulation.reduced import State
-from planner.simulation.robot import Faults, ServoChain
+from planner.simulation.robot import RobotErrors, ServoChain
 
 Array = NDArray[np.float64]
 
@@ -112,9 +112,9 @@ class WindowRobot(ServoChain):
         geom_size: float,
         step_s: float,
     ) -> None:
-        faults = Faults(chain, parameters, peak_torque=peak_torque, seed=seed)
-        super().__init__(chain, faults, step_s)
-        self._ends = RigidEnds(chain, faults.masses)
+        errors = RobotErrors(chain, parameters, peak_torque=peak_torque, seed=seed)
+        super().__init__(chain, errors, step_s)
+        self._ends = RigidEnds(chain, errors.masses)
         self._contacts = robot_contacts(chain, geom_size=geom_size, step_s=step_s)
         self._hinges = slice(0, 0)
         self._core = 0
@@ -158,7 +158,7 @@ class WindowRobot(ServoChain):
             angles[shared], rates[shared] = self.state.angles[old], self.state.rates[old]
         self._hinges, self._core = slice(start, stop), first + 1
         core, tail = first + 1, first + 1 + joints
-        masses = self.faults.masses[core : tail + 1]
+        masses = self.errors.masses[core : tail + 1]
         lumps = self._ends.lumps(core, tail)
         joint = module.joint._replace(rigid_links=0)
         self.engine = Engine(

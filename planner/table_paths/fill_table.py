@@ -87,7 +87,7 @@ class TableCubes:
         """Refuse given cells that are quickly proved to have no path for a table.
 
         Raises:
-            InputError: There is no path; the codes are those of ``table_paths``.
+            InputError: ``overhang``, ``parts``, ``hairpins-only``, ``not-stable`` or ``no-path``.
         """
         if options.repair:
             return

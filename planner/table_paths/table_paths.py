@@ -16,7 +16,6 @@ from planner.table_paths.infeasibility import (
     FALLING_EFFORT,
     NoPath,
     falling,
-    most_telling,
     ruled_out,
     unsolved,
 )
@@ -65,7 +64,7 @@ class TablePath:
     parts: Parts
 
 
-def table_paths(
+def paths_or_reasons(
     cells: ArrayLike,
     *,
     seed: int = 0,
@@ -73,7 +72,7 @@ def table_paths(
     turned: bool = True,
     work: int = LAYER_WORK_STEPS,
     weights: Parts = WEIGHTS,
-) -> tuple[TablePath, ...]:
+) -> tuple[tuple[TablePath, ...], tuple[NoPath, ...]]:
     """Search for paths in which a chain of cubes can fold while it rests on a table.
 
     They visit layer after layer from the floor up, begin with a flat link, have no vertical
@@ -90,45 +89,10 @@ def table_paths(
         weights: Weight of each part of the score.
 
     Returns:
-        One or more paths, the most promising first.
+        Paths, the most promising first, and the reasons of sides without a path.
 
     Raises:
-        InputError: ``overhang``, ``parts``, ``hairpins-only``, ``not-stable`` or ``no-path`` when
-            there is none; and what ``Shape.from_cells`` refuses.
-    """
-    paths, reasons = paths_or_reasons(
-        cells, seed=seed, most=most, turned=turned, work=work, weights=weights
-    )
-    if not paths:
-        raise InputError(*most_telling(reasons))
-    return paths
-
-
-def why_none(
-    cells: ArrayLike, *, seed: int = 0, turned: bool = True, work: int = LAYER_WORK_STEPS
-) -> tuple[NoPath, ...]:
-    """Return the reason for each side of a shape without a path for a table; empty if it has one.
-
-    Args:
-        cells: (n, 3) cells; all arguments are those of ``table_paths``.
-    """
-    paths, reasons = paths_or_reasons(cells, seed=seed, most=1, turned=turned, work=work)
-    return () if paths else reasons
-
-
-def paths_or_reasons(
-    cells: ArrayLike,
-    *,
-    seed: int = 0,
-    most: int = MAX_TABLE_PATHS,
-    turned: bool = True,
-    work: int = LAYER_WORK_STEPS,
-    weights: Parts = WEIGHTS,
-) -> tuple[tuple[TablePath, ...], tuple[NoPath, ...]]:
-    """Return the paths of ``table_paths``, and the reasons of sides without a path.
-
-    Args:
-        cells: (n, 3) cells; all arguments are those of ``table_paths``.
+        InputError: ``too-few-cells``, and what ``Shape.from_cells`` refuses.
     """
     given = Shape.from_cells(cells).cells
     if len(given) < MIN_CELLS:

@@ -183,5 +183,6 @@ _ROUNDING_DEPENDENT_FIGURES: Final = (
     "min_clearance_playback_at",
     "min_clearance_record_at",
 )
-"""Figures of a certificate that verification compares with tolerances rather than exactly: rounding
-decides which of equally close places is reported, and which intervals are halved."""
+"""Keys of a certificate's figures that verification compares with tolerances, not exactly. Rounding
+decides which of several equally close pairs is reported, and which time intervals the proof of
+clearance halves, and so their number."""

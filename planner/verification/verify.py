@@ -17,10 +17,13 @@ from planner.certificate.certificate import Certificate, certify
 from planner.errors import UNREADABLE, InputError, TimelineError, named
 from planner.exports import mjcf
 from planner.file_names import MODEL, PLAN, PLAN_TEXT, TIMELINE
+from planner.motion.motion import Motion
+from planner.motion.record import Record
 from planner.pipeline import manifest
 from planner.plan.differences import Differences
 from planner.plan.model_differences import model_differences
 from planner.plan.plan import EARLIER_FORMATS, Plan, read_values
+from planner.playback.playback import Playback
 from planner.progress import Report, silent
 from planner.verification.certificate_figures import ToldFigures
 from planner.verification.forms import forms_differ, lacking
@@ -134,15 +137,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
     earlier = npz["format"] in EARLIER_FORMATS
     timeline, frames = opened(directory / TIMELINE)
     found.look("timeline.zarr belongs to this chain", chain_differs(timeline, plan))
-    try:
-        record, playback = results(plan, frames)
-        if record is None and plan.explosion is not None:
-            record = kept_record(directory, plan)
-        playback = with_other_robots(directory, playback, found.notes)
-    except (TypeError, AttributeError) as error:
-        raise InputError(
-            "not-a-plan", f"the results in plan.npz cannot be read ({error}); plan the fold again."
-        ) from error
+    record, playback = _results(directory, plan, frames, found.notes)
     if not earlier:
         found.look("plan.npz is complete", lacking(plan, npz, record, playback))
     if playback is not None:
@@ -170,29 +165,71 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
             f"the certificate's figures were computed again and match{alone if simulated else ''}",
             told.differences(certificate, found.notes),
         )
-    reason = None
-    if plan.explosion is not None and plan.explosion["status"] not in ("straight", "cancelled"):
-        reason = reason_of(directory, plan, found.notes)
-        if reason is not None:
-            found.look(
-                "the reason why it stalled was confirmed",
-                (f"the reason why it stalled: {difference}" for difference in reason.differences),
-            )
+    reason = _reason(directory, plan, found)
     model = _text(directory / MODEL)
     found.look("model.xml is the plan's model", _model(model, plan, found.notes, earlier=earlier))
-    replayed = None
-    if len(plan.time_s):
-        stride = stride_of(plan)
-        try:
-            replayed = replay(plan, model, stride=stride)
-        except InputError as error:
-            found.problems.append(f"failed: model.xml: {error.detail}")
-        else:
-            where = "" if stride == 1 else f" at one frame in {stride}"
-            found.look(
-                f"plain MuJoCo has the same poses and finds no overlap{where}",
-                replay_differs(replayed),
-            )
+    replayed = _replayed(plan, model, found)
+    _check_manifest(directory, found, earlier=earlier)
+    return Verification(
+        certificate=certificate,
+        reason=reason,
+        replay=replayed,
+        checked=tuple(found.checked),
+        problems=tuple(found.problems),
+        notes=tuple(found.notes),
+    )
+
+
+def _results(
+    directory: FilePath, plan: Plan, frames: Motion, notes: list[str]
+) -> tuple[Record | None, Playback | None]:
+    """Return the record and the playback that a plan and its timeline tell of.
+
+    Raises:
+        InputError: ``not-a-plan`` if they cannot be read.
+    """
+    try:
+        record, playback = results(plan, frames)
+        if record is None and plan.explosion is not None:
+            record = kept_record(directory, plan)
+        return record, with_other_robots(directory, playback, notes)
+    except (TypeError, AttributeError) as error:
+        raise InputError(
+            "not-a-plan", f"the results in plan.npz cannot be read ({error}); plan the fold again."
+        ) from error
+
+
+def _reason(directory: FilePath, plan: Plan, found: _Findings) -> ReasonCheck | None:
+    """Check the reason why an explosion stalled; None if it did not, or states none."""
+    if plan.explosion is None or plan.explosion["status"] in ("straight", "cancelled"):
+        return None
+    reason = reason_of(directory, plan, found.notes)
+    if reason is not None:
+        found.look(
+            "the reason why it stalled was confirmed",
+            (f"the reason why it stalled: {difference}" for difference in reason.differences),
+        )
+    return reason
+
+
+def _replayed(plan: Plan, model: str, found: _Findings) -> Replay | None:
+    """Replay a plan in plain MuJoCo; None if it has no frames, or its model cannot be used."""
+    if not len(plan.time_s):
+        return None
+    stride = stride_of(plan)
+    try:
+        replayed = replay(plan, model, stride=stride)
+    except InputError as error:
+        found.problems.append(f"failed: model.xml: {error.detail}")
+        return None
+    where = "" if stride == 1 else f" at one frame in {stride}"
+    found.look(
+        f"plain MuJoCo has the same poses and finds no overlap{where}", replay_differs(replayed)
+    )
+    return replayed
+
+
+def _check_manifest(directory: FilePath, found: _Findings, *, earlier: bool) -> None:
     changed = manifest.changed_fields(directory)
     if changed is None and not earlier:
         found.problems.append(
@@ -211,14 +248,6 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
             "check of figures.zarr (plots)",
             (f"{field}: it was changed" for field in changed),
         )
-    return Verification(
-        certificate=certificate,
-        reason=reason,
-        replay=replayed,
-        checked=tuple(found.checked),
-        problems=tuple(found.problems),
-        notes=tuple(found.notes),
-    )
 
 
 class _Findings:

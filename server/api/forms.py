@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from inspect import Parameter, Signature
 from typing import Annotated, Any, TypeVar
 
@@ -14,10 +14,10 @@ from planner.pathfinding.options import PathOptions
 RequestT = TypeVar("RequestT", bound=PathOptions)
 
 
-def form_of(request: type[RequestT]) -> Callable[..., RequestT]:
+def form_of(request: type[RequestT]) -> Callable[..., Awaitable[RequestT]]:
     """Return the dependency that reads a request from a form with a field for each option."""
 
-    def read(**given: Any) -> RequestT:
+    async def read(**given: Any) -> RequestT:
         return request.of(**given)
 
     parameters = [

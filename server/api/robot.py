@@ -8,7 +8,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
 import msgspec
-from fastapi import APIRouter, Query, Request, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, Depends, Query, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import Response, StreamingResponse
 
 from planner.errors import DamagedError, InputError
@@ -171,23 +171,7 @@ async def get_trajectory(
     )
 
 
-@router.get(
-    "/motors",
-    summary="Get the torques that the plan needs",
-    response_class=Response,
-    responses={
-        200: {
-            "description": "One row per joint, and whether the given motors are strong enough",
-            "content": {"application/json": {}, "text/csv": {}},
-        },
-        **problems(404, 409, 413, 422, 429, 503),
-    },
-)
-async def get_motors(
-    *,
-    request: Request,
-    fold_id: str,
-    context: Here,
+async def motors_in_query(
     module_mass: Annotated[float, Query(gt=0, le=1e6, description="Mass of a module, kg.")],
     max_speed: Speed = 1.0,
     max_acceleration: Acceleration = 2.0,
@@ -210,15 +194,8 @@ async def get_motors(
         float | None, Query(gt=0, le=1e9, description="Torque of a motor, N·m.")
     ] = None,
     form: Annotated[Form, Query(alias="format")] = "json",
-) -> Response:
-    """Compute the torques by inverse dynamics for the motion that `trajectory` returns."""
-    row, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
-    if row.modules > MAX_MOTOR_MODULES:
-        raise TooLarge(
-            "too-large",
-            f"got {row.modules} modules, expected at most {MAX_MOTOR_MODULES}; use "
-            "`foldback retime`.",
-        )
+) -> tuple[float, float, MotorsWanted]:
+    """Return the speed and acceleration of the motion, rad/s and rad/s², and the motors."""
     motors = MotorsWanted(
         module_mass_kg=module_mass,
         pitch_m=pitch,
@@ -227,12 +204,43 @@ async def get_motors(
         motor_torque_nm=motor_torque,
         form=form,
     )
+    return max_speed, max_acceleration, motors
+
+
+@router.get(
+    "/motors",
+    summary="Get the torques that the plan needs",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "One row per joint, and whether the given motors are strong enough",
+            "content": {"application/json": {}, "text/csv": {}},
+        },
+        **problems(404, 409, 413, 422, 429, 503),
+    },
+)
+async def get_motors(
+    request: Request,
+    fold_id: str,
+    context: Here,
+    query: Annotated[tuple[float, float, MotorsWanted], Depends(motors_in_query)],
+) -> Response:
+    """Compute the torques by inverse dynamics for the motion that `trajectory` returns."""
+    speed, acceleration, motors = query
+    row, wanted = await asyncio.to_thread(_wanted, context, fold_id, speed, acceleration)
+    if row.modules > MAX_MOTOR_MODULES:
+        raise TooLarge(
+            "too-large",
+            f"got {row.modules} modules, expected at most {MAX_MOTOR_MODULES}; use "
+            "`foldback retime`.",
+        )
     try:
         data = await context.trajectories.motors(wanted, motors, address_of(request))
     except InputError as error:
         raise Unusable.of(error) from error
-    headers = {"Content-Disposition": 'attachment; filename="motors.csv"'} if form == "csv" else {}
-    return Response(data, media_type=TRAJECTORY_MEDIA_TYPES[form], headers=headers)
+    csv = motors.form == "csv"
+    headers = {"Content-Disposition": 'attachment; filename="motors.csv"'} if csv else {}
+    return Response(data, media_type=TRAJECTORY_MEDIA_TYPES[motors.form], headers=headers)
 
 
 @router.get("/play", include_in_schema=False)

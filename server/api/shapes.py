@@ -40,7 +40,7 @@ def get_shapes(context: Here) -> Shapes:
     return Shapes(shapes=[Shape.of(shape) for shape in context.gallery.shapes()])
 
 
-def previewed_in_form(
+async def previewed_in_form(
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[
@@ -51,7 +51,7 @@ def previewed_in_form(
     return Origin(file=file, shape=shape, preview=preview)
 
 
-def preview_in_form(
+async def preview_in_form(
     options: Options,
     seed: Seed = 0,
     path: Annotated[

@@ -83,7 +83,7 @@ class Origin:
             )
 
 
-def origin_in_form(
+async def origin_in_form(
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[str | None, id_field("Or: the id of a preview.")] = None,

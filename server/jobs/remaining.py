@@ -34,9 +34,9 @@ SETTLING_RANGE_S: Final = (0.5, 3.0)
 new estimate; in between it is a quarter of the remaining time. Larger values make the display
 steadier and less up to date. Chosen."""
 PACE_PRIOR: Final = 0.2
-"""Weight of the typical pace of folds against the measured pace of the running one when its
-remaining time is estimated, as a fraction of the typical duration. A larger value is steadier and
-follows an unusually slow or fast fold later. Chosen."""
+"""The pace of a running fold is estimated as if it had already run at the typical pace for this
+fraction of the typical duration; then what is measured counts. A larger value makes the remaining
+time steadier, but it follows an unusually slow or fast fold later. Chosen."""
 MIN_REMAINING_S: Final = 0.1
 """Smallest remaining time that is reported for a running fold, in s, as 0 means that the fold takes
 longer than usual. A larger value overestimates the end. Chosen."""
@@ -155,9 +155,10 @@ class EtaEstimator:
             before = self._told.get(fold_id)
             if before is not None:
                 at, told = before
-                down = max(0.0, told - (now - at))
+                passed_s = max(0.0, now - at)  # the time of day may have been set back
+                down = max(0.0, told - passed_s)
                 settling_s = min(max(SETTLING_RANGE_S[0], down / 4.0), SETTLING_RANGE_S[1])
-                left = down + (left - down) * (1.0 - math.exp(-(now - at) / settling_s))
+                left = down + (left - down) * (1.0 - math.exp(-passed_s / settling_s))
             self._told[fold_id] = (now, left)
         return max(1, round(left))
 

@@ -23,9 +23,10 @@ TICKS_PER_SECOND: Final = 10
 """Units of the fair queue's virtual time (an integer) per second of expected computing time. A
 larger value distinguishes the costs of quick folds more finely, and reaches the largest priority
 earlier. Chosen."""
-MAX_PRIORITY: Final = 2**31 - 2
-"""Largest virtual time of the fair queue (a 32-bit integer); at full load it is reached after
-years."""
+MAX_TURN: Final = 2**31 - 2
+"""Largest turn of a queued fold, in ticks of virtual time; folds with smaller turns go first. Later
+turns are cut to it, so that their order is lost; at full load this takes years. A 32-bit integer.
+"""
 QUICK_FOLD_S: Final = 10.0
 """Maximum expected computing time of a fold in the queue for quick folds, in s. With a larger value
 quick folds wait longer for each other; with a smaller one more folds wait for long ones. Chosen:
@@ -99,7 +100,7 @@ def virtual_finish_time(
     if first:
         return now
     begin = now if last_own is None else max(now, last_own)
-    return min(MAX_PRIORITY, begin + ticks(cost_s * sharers))
+    return min(MAX_TURN, begin + ticks(cost_s * sharers))
 
 
 def wait_s(*, ahead_s: float, running_s: float, at_once: int) -> float | None:

@@ -23,9 +23,9 @@ from server.errors import ServiceError, TooMany, Unavailable
 from server.limits.networks import networks_of
 
 OPEN_RETRY_S: Final = 10
-"""Value of the ``Retry-After`` header, in s, if a request is refused because too many event
-streams, uploads or robots are open. A smaller value brings more requests that are refused again.
-Chosen."""
+"""Value of the ``Retry-After`` header, in s, of the refusal if too many event streams, uploads or
+connections to simulated robots are open. With a smaller value clients return sooner, and more of
+them are refused again. Chosen."""
 BUSY_RETRY_S: Final = 5
 """Value of the ``Retry-After`` header, in s, if a request is refused because too many others wait
 to be processed. A smaller value brings more requests that are refused again. Chosen."""

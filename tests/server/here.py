@@ -7,10 +7,8 @@ import logging
 import shutil
 import socket
 import sqlite3
-import tempfile
 import threading
 from contextlib import closing
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,20 +31,20 @@ FORKS = ForkServer(["reader", "preparer", "retimer", "stages"], warm=False)
 atexit.register(FORKS.close)
 
 
-@cache
-def _tables() -> bytes:
-    """The file of a database without rows."""
-    with tempfile.TemporaryDirectory() as place:
-        settings = Settings(data_dir=Path(place))
-        Store(settings).close()
-        return Path(settings.store_url.removeprefix("sqlite:///")).read_bytes()
+TABLES: list[bytes] = []
+"""The file of a database without rows, once one was made."""
 
 
 def give_tables(settings: Settings) -> None:
     """Puts tables into a place without any: to make them in each is a fifth of a start."""
     path = Path(settings.store_url.removeprefix("sqlite:///"))
-    if path.is_absolute() and path.parent.is_dir() and not path.exists():
-        path.write_bytes(_tables())
+    if not path.is_absolute() or path.exists():
+        return
+    if TABLES:
+        path.write_bytes(TABLES[0])
+    else:
+        Store(settings).close()
+        TABLES.append(path.read_bytes())
 
 
 class ServiceHere(Service):

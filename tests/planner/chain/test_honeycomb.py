@@ -9,7 +9,6 @@ from scipy.spatial import ConvexHull
 
 from planner.chain.chain import Chain
 from planner.chain.honeycomb import (
-    TETRAHEDRA_PER_DODECAHEDRON,
     TETRAHEDRA_PER_RING,
     dodecahedron_pairs,
     ring_pairs,
@@ -21,6 +20,7 @@ from planner.pathfinding.trails import circuit, opened
 
 Ints = NDArray[np.int64]
 ONE = np.zeros((1, 3), dtype=np.int64)
+TETRAHEDRA_PER_DODECAHEDRON = 24
 
 
 def corners(pair: Ints) -> NDArray[np.float64]:

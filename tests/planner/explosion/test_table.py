@@ -21,7 +21,7 @@ from planner.explosion.window import Peelable, WindowConfiguration
 from planner.motion.record import Record
 from planner.parameters.explosion import Base, TableParameters
 from planner.parameters.parameters import Parameters
-from planner.table_paths.table_paths import table_paths
+from tests.planner.table_search import table_paths
 
 BOX = np.array([(x, y, z) for x in range(3) for y in range(2) for z in range(2)])
 

@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-import planner
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.motion.motion import PHASES, Motion
@@ -136,7 +135,3 @@ def test_steps_are_the_same_in_either_layout(chain: Chain) -> None:
     of_windows = dense.windowed(chain).steps(chain, fraction=0.1)
     np.testing.assert_allclose(of_windows[0], largest, rtol=0.0, atol=1e-7)
     np.testing.assert_array_equal(of_windows[1], moving)
-
-
-def test_a_motion_has_the_names_of_earlier_versions() -> None:
-    assert planner.Motion is planner.Frames is planner.Windows  # type: ignore[attr-defined]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
+from planner.errors import InputError
 from planner.explosion.simultaneous import explode
 from planner.motion.motion import Motion
 from planner.motion.record import Record
@@ -64,6 +65,21 @@ def test_a_directory_is_made_and_filled(tmp_path: FilePath) -> None:
     assert plan.seed == 5
     assert plan.certificate.module_size == 0.9
     assert Plan.load(tmp_path / "a" / "b" / "plan.json").summary() == plan.summary()
+
+
+@pytest.mark.parametrize("with_files", [False, True])
+def test_a_cancelled_fold_is_not_verified(tmp_path: FilePath, *, with_files: bool) -> None:
+    plan = fold(coil(8), cancelled=lambda: True, directory=tmp_path if with_files else None)
+    assert plan.certificate.verdict == "failed: it was cancelled"
+    assert len(plan.attempts) == 1
+
+
+def test_a_fold_takes_the_strategy_and_the_world_that_are_asked_for() -> None:
+    plan = fold(coil(8), strategy="one-by-one")
+    assert plan.explosion is not None
+    assert plan.explosion["strategy"] == "one-by-one"
+    with pytest.raises(InputError, match="cannot fold on a table"):
+        fold(coil(8), world="table")
 
 
 @pytest.mark.slow

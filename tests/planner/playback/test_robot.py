@@ -48,7 +48,7 @@ def made(chain: Chain, robot: RobotParameters, seed: int = 0) -> Robot:
 @pytest.mark.parametrize("chain", [line(7), coil(40)], ids=len)
 def test_a_step_is_that_of_one_tree_of_mujoco_with_the_same_masses(chain: Chain) -> None:
     robot = made(chain, replace(FAULTLESS, mass_error=0.1, torque_limit=100.0), seed=3)
-    assert robot.faults.masses.std() > 0.05
+    assert robot.errors.masses.std() > 0.05
     hinges = len(chain.folded_rad)
     rng = np.random.default_rng(5)
     angles = 0.6 * chain.folded_rad + 0.1 * rng.normal(size=hinges)
@@ -57,10 +57,10 @@ def test_a_step_is_that_of_one_tree_of_mujoco_with_the_same_masses(chain: Chain)
     torques = rng.normal(size=hinges)
     robot.follow(target, rates, torques)
     robot.end_step()
-    h, stiffness = 0.08, robot.faults.limit / FAULTLESS.give_rad
+    h, stiffness = 0.08, robot.errors.limit / FAULTLESS.give_rad
     damping = stiffness * FAULTLESS.damping_s
     model: Any = tree_spec(chain, Material(geom_size=0.3)).compile()
-    for i, mass in enumerate(robot.faults.masses):
+    for i, mass in enumerate(robot.errors.masses):
         body = model.body(f"module_{i}").id
         model.body_mass[body] *= mass
         model.body_inertia[body] *= mass
@@ -77,7 +77,7 @@ def test_a_step_is_that_of_one_tree_of_mujoco_with_the_same_masses(chain: Chain)
     # The servo is taken at the end of the step: what it gives there is what it asks for there.
     given = stiffness * (target - robot.angles) + damping * (rates - robot.rates) + torques
     np.testing.assert_allclose(
-        robot.motor_torques, given, rtol=1e-6, atol=1e-6 * robot.faults.limit
+        robot.motor_torques, given, rtol=1e-6, atol=1e-6 * robot.errors.limit
     )
 
 

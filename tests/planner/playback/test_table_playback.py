@@ -16,8 +16,8 @@ from planner.motion.motion import Motion
 from planner.parameters.explosion import TableParameters
 from planner.parameters.playback import TablePlaybackParameters
 from planner.playback.table_playback import TablePlayback, play_on_table
-from planner.table_paths.table_paths import table_paths
-from planner.verification.table_replay import table_replay
+from tests.planner.table_replay import table_replay
+from tests.planner.table_search import table_paths
 
 ARM = 15.0
 """w·p: a cantilever of five modules."""
@@ -51,6 +51,10 @@ def arm() -> tuple[Chain, Motion]:
     return chain, moved(chain, np.array([chain.folded_rad, np.zeros(len(chain.folded_rad))]))
 
 
+def rms(found: TablePlayback) -> float:
+    return float(np.sqrt((found.position_errors**2).mean()))
+
+
 def played(arm: tuple[Chain, Motion], share: float) -> TablePlayback:
     return play_on_table(*arm, torque_limit_wp=share * ARM, parameters=SLOW)
 
@@ -60,7 +64,7 @@ def test_an_arm_is_held_out_by_motors_that_are_a_little_stronger_than_its_weight
 ) -> None:
     found = played(arm, 1.5)
     assert found.status == "folded", found.reason
-    assert found.rms_error < 0.02
+    assert rms(found) < 0.02
     assert found.largest_torque <= 1.5 * ARM * (1.0 + 1e-9)
     # Hardly moving at first: what its weight asks of the hinge that bears it.
     assert found.torques[1].max() == pytest.approx(ARM, rel=0.05)
@@ -119,7 +123,6 @@ def test_a_chain_that_lies_free_drifts_and_is_told_from_where_it_lies(
         )
         for clamped in (True, False)
     )
-    assert (held.clamped, free.clamped) == (True, False)
     assert held.status == free.status == "folded"
     # Both arms turn about middles of their own, where a clamped one is dragged as a whole.
     middle = slice(len(held.torques) // 3, 2 * len(held.torques) // 3)
@@ -134,7 +137,7 @@ def test_a_chain_that_lies_free_drifts_and_is_told_from_where_it_lies(
         assert (turned < 1e-6) if fixed else (turned > 0.3)
     # It lies elsewhere, in the shape and at the height that it should have.
     assert free.position_errors.max() < 0.05
-    assert free.final_error < 0.005
+    assert free.position_errors[-1] < 0.005
     meant = free.frames.planned(chain, free.frames.with_angles(free.reference_rad), clamped=False)
     poses = chain.poses(meant.joint_angles_rad, meant.root_position, meant.root_wxyz)
     np.testing.assert_allclose(poses.positions[..., 2], chain.folded_position[2], atol=1e-6)
@@ -151,8 +154,8 @@ def test_a_box_folds_on_the_table_by_motors_half_again_as_strong_as_certified() 
     assert asked is not None
     found = play_on_table(chain, record.frames, torque_limit_wp=1.5 * max(asked, 1.0))
     assert found.status == "folded", found.reason
-    assert found.rms_error < 0.05
-    assert found.final_error < 0.05
+    assert rms(found) < 0.05
+    assert found.position_errors[-1] < 0.05
     np.testing.assert_allclose(found.frames.joint_angles_rad[0], 0.0, atol=1e-6)
     assert np.abs(found.frames.joint_angles_rad[-1] - chain.folded_rad).max() < 0.05
     error = np.abs(found.frames.joint_angles_rad - found.reference_rad)

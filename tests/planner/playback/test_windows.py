@@ -87,10 +87,10 @@ def test_a_step_is_that_of_one_tree_of_mujoco_that_holds_all_other_hinges(chain:
     torques = rng.normal(size=2 * JOINTS)
     np.testing.assert_array_equal(robot.angles, angles)
     given = robot.step(target, rates, torques)
-    h, faults = 0.08, robot.faults
-    inertia = h * h * faults.stiffness + h * faults.damping
+    h, errors = 0.08, robot.errors
+    inertia = h * h * errors.stiffness + h * errors.damping
     model: Any = tree_spec(chain, Material(geom_size=SIZE)).compile()
-    for i, mass in enumerate(faults.masses):
+    for i, mass in enumerate(errors.masses):
         module = model.body(f"module_{i}").id
         model.body_mass[module] *= mass
         model.body_inertia[module] *= mass
@@ -100,15 +100,15 @@ def test_a_step_is_that_of_one_tree_of_mujoco_that_holds_all_other_hinges(chain:
         data.joint(name).qpos[0] = angle
     model.dof_armature[dofs] = 1e12
     model.dof_armature[dofs[HINGES]] = inertia
-    data.qfrc_applied[dofs[HINGES]] = faults.stiffness * target + faults.damping * rates + torques
+    data.qfrc_applied[dofs[HINGES]] = errors.stiffness * target + errors.damping * rates + torques
     mujoco.mj_forward(model, data)
     assert data.ncon == 0
     wanted = h * data.qacc[dofs[HINGES]]
     np.testing.assert_allclose(robot.angles, h * wanted, atol=1e-7 * np.abs(h * wanted).max())
     np.testing.assert_allclose(
         given,
-        faults.stiffness * (target - robot.angles) + faults.damping * (rates - wanted) + torques,
-        atol=1e-6 * faults.limit,
+        errors.stiffness * (target - robot.angles) + errors.damping * (rates - wanted) + torques,
+        atol=1e-6 * errors.limit,
     )
 
 
@@ -164,7 +164,7 @@ def test_contacts_are_in_the_world_however_the_core_is_turned(chain: Chain) -> N
 def test_rigid_parts_are_where_the_chain_has_them(chain: Chain) -> None:
     angles = some(chain)
     robot = configured(chain, FIRST, angles)
-    masses = robot.faults.masses
+    masses = robot.errors.masses
     poses = forward_kinematics(chain.module, bent(chain, angles))
     np.testing.assert_allclose(
         robot.engine.centre_of_mass, masses @ poses.positions / masses.sum(), atol=1e-9

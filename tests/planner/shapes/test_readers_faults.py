@@ -28,8 +28,12 @@ L_OBJ = (DATA / "b01_bom.obj").read_bytes().removeprefix(b"\xef\xbb\xbf")
 STAIRS = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [2, 1, 1], [2, 1, 2]]
 
 
+def file_data(name: str) -> bytes:
+    return (DATA / name).read_bytes()
+
+
 def file_in(name: str) -> object:
-    return read((DATA / name).read_bytes(), filename=name)
+    return read(file_data(name), filename=name)
 
 
 @pytest.mark.parametrize(
@@ -86,22 +90,6 @@ def test_read_voxels_gives_the_cells_in_sight(name: str, cells: int, note: str) 
 
 
 @pytest.mark.parametrize(
-    ("name", "code", "words"),
-    [
-        ("d09_unknown_required.glb", "unsupported", "XYZ_some_geometry"),
-        ("h06_prob_uint8.npy", "not-voxels", "grid > 0.5"),
-        ("k10_angles_rad.json", "radians", "no angle is a multiple of 90 degrees"),
-        ("k11_snake_digits.txt", "digits", "digits are not read as angles"),
-    ],
-)
-def test_read_what_is_not_read_is_refused_by_name(name: str, code: str, words: str) -> None:
-    with pytest.raises(InputError) as refusal:
-        file_in(name)
-    assert refusal.value.code == code
-    assert words in refusal.value.detail
-
-
-@pytest.mark.parametrize(
     "header",
     [
         *("z [mm],y [mm],x [mm]", "Z_mm;Y_mm;X_mm", "pos z\tpos y\tpos x", "zmm,ymm,xmm", "k,j,i"),
@@ -137,15 +125,6 @@ def test_read_table_of_more_columns_takes_those_that_the_header_names(
     assert path.cells.tolist() == STAIRS
 
 
-@pytest.mark.parametrize(
-    "header", ["x,y,height", "layer,row,column", "height,width,depth", "x,-y,z", "x,x,y,z"]
-)
-def test_read_csv_with_a_header_that_names_other_axes_is_refused(header: str) -> None:
-    with pytest.raises(InputError) as refusal:
-        read(f"{header}\n0,0,0\n1,0,0\n1,1,0\n".encode())
-    assert refusal.value.code == "bad-header"
-
-
 @pytest.mark.parametrize("separator", [b",", b" "])
 @pytest.mark.parametrize(("row", "code"), [(b"1 0 0 0", "empty-cell"), (b"1 0", "wrong-count")])
 def test_read_table_with_rows_unlike_the_header_is_refused(
@@ -156,12 +135,6 @@ def test_read_table_with_rows_unlike_the_header_is_refused(
         read(data, as_voxels=True)
     assert refusal.value.code == code
     assert refusal.value.where == "line 3"
-
-
-def test_read_xyz_with_a_word_more_than_the_header_is_refused() -> None:
-    with pytest.raises(InputError) as refusal:
-        read(b"x y z\n0 0 0 9\n1 0 0\n2 0 0\n")
-    assert refusal.value.code == "wrong-count"
 
 
 def test_read_xyz_without_the_line_of_comment_has_all_cells() -> None:
@@ -185,24 +158,6 @@ def test_read_json_with_unread_keys_of_form_is_refused_by_name(document: dict[st
         read(json.dumps({**document, "cells": STAIRS, "title": "Stairs", "tags": []}).encode())
     assert refusal.value.code == "unknown-key"
     assert list(document)[1] in refusal.value.detail
-
-
-@pytest.mark.parametrize(
-    ("start", "kind"),
-    [
-        (b"Kaydara FBX Binary  \0\x1a\0", "an FBX scene"),
-        (b"; FBX 7.3.0 project file\n", "an FBX scene"),
-        (b"  0\r\nSECTION\r\n  2\r\nHEADER\r\n", "a DXF drawing"),
-        (b"#VRML V2.0 utf8\nShape { point [0 0 0, 1 0 0] }", "a VRML scene"),
-        (b"<?xml version='1.0'?>\n<COLLADA version='1.4'/>", "a COLLADA scene"),
-        (b" " * 72 + b"S      1\n1H,,1H;,4HSLOT;", "an IGES model"),
-    ],
-)
-def test_read_models_of_other_programs_are_refused_by_name(start: bytes, kind: str) -> None:
-    with pytest.raises(InputError) as refusal:
-        read(start)
-    assert refusal.value.code == "wrong-kind"
-    assert kind in refusal.value.detail
 
 
 @pytest.mark.parametrize("delimiter", [";", "\t"])
@@ -231,41 +186,6 @@ def test_read_cells_in_every_encoding(encoding: str) -> None:
         path = read(text.encode(encoding))
         assert isinstance(path, Path)
         assert path.cells.tolist() == STAIRS
-
-
-@pytest.mark.parametrize("text", ["a1 b2 c3", "hello 5 world", "left 1\nright 2"])
-def test_read_unknown_text_gets_a_message_of_its_own(text: str) -> None:
-    with pytest.raises(InputError) as refusal:
-        read(text.encode())
-    assert refusal.value.code == "wrong-kind"
-    assert "three whole numbers" not in refusal.value.detail
-
-
-@pytest.mark.parametrize("mesh", [b"4OFF\n4 4 6\n", b"nOFF\n3\n4 4 6\n"])
-def test_read_off_of_other_dimensions_is_refused(mesh: bytes) -> None:
-    with pytest.raises(InputError) as refusal:
-        read(mesh)
-    assert refusal.value.code == "unsupported"
-
-
-@pytest.mark.parametrize(
-    ("line", "code"),
-    [(b"surf 0 1 0 1 1 2 3 4\n", "unsupported"), (b"curv 0 1 1 2\n", "unsupported")],
-)
-def test_read_obj_of_free_form_is_refused_by_name(line: bytes, code: str) -> None:
-    with pytest.raises(InputError) as refusal:
-        read(L_OBJ + line)
-    assert refusal.value.code == code
-    assert line.split()[0].decode() in refusal.value.detail
-
-
-def test_read_grid_of_other_values_is_refused() -> None:
-    for grid in (np.full((2, 2, 2), np.nan), np.array([[[0, 255]]]), np.array([[[-1.0, 1.0]]])):
-        stream = io.BytesIO()
-        np.save(stream, grid)
-        with pytest.raises(InputError) as refusal:
-            read(stream.getvalue())
-        assert refusal.value.code == "not-voxels"
 
 
 RUNS = (b" ", b"\t", b"\n", b"\r", b"\r\n", b",", b";", b"[", b'"', b"#", b"0", b"-", b"\\\n")
@@ -320,23 +240,6 @@ def test_read_mesh_with_other_line_ends_and_long_heads(data: bytes, volume: floa
     solid = read(data)
     assert isinstance(solid, Solid)
     assert abs(signed_volume(solid.vertices, solid.faces)) == pytest.approx(volume)
-
-
-@pytest.mark.parametrize(
-    ("data", "code"),
-    [
-        (b"0123012301", "digits"),
-        (b"0\n1\n2\n3\n0\n1\n", "digits"),
-        (b"0 1 -1 0 1 1 -1 0", "digits"),
-        (b"0, 90, -90.0, 180, 0, 90", "digits"),
-        (TETRAHEDRON + b"f 1 2\n", "damaged"),
-        (b"v 0 0 0\nv 1 0 0\nl 1 2\n", "no-triangles"),
-    ],
-)
-def test_read_what_says_too_little_is_refused(data: bytes, code: str) -> None:
-    with pytest.raises(InputError) as refusal:
-        read(data)
-    assert refusal.value.code == code
 
 
 def scene(edit: Callable[[dict[str, Any]], object]) -> bytes:
@@ -426,36 +329,80 @@ def test_read_mesh_with_more_content_notes_what_is_left_out(data: bytes, note: s
     assert note in "".join(solid.notes)
 
 
-@pytest.mark.parametrize(
-    ("data", "code", "words"),
-    [
-        (scene(lambda d: d.update(scene=-1)), "damaged", "scene -1, but has 1 scenes"),
-        (scene(lambda d: d["asset"].update(version="1.0")), "wrong-version", "version 1.0"),
-        (scene(lambda d: d["asset"].update(version="3.0")), "wrong-version", "version 3.0"),
-        (scene(lambda d: d["asset"].update(minVersion="2.1")), "wrong-version", "version 2.1"),
-        (scene(lambda d: d["accessors"][1].pop("bufferView")), "unsupported", "compression"),
-        (
-            archive(mesh_xml(2, 3, 4), 1, required=f'xmlns:q="{CORE}x" requiredextensions="q"'),
-            "unsupported",
-            "core/2015/02x",
-        ),
-    ],
-)
-def test_read_mesh_of_other_versions_and_extensions_is_refused_by_name(
+def array(values: object) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, np.asarray(values))
+    return stream.getvalue()
+
+
+def arrays(**values: object) -> bytes:
+    stream = io.BytesIO()
+    np.savez(stream, **values)  # type: ignore[arg-type]
+    return stream.getvalue()
+
+
+REFUSED = [
+    (file_data("d09_unknown_required.glb"), "unsupported", "XYZ_some_geometry"),
+    (file_data("h06_prob_uint8.npy"), "not-voxels", "grid > 0.5"),
+    (file_data("k10_angles_rad.json"), "radians", "no angle is a multiple of 90 degrees"),
+    (file_data("k11_snake_digits.txt"), "digits", "digits are not read as angles"),
+    *(
+        (f"{header}\n0,0,0\n1,0,0\n1,1,0\n".encode(), "bad-header", "")
+        for header in ("x,y,height", "layer,row,column", "height,width,depth", "x,-y,z", "x,x,y,z")
+    ),
+    (b"x y z\n0 0 0 9\n1 0 0\n2 0 0\n", "wrong-count", ""),
+    # Models of other programs.
+    (b"Kaydara FBX Binary  \0\x1a\0", "wrong-kind", "an FBX scene"),
+    (b"; FBX 7.3.0 project file\n", "wrong-kind", "an FBX scene"),
+    (b"  0\r\nSECTION\r\n  2\r\nHEADER\r\n", "wrong-kind", "a DXF drawing"),
+    (b"#VRML V2.0 utf8\nShape { point [0 0 0, 1 0 0] }", "wrong-kind", "a VRML scene"),
+    (b"<?xml version='1.0'?>\n<COLLADA version='1.4'/>", "wrong-kind", "a COLLADA scene"),
+    (b" " * 72 + b"S      1\n1H,,1H;,4HSLOT;", "wrong-kind", "an IGES model"),
+    (arrays(cells=STAIRS), "", "numpy.save"),
+    # What the formats allow, and is not read.
+    (b"4OFF\n4 4 6\n", "unsupported", ""),
+    (b"nOFF\n3\n4 4 6\n", "unsupported", ""),
+    (L_OBJ + b"surf 0 1 0 1 1 2 3 4\n", "unsupported", "surf"),
+    (L_OBJ + b"curv 0 1 1 2\n", "unsupported", "curv"),
+    (scene(lambda d: d.update(scene=-1)), "damaged", "scene -1, but has 1 scenes"),
+    (scene(lambda d: d["asset"].update(version="1.0")), "wrong-version", "version 1.0"),
+    (scene(lambda d: d["asset"].update(version="3.0")), "wrong-version", "version 3.0"),
+    (scene(lambda d: d["asset"].update(minVersion="2.1")), "wrong-version", "version 2.1"),
+    (scene(lambda d: d["accessors"][1].pop("bufferView")), "unsupported", "compression"),
+    (
+        archive(mesh_xml(2, 3, 4), 1, required=f'xmlns:q="{CORE}x" requiredextensions="q"'),
+        "unsupported",
+        "core/2015/02x",
+    ),
+    (array(np.full((2, 2, 2), np.nan)), "not-voxels", ""),
+    (array([[[0, 255]]]), "not-voxels", ""),
+    (array([[[-1.0, 1.0]]]), "not-voxels", ""),
+    # What says too little.
+    (b"0123012301", "digits", ""),
+    (b"0\n1\n2\n3\n0\n1\n", "digits", ""),
+    (b"0 1 -1 0 1 1 -1 0", "digits", ""),
+    (b"0, 90, -90.0, 180, 0, 90", "digits", ""),
+    (TETRAHEDRON + b"f 1 2\n", "damaged", ""),
+    (b"v 0 0 0\nv 1 0 0\nl 1 2\n", "no-triangles", ""),
+]
+
+
+@pytest.mark.parametrize(("data", "code", "words"), REFUSED)
+def test_read_what_cannot_be_read_rightly_is_refused_by_name(
     data: bytes, code: str, words: str
 ) -> None:
     with pytest.raises(InputError) as refusal:
         read(data)
-    assert refusal.value.code == code
+    assert code in ("", refusal.value.code)
     assert words in refusal.value.detail
 
 
-def test_read_npz_is_refused_by_name() -> None:
-    stream = io.BytesIO()
-    np.savez(stream, cells=np.array(STAIRS))
+@pytest.mark.parametrize("text", ["a1 b2 c3", "hello 5 world", "left 1\nright 2"])
+def test_read_unknown_text_gets_a_message_of_its_own(text: str) -> None:
     with pytest.raises(InputError) as refusal:
-        read(stream.getvalue())
-    assert "numpy.save" in refusal.value.detail
+        read(text.encode())
+    assert refusal.value.code == "wrong-kind"
+    assert "three whole numbers" not in refusal.value.detail
 
 
 ONE_CELL = vox_model(np.array([[0, 0, 0]]))

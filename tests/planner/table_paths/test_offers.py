@@ -18,7 +18,7 @@ from planner.table_paths.fill_table import TableCubes
 from planner.table_paths.mending import cells_to_add
 from planner.table_paths.offers import table_offers
 from planner.table_paths.rules import FALLS, faults_of
-from planner.table_paths.table_paths import why_none
+from tests.planner.table_search import why_none
 
 HOLES = ((1, 2), (3, 2))
 SURPLUS = np.array([(x, y, 0) for x in range(5) for y in range(5) if (x, y) not in HOLES])

@@ -14,9 +14,10 @@ from planner.pathfinding.lattice import neighbours
 from planner.table_paths.base_sides import sides_of
 from planner.table_paths.infeasibility import ruled_out
 from planner.table_paths.rules import Rule, faults_of
-from planner.table_paths.table_paths import TablePath, table_paths, why_none
+from planner.table_paths.table_paths import TablePath
 from tests.conftest import examples
 from tests.planner.lattice import walks
+from tests.planner.table_search import table_paths, why_none
 
 Ints = NDArray[np.int64]
 SHAPES = Path(__file__).parents[3] / "examples" / "shapes"

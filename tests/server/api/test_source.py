@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from dataclasses import replace
 from io import BytesIO
@@ -156,7 +157,8 @@ def test_an_origin_that_names_no_input_is_refused(
 
 
 def test_a_form_names_an_origin_by_its_fields() -> None:
-    assert origin_in_form(shape="cup", refold="x") == Origin(shape="cup", refold="x")
+    origin = asyncio.run(origin_in_form(shape="cup", refold="x"))
+    assert origin == Origin(shape="cup", refold="x")
 
 
 def test_a_bad_option_is_refused_before_its_input_is_looked_up() -> None:

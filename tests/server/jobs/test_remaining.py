@@ -128,6 +128,18 @@ def test_it_runs_down_like_a_clock_and_follows_what_is_seen_bit_by_bit(
     assert max(after) > after[0]
 
 
+def test_a_clock_that_is_set_back_by_hours_changes_little(
+    store: Store, remaining: EtaEstimator, clock: Clock
+) -> None:
+    ended(store, "another")
+    fold = running(store, "explode", 0.5, began_at=NOW - 4.0)
+    before = remaining.of(store.fold(fold)).remaining_s
+    clock.now -= 5 * 3600.0
+    after = remaining.of(store.fold(fold)).remaining_s
+    assert before is not None and after is not None
+    assert abs(after - before) <= 1
+
+
 def test_longer_than_usual_is_said_and_never_less_than_nothing(
     store: Store, remaining: EtaEstimator, clock: Clock
 ) -> None:
