@@ -25,16 +25,17 @@ def text_of(name: str) -> str:
 VERSIONED: Final = "version"
 """First directory in the addresses of scripts; the second one is their version, so that browsers
 may cache them for ever."""
-COMMENT_LINES: Final = re.compile(
-    r"^[ \t]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)[ \t]*\n", re.MULTILINE | re.DOTALL
+COMMENTS: Final = re.compile(
+    r"^[ \t]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)[ \t]*\n|/\*\* @(?:(?!\*/).)*\*/ ?",
+    re.MULTILINE | re.DOTALL,
 )
-"""Matches lines of a script that hold nothing but a comment; they are removed before the script is
-sent."""
+"""Matches lines of a script that hold nothing but a comment, and types within lines; they are
+removed before the script is sent."""
 
 
 def code_of(name: str) -> str:
-    """Return a script without its comments, a quarter of it, which no browser needs."""
-    return COMMENT_LINES.sub("", text_of(name))
+    """Return a script without its comments and types, a quarter of it, which no browser needs."""
+    return COMMENTS.sub("", text_of(name))
 
 
 @cache

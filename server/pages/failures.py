@@ -182,7 +182,7 @@ def reason_for_people(reason: str, summary: FoldSummary) -> str:
 def count_from_one(text: str) -> str:
     """Return a text of the planner, which counts modules and cells from 0, counting from 1.
 
-    ``countFromOne`` in ``lib/text.js`` does the same.
+    ``countFromOne`` in ``lib/api.js`` does the same.
     """
     return NUMBERED_PARTS.sub(
         lambda named: re.sub(r"\d+(?! more)\b", lambda index: str(int(index[0]) + 1), named[0]),

@@ -24,7 +24,7 @@ OPENED = 2**20
 SHOWN = "() => window.foldback?.player.shown?.exact && window.foldback.timeline.complete"
 HERE = """() => {
   let found = 0;
-  for (const { count } of window.foldback.timeline.chunks.values()) found += count;
+  for (const { count } of window.foldback.timeline.store.chunks.values()) found += count;
   return found;
 }"""
 CLICK = """([module, way]) => {

@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
 GROUND = "() => getComputedStyle(document.body).backgroundColor"
 TURNED_RAD = 0.05
-"""Angle that steps.js treats as a visible turn, in rad."""
+"""Angle that playhead.js treats as a visible turn, in rad."""
 
 
 @pytest.fixture(scope="module")

@@ -82,7 +82,7 @@ TABLE_THEMES: Final = {
     "dark": replace(THEMES["dark"], ground=(76, 83, 93), shade=(26, 30, 35)),
 }
 """Colours and lights of movies and pictures of chains on a table, by theme; the colours are those
-of ``js/viewer/table.js``."""
+of ``js/viewer/sketch.js``."""
 
 
 def key_light(view: View) -> Array:

@@ -13,7 +13,7 @@ from web.pictures.meshes import Mesh
 
 Array = NDArray[np.float64]
 TABLE_RGB: Final = (206, 190, 166)
-"""Colour of the displayed table top in the light theme, sRGB; ``js/viewer/table.js`` has that of
+"""Colour of the displayed table top in the light theme, sRGB; ``js/viewer/sketch.js`` has that of
 the dark theme. Chosen."""
 TABLE_MARGIN_PITCH: Final = 2.5
 """Width of the displayed table beyond the space that the chain's motion covers, on each side, in

@@ -22,7 +22,7 @@ async function shown(given = vectors.timeline, options = {}) {
   globalThis.requestAnimationFrame = (then) => due.push(then);
   const { timeline } = await recorded(given);
   const player = new Player(timeline, options);
-  player.colourBy = (chosen) => { player.colouring = chosen; };
+  player.colourBy = (chosen) => { player.state.colouring = chosen; };
   await turnOfEvents();
   draw(200);
   return { timeline, player };

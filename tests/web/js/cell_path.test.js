@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { checked, cut, extended, neighbours, nextCells, through, told, touch } from "../../../web/static/js/editor/cell_path.js";
-import { Hand } from "../../../web/static/js/editor/hand.js";
-import { Painting, cellOf, keyOf, keysOf } from "../../../web/static/js/editor/painting.js";
+import { cellOf, keyOf, keysOf } from "../../../web/static/js/editor/painting.js";
 import { box } from "../../../web/static/js/editor/shape_tools.js";
+import { Editor } from "../../../web/static/js/editor/state.js";
 import { random, vectors } from "./vectors.js";
 
 const SIZE = 10;
@@ -84,14 +84,14 @@ test("a path grows at its ends, takes back its last cell, and mends a gap", () =
 });
 
 test("whatever is drawn by hand has no gaps and no repeats, and undoing leads back", () => {
-  const painting = new Painting();
-  const hand = new Hand(painting);
-  hand.take("path");
+  const editor = new Editor(12_000);
+  const { painting } = editor;
+  editor.take("path");
   for (let k = 0; k < 190; k++) {
     const near = painting.path.length ? neighbours(painting.path.at(random(2) - 1), SIZE) : [444];
     const where = random(6) ? near[random(near.length)] : random(SIZE ** 3);
-    hand.press(where);
-    hand.lift(random(9) > 0);
+    editor.press(where);
+    editor.lift(random(9) > 0);
     const found = checked(painting.state);
     assert.deepEqual([found.gaps, found.repeats, found.missing.length > 0], [[], [], found.length < found.cells]);
   }
@@ -101,10 +101,10 @@ test("whatever is drawn by hand has no gaps and no repeats, and undoing leads ba
 });
 
 test("a hand draws boxes, fills, and moves; two fingers take back what one has begun", () => {
-  const painting = new Painting();
-  const hand = new Hand(painting);
-  const press = (...keys) => { hand.press(keys[0]); if (keys.length > 1) hand.drag(keys.slice(1)); hand.lift(true); };
-  hand.take("box");
+  const editor = new Editor(12_000);
+  const { painting } = editor;
+  const press = (...keys) => { editor.press(keys[0]); if (keys.length > 1) editor.drag(keys.slice(1)); editor.lift(true); };
+  editor.take("box");
   press(key(1, 1), key(2, 2));
   assert.equal(painting.filled, 4);
   press(key(4, 4));
@@ -114,33 +114,33 @@ test("a hand draws boxes, fills, and moves; two fingers take back what one has b
   press(key(4, 4));
   press(key(5, 5, 3)); // from a painted cell, to remove
   assert.deepEqual(keysOf(painting.cells), box(key(1, 1), key(2, 2), SIZE));
-  hand.take("move");
+  editor.take("move");
   press(key(0, 0), key(3, 1), key(9, 9));
   assert.deepEqual(keysOf(painting.cells), box(key(8, 8), key(9, 9), SIZE));
   assert.equal(painting.done.length, 4);
-  hand.take("fill");
-  hand.press(key(0, 0));
+  editor.take("fill");
+  editor.press(key(0, 0));
   assert.equal(painting.filled, 100);
-  hand.lift(false);
+  editor.lift(false);
   assert.equal(painting.filled, 4);
-  hand.axes.add(1);
-  hand.take("paint");
+  editor.axes.add(1);
+  editor.take("paint");
   press(key(0, 0));
-  assert.ok(painting.has(0, 0, 0) && painting.has(0, 9, 0));
+  assert.ok(painting.cells[key(0, 0)] && painting.cells[key(0, 9)]);
 });
 
 test("from the head the arrows draw, to the edge", () => {
-  const painting = new Painting();
-  const hand = new Hand(painting);
-  assert.equal(hand.drawOn([0, 1, 0], key(0, 0)), key(0, 0)); // the path begins where the cursor is
-  assert.equal(hand.drawOn([0, 1, 0], 999), key(0, 1));
-  assert.equal(hand.drawOn([0, 0, 1], 999), key(0, 1, 1));
-  assert.equal(hand.drawOn([-1, 0, 0], 999), key(0, 1, 1));
-  assert.match(hand.refused, /grid ends here/);
-  hand.reverse();
-  assert.deepEqual([painting.path, hand.atStart], [[key(0, 1, 1), key(0, 1), key(0, 0)], true]);
-  assert.equal(hand.drawOn([0, 1, 0], 999), key(0, 2, 1));
-  hand.takeBack();
+  const editor = new Editor(12_000);
+  const { painting } = editor;
+  assert.equal(editor.drawOn([0, 1, 0], key(0, 0)), key(0, 0)); // the path begins where the cursor is
+  assert.equal(editor.drawOn([0, 1, 0], 999), key(0, 1));
+  assert.equal(editor.drawOn([0, 0, 1], 999), key(0, 1, 1));
+  assert.equal(editor.drawOn([-1, 0, 0], 999), key(0, 1, 1));
+  assert.match(editor.refused, /grid ends here/);
+  editor.reverse();
+  assert.deepEqual([painting.path, editor.atStart], [[key(0, 1, 1), key(0, 1), key(0, 0)], true]);
+  assert.equal(editor.drawOn([0, 1, 0], 999), key(0, 2, 1));
+  editor.takeBack();
   assert.equal(painting.path[0], key(0, 1, 1));
 });
 

@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { decode } from "../../../web/static/js/lib/columns.js";
-import { Kinematics } from "../../../web/static/js/lib/kinematics.js";
-import { Standing, Window, foldedness, frameFolded } from "../../../web/static/js/player/frames.js";
+import { FrameStore, Window } from "../../../web/static/js/player/frames.js";
+import { Kinematics, Standing, foldedness, frameFolded } from "../../../web/static/js/player/kinematics.js";
 import { close, closeTurns, recorded, unpack, vectors } from "./vectors.js";
 
 for (const { name, bundle, batch, frames } of vectors.windows) {
@@ -131,4 +131,58 @@ test("standing_on_an_open_page_fades_in", () => {
   close(standing.turned(end, (FROM + TO - 1) / 2), [Math.cos(Math.PI / 8), Math.sin(Math.PI / 8), 0, 0]);
   standing.set(TURN, TURN, { name: "playback", from: FROM, to: TO }, false);
   assert.equal(standing.turned(end, TO - 1), end); // it stands as drawn already
+});
+
+// Rows of so many frames, each of which names itself.
+const batch = (rows, name, bytes = 100) => ({ rows, bytes, row: (k) => `${name} ${k}` });
+
+function filled(total, { joints = 3000, windowed = false } = {}) {
+  const store = new FrameStore(joints, windowed);
+  store.total = total;
+  return store;
+}
+
+test("each frame comes from the batch that brought it last, and the nearest stands for one that is missing", () => {
+  const store = filled(400);
+  store.put(batch(3, "spread"), { start: 100, stride: 100 });
+  store.put(batch(10, "part"), { start: 195, stride: 1 });
+  assert.deepEqual([100, 195, 200, 204].map((frame) => store.row(frame)), ["spread 0", "part 0", "part 5", "part 9"]);
+  assert.deepEqual([0, 99, 205].map((frame) => store.row(frame)), [null, null, null]);
+  assert.deepEqual([0, 199, 212, 399].map((frame) => store.nearest(frame)), [100, 199, 204, 300]);
+  assert.equal(new FrameStore().nearest(0), null);
+});
+
+test("what is fetched next goes on from the focus, around the timeline, until all is here", () => {
+  const store = filled(400);
+  const { rows, count } = store;
+  assert.ok(rows > 10 && count > 4);
+  store.focus = 2 * rows + 1;
+  const order = [];
+  for (let next = store.next(false); next !== null; next = store.next(false)) { order.push(next); store.loading.add(next); }
+  assert.deepEqual(order, Array.from({ length: count }, (_, k) => (k + 2) % count));
+  store.loading.clear();
+  store.put(batch(5, "begin"), { start: 0, stride: 1 });
+  assert.deepEqual(store.missing(0), { from: 5, to: rows });
+  assert.deepEqual(store.missing(count - 1), { from: (count - 1) * rows, to: 400 });
+  store.put(batch(400, "all"), { start: 0, stride: 1 });
+  assert.equal(store.next(true), null);
+});
+
+test("of a long timeline what is around the focus is fetched, and its end where it is wanted", () => {
+  const store = filled(100 * 256, { windowed: true });
+  store.focus = 50 * 256;
+  const wanted = (end) => [...store.near(end)];
+  assert.deepEqual(wanted(false), [50, 51, 49, 52, 53, 54, 55, 56]);
+  assert.equal(wanted(true).at(-1), 99);
+  store.focus = 0;
+  assert.deepEqual(wanted(false), [0, 1, 2, 3, 4, 5, 6]);
+});
+
+test("what is farthest from the focus goes when there is too much", () => {
+  const store = filled(20 * 256, { windowed: true });
+  store.focus = 10 * 256;
+  for (let k = 0; k < 20; k++) store.put(batch(256, k, 8 * 2 ** 20), { start: 256 * k, stride: 1 });
+  store.spare();
+  assert.equal(store.bytes, 64 * 2 ** 20);
+  assert.deepEqual([...store.chunks.keys()].map((k) => Math.abs(k - 10) <= 4), Array(8).fill(true));
 });

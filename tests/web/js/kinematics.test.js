@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Kinematics, buriedBy, picked, touching } from "../../../web/static/js/lib/kinematics.js";
+import { Kinematics, buriedBy, touching } from "../../../web/static/js/player/kinematics.js";
+import { picked } from "../../../web/static/js/viewer/camera.js";
 import { close, closeTurns, unpack, vectors } from "./vectors.js";
 
 for (const { name, bundle, given } of vectors.kinematics) {

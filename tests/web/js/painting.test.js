@@ -1,5 +1,5 @@
 import assert from "node:assert/strict";
-import { test } from "node:test";
+import { afterEach, test } from "node:test";
 import { letterCells } from "../../../web/static/js/editor/letters.js";
 import { visible } from "../../../web/static/js/editor/isometric.js";
 import { Draft, MOST_STEPS, Painting, SIZES, cellOf, cellsOf, keyOf, keysOf } from "../../../web/static/js/editor/painting.js";
@@ -128,32 +128,37 @@ test("of a full cube three sides are seen, whole; of any cells, those that are n
 });
 
 // The draft besides the cells.
-/** @param {string | null} text */
-function storage(text = null) {
-  return () => ({ getItem: () => text, setItem: (_, value) => { text = value; } });
+/** @param {string | null} text that the browser stores */
+function storing(text = null) {
+  globalThis.localStorage = { getItem: () => text, setItem: (_, value) => { text = value; } };
 }
 const seen = ({ how, name }) => [how, name];
+afterEach(() => { delete globalThis.localStorage; });
 
 test("draft_after_a_reload_keeps_the_path_and_its_name", () => {
-  const stored = storage();
-  new Draft(stored).note({ how: "path", name: "Duck" });
-  assert.deepEqual(seen(new Draft(stored)), ["path", "Duck"]);
+  storing();
+  new Draft().note({ how: "path", name: "Duck" });
+  assert.deepEqual(seen(new Draft()), ["path", "Duck"]);
 });
 
 test("draft_with_nothing_or_nonsense_stored_is_empty", () => {
-  for (const text of [null, "{", "null", '{"how":"all","name":7}']) assert.deepEqual(seen(new Draft(storage(text))), ["no", ""]);
+  for (const text of [null, "{", "null", '{"how":"all","name":7}']) {
+    storing(text);
+    assert.deepEqual(seen(new Draft()), ["no", ""]);
+  }
 });
 
 test("draft_without_storage_still_works", () => {
-  const draft = new Draft(() => { throw new Error("no storage"); });
+  globalThis.localStorage = new Proxy({}, { get() { throw new Error("no storage"); } });
+  const draft = new Draft();
   draft.note({ how: "yes" });
   assert.equal(draft.how, "yes");
 });
 
 test("clear_drops_a_given_name_and_keeps_a_typed_one", () => {
-  const stored = storage();
-  new Draft(stored).give("Letter A");
-  const draft = new Draft(stored);
+  storing();
+  new Draft().give("Letter A");
+  const draft = new Draft();
   draft.clear();
   assert.equal(draft.name, "");
   draft.give("Letter B");

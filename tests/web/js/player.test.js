@@ -5,6 +5,7 @@ import { clearestSight } from "../../../web/static/js/viewer/viewpoint.js";
 import { Whole } from "../../../web/static/js/player/frames.js";
 import { Pair } from "../../../web/static/js/player/pair.js";
 import { Player } from "../../../web/static/js/player/player.js";
+import { PlayerState } from "../../../web/static/js/player/player_state.js";
 import { Playhead } from "../../../web/static/js/player/playhead.js";
 import { close, recorded, turnOfEvents, vectors } from "./vectors.js";
 
@@ -80,9 +81,9 @@ test("what is asked for while a timeline that is begun anew is fetched is done o
   const { player, heard, timeline } = await shown();
   timeline.status = "growing";
   timeline.over = false;
-  const again = [timeline.chain, timeline.total];
+  const again = [timeline.chain, timeline.store];
   const anew = () => {
-    [timeline.chain, timeline.total] = again;
+    [timeline.chain, timeline.store] = again;
     timeline.tell("begun");
     draw(1);
   };
@@ -182,9 +183,8 @@ test("each module but the first and the last tells the hinges of the joint that 
   const timeline = { chain, joints: 6, foldedPositions: new Float32Array(15), foldedRad: [10, 11, 12, 13, 14, 15] };
   const snapshot = { angle: (j) => j, errors: new Float32Array(6) };
   const told = [0, 1, 3, 4].map((selected) => {
-    let found = null;
-    Player.prototype.tellModule.call({ timeline, shown: snapshot, selected, tell: (_, { joints }) => { found = joints; } });
-    return found.map(({ name, angle_rad: angle, target_rad: target }) => [name, angle, target]);
+    const state = Object.assign(new PlayerState(timeline, true), { shown: snapshot, selected });
+    return state.module.joints.map(({ name, angle_rad: angle, target_rad: target }) => [name, angle, target]);
   });
   assert.deepEqual(told, [[], [["joint_1_z", 0, 10], ["joint_1_y", 1, 11]], [["joint_3_z", 4, 14], ["joint_3_y", 5, 15]], []]);
 });
@@ -366,7 +366,7 @@ test("playhead_in_real_time_moves_by_the_robots_clock", async () => {
 test("a fold without frames leaves the other one to be played", async () => {
   const { player: one, timeline } = await shown();
   const { player: none } = await shown();
-  none.shown = null;
+  none.state.shown = null;
   const pair = new Pair([one, none]);
   pair.begin();
   assert.equal(pair.send({ do: "seek", frame: 1 }), false);

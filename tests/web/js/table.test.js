@@ -4,7 +4,8 @@ import { test } from "node:test";
 // What a browser has.
 globalThis.matchMedia = () => ({ matches: false, addEventListener() {} });
 globalThis.document = { documentElement: { dataset: {} } };
-const { discs, tableColours } = await import("../../../web/static/js/viewer/table.js");
+const { discs } = await import("../../../web/static/js/viewer/stage.js");
+const { tableColours } = await import("../../../web/static/js/viewer/sketch.js");
 const { colouring, colouringsOf, withUnit } = await import("../../../web/static/js/player/colours.js");
 const { recorded } = await import("./vectors.js");
 

@@ -1,7 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { preparingWords } from "../../../web/static/js/panels/preparing.js";
-import { degrees, duration, countFromOne, newtonMetres, number, radians, refusal, remaining, si, whole } from "../../../web/static/js/lib/text.js";
+import { countFromOne, refusalWords } from "../../../web/static/js/lib/api.js";
+import { preparingWords, remaining } from "../../../web/static/js/panels/preparing.js";
+import { duration, newtonMetres, number, radians, si, whole } from "../../../web/static/js/lib/text.js";
+import { degrees } from "../../../web/static/js/panels/module_panel.js";
 import { motorWords } from "../../../web/static/js/panels/motor_words.js";
 import { vectors } from "./vectors.js";
 
@@ -21,9 +23,9 @@ test("a quantity has the same text in scripts and on the server", () => {
 
 test("modules and cells in a text count from 1 in scripts as on the server", () => {
   for (const [text, fromOne] of vectors.module_texts) assert.equal(countFromOne(text), fromOne);
-  assert.equal(refusal({ detail: "modules 0 and 9 overlap", where: "modules 0 and 9" }, 422), "Modules 1 and 10 overlap");
+  assert.equal(refusalWords({ detail: "modules 0 and 9 overlap", where: "modules 0 and 9" }, 422), "Modules 1 and 10 overlap");
   const apart = { detail: "cells 1 and 2 are 3 apart; consecutive cells must share a face.", where: "cells 1 and 2" };
-  assert.equal(refusal(apart, 422), "Cells 2 and 3 are 3 apart; consecutive cells must share a face.");
+  assert.equal(refusalWords(apart, 422), "Cells 2 and 3 are 3 apart; consecutive cells must share a face.");
 });
 
 test("a torque that is not 0 is never shown as 0", () => {
@@ -37,10 +39,10 @@ test("what is left is told as nobody knows it better", () => {
 });
 
 test("a refusal says what and where", () => {
-  assert.equal(refusal({ detail: "got 3, expected 2", where: "seed" }, 422), "Seed: got 3, expected 2");
-  assert.equal(refusal({ detail: "the module size is too large", where: "module_size" }, 422), "The module size is too large");
-  assert.equal(refusal({ detail: "got an empty file, expected cells.", message: "This file is empty." }, 422), "This file is empty.");
-  assert.equal(refusal({}, 503), "The server answered 503.");
+  assert.equal(refusalWords({ detail: "got 3, expected 2", where: "seed" }, 422), "Seed: got 3, expected 2");
+  assert.equal(refusalWords({ detail: "the module size is too large", where: "module_size" }, 422), "The module size is too large");
+  assert.equal(refusalWords({ detail: "got an empty file, expected cells.", message: "This file is empty." }, 422), "This file is empty.");
+  assert.equal(refusalWords({}, 503), "The server answered 503.");
 });
 
 /**

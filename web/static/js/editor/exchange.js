@@ -1,7 +1,7 @@
 // What the editor gives the service and gets from it: files, cells of files, and paths through cells.
-import { ownKey, proof } from "../lib/keys.js";
-export { askForFold } from "../lib/fold_request.js";
-import { UNREACHABLE, element, refusal } from "../lib/text.js";
+import { ask, formOf, ownKey } from "../lib/api.js";
+export { openFold } from "../lib/fold_request.js";
+import { element } from "../lib/text.js";
 import { neighbours, through } from "./cell_path.js";
 import { cellOf, cellsOf, keyOf, keysOf, parts } from "./painting.js";
 
@@ -38,24 +38,12 @@ export function save(file, name) {
   setTimeout(() => URL.revokeObjectURL(href), 60_000);
 }
 
-// What the service says of a shape. Throws an Error with words for people when it refuses.
+// Ask the service about a shape. Throws a Refusal.
 /**
  * @param {Form} fields
- * @returns {Promise<Report>}
+ * @returns {Promise<Api.Preview>}
  */
-export async function asked(fields) {
-  const form = new FormData();
-  for (const [key, value] of Object.entries(fields)) if (value !== null) form.set(key, value instanceof Blob ? value : String(value));
-  let answer;
-  try {
-    answer = await fetch("/api/shapes/preview", { method: "POST", body: form, headers: proof(ownKey()) });
-  } catch {
-    throw new Error(UNREACHABLE);
-  }
-  const told = await answer.json().catch(() => ({}));
-  if (!answer.ok) throw new Error(refusal(told, answer.status));
-  return told;
-}
+export const report = (fields) => ask("/api/shapes/preview", { body: formOf(fields), token: ownKey() });
 
 // The cells of a file, or of one that was sent before; no path is looked for.
 /**
@@ -63,9 +51,9 @@ export async function asked(fields) {
  * @param {number} cells that a mesh becomes, about
  */
 export async function read(source, cells) {
-  const report = await asked({ ...source, method: "exact", modules: cells, path: false });
-  if (report.module !== "cube") throw new Error("This is a chain of tetrahedra. Only cubes can be painted.");
-  return report;
+  const answer = await report({ ...source, method: "exact", modules: cells, path: false });
+  if (answer.module !== "cube") throw new Error("This is a chain of tetrahedra. Only cubes can be painted.");
+  return answer;
 }
 
 // A path through all cells that goes on from a path; null where none was found.
@@ -93,9 +81,9 @@ export async function completed({ cells, size }, { path, atStart }) {
   let source = { file: voxelFile("The rest", { cells: left, size, path: [] }) };
   for (const start of starts) {
     const wish = start === null ? null : cellOf(start, size).join(",");
-    const report = await asked({ ...source, start: wish });
-    source = { preview: report.id };
-    if (report.has_path && !report.not_started) return joined(report.cells.map(([x, y, z]) => keyOf(x, y, z, size)));
+    const answer = await report({ ...source, start: wish });
+    source = { preview: answer.id };
+    if (answer.has_path && !answer.not_started) return joined(answer.cells.map(([x, y, z]) => keyOf(x, y, z, size)));
   }
   return null;
 }

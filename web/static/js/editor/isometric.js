@@ -1,8 +1,8 @@
 // An isometric drawing of cells, seen from (1, 1, 1); the layer being painted stands out, and the path lies
 // over it. Only what is seen is drawn: the drawing of a full grid is no larger than that of its outside.
-import { cellOf } from "./painting.js";
+import { svg } from "../lib/text.js";
+import { cellOf, keysOf } from "./painting.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 const UNIT = 20;
 const COSINE = Math.sqrt(0.75);
 const SIDES = ["l", "r", "t"];
@@ -68,16 +68,6 @@ export function visible(keys, size) {
   return found;
 }
 
-/**
- * @param {string} name
- * @param {Record<string, string | number>} attributes
- */
-function made(name, attributes) {
-  const element = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, String(value));
-  return element;
-}
-
 // The colour of a module along the path, darker on the sides that the light does not fall on.
 /**
  * @param {number} step of ten
@@ -89,14 +79,13 @@ function colour(step, side) {
 }
 
 /**
- * @param {SVGSVGElement} svg
+ * @param {SVGSVGElement} picture
  * @param {Painted} painted
  * @param {number} layer
  * @param {DrawnPath | null} drawn the path, where it is to be seen
  */
-export function draw(svg, { cells, size }, layer, drawn) {
-  const keys = [];
-  for (let key = 0; key < cells.length; key++) if (cells[key]) keys.push(key);
+export function draw(picture, { cells, size }, layer, drawn) {
+  const keys = keysOf(cells);
   const highest = keys.length ? cellOf(keys[keys.length - 1], size)[2] : 0;
   const top = Math.max(layer, 2, highest) + 1;
   const path = drawn?.path ?? [];
@@ -120,16 +109,16 @@ export function draw(svg, { cells, size }, layer, drawn) {
   const faces = storeys.map((storey) => [...storey].map(([look, texts]) => {
     const [side, step] = look.split(" ");
     const own = /\d/.test(step);
-    const part = made("path", { class: own ? "face" : `face ${side} ${step}`, d: texts.join("") });
+    const part = svg("path", { class: own ? "face" : `face ${side} ${step}`, d: texts.join("") });
     if (own) part.setAttribute("fill", colour(Number(step), side));
     return part;
   }));
   const square = (/** @type {number} */ z) => `${line([[0, 0, z], [size, 0, z], [size, size, z], [0, size, z]])}z`;
-  const parts = [made("path", { class: "floor", d: square(0) }), ...faces[0], made("path", { class: "plane", d: square(layer) }), ...faces[1]];
+  const parts = [svg("path", { class: "floor", d: square(0) }), ...faces[0], svg("path", { class: "plane", d: square(layer) }), ...faces[1]];
   if (drawn && path.length) parts.push(...course(drawn, size));
   const wide = size * COSINE * UNIT + 8;
-  svg.setAttribute("viewBox", `${-wide} ${-top * UNIT - 8} ${2 * wide} ${(size + top) * UNIT + 16}`);
-  svg.replaceChildren(...parts);
+  picture.setAttribute("viewBox", `${-wide} ${-top * UNIT - 8} ${2 * wide} ${(size + top) * UNIT + 16}`);
+  picture.replaceChildren(...parts);
 }
 
 // The path as a line through the middles of its cells, its first cell, and the one that is drawn from.
@@ -142,8 +131,8 @@ function course({ path, atStart }, size) {
   const d = line(middles);
   const spot = (/** @type {number[]} */ middle, /** @type {string} */ name) => {
     const [cx, cy] = project(middle);
-    return made("circle", { class: name, cx, cy, r: 0.22 * UNIT * Math.max(1, size / 16) });
+    return svg("circle", { class: name, cx, cy, r: 0.22 * UNIT * Math.max(1, size / 16) });
   };
   const [first, head] = [middles[0], middles[atStart ? 0 : middles.length - 1]];
-  return [made("path", { class: "course casing", d }), made("path", { class: "course", d }), spot(first, "first"), spot(head, "head")];
+  return [svg("path", { class: "course casing", d }), svg("path", { class: "course", d }), spot(first, "first"), spot(head, "head")];
 }

@@ -1,5 +1,6 @@
 // The draft of the editor: a painting, and the shape's name. A painting has the filled cells, the path drawn
 // through them, and all steps so far, to be undone and done again. A key stands for a cell: (z * size + x) * size + y; x is the row, y the column, z the layer.
+import { store, stored } from "../lib/text.js";
 import { neighbours } from "./cell_path.js";
 
 export const SIZES = [10, 16, 20, 24, 32];
@@ -54,8 +55,8 @@ export class Painting {
     /** @type {Painted | null} */
     this.before = null;
     try {
-      this.restore(JSON.parse(localStorage.getItem(KEPT) ?? "null"));
-    } catch { /* what was kept is no painting */ }
+      this.restore(JSON.parse(stored(KEPT) ?? "null"));
+    } catch { /* what was stored is no painting */ }
   }
 
   /** @param {{ size?: unknown, filled?: unknown, path?: unknown } | null} kept */
@@ -74,13 +75,6 @@ export class Painting {
     for (const filled of this.cells) count += filled;
     return count;
   }
-
-  /**
-   * @param {number} x
-   * @param {number} y
-   * @param {number} z
-   */
-  has(x, y, z) { return this.cells[keyOf(x, y, z, this.size)] === 1; }
 
   /** @returns {Painted} */
   get state() { return { size: this.size, cells: this.cells, path: this.path }; }
@@ -155,7 +149,7 @@ export class Painting {
 
   keep() {
     const kept = { size: this.size, filled: keysOf(this.cells), path: this.path };
-    try { localStorage.setItem(KEPT, JSON.stringify(kept)); } catch { /* storage is full or forbidden */ }
+    store(KEPT, JSON.stringify(kept));
   }
 
   // How many pieces there are that do not hang together by faces.
@@ -164,25 +158,24 @@ export class Painting {
 
 // The rest of the draft: how cells become modules, and the shape's name.
 export class Draft {
-  /** @param {() => Pick<Storage, "getItem" | "setItem">} storage */
-  constructor(storage) {
-    this.storage = storage;
+  constructor() {
+    /** @type {"no" | "yes" | "path"} */
     this.how = "no";
     this.name = "";
     this.given = ""; // the name that a letter or a file has given
     try {
-      const { how, name, given } = JSON.parse(storage().getItem(STORED_DRAFT) ?? "{}");
+      const { how, name, given } = JSON.parse(stored(STORED_DRAFT) ?? "{}");
       if (CHOICES.includes(how)) this.how = how;
       if (typeof name === "string") this.name = name.slice(0, LONGEST_NAME);
       if (typeof given === "string") this.given = given;
     } catch { /* what was stored is no draft */ }
   }
 
-  /** @param {{ how?: string, name?: string, given?: string }} changed */
+  /** @param {{ how?: Draft["how"], name?: string, given?: string }} changed */
   note(changed) {
     Object.assign(this, changed);
     const { how, name, given } = this;
-    try { this.storage().setItem(STORED_DRAFT, JSON.stringify({ how, name, given })); } catch { /* no room, or none allowed */ }
+    store(STORED_DRAFT, JSON.stringify({ how, name, given }));
   }
 
   // Note a name that a letter or a file gives.

@@ -1,38 +1,27 @@
-// Asking for a fold.
-import { keepToken, ownKey, proof } from "./keys.js";
-import { UNREACHABLE, refusal, wordsOf } from "./text.js";
-import { STOPPED, posted } from "./upload.js";
+// Requests for folds.
+import { formOf, keepToken, ownKey } from "./api.js";
+import { wordsOf } from "./text.js";
+import { upload } from "./upload.js";
 
-// Asks for a fold with form data or plain fields, and keeps the token that proves whose it is.
-// Throws an Error with words for people when it was refused.
+// Request a fold with a form or plain fields, and store the token that proves whose it is.
 /**
  * @param {FormData | Form} body
  * @param {import("./upload.js").Sending} how
  * @returns {Promise<{ id: string }>}
  */
-export async function foldAsked(body, how = {}) {
-  const form = body instanceof FormData ? body : new FormData();
-  if (!(body instanceof FormData)) {
-    for (const [key, value] of Object.entries(body)) form.set(key, value instanceof Blob ? value : String(value));
-  }
-  let answer;
-  try {
-    answer = await posted("/api/folds", form, { ...how, headers: proof(ownKey()) });
-  } catch (error) {
-    throw new Error(wordsOf(error) === STOPPED ? STOPPED : UNREACHABLE, { cause: error });
-  }
-  const { told } = answer;
-  if (!answer.ok) throw new Error(refusal(told, answer.status));
-  if (told.owner_token) keepToken(told.id, told.owner_token); // another's comes without
-  return told;
+export async function requestFold(body, how = {}) {
+  const form = body instanceof FormData ? body : formOf(body);
+  /** @type {Api.Accepted} */
+  const { id, owner_token: token } = await upload("/api/folds", form, { ...how, token: ownKey() });
+  if (token) keepToken(id, token); // a fold of somebody else comes without
+  return { id };
 }
 
-// The same, and goes to its page. Returns why it could not be, in words; an empty text means that the
-// page is being left.
+// Request a fold and go to its page. Return the refusal in words; an empty text means that the page is left.
 /** @param {FormData | Form} body */
-export async function askForFold(body) {
+export async function openFold(body) {
   try {
-    location.href = `/folds/${(await foldAsked(body)).id}`;
+    location.href = `/folds/${(await requestFold(body)).id}`;
     return "";
   } catch (error) {
     return wordsOf(error);

@@ -1,7 +1,4 @@
-// Numbers and stages in words, and what else most scripts use: elements, events, parts loaded later.
-/** @type {Record<string, string>} */
-export const PHASES = { explosion: "Explosion", unfolding: "Unfolding", playback: "Playback" };
-
+// Numbers and stages in words, and what else most scripts use: elements, storage, parts loaded later.
 /** @type {Record<string, string>} */
 export const STAGES = {
   read: "Reading the input",
@@ -62,69 +59,20 @@ export function radians(value) {
 /** @param {number} value */
 export const newtonMetres = (value) => si(value, "N·m");
 
-/**
- * @param {number} value
- * @param {number} digits
- */
-export function degrees(value, digits = 1) {
-  const shown = ((value * 180) / Math.PI).toFixed(digits);
-  return `${Number(shown) === 0 ? (0).toFixed(digits) : shown}°`.replace("-", "−");
-}
-
 /** @param {string} text */
 export function sentence(text) {
   return text.charAt(0).toUpperCase() + text.slice(1);
 }
 
-const NUMBERED_PARTS = /\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?/gi;
-
-// A text of the planner, which counts modules and cells from 0, counting from 1: `count_from_one` of server/pages/failures.py.
-/** @param {string} text */
-export const countFromOne = (text) => text.replace(NUMBERED_PARTS, (named) => named.replace(/\d+(?! more)\b/g, (index) => String(Number(index) + 1)));
-
 // What an error that was thrown says.
 /** @param {unknown} error */
 export const wordsOf = (error) => (error instanceof Error ? error.message : String(error));
-
-// What the server said, as a sentence that also says where.
-/**
- * @param {Refused} told
- * @param {number} status
- */
-export function refusal(told, status) {
-  const text = countFromOne(told.message ?? told.detail ?? `The server answered ${status}.`);
-  const where = countFromOne(told.where ?? "");
-  const said = text.includes(where) || text.includes(where.replaceAll("_", " "));
-  return sentence(said ? text : `${where}: ${text}`);
-}
 
 /** @param {number} value in seconds */
 export function duration(value) {
   if (value < 90) return `about ${Math.max(1, Math.round(value))} s`;
   if (value < 5400) return `about ${Math.round(value / 60)} min`;
   return `about ${Math.round(value / 3600)} h`;
-}
-
-// How long ago or from now, in whole minutes, hours or days.
-/** @param {number} value in seconds */
-export function span(value) {
-  if (value < 90 * 60) return `${Math.max(1, Math.round(value / 60))}\u00a0min`;
-  if (value < 36 * 3600) return `${Math.round(value / 3600)}\u00a0h`;
-  return `${Math.round(value / 86400)}\u00a0days`;
-}
-
-const FEW_S = 5;
-
-// What is left of something, as the service estimates it.
-/** @param {number} value in seconds; 0 when it takes longer than usual */
-export function remaining(value) {
-  if (value <= 0) return "longer than usual";
-  return value < FEW_S ? "a few seconds left" : `${duration(value < 20 ? value : 5 * Math.round(value / 5))} left`;
-}
-
-/** @param {number} value in bytes */
-export function megabytes(value) {
-  return `${(value / 1e6).toFixed(value < 1e7 ? 1 : 0)} MB`;
 }
 
 /** @param {number} value */
@@ -154,20 +102,50 @@ export function element(name, attributes = {}, ...children) {
   return made;
 }
 
-// Something that tells what is: events with a name and a detail.
-export class Emitter extends EventTarget {
-  /**
-   * @param {string} name
-   * @param {unknown} [detail]
-   */
-  tell(name, detail = null) { this.dispatchEvent(new CustomEvent(name, { detail })); }
+// Return a button that does something.
+/**
+ * @param {string} look
+ * @param {string} text
+ * @param {() => void} press
+ * @param {Parameters<typeof element>[1]} attributes
+ */
+export function button(look, text, press, attributes = {}) {
+  const made = element("button", { type: "button", class: look, ...attributes }, text);
+  made.onclick = press;
+  return made;
+}
 
-  /**
-   * @template Told
-   * @param {string} name
-   * @param {(detail: Told) => void} heard
-   */
-  on(name, heard) { this.addEventListener(name, (event) => heard(/** @type {CustomEvent<Told>} */ (event).detail)); }
+// Return an element of a drawing, with a text or elements in it.
+/**
+ * @param {string} name
+ * @param {Record<string, string | number>} attributes
+ * @param {(SVGElement | string)[]} children
+ */
+export function svg(name, attributes = {}, ...children) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, String(value));
+  made.append(...children);
+  return made;
+}
+
+// Return what this browser stores under a name; null where there is nothing or storage is refused.
+/** @param {string} name */
+export function stored(name) {
+  try { return localStorage.getItem(name); } catch { return null; }
+}
+
+// Store a value, null to remove it; false where storage is full or refused.
+/**
+ * @param {string} name
+ * @param {string | null} value
+ */
+export function store(name, value) {
+  try {
+    if (value === null) localStorage.removeItem(name); else localStorage.setItem(name, value);
+    return true;
+  } catch {
+    return false;
+  }
 }
 
 export const UNREACHABLE = "The server cannot be reached. Check the connection and try again.";

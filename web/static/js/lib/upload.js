@@ -1,35 +1,32 @@
-// Sending a form, told how much of it has gone: XMLHttpRequest tells, fetch does not.
+// Upload of a form with progress events: XMLHttpRequest has them, fetch has none.
+import { Refusal, contentOf, proof } from "./api.js";
+import { UNREACHABLE } from "./text.js";
+
 export const STOPPED = "Stopped";
 
-/**
- * @typedef {{ ok: boolean, status: number, told: any }} Answer told: its JSON, or {}
- * @typedef {{ headers?: Record<string, string>, signal?: AbortSignal, onSent?: (sent: number, all: number) => void }} Sending
- */
+/** @typedef {{ signal?: AbortSignal, onSent?: (sent: number, all: number) => void }} Sending */
 
-// The answer. Throws an Error "Stopped" when the signal ends it, any other when there is no answer.
+// Send a form and return the answer.
 /**
- * @param {string} address
+ * @template Answer
+ * @param {string} path
  * @param {FormData} form
- * @param {Sending} how
+ * @param {Sending & { token?: string | null }} how
  * @returns {Promise<Answer>}
+ * @throws {Refusal} "Stopped" when the signal ends it
  */
-export function posted(address, form, { headers = {}, signal, onSent } = {}) {
+export function upload(path, form, { token = null, signal, onSent } = {}) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
     const stop = () => request.abort();
-    request.open("POST", address);
-    for (const [name, value] of Object.entries(headers)) request.setRequestHeader(name, value);
-    // Without a listener none is told, and no event is sent for what goes elsewhere.
+    request.open("POST", path);
+    for (const [name, value] of Object.entries(proof(token))) request.setRequestHeader(name, value);
+    // Without a listener no event is sent, which a request to another origin would have to be allowed.
     if (onSent) request.upload.onprogress = ({ loaded, total }) => onSent(loaded, total);
-    request.onload = () => {
-      let told = {};
-      try { told = JSON.parse(request.responseText); } catch { /* a proxy answers in its own words */ }
-      resolve({ ok: request.status >= 200 && request.status < 300, status: request.status, told });
-    };
-    request.onerror = () => reject(new Error("unreachable"));
-    request.onabort = () => reject(new Error(signal?.aborted ? STOPPED : "unreachable"));
+    request.onload = () => { try { resolve(contentOf(request.status, request.responseText)); } catch (error) { reject(error); } };
+    request.onerror = request.onabort = () => reject(new Refusal(signal?.aborted ? STOPPED : UNREACHABLE));
     request.onloadend = () => signal?.removeEventListener("abort", stop);
-    if (signal?.aborted) { reject(new Error(STOPPED)); return; }
+    if (signal?.aborted) { reject(new Refusal(STOPPED)); return; }
     signal?.addEventListener("abort", stop);
     request.send(form);
   });

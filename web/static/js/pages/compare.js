@@ -3,14 +3,10 @@ import { Bar } from "../player/bar.js";
 import { Keys } from "../player/keys.js";
 import { COLOURINGS, MEASURED, colouring } from "../player/colours.js";
 import { Timeline, Source } from "../player/timeline.js";
-import { showScale } from "../panels/legend.js";
 import { Place, viewOf } from "../player/address.js";
 import { Pair } from "../player/pair.js";
-import { Player } from "../player/player.js";
-import { handOn, offerSides, pathButton } from "../viewer/controls.js";
+import { offerSides, pathButton, playerOn, showScale } from "../viewer/controls.js";
 import { hasWebGL } from "../viewer/scene.js";
-import { Sketch } from "../viewer/sketch.js";
-import { Stage, StandIn } from "../viewer/stage.js";
 import { copyText, element, get, later, radians } from "../lib/text.js";
 
 const LOOK_MS = 2000; // at what is said of a fold that is not over
@@ -25,16 +21,16 @@ const webgl = new Promise((told) => { setTimeout(() => told(hasWebGL()), START_M
  * What is said of a fold, until it is over.
  * @param {string} id
  * @param {HTMLElement} verdict
- * @param {Player} player
+ * @param {import("../player/player.js").Player} player
  */
 async function follow(id, verdict, player) {
+  const { Refusal, ask } = await import("../lib/api.js");
   for (let running = true; running;) {
     await new Promise((done) => { setTimeout(done, LOOK_MS); });
-    const answer = await fetch(`/folds/${id}/facts`).catch(() => null);
-    if (answer?.status === 404) return; // it is deleted
-    if (!answer?.ok) continue;
-    /** @type {Facts} */
-    const now = await answer.json();
+    /** @type {Facts | import("../lib/api.js").Refusal} */
+    const now = await ask(`/folds/${id}/facts`).catch((error) => error);
+    if (now instanceof Refusal && now.gone) return; // it is deleted
+    if (now instanceof Refusal) continue;
     verdict.textContent = now.verdict.text;
     verdict.dataset.tone = now.verdict.tone;
     running = now.running;
@@ -48,19 +44,7 @@ const sides = facts.map(({ id, running }, k) => {
   const frame = /** @type {HTMLIFrameElement} */ (side.querySelector("iframe"));
   const canvas = /** @type {HTMLCanvasElement} */ (side.querySelector("canvas"));
   const now = /** @type {HTMLElement} */ (side.querySelector(".side-now"));
-  const sketch = new Sketch(canvas);
-  const stage = new Stage(frame, {
-    open: () => standIn.takeOver(),
-    pointer: (pointer) => hand.hear(pointer),
-    pick: (origin, direction) => player.pick(origin, direction),
-  });
-  const standIn = new StandIn(canvas, stage, sketch);
-  const player = new Player(new Timeline(new Source(`/folds/${id}`), { over: !running }), {
-    stage, standIn, sketch, calm, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
-  });
-  const hand = handOn(frame, player);
-  hand.on(canvas);
-  new ResizeObserver(() => player.show(true)).observe(frame);
+  const { player, stage } = playerOn(new Timeline(new Source(`/folds/${id}`), { over: !running }), frame, canvas, { calm });
   player.on("state", (/** @type {State} */ { error_rad: error }) => {
     now.textContent = error === null ? "No error recorded here" : `Error ${radians(error)}`;
   });

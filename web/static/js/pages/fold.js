@@ -23,9 +23,8 @@ const choosing = later(() => import("../panels/choice.js"), toast);
 const companions = later(() => import("../panels/companions.js").then(({ Companions }) => new Companions(toast)), toast);
 const downloads = later(() => import("../panels/downloads.js").then(({ Downloads }) => new Downloads(get("panel-downloads"))), toast);
 const failing = later(() => import("../panels/failure.js").then(({ Failure }) => new Failure({ player, bar, drawer })), toast);
-const renaming = later(() => import("../panels/renaming.js").then(({ Renaming }) => new Renaming(facts, {
-  toast, onNamed: (name) => { show({ ...facts, name }); document.title = `${name} · foldback`; },
-})), toast);
+const renaming = later(() => import("../panels/renaming.js").then(({ offerRenaming }) => offerRenaming(facts.id,
+  (name) => { show({ ...facts, name }); document.title = `${name} · foldback`; })), toast);
 const share = later(() => import("../panels/share.js").then(({ Share }) => new Share(facts, { place, player }, toast)), toast);
 const progress = later(() => Promise.all([import("../panels/progress.js"), import("../panels/outcome.js")]), toast);
 let listing = false; // what can be downloaded, which is looked at
@@ -100,7 +99,7 @@ function show(now) {
 async function tryAgain({ form }) {
   const buttons = [get("again"), get("cover-button")];
   for (const button of buttons) button.disabled = true;
-  const refused = await asking(({ askForFold }) => askForFold(form));
+  const refused = await asking(({ openFold }) => openFold(form));
   if (refused === "") return;
   if (refused) toast(refused);
   for (const button of buttons) button.disabled = false;

@@ -80,7 +80,7 @@ for (const card of /** @type {NodeListOf<HTMLElement>} */ (document.querySelecto
     if (card.getAttribute("aria-busy")) return;
     card.setAttribute("aria-busy", "true");
     say("");
-    const refused = await asking(({ askForFold }) => askForFold({ shape: card.dataset.shape ?? "", ...(world ? { world } : {}) }));
+    const refused = await asking(({ openFold }) => openFold({ shape: card.dataset.shape ?? "", ...(world ? { world } : {}) }));
     if (refused) say(refused);
     card.removeAttribute("aria-busy");
     if (get("message").textContent) get("message").scrollIntoView({ block: "center" });

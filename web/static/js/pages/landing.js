@@ -1,7 +1,7 @@
 // The landing page: takes files and shapes, and keeps the featured fold in motion.
 import { playHero } from "../player/hero.js";
 import { changed, follow, refused } from "../panels/paper_settings.js";
-import { UNREACHABLE, get, later, refusal, wordsOf } from "../lib/text.js";
+import { get, later, wordsOf } from "../lib/text.js";
 
 const drop = get("drop");
 const message = get("drop-message");
@@ -11,10 +11,10 @@ const player = playHero(hero, get("sketch"), { calm });
 
 const asking = later(() => import("../lib/fold_request.js"), (text) => say(text, "bad"));
 const uploading = later(async () => {
-  const [{ Sending }, upload, keys] = await Promise.all([import("../panels/sending.js"), import("../lib/upload.js"), import("../lib/keys.js")]);
-  return { sending: new Sending(get("sending")), ...upload, ...keys };
+  const [{ Sending }, upload, api] = await Promise.all([import("../panels/sending.js"), import("../lib/upload.js"), import("../lib/api.js")]);
+  return { sending: new Sending(get("sending")), ...upload, ...api };
 }, (text) => say(text, "bad"));
-const NO_PATH = new Set(["repeated-cell"]);
+const NO_PATH = "repeated-cell"; // a code of the API
 
 /**
  * @param {string} text
@@ -35,7 +35,7 @@ async function start(fields, label) {
   const resting = player.is.playing && player.send({ do: "pause" });
   const preset = get("preset").value;
   const settings = preset === "paper" ? changed() : {};
-  const problem = await asking(({ askForFold }) => askForFold({ ...fields, preset, ...settings, seed: get("seed").value || "0" }));
+  const problem = await asking(({ openFold }) => openFold({ ...fields, preset, ...settings, seed: get("seed").value || "0" }));
   if (problem === "") return;
   if (problem) say(refused(problem), "bad");
   if (resting) player.send({ do: "play" });
@@ -53,28 +53,23 @@ function send(file, asVoxels = false) {
 /**
  * @param {File} file
  * @param {boolean} asVoxels
- * @param {typeof import("../lib/upload.js") & typeof import("../lib/keys.js") & { sending: import("../panels/sending.js").Sending }} parts
+ * @param {typeof import("../lib/upload.js") & typeof import("../lib/api.js") & { sending: import("../panels/sending.js").Sending }} parts
  */
-async function sent(file, asVoxels, { sending, posted, STOPPED, proof, ownKey }) {
+async function sent(file, asVoxels, { sending, upload, STOPPED, Refusal, formOf, ownKey }) {
   say(`Reading ${file.name}…`);
   offer(null);
-  const form = new FormData();
-  form.set("file", file);
-  form.set("full", "false");
-  if (asVoxels) form.set("as_voxels", "true");
+  const form = formOf({ file, full: false, as_voxels: asVoxels || null });
   try {
-    const { ok, status, told: body } = await sending.during(file.name, (how) => posted("/api/shapes/preview", form, { ...how, headers: proof(ownKey()) }));
-    if (!ok) {
-      say(refusal(body, status), "bad");
-      if (NO_PATH.has(body.code)) offer(file);
-      return;
-    }
-    const straight = (body.kind === "path" || body.kind === "chain") && body.knot?.verdict !== "knotted";
-    if (straight) await start({ preview: body.id }, file.name);
-    else location.href = `${body.links.page}${asVoxels ? "?as_voxels=true" : ""}`;
+    /** @type {Api.Preview} */
+    const report = await sending.during(file.name, (how) => upload("/api/shapes/preview", form, { ...how, token: ownKey() }));
+    const straight = (report.kind === "path" || report.kind === "chain") && report.knot?.verdict !== "knotted";
+    if (straight) await start({ preview: report.id }, file.name);
+    else location.href = `${report.links.page}${asVoxels ? "?as_voxels=true" : ""}`;
   } catch (error) {
-    if (wordsOf(error) !== STOPPED) say(UNREACHABLE, "bad");
+    const words = wordsOf(error);
+    if (words !== STOPPED) say(words, "bad");
     else if (!sending.control) say(STOPPED); // and no other file instead
+    if (error instanceof Refusal && error.code === NO_PATH) offer(file);
   }
 }
 
@@ -102,14 +97,14 @@ function offer(file) {
 // While the solvers are compiled, which the page said when it came.
 const ASK_MS = 1000;
 async function prepare() {
-  const { showPreparing } = await import("../panels/preparing.js");
+  const [{ showPreparing }, { ask }] = await Promise.all([import("../panels/preparing.js"), import("../lib/api.js")]);
   for (;;) {
-    const answer = await fetch("/api/preparing").catch(() => null);
-    if (answer?.ok) {
-      const { preparing } = await answer.json();
+    try {
+      /** @type {Api.PreparingState} */
+      const { preparing } = await ask("/api/preparing");
       showPreparing(preparing);
       if (!preparing) return;
-    }
+    } catch { /* asked again */ }
     await new Promise((again) => { setTimeout(again, ASK_MS); });
   }
 }

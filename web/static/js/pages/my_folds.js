@@ -1,6 +1,6 @@
 // My folds: what was made with the keys of this browser.
-import { foldsApart, keepToken, keysHere, ownKey } from "../lib/keys.js";
-import { FoldList, Refusal, asked } from "../lib/made.js";
+import { Refusal, ask, foldsApart, keepToken, keysHere, ownKey } from "../lib/api.js";
+import { FoldList } from "../lib/made.js";
 import { get, wordsOf } from "../lib/text.js";
 import { KeyPanel } from "../panels/key_panel.js";
 import { FoldCard, MovieLine, PreviewCard } from "../panels/made_cards.js";
@@ -60,7 +60,7 @@ async function carryOver() {
     const own = ownKey();
     if (!own) return;
     try {
-      await asked("PATCH", `/api/folds/${encodeURIComponent(id)}`, token, { owner_token: own });
+      await ask(`/api/folds/${encodeURIComponent(id)}`, { method: "PATCH", token, body: { owner_token: own } });
       keepToken(id, own);
     } catch (error) {
       if (!(error instanceof Refusal) || !error.final) return;
@@ -76,10 +76,10 @@ async function load() {
   await carryOver();
   const keys = keysHere();
   try {
-    /** @type {{ previews: PreviewMade[] }[]} */
-    const previews = await Promise.all(keys.map((key) => asked("GET", "/api/mine/previews", key)));
-    /** @type {{ movies: MovieMade[] }[]} */
-    const movies = await Promise.all(keys.map((key) => asked("GET", "/api/mine/movies", key)));
+    /** @type {Api.PreviewsMade[]} */
+    const previews = await Promise.all(keys.map((token) => ask("/api/mine/previews", { token })));
+    /** @type {Api.MoviesMade[]} */
+    const movies = await Promise.all(keys.map((token) => ask("/api/mine/movies", { token })));
     if (mine !== turn) return;
     list = new FoldList(keys);
     const shapes = previews.flatMap((told, n) => told.previews.map((each) => new PreviewCard(each, keys[n], counted)));

@@ -1,9 +1,9 @@
 // Films that play where they stand: one at a time is loaded and drawn.
-import { Timeline, Recording } from "../player/timeline.js";
+import { PHASES, Recording, Timeline } from "../player/timeline.js";
 import { Pair } from "../player/pair.js";
 import { Player } from "../player/player.js";
 import { Sketch } from "../viewer/sketch.js";
-import { PHASES, element, later, radians, seconds } from "../lib/text.js";
+import { element, later, radians, seconds } from "../lib/text.js";
 
 const SPEED = 1.2;
 const sight = later(() => import("../viewer/viewpoint.js"), () => {});

@@ -15,7 +15,7 @@ export class Advance {
   }
 
   // Note what the service reports; an earlier stage begins another attempt.
-  /** @param {ProgressTold} now */
+  /** @param {Api.Progress} now */
   note({ stage, fraction, simulated_s: simulatedS, message, plan, plans }) {
     if (stage && stage !== this.stage) {
       if (ORDER.indexOf(stage) < ORDER.indexOf(this.stage)) this.attempt += 1;

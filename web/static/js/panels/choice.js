@@ -1,8 +1,8 @@
 // The plans that a fold with a wish had to choose from: a scatter plot, and the same as a table.
-import { element, get, newtonMetres } from "../lib/text.js";
-import { round, ticks } from "../lib/ticks.js";
+import { round, rule, scaleOf, ticks } from "../lib/plot.js";
+import { button, element, get, newtonMetres, svg } from "../lib/text.js";
+import { table } from "./drawer.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 const WIDE = 336;
 const HIGH = 220;
 const INSET = { left: 64, right: 14, top: 18, bottom: 34 };
@@ -31,9 +31,9 @@ function scale(values, places, log) {
   const back = (/** @type {number} */ value) => (log ? 10 ** value : value);
   const [low, high] = [Math.min(...values), Math.max(...values)].map(of);
   const spare = SPARE * (high - low) || Math.abs(high) * SPARE || 1;
-  const [from, to] = [low - spare, high + spare];
-  const at = (/** @type {number} */ value) => places[0] + ((of(value) - from) / (to - from)) * (places[1] - places[0]);
-  return { at, ticks: ticks(back(from), back(to), log).map((value) => ({ at: at(value), value })) };
+  const ends = /** @type {[number, number]} */ ([low - spare, high + spare].map(back));
+  const at = scaleOf(ends, places, log);
+  return { at, ticks: ticks(...ends, log).map((value) => ({ at: at(value), value })) };
 }
 
 // Where dots and ticks are; only plans that have both figures have a dot.
@@ -71,17 +71,7 @@ export function labels(dots) {
   return found;
 }
 
-/**
- * @param {string} name
- * @param {Record<string, string | number>} attributes
- * @param {string} text
- */
-function svg(name, attributes, text = "") {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, String(value));
-  made.textContent = text;
-  return made;
-}
+const endOf = (/** @type {PlanDot} */ { chosen, verified }) => (chosen ? "chosen" : verified ? "verified" : "refused");
 
 /**
  * @param {Choice} choice
@@ -89,29 +79,17 @@ function svg(name, attributes, text = "") {
  */
 function picture({ plans, seconds }, axis) {
   const { dots, across, up } = layout(plans, axis);
-  const said = AXES[axis].label(seconds);
-  const drawn = svg("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, role: "img", "aria-label": `Folding time and ${AXES[axis].name.toLowerCase()} of ${dots.length} plans. The table below lists the same values.` });
-  const bottom = HIGH - INSET.bottom;
-  for (const { at, text } of across) {
-    drawn.append(svg("line", { class: "choice-grid", x1: at, x2: at, y1: INSET.top, y2: bottom }),
-      svg("text", { x: at, y: bottom + 13, "text-anchor": "middle" }, text));
-  }
-  for (const { at, text } of up) {
-    drawn.append(svg("line", { class: "choice-grid", x1: INSET.left, x2: WIDE - INSET.right, y1: at, y2: at }),
-      svg("text", { x: INSET.left - 5, y: at + 4, "text-anchor": "end" }, text));
-  }
-  drawn.append(svg("text", { x: WIDE - INSET.right, y: HIGH - 4, "text-anchor": "end" }, "Folding time, s"));
-  // The chosen one last, over the others.
-  for (const { x, y, plan } of dots.sort((a, b) => Number(a.plan.chosen) - Number(b.plan.chosen))) {
-    const kind = plan.chosen ? "chosen" : plan.verified ? "verified" : "refused";
-    const dot = svg("circle", { class: `choice-dot ${kind}`, cx: x, cy: y, r: plan.chosen ? 7 : 5 });
-    dot.append(svg("title", {}, plan.label));
-    drawn.append(dot);
-  }
-  for (const { x, y, text } of labels(layout(plans, axis).dots)) {
-    drawn.append(svg("text", { x: Math.min(x, WIDE - INSET.right), y: y - 10, "text-anchor": x > WIDE / 2 ? "end" : "start" }, text));
-  }
-  return [element("p", { class: "choice-axis" }, said), drawn];
+  const [bottom, right] = [HIGH - INSET.bottom, WIDE - INSET.right];
+  const text = (/** @type {number} */ x, /** @type {number} */ y, /** @type {"start" | "middle" | "end"} */ anchor, /** @type {string} */ words) => svg("text", { x, y, "text-anchor": anchor }, words);
+  const drawn = svg("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, role: "img", "aria-label": `Folding time and ${AXES[axis].name.toLowerCase()} of ${dots.length} plans. The table below lists the same values.` },
+    ...across.flatMap((tick) => [rule("choice-grid", { x: tick.at }, [INSET.top, bottom]), text(tick.at, bottom + 13, "middle", tick.text)]),
+    ...up.flatMap((tick) => [rule("choice-grid", { y: tick.at }, [INSET.left, right]), text(INSET.left - 5, tick.at + 4, "end", tick.text)]),
+    text(right, HIGH - 4, "end", "Folding time, s"),
+    // The chosen one last, over the others.
+    ...dots.toSorted((a, b) => Number(a.plan.chosen) - Number(b.plan.chosen))
+      .map(({ x, y, plan }) => svg("circle", { class: `choice-dot ${endOf(plan)}`, cx: x, cy: y, r: plan.chosen ? 7 : 5 }, svg("title", {}, plan.label))),
+    ...labels(dots).map((label) => text(Math.min(label.x, right), label.y - 10, label.x > WIDE / 2 ? "end" : "start", label.text)));
+  return [element("p", { class: "choice-axis" }, AXES[axis].label(seconds)), drawn];
 }
 
 // How a plan can be watched: the chosen one here, one that is stored on a page of its own or beside the chosen one.
@@ -120,11 +98,7 @@ function picture({ plans, seconds }, axis) {
  * @param {{ id: string, play: () => void }} fold
  */
 function watching({ label, chosen, stored }, { id, play }) {
-  if (chosen) {
-    const button = element("button", { class: "inline", type: "button", "aria-label": `Play ${label}` }, "Play");
-    button.onclick = play;
-    return [button];
-  }
+  if (chosen) return [button("inline", "Play", play, { "aria-label": `Play ${label}` })];
   if (stored === null) return [];
   return [
     element("a", { href: `/folds/${id}-${stored}`, "aria-label": `Play ${label}` }, "Play"),
@@ -136,13 +110,10 @@ function watching({ label, chosen, stored }, { id, play }) {
  * @param {Choice} choice
  * @param {{ id: string, play: () => void }} fold
  */
-function table({ plans, columns }, fold) {
-  const ends = (/** @type {PlanDot} */ { chosen, verified }) => (chosen ? "chosen" : verified ? "verified" : "refused");
-  return element("div", { class: "choice-table" }, element("table", { class: "joints" },
-    element("thead", {}, element("tr", {}, ...columns.map((text) => element("th", { scope: "col" }, text)))),
-    element("tbody", {}, ...plans.map((plan) => element("tr", { "data-end": ends(plan) },
-      element("th", { scope: "row" }, plan.label, element("small", {}, ends(plan)), element("div", { class: "choice-play" }, ...watching(plan, fold))),
-      ...plan.cells.map((text) => element("td", {}, text)))))));
+function planTable({ plans, columns }, fold) {
+  return element("div", { class: "choice-table" }, table(columns, plans.map((plan) => element("tr", { "data-end": endOf(plan) },
+    element("th", { scope: "row" }, plan.label, element("small", {}, endOf(plan)), element("div", { class: "choice-play" }, ...watching(plan, fold))),
+    ...plan.cells.map((text) => element("td", {}, text))))));
 }
 
 // Shows it in its tab, which is then the first to be seen.
@@ -153,20 +124,16 @@ function table({ plans, columns }, fold) {
  */
 export function showChoice({ id, choice }, drawer, player) {
   const plot = element("figure", { class: "choice-plot" });
-  const buttons = /** @type {Axis[]} */ (Object.keys(AXES)).map((axis) => {
-    const button = element("button", { class: "chip", type: "button" }, AXES[axis].name);
-    button.onclick = () => show(axis);
-    return { axis, button };
-  });
+  const buttons = /** @type {Axis[]} */ (Object.keys(AXES)).map((axis) => ({ axis, chip: button("chip", AXES[axis].name, () => show(axis)) }));
   const show = (/** @type {Axis} */ axis) => {
     plot.replaceChildren(...picture(choice, axis));
-    for (const each of buttons) each.button.setAttribute("aria-pressed", String(each.axis === axis));
+    for (const each of buttons) each.chip.setAttribute("aria-pressed", String(each.axis === axis));
   };
   show(choice.prefer === "clearance" ? "room" : "torque_mnm");
   get("choice").replaceChildren(element("h2", {}, `${choice.wish}: ${choice.plans.length} plans`),
     element("p", {}, choice.text),
-    element("div", { class: "choice-axes", role: "group", "aria-label": "Vertical axis" }, ...buttons.map(({ button }) => button)),
-    plot, table(choice, { id, play: () => { player.send({ do: "seek", frame: 0 }); player.send({ do: "play" }); } }),
+    element("div", { class: "choice-axes", role: "group", "aria-label": "Vertical axis" }, ...buttons.map(({ chip }) => chip)),
+    plot, planTable(choice, { id, play: () => { player.send({ do: "seek", frame: 0 }); player.send({ do: "play" }); } }),
     ...(choice.plans.some(({ verified, chosen, stored }) => verified && !chosen && stored === null)
       ? [element("p", { class: "hint" }, "Verified plans without a link were not stored and cannot be played.")] : []));
   drawer.choose("attempts");

@@ -1,8 +1,9 @@
 // Where one goes from a fold: beside another one, or on into another shape.
-import { askForFold, foldAsked } from "../lib/fold_request.js";
+import { ask } from "../lib/api.js";
+import { openFold, requestFold } from "../lib/fold_request.js";
 import { changed, open, refused } from "./paper_settings.js";
 import { Sending } from "./sending.js";
-import { UNREACHABLE, element, get, wordsOf } from "../lib/text.js";
+import { element, get, wordsOf } from "../lib/text.js";
 
 export class Companions {
   /** @param {(text: string) => void} toast */
@@ -40,7 +41,7 @@ export class Companions {
     get("paper-settings").hidden = !this.others.some(({ settable }) => settable);
     ways.replaceChildren(...this.others.map(({ text, hint, form, id, settable }) => this.way(text, hint, async () => {
       if (!id && settable) return this.comparePublished(form, settable);
-      location.href = id ? `/compare?a=${id}&b=${this.id}` : `/compare?a=${this.id}&b=${(await foldAsked(form)).id}`;
+      location.href = id ? `/compare?a=${id}&b=${this.id}` : `/compare?a=${this.id}&b=${(await requestFold(form)).id}`;
       return false;
     })));
     get("compare-form").onsubmit = (event) => {
@@ -62,7 +63,7 @@ export class Companions {
     get("compare-message").textContent = "";
     if (settable === "must" && !settings.settings) { get("compare-message").textContent = "Change a setting below."; open(); return true; }
     try {
-      location.href = `/compare?a=${this.id}&b=${(await foldAsked({ ...form, ...settings })).id}`;
+      location.href = `/compare?a=${this.id}&b=${(await requestFold({ ...form, ...settings })).id}`;
     } catch (error) {
       get("compare-message").textContent = refused(wordsOf(error));
       return true;
@@ -75,21 +76,14 @@ export class Companions {
     if (this.filled) return;
     const list = get("refold-shapes");
     const hint = (/** @type {string} */ text) => list.replaceChildren(element("p", { class: "hint" }, text));
-    /** @type {{ name: string, title: string, modules: number }[]} */
-    let shapes;
-    try {
-      const answer = await fetch(`/api/folds/${this.id}/refolds`);
-      const told = await answer.json().catch(() => ({}));
-      if (!answer.ok) { hint(told.detail ?? `The server answered ${answer.status}.`); return; }
-      ({ shapes } = told);
-    } catch {
-      hint(UNREACHABLE);
-      return;
-    }
+    /** @type {Api.Shapes | null} */
+    const answer = await ask(`/api/folds/${this.id}/refolds`).catch((error) => { hint(wordsOf(error)); return null; });
+    if (!answer) return;
+    const { shapes } = answer;
     this.filled = true;
     if (!shapes.length) hint("No gallery shape has the same number of modules. Upload your own shape.");
     else list.replaceChildren(...shapes.map(({ name, title, modules }) => this.way(title, `${modules} modules`, async () => {
-      const refold = await foldAsked({ refold: this.id, shape: name, ...this.published });
+      const refold = await requestFold({ refold: this.id, shape: name, ...this.published });
       location.href = `/folds/${refold.id}`;
       return false;
     }, `/shapes/${name}.svg`)));
@@ -97,7 +91,7 @@ export class Companions {
 
   async smooth() {
     get("smooth").disabled = true;
-    const problem = await askForFold({ smooth: this.id });
+    const problem = await openFold({ smooth: this.id });
     if (problem) this.toast(problem);
     get("smooth").disabled = false;
   }
@@ -109,7 +103,7 @@ export class Companions {
     if (!file) return;
     get("refold-message").textContent = "";
     try {
-      const { id } = await this.sending.during(file.name, (how) => foldAsked({ refold: this.id, file, ...this.published }, how));
+      const { id } = await this.sending.during(file.name, (how) => requestFold({ refold: this.id, file, ...this.published }, how));
       location.href = `/folds/${id}`;
     } catch (error) {
       get("refold-message").textContent = wordsOf(error);

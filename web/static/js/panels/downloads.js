@@ -1,24 +1,14 @@
 // What can be downloaded of a fold: files, a movie, and what a robot needs.
 import { motorWords } from "./motor_words.js";
-import { ownKey, proof, tokenOf } from "../lib/keys.js";
-import { element, wordsOf } from "../lib/text.js";
+import { Refusal, ask, ownKey, tokenOf } from "../lib/api.js";
+import { element, svg, wordsOf } from "../lib/text.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 const LOOK_MS = 1000;
 const READ_MS = 2500;
 const FORBIDDEN = 403;
 const GONE = 404;
 
-/** @param {string} name */
-function icon(name) {
-  const made = document.createElementNS(SVG, "svg");
-  made.setAttribute("class", "icon");
-  made.setAttribute("aria-hidden", "true");
-  const use = document.createElementNS(SVG, "use");
-  use.setAttribute("href", `#i-${name}`);
-  made.append(use);
-  return made;
-}
+const icon = (/** @type {string} */ name) => svg("svg", { class: "icon", "aria-hidden": "true" }, svg("use", { href: `#i-${name}` }));
 
 // A line of a list of files.
 /** @param {FileTold} told */
@@ -104,10 +94,10 @@ export class Downloads {
       button.disabled = true;
       state.replaceChildren("Checking…");
       try {
-        /** @type {Movie} */
-        const movie = await this.ask(`${this.api}/movies`, {
+        /** @type {Api.MovieBody} */
+        const movie = await ask(`${this.api}/movies`, { token: this.token, body: {
           format, width, height, seconds: Number(seconds), turn_deg: Number(turn), theme, ...(part === "all" ? { first_frame: 0 } : {}),
-        });
+        } });
         await this.follow(movie, state, bar, stop);
       } catch (error) {
         state.replaceChildren(wordsOf(error));
@@ -119,31 +109,18 @@ export class Downloads {
     return element("div", {}, form, bar, state, stop);
   }
 
-  /**
-   * @template Told
-   * @param {string} address
-   * @param {Record<string, unknown> | null} body
-   * @returns {Promise<Told>}
-   */
-  async ask(address, body = null) {
-    const headers = { "Content-Type": "application/json", ...proof(tokenOf(this.id) ?? ownKey()) };
-    const answer = await fetch(address, body === null ? {} : { method: "POST", headers, body: JSON.stringify(body) })
-      .catch(() => { throw new Error("The server cannot be reached. Try again in a moment."); });
-    const told = await answer.json().catch(() => ({}));
-    if (!answer.ok) throw new Error(told.detail ?? `The server answered ${answer.status}.`);
-    return told;
-  }
+  // The owner of the fold has that of the fold.
+  get token() { return tokenOf(this.id) ?? ownKey(); }
 
   /**
-   * @param {Movie} movie
+   * @param {Api.MovieBody} movie
    * @param {HTMLElement} state
    * @param {HTMLProgressElement} bar
    * @param {HTMLButtonElement} stop for who may
    */
   async follow(movie, state, bar, stop) {
     let now = movie;
-    // Who has asked first is told a token; the owner of the fold has that of the fold.
-    const token = movie.token ?? tokenOf(this.id) ?? ownKey();
+    const token = movie.token ?? this.token; // the first request for a movie gets a token of its own
     let pressed = false;
     let wake = () => {};
     const nextLook = () => new Promise((done) => { wake = () => done(null); setTimeout(done, LOOK_MS); });
@@ -163,7 +140,7 @@ export class Downloads {
         await new Promise((done) => { setTimeout(done, READ_MS); }); // it goes on
         stop.disabled = false;
       }
-      now = await this.ask(now.links.self);
+      now = await ask(now.links.self);
     }
     if (now.status === "failed") throw new Error(now.problem?.detail ?? "The movie could not be created.");
     state.replaceChildren(element("a", { href: now.links.file, download: true, class: "button primary" }, `Download the ${now.format === "gif" ? "GIF" : "MP4"}`));
@@ -175,10 +152,14 @@ export class Downloads {
    * @param {string | null} token
    */
   async refusedToStop(address, token) {
-    const answer = await fetch(address, { method: "DELETE", headers: proof(token) }).catch(() => null);
-    if (answer?.ok || answer?.status === GONE) return "";
-    if (answer?.status === FORBIDDEN) return "Someone else requested this movie too, so it will be finished";
-    return answer ? "It could not be stopped" : "The server cannot be reached. The movie was not stopped";
+    try {
+      await ask(address, { method: "DELETE", token });
+    } catch (error) {
+      if (!(error instanceof Refusal) || error.status === GONE) return "";
+      if (error.status === FORBIDDEN) return "Someone else requested this movie too, so it will be finished";
+      return error.status ? "It could not be stopped" : "The server cannot be reached. The movie was not stopped";
+    }
+    return "";
   }
 
   robot() {
@@ -208,7 +189,7 @@ export class Downloads {
       verdict.replaceChildren("Computing…");
       try {
         /** @type {import("./motor_words.js").MotorsTold} */
-        const told = await this.ask(`${this.api}/motors?${new URLSearchParams(asked)}`);
+        const told = await ask(`${this.api}/motors?${new URLSearchParams(asked)}`);
         const table = file({ label: "Torque table, CSV", hint: "Peak and RMS torque of each joint", href: `${this.api}/motors?${new URLSearchParams({ ...asked, format: "csv" })}` });
         verdict.replaceChildren(motorWords(told));
         links.querySelector("[data-table]")?.remove();

@@ -1,10 +1,18 @@
 // Details at the side: the selected module, plots, properties, downloads.
-import { copyText, element, get } from "../lib/text.js";
+import { button, copyText, element, get } from "../lib/text.js";
 
 const LONG = 28; // characters; beside their label they would stand in a narrow column
 const BEFORE_AFTER = "Before and after smoothing";
 const ON_TABLE = "On a table";
 const TABS = ["attempts", "module", "plots", "properties", "downloads"];
+
+// Return a table with these words above its columns.
+/**
+ * @param {string[]} columns
+ * @param {HTMLTableRowElement[]} rows
+ */
+export const table = (columns, rows) => element("table", { class: "joints" },
+  element("thead", {}, element("tr", {}, ...columns.map((text) => element("th", { scope: "col" }, text)))), element("tbody", {}, ...rows));
 
 // A list of labels and values; a long value stands below its label.
 /** @param {{ label: string, value: string }[]} rows */
@@ -91,37 +99,33 @@ export class Drawer {
 
   /** @param {Facts} facts */
   facts(facts) {
-    const { smoothing, table } = facts;
+    const { smoothing, table: onATable } = facts;
     const [{ heading: first, rows: main }, ...rest] = facts.properties;
     const opened = new Set([...get("panel-properties").querySelectorAll("details[open][data-group]")].map((group) => /** @type {HTMLElement} */ (group).dataset.group));
     const groups = [
       element("div", { class: "group" }, element("h3", {}, first), listed(main)),
       ...(smoothing ? [this.smoothing(smoothing)] : []),
-      ...(table ? [onTable(table)] : []),
+      ...(onATable ? [onTable(onATable)] : []),
       ...rest.map(({ heading, rows }) => element("details", { class: "group", "data-group": heading, open: opened.has(heading) },
         element("summary", {}, heading, element("small", {}, String(rows.length))), listed(rows))),
     ];
-    const rests = table ? [{ heading: ON_TABLE, rows: [{ label: "Summary", value: table.text }, ...table.rows.map(([label, value]) => ({ label, value }))] }] : [];
-    const copy = element("button", { class: "button", type: "button" }, "Copy all");
-    copy.onclick = () => {
+    const rests = onATable ? [{ heading: ON_TABLE, rows: [{ label: "Summary", value: onATable.text }, ...onATable.rows.map(([label, value]) => ({ label, value }))] }] : [];
+    const copy = button("button", "Copy all", () => {
       const changed = smoothing ? [{ heading: BEFORE_AFTER, rows: smoothing.rows.map(({ label, before, after, ratio }) => ({ label, value: `${before} → ${after} (${ratio})` })) }] : [];
       const text = [...rests, ...changed, ...facts.properties]
         .map(({ heading, rows }) => [heading, ...rows.map(({ label, value }) => `  ${label}: ${value}`)].join("\n"))
         .join("\n");
       copyText(text, () => this.toast("Properties copied"), () => this.toast("This browser does not allow copying"));
-    };
+    });
     get("panel-properties").replaceChildren(...groups, element("div", { class: "drawer-foot" }, copy));
   }
 
   // What smoothing has changed.
   /** @param {Smoothing} smoothing */
   smoothing({ rows, note, compare }) {
-    const table = element("table", { class: "joints" },
-      element("thead", {}, element("tr", {},
-        ...["Figure", "Before", "After", "Ratio"].map((text) => element("th", { scope: "col" }, text)))),
-      element("tbody", {}, ...rows.map(({ label, ...values }) =>
-        element("tr", {}, element("th", { scope: "row" }, label), ...Object.values(values).map((text) => element("td", {}, text))))));
-    return element("div", { class: "group" }, element("h3", {}, BEFORE_AFTER), rows.length ? table : null,
+    const changes = table(["Figure", "Before", "After", "Ratio"], rows.map(({ label, ...values }) =>
+      element("tr", {}, element("th", { scope: "row" }, label), ...Object.values(values).map((text) => element("td", {}, text)))));
+    return element("div", { class: "group" }, element("h3", {}, BEFORE_AFTER), rows.length ? changes : null,
       element("p", { class: "hint" }, note), compare ? element("a", { class: "button", href: compare }, "Compare side by side") : null);
   }
 }

@@ -1,9 +1,8 @@
 // Why a fold is not verified: a card over the view, the modules where it sticks, and all attempts.
-import { element, get } from "../lib/text.js";
+import { button, element, get, svg } from "../lib/text.js";
 import { clearestSight } from "../viewer/viewpoint.js";
 
 const NAMED = 4; // modules that are named one by one
-const SVG = "http://www.w3.org/2000/svg";
 const PAIR = 2; // modules that the text names
 const narrow = matchMedia("(max-width: 760px)");
 
@@ -78,11 +77,7 @@ export class Failure {
       if (failure.knot) parts.push(drawing(failure.knot));
       if (failure.blocks.length) parts.push(element("ul", { class: "blocks" }, ...failure.blocks.map((line) => element("li", {}, line))));
       if (failure.modules.length) {
-        const links = failure.modules.map((module) => {
-          const link = element("button", { class: "inline", type: "button" }, String(module + 1));
-          link.onclick = () => { this.go(); this.player.send({ do: "select", module }); };
-          return link;
-        });
+        const links = failure.modules.map((module) => button("inline", String(module + 1), () => { this.go(); this.player.send({ do: "select", module }); }));
         parts.push(element("p", { class: "stuck-list" }, element("i", { class: "swatch stuck", "aria-hidden": "true" }), links.length === 1 ? "Module" : "Modules", ...links));
       }
     }
@@ -96,14 +91,9 @@ export class Failure {
 // The knot as it is where the fold stopped, with gaps where a strand goes under another one.
 /** @param {KnotDrawing} knot */
 function drawing({ side, strokes, label }) {
-  const made = document.createElementNS(SVG, "svg");
-  for (const [name, value] of Object.entries({ class: "knot", viewBox: `0 0 ${side} ${side}`, role: "img", "aria-label": label })) made.setAttribute(name, value);
-  made.append(...strokes.map((d) => {
-    const path = document.createElementNS(SVG, "path");
-    path.setAttribute("d", d);
-    return path;
-  }));
-  return element("figure", { class: "knot-drawing" }, made, element("figcaption", { class: "hint" }, label));
+  return element("figure", { class: "knot-drawing" },
+    svg("svg", { class: "knot", viewBox: `0 0 ${side} ${side}`, role: "img", "aria-label": label }, ...strokes.map((d) => svg("path", { d }))),
+    element("figcaption", { class: "hint" }, label));
 }
 
 /** @param {number[]} modules */

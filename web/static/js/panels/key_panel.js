@@ -1,8 +1,8 @@
 // The key of this browser: shown when asked for, taken elsewhere, and keys that were brought here.
-import { MOST_KEYS, bring, broughtKeys, dropKey, forgetKeys, isKey, keysHere, newKey, ownKey, replaceOwn, useKey } from "../lib/keys.js";
-import { Refusal, allDeleted, asked } from "../lib/made.js";
-import { copyText, element, get, wordsOf } from "../lib/text.js";
-import { confirmed } from "./confirm.js";
+import { MOST_KEYS, Refusal, ask, bring, broughtKeys, dropKey, forgetKeys, isKey, keysHere, newKey, ownKey, replaceOwn, useKey } from "../lib/api.js";
+import { deleteMade } from "../lib/made.js";
+import { button, copyText, element, get, wordsOf } from "../lib/text.js";
+import { confirmed } from "./questions.js";
 import { toast } from "./toast.js";
 
 const SHOWN = 6;
@@ -45,7 +45,7 @@ export class KeyPanel {
     this.say("Checking…");
     try {
       /** @type {{ total?: number, folds?: [], previews?: [], movies?: [] }[]} */
-      const told = await Promise.all(LISTS.map((list) => asked("GET", `/api/mine/${list}`, key)));
+      const told = await Promise.all(LISTS.map((list) => ask(`/api/mine/${list}`, { token: key })));
       const count = told.reduce((sum, { total, previews, movies }) => sum + (total ?? 0) + (previews?.length ?? 0) + (movies?.length ?? 0), 0);
       if (!count) { this.say("No folds found for this key. Did you copy all of it?"); return; }
       if (!bring(key)) { this.say("This browser does not store data for this site, so the key cannot be added."); return; }
@@ -61,13 +61,11 @@ export class KeyPanel {
   list() {
     get("keys").replaceChildren(...broughtKeys().map((key) => {
       const name = `Key ${key.slice(0, SHOWN)}…`;
-      const use = element("button", { class: "way", type: "button", "aria-label": `Use for new folds: ${name}` }, "Use for new folds");
-      use.onclick = async () => {
+      const use = button("way", "Use for new folds", async () => {
         const sure = await confirmed("Use this key for new folds?", "Anyone else who has this key can see, rename and delete your new folds. Your earlier folds stay with your own key.", "Use it");
         if (sure) { useKey(key); await this.again(); }
-      };
-      const remove = element("button", { class: "way", type: "button", "aria-label": `Remove: ${name}` }, "Remove");
-      remove.onclick = async () => { dropKey(key); await this.again(); };
+      }, { "aria-label": `Use for new folds: ${name}` });
+      const remove = button("way", "Remove", async () => { dropKey(key); await this.again(); }, { "aria-label": `Remove: ${name}` });
       return element("li", {}, element("code", {}, name), element("div", { class: "ways" }, use, remove));
     }));
     get("brought").hidden = !broughtKeys().length;
@@ -90,7 +88,7 @@ export class KeyPanel {
     const made = newKey();
     bring(made);
     try {
-      await asked("POST", "/api/mine/key", old, { owner_token: made });
+      await ask("/api/mine/key", { token: old, body: { owner_token: made } });
       replaceOwn(made);
       this.say("Done. The old key no longer works.");
     } catch (error) {
@@ -106,7 +104,7 @@ export class KeyPanel {
     if (!sure) return;
     this.say("Deleting…");
     try {
-      for (const key of keys) await allDeleted(key);
+      for (const key of keys) await deleteMade(key);
       this.say("Everything was deleted.");
     } catch (error) {
       this.say(`Some items could not be deleted. ${wordsOf(error)}`);

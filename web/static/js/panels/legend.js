@@ -1,6 +1,7 @@
 // What the colours tell: a menu, and the scale with its numbers.
 import { MEASURED, colouring, colouringsOf } from "../player/colours.js";
-import { element, get } from "../lib/text.js";
+import { element, get, store, stored } from "../lib/text.js";
+import { showScale } from "../viewer/controls.js";
 
 const KEPT = "foldback:colour-by";
 
@@ -16,16 +17,16 @@ export class Legend {
     /** @type {string | null} */
     this.asked = null; // by the address
     this.fill();
-    this.menu.onchange = () => { keep(this.menu.value); this.choose(this.menu.value); };
+    this.menu.onchange = () => { store(KEPT, this.menu.value); this.choose(this.menu.value); };
     player.on("begun", () => {
-      const kept = this.asked ?? recall();
+      const kept = this.asked ?? stored(KEPT);
       if (kept && !(MEASURED.has(kept) && !figures.plots)) this.choose(kept);
     });
     player.on("outline", () => this.show());
     player.on("colouring", () => this.show());
     figures.on("begun", () => {
       this.fill();
-      const kept = this.asked ?? recall();
+      const kept = this.asked ?? stored(KEPT);
       if (kept && MEASURED.has(kept) && player.timeline.chain) this.choose(kept);
     });
     figures.on("loaded", () => { if (player.shown) player.show(true); });
@@ -62,30 +63,4 @@ export class Legend {
     this.menu.value = chosen.key;
     showScale(chosen, timeline);
   }
-}
-
-// The scale of a colouring, in numbers.
-/**
- * @param {import("../player/colours.js").Colouring} chosen
- * @param {import("../player/timeline.js").Timeline} timeline
- */
-export function showScale(chosen, timeline) {
-  const { low, high, ramp, none } = chosen.legend();
-  get("legend").hidden = false;
-  get("legend").style.setProperty("--unknown", `rgb(${timeline.bundle.header.colours.unknown.join(" ")})`);
-  get("legend-low").textContent = low;
-  get("legend-high").textContent = high;
-  get("legend-ramp").style.background = ramp;
-  get("legend-none").hidden = !none;
-  const meaning = get("legend-none").lastElementChild;
-  if (meaning) meaning.textContent = none;
-}
-
-function recall() {
-  try { return localStorage.getItem(KEPT); } catch { return null; }
-}
-
-/** @param {string} key */
-function keep(key) {
-  try { localStorage.setItem(KEPT, key); } catch { /* not kept, then */ }
 }

@@ -1,15 +1,22 @@
 // Cards of what this browser has made: folds, shapes that were looked at, movies.
-import { asked, deleted, Refusal } from "../lib/made.js";
-import { STAGES, copyText, element, sentence, span, whole, wordsOf } from "../lib/text.js";
-import { confirmed } from "./confirm.js";
+import { Refusal, ask, remove } from "../lib/api.js";
+import { STAGES, button, copyText, element, sentence, whole, wordsOf } from "../lib/text.js";
+import { confirmed, renameForm } from "./questions.js";
 import { toast } from "./toast.js";
 
-const LONGEST_NAME = 200;
 const S = 1000;
 /** @type {Record<string, string>} */
 const METHODS = { direct: "direct servoing", paper: "published method" };
 /** @type {Record<string, string>} */
 const PLURALS = { cube: "modules", tetrahedron: "tetrahedra" };
+
+// How long ago or from now, in whole minutes, hours or days.
+/** @param {number} value in seconds */
+export function span(value) {
+  if (value < 90 * 60) return `${Math.max(1, Math.round(value / 60))}\u00a0min`;
+  if (value < 36 * 3600) return `${Math.round(value / 3600)}\u00a0h`;
+  return `${Math.round(value / 86400)}\u00a0days`;
+}
 
 /** @param {string} moment */
 const ago = (moment) => {
@@ -25,16 +32,13 @@ const keptFor = (moment) => `kept\u00a0${span(Math.max(0, Date.parse(moment) - D
  * @param {string} of what it is about, for who hears it
  * @param {() => void} press
  */
-function way(text, of, press) {
-  const button = element("button", { type: "button", class: "way", "aria-label": `${text}: ${of}` }, text);
-  button.onclick = press;
-  return button;
-}
+const way = (text, of, press) => button("way", text, press, { "aria-label": `${text}: ${of}` });
 
 // What has come of a fold, and how that is coloured; its page tells why.
-/** @param {FoldMade} fold */
+/** @param {Api.Fold} fold */
 function verdictOf({ status, stage, progress, summary }) {
-  if (status === "verified") return { tone: "verified", text: sentence(summary.certificate?.verdict ?? "verified") };
+  const { certificate } = /** @type {{ certificate?: { verdict?: string } }} */ (summary);
+  if (status === "verified") return { tone: "verified", text: sentence(certificate?.verdict ?? "verified") };
   if (status === "failed") return { tone: "failed", text: "Not verified" };
   if (status === "cancelled") return { tone: "off", text: "Cancelled" };
   if (status === "queued") return { tone: "running", text: "In the queue" };
@@ -42,8 +46,8 @@ function verdictOf({ status, stage, progress, summary }) {
 }
 
 // The words of a card for a fold that is not by the default method or not in zero gravity; as server/pages/cards.py.
-/** @param {Pick<FoldMade, "preset" | "world">} fold */
-export const methodWords = ({ preset, world }) => [METHODS[preset] ?? "", world === "table" ? "on a table" : ""].filter(Boolean).join(", ");
+/** @param {Pick<Api.Fold, "preset" | "world">} fold */
+const methodWords = ({ preset, world }) => [METHODS[preset] ?? "", world === "table" ? "on a table" : ""].filter(Boolean).join(", ");
 
 // A picture that leads to a page, for who sees; the title says the same to all.
 /**
@@ -60,22 +64,74 @@ function art(page, drawing, instead = null) {
   return element("a", { class: "card-art", href: page, tabindex: "-1", "aria-hidden": "true" }, image);
 }
 
-export class FoldCard {
+// What a card of any kind does: it goes when what it shows is gone.
+class Card {
   /**
-   * @param {FoldMade} fold
+   * @param {HTMLLIElement} item
+   * @param {string} key
+   * @param {() => void} gone
+   */
+  constructor(item, key, gone) {
+    this.item = item;
+    this.key = key;
+    this.gone = gone;
+  }
+
+  away() {
+    this.item.remove();
+    this.gone();
+  }
+
+  // Fetch what is shown once more.
+  /**
+   * @template Answer
+   * @param {string} address
+   * @param {(answer: Answer) => void} take
+   */
+  async fetch(address, take) {
+    try {
+      take(await ask(address));
+    } catch (error) {
+      if (error instanceof Refusal && error.gone) this.away();
+    }
+  }
+
+  // The button that deletes it once the visitor is sure; the keyboard goes on with the card beside it.
+  /**
+   * @param {string} label of what it deletes, for screen readers
+   * @param {string} address
+   * @param {[question: string, consequence: string]} asked
+   */
+  deletion(label, address, asked) {
+    return way("Delete", label, async () => {
+      if (!await confirmed(...asked, "Delete")) return;
+      const beside = this.item.nextElementSibling ?? this.item.previousElementSibling;
+      try {
+        await remove(address, this.key);
+        this.away();
+        /** @type {HTMLElement | null | undefined} */ (beside?.querySelector("a:not([tabindex])"))?.focus();
+        toast("Deleted");
+      } catch (error) {
+        toast(wordsOf(error));
+      }
+    });
+  }
+}
+
+export class FoldCard extends Card {
+  /**
+   * @param {Api.Fold} fold
    * @param {string} key
    * @param {() => void} gone
    */
   constructor(fold, key, gone) {
+    super(element("li", { class: "made", "data-id": fold.id }), key, gone);
     this.fold = fold;
-    this.key = key;
-    this.gone = gone;
     this.title = element("h3", { class: "card-title" });
     this.verdict = element("p", { class: "card-status" });
     this.facts = element("p", { class: "card-count" });
     this.ways = element("div", { class: "ways" });
-    this.item = element("li", { class: "made", "data-id": fold.id },
-      art(fold.links.page, fold.links.drawing, `${fold.links.page}/picture.png`), this.title, this.verdict, this.facts, this.ways);
+    this.item.append(art(fold.links.page, fold.links.drawing, `${fold.links.page}/picture.png`), this.title, this.verdict, this.facts, this.ways);
     this.show();
   }
 
@@ -91,16 +147,15 @@ export class FoldCard {
     this.facts.textContent = [`${whole(fold.modules)} ${PLURALS[fold.module] ?? "modules"}`, methodWords(fold), ago(fold.created_at), kept].filter(Boolean).join(" · ");
     this.ways.replaceChildren(
       way("Copy link", fold.title, () => this.copy()),
-      ...(fold.public ? [] : [way("Rename", fold.title, () => this.rename()), way("Delete", fold.title, () => this.remove())]));
+      ...(fold.public ? [] : [way("Rename", fold.title, () => this.rename()),
+        this.deletion(fold.title, fold.links.self, [`Delete “${fold.title}”?`, "This permanently deletes the fold, its plan and its movies. The link will stop working for everyone."])]));
   }
 
-  async refresh() {
-    try {
-      this.fold = await asked("GET", this.fold.links.self);
+  refresh() {
+    return this.fetch(this.fold.links.self, (/** @type {Api.Fold} */ fold) => {
+      this.fold = fold;
       if (!this.title.hidden) this.show();
-    } catch (error) {
-      if (error instanceof Refusal && error.gone) this.away();
-    }
+    });
   }
 
   copy() {
@@ -109,86 +164,46 @@ export class FoldCard {
   }
 
   rename() {
-    const input = element("input", { type: "text", maxlength: LONGEST_NAME, value: this.fold.title, "aria-label": "New name", required: true, autocomplete: "off" });
-    const form = element("form", { class: "renaming" }, input,
-      element("button", { class: "button primary", type: "submit" }, "Save"));
+    const { title, links } = this.fold;
     const back = () => {
-      form.remove();
-      this.title.hidden = false;
       this.show();
       /** @type {HTMLElement | null} */ (this.ways.children[1])?.focus();
     };
-    input.onkeydown = (event) => { if (event.key === "Escape") back(); };
-    form.onsubmit = async (event) => {
-      event.preventDefault();
-      if (input.value === this.fold.title) { back(); return; }
-      try {
-        this.fold = await asked("PATCH", this.fold.links.self, this.key, { name: input.value });
-        back();
-      } catch (error) {
-        toast(wordsOf(error));
-        input.focus();
-      }
-    };
-    const cancel = element("button", { class: "way", type: "button" }, "Cancel");
-    cancel.onclick = back;
-    this.title.hidden = true;
-    this.title.after(form);
-    this.ways.replaceChildren(cancel);
-    input.select();
-  }
-
-  async remove() {
-    const sure = await confirmed(`Delete “${this.fold.title}”?`, "This permanently deletes the fold, its plan and its movies. The link will stop working for everyone.", "Delete");
-    if (sure) await removed(this, this.fold.links.self);
-  }
-
-  away() {
-    this.item.remove();
-    this.gone();
+    const close = renameForm(this.title, title, {
+      back, save: async (name) => { if (name !== title) this.fold = await ask(links.self, { method: "PATCH", token: this.key, body: { name } }); },
+    });
+    this.ways.replaceChildren(button("way", "Cancel", close));
   }
 }
 
-export class PreviewCard {
+export class PreviewCard extends Card {
   /**
-   * @param {PreviewMade} preview
+   * @param {Api.PreviewMade} preview
    * @param {string} key
    * @param {() => void} gone
    */
   constructor({ id, title, module, modules, created_at: made, expires_at: end, page, drawing }, key, gone) {
-    this.key = key;
-    this.gone = gone;
+    super(element("li", { class: "made", "data-id": id }, art(page, drawing)), key, gone);
     const facts = `${whole(modules)} ${PLURALS[module] ?? "modules"} · ${ago(made)} · ${keptFor(end)}`;
-    this.item = element("li", { class: "made", "data-id": id }, art(page, drawing),
-      element("h3", { class: "card-title" }, element("a", { href: page }, title)),
-      element("p", { class: "card-count" }, facts),
-      element("div", { class: "ways" }, way("Delete", title, async () => {
-        const sure = await confirmed(`Delete “${title}”?`, "This permanently deletes the uploaded file. Folds made from it stay.", "Delete");
-        if (sure) await removed(this, `/api/mine/previews/${id}`);
-      })));
-  }
-
-  away() {
-    this.item.remove();
-    this.gone();
+    this.item.append(element("h3", { class: "card-title" }, element("a", { href: page }, title)), element("p", { class: "card-count" }, facts),
+      element("div", { class: "ways" }, this.deletion(title, `/api/mine/previews/${id}`, [`Delete “${title}”?`, "This permanently deletes the uploaded file. Folds made from it stay."])));
   }
 }
 
-export class MovieLine {
+export class MovieLine extends Card {
   /**
-   * @param {MovieMade} made
+   * @param {Api.MovieMade} made
    * @param {string} key
    * @param {() => void} gone
    */
   constructor({ title, created_at: moment, movie }, key, gone) {
-    this.key = key;
-    this.gone = gone;
+    super(element("li", { class: "movie" }), key, gone);
     this.title = title;
     this.movie = movie;
     this.state = element("span", { class: "card-count" });
     this.ways = element("div", { class: "ways" });
     const facts = [movie.format.toUpperCase(), `${movie.width} × ${movie.height}`, `${movie.seconds} s`, ago(moment)].join(" · ");
-    this.item = element("li", { class: "movie" },
+    this.item.append(
       element("div", {}, element("a", { href: movie.links.fold.replace("/api", "") }, title), element("span", { class: "card-count" }, facts), this.state), this.ways);
     this.show();
   }
@@ -199,41 +214,14 @@ export class MovieLine {
     const { status, frames_done: done, frames_total: total, problem, links, format } = this.movie;
     const words = { queued: "Waiting in the queue", running: `Picture ${done} of ${total}`, ready: "", failed: sentence(problem?.detail ?? "It could not be created.") };
     this.state.textContent = words[status];
-    const file = status === "ready" ? element("a", { class: "way", href: links.file, download: true, "aria-label": `Download ${format.toUpperCase()}: ${this.title}` }, "Download") : null;
-    this.ways.replaceChildren(...(file ? [file] : []), way("Delete", `movie of ${this.title}`, async () => {
-      const sure = await confirmed(`Delete the movie of “${this.title}”?`, "You can create it again on the fold’s page.", "Delete");
-      if (sure) await removed(this, links.self);
-    }));
+    const file = status === "ready" ? [element("a", { class: "way", href: links.file, download: true, "aria-label": `Download ${format.toUpperCase()}: ${this.title}` }, "Download")] : [];
+    this.ways.replaceChildren(...file, this.deletion(`movie of ${this.title}`, links.self, [`Delete the movie of “${this.title}”?`, "You can create it again on the fold’s page."]));
   }
 
-  async refresh() {
-    try {
-      this.movie = await asked("GET", this.movie.links.self);
+  refresh() {
+    return this.fetch(this.movie.links.self, (/** @type {Api.MovieBody} */ movie) => {
+      this.movie = movie;
       this.show();
-    } catch (error) {
-      if (error instanceof Refusal && error.gone) this.away();
-    }
-  }
-
-  away() {
-    this.item.remove();
-    this.gone();
-  }
-}
-
-// Deletes what a card shows; who uses the keyboard goes on with the card beside it.
-/**
- * @param {{ key: string, item: HTMLElement, away: () => void }} card
- * @param {string} address
- */
-async function removed(card, address) {
-  const beside = card.item.nextElementSibling ?? card.item.previousElementSibling;
-  try {
-    await deleted(address, card.key);
-    card.away();
-    /** @type {HTMLElement | null | undefined} */ (beside?.querySelector("a:not([tabindex])"))?.focus();
-    toast("Deleted");
-  } catch (error) {
-    toast(wordsOf(error));
+    });
   }
 }

@@ -1,5 +1,16 @@
 // The selected module: chosen by its number, where it belongs, its joint now, what is near it.
-import { degrees, element, newtonMetres, number, pitches, radians, si } from "../lib/text.js";
+import { button, element, newtonMetres, number, pitches, radians, si } from "../lib/text.js";
+import { refuse } from "../player/bar.js";
+import { table } from "./drawer.js";
+
+/**
+ * @param {number} value
+ * @param {number} digits
+ */
+export function degrees(value, digits = 1) {
+  const shown = ((value * 180) / Math.PI).toFixed(digits);
+  return `${Number(shown) === 0 ? (0).toFixed(digits) : shown}°`.replace("-", "−");
+}
 
 // The name of a hinge within its joint.
 const hingeOf = (/** @type {string} */ name) => name.split("_").slice(2).join(" ") || name;
@@ -30,16 +41,15 @@ export class ModulePanel {
     this.presses = element("dd", { "data-of": "pressed", hidden: true });
     this.modules = 0;
     this.field = element("input", { id: "module-number", type: "text", inputmode: "numeric", enterkeyhint: "go", autocomplete: "off", maxlength: 9 });
-    this.before = this.button("icon-button", "‹", -1, "Previous module (↓)");
-    this.after = this.button("icon-button", "›", 1, "Next module (↑)");
-    this.clear = element("button", { class: "button quiet", type: "button", hidden: true }, "Clear");
-    this.clear.onclick = () => { this.field.focus(); player.send({ do: "select", module: null }); };
+    this.before = button("icon-button", "‹", () => this.step(-1), { "aria-label": "Previous module", title: "Previous module (↓)" });
+    this.after = button("icon-button", "›", () => this.step(1), { "aria-label": "Next module", title: "Next module (↑)" });
+    this.clear = button("button quiet", "Clear", () => { this.field.focus(); player.send({ do: "select", module: null }); }, { hidden: true });
     this.told = element("div");
     this.line = element("p", { class: "visually-hidden", role: "status" });
     const form = element("form", { class: "module-choice", novalidate: true }, element("label", { for: "module-number" }, "Number"), this.field, this.before, this.after, this.clear);
     form.onsubmit = (event) => { event.preventDefault(); this.choose(true); };
     this.field.onchange = () => this.choose(false);
-    this.field.oninput = () => this.refuse("");
+    this.field.oninput = () => refuse(this.field, "");
     panel.tabIndex = -1; // a click in it is enough for its keys
     panel.addEventListener("keydown", (event) => this.key(event));
     panel.replaceChildren(form, this.told, this.line);
@@ -66,12 +76,7 @@ export class ModulePanel {
 
   // Leads to both ends of the chain, and says how the view marks them.
   ends() {
-    const links = /** @type {[string, () => number][]} */ ([["first module", () => 0], ["last module", () => this.modules - 1]]).map(([text, module]) => {
-      const link = element("button", { class: "inline", type: "button" }, text);
-      link.onclick = () => this.player.send({ do: "select", module: module() });
-      return link;
-    });
-    return element("p", { class: "hint" }, "A white stud marks the ", links[0], " of the chain, a dark one the ", links[1], ".");
+    return element("p", { class: "hint" }, "A white stud marks the ", this.link("first module", () => 0), " of the chain, a dark one the ", this.link("last module", () => this.modules - 1), ".");
   }
 
   // How many there are to choose from.
@@ -86,7 +91,7 @@ export class ModulePanel {
   number() {
     const { index, modules } = this;
     this.field.value = index === null ? "" : String(index + 1);
-    this.refuse("");
+    refuse(this.field, "");
     this.before.disabled = index === null || index === 0;
     this.after.disabled = !modules || index === modules - 1;
     this.clear.hidden = index === null;
@@ -98,14 +103,7 @@ export class ModulePanel {
     const text = this.field.value.trim();
     const typed = /^\d{1,9}$/.test(text) ? Number(text) : 0;
     if (typed >= 1 && typed <= this.modules) this.player.send({ do: "select", module: typed - 1 });
-    else if (asked) this.refuse(`Type a whole number from 1 to ${this.modules}.`);
-  }
-
-  /** @param {string} why */
-  refuse(why) {
-    this.field.setCustomValidity(why);
-    this.field.setAttribute("aria-invalid", String(why !== ""));
-    if (why) this.field.reportValidity();
+    else if (asked) refuse(this.field, `Type a whole number from 1 to ${this.modules}.`);
   }
 
   // Up and down go along the chain.
@@ -123,17 +121,12 @@ export class ModulePanel {
     if (next >= 0 && next < this.modules) this.player.send({ do: "select", module: next });
   }
 
+  // Leads to a module.
   /**
-   * @param {string} look
    * @param {string} text
-   * @param {number} by
-   * @param {string} title
+   * @param {() => number} module
    */
-  button(look, text, by, title) {
-    const made = element("button", { class: look, type: "button", "aria-label": title.replace(/ \(.*/, ""), title }, text);
-    made.onclick = () => this.step(by);
-    return made;
-  }
+  link(text, module) { return button("inline", text, () => this.player.send({ do: "select", module: module() })); }
 
   // To type a number.
   begin() {
@@ -151,19 +144,9 @@ export class ModulePanel {
   /** @param {ModuleTold} module */
   build(module) {
     const column = (/** @type {string} */ of) => element("td", { "data-of": of });
-    const table = (/** @type {Node[]} */ ...parts) => element("table", { class: "joints" }, ...parts);
+    const rows = (/** @type {string} */ key, /** @type {string[]} */ of) => module.joints.map(({ name }) => element("tr", { [key]: name }, element("th", { scope: "row" }, hingeOf(name)), ...of.map(column)));
     const joint = module.joints.length
-      ? element("div", {}, table(
-        element("thead", {}, element("tr", {},
-          ...["Hinge", "Now", "Folded", "Error"].map((text) => element("th", { scope: "col" }, text)))),
-        element("tbody", {}, ...module.joints.map(({ name }) =>
-          element("tr", { "data-joint": name }, element("th", { scope: "row" }, hingeOf(name)),
-            column("now"), column("target"), column("error"))))), table(
-        element("thead", {}, element("tr", {},
-          ...["Hinge", "Speed", "Torque"].map((text) => element("th", { scope: "col" }, text)))),
-        element("tbody", {}, ...module.joints.map(({ name }) =>
-          element("tr", { "data-motion": name }, element("th", { scope: "row" }, hingeOf(name)),
-            column("speed"), column("torque"))))))
+      ? element("div", {}, table(["Hinge", "Now", "Folded", "Error"], rows("data-joint", ["now", "target", "error"])), table(["Hinge", "Speed", "Torque"], rows("data-motion", ["speed", "torque"])))
       : element("p", { class: "hint no-joint" }, "This module has no joint.");
     /** @type {Record<number, string>} */
     const ends = { 0: "first module of the chain", [module.modules - 1]: "last module of the chain" };
@@ -221,9 +204,7 @@ export class ModulePanel {
    */
   showNearest(nearest, clearance) {
     if (nearest < 0) { this.near.replaceChildren("none within a module width"); return; }
-    const link = element("button", { class: "inline", type: "button" }, `Module ${nearest + 1}`);
-    link.onclick = () => this.player.send({ do: "select", module: nearest });
-    this.near.replaceChildren(link, clearance < 0 ? `, overlaps by ${pitches(-clearance)}` : `, ${pitches(clearance)} away`);
+    this.near.replaceChildren(this.link(`Module ${nearest + 1}`, () => nearest), clearance < 0 ? `, overlaps by ${pitches(-clearance)}` : `, ${pitches(clearance)} away`);
   }
 
   /**

@@ -7,7 +7,7 @@ const ICON = "/static/icon.svg";
 
 // The title of the tab while a fold runs. Each stage counts from 0.
 /**
- * @param {Pick<ProgressTold, "status" | "fraction" | "preparing">} now
+ * @param {Pick<Api.Progress, "status" | "fraction" | "preparing">} now
  * @param {string} name
  * @param {string} stage
  */
@@ -45,7 +45,7 @@ export class Outcome {
   }
 
   /**
-   * @param {ProgressTold} now
+   * @param {Api.Progress} now
    * @param {string} name
    * @param {string} stage
    */

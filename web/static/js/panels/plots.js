@@ -1,9 +1,10 @@
 // Figures along the whole fold, with the playhead in them; a click goes there, and keys move it.
-import { element, newtonMetres, number, pitches, radians, seconds, whole } from "../lib/text.js";
-import { ticks } from "../lib/ticks.js";
+import { linePath, moveRule, rule, scaleOf, ticks } from "../lib/plot.js";
+import { button, element, newtonMetres, number, pitches, radians, seconds, svg, whole } from "../lib/text.js";
+import { shareAt } from "../player/bar.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 const COLUMNS = 360;
+const WIDE = 1000;
 const HIGH = 100;
 const TICKS = { up: 3, across: 4 }; // about so many
 const HEADROOM = 1.06; // of a plot above its highest bound
@@ -46,16 +47,6 @@ function onTable(table) {
 const SOME_FRAMES = "computed from the motion at some frames; lines connect these frames";
 // The certificate has the peak of the motors at every step, which inverse dynamics of frames does not give.
 const ALL_FRAMES = "computed from the motion between frames; for the peak of the simulated motors, see Properties";
-
-/**
- * @param {string} name
- * @param {Record<string, string | number>} attributes
- */
-function svg(name, attributes = {}) {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, String(value));
-  return made;
-}
 
 // The worst value in each of a few hundred columns; NaN where there is none.
 /**
@@ -107,6 +98,25 @@ function link(name, label, values) {
   return made;
 }
 
+// Return a picture with its axes: values at the left, frames below.
+/**
+ * @param {SVGElement} picture
+ * @param {ReturnType<typeof axes>} marks
+ */
+function framed(picture, { up, across }) {
+  const labels = (/** @type {"bottom" | "left"} */ side, /** @type {{ at: number, text: string }[]} */ list) => list.map(({ at, text }) => {
+    const made = element("span", {}, text);
+    made.style[side] = `${100 * at}%`;
+    return made;
+  });
+  return element("div", { class: "plot-framed" },
+    element("div", { class: "plot-up", "aria-hidden": "true" }, ...labels("bottom", up)), picture,
+    element("div", { class: "plot-across", "aria-hidden": "true" }, ...labels("left", across)),
+    element("span", { class: "plot-unit", "aria-hidden": "true" }, "Frame"));
+}
+
+/** @typedef {NonNullable<ReturnType<Plots["plot"]>>} Made */
+
 export class Plots {
   /**
    * @param {HTMLElement} panel
@@ -117,11 +127,9 @@ export class Plots {
     this.panel = panel;
     this.player = player;
     this.figures = figures;
-    /** @type {NonNullable<ReturnType<Plots["plot"]>>[]} */
+    /** @type {Made[]} */
     this.made = [];
-    const hint = document.createElement("p");
-    hint.className = "hint";
-    hint.textContent = "Plots appear when the fold is finished.";
+    const hint = element("p", { class: "hint" }, "Plots appear when the fold is finished.");
     panel.replaceChildren(hint);
     figures.on("begun", () => this.build());
     figures.on("missing", () => { if (!figures.plots) hint.textContent = "There are no plots for this plan."; });
@@ -144,92 +152,70 @@ export class Plots {
    * @param {Plot} plot
    * @param {Floats} values
    */
-  plot({ name, label, text, worst, bounds = [], said = "" }, values) {
+  plot(plot, values) {
+    const { label, text, worst, bounds = [] } = plot;
     const drawn = columns(values, worst);
     const known = drawn.filter(Number.isFinite);
     if (!known.length) return null;
     const high = Math.max(...known, ...bounds.map(({ at }) => at * HEADROOM), 0);
     const low = Math.min(...known, 0);
-    const span = high - low || 1;
-    const y = (/** @type {number} */ v) => HIGH - ((v - low) / span) * HIGH;
-    let path = "";
-    let open = false;
-    drawn.forEach((v, k) => {
-      if (!Number.isFinite(v)) { open = false; return; }
-      path += `${open ? "L" : "M"}${((1000 * (k + 0.5)) / drawn.length).toFixed(1)} ${y(v).toFixed(1)}`;
-      open = true;
-    });
-    const box = document.createElement("figure");
-    box.className = "plot";
-    const caption = document.createElement("figcaption");
-    const title = document.createElement("span");
-    title.textContent = label;
-    const now = document.createElement("b");
-    const where = element("small", { class: "plot-where" });
-    caption.append(title, now, where);
-    const picture = svg("svg", { viewBox: `0 0 1000 ${HIGH}`, preserveAspectRatio: "none", role: "slider", tabindex: 0, "aria-label": label, "aria-valuemin": 1, "aria-valuemax": values.length });
-    if (low < 0) picture.append(svg("rect", { class: "plot-bad", x: 0, width: 1000, y: y(0), height: HIGH - y(0) }));
-    const line = svg("line", { class: "plot-head", y1: 0, y2: HIGH });
-    picture.append(svg("line", { class: "plot-zero", x1: 0, x2: 1000, y1: y(0), y2: y(0) }), svg("path", { class: "plot-line", d: path }), line);
-    for (const { at } of bounds) picture.append(svg("line", { class: "plot-bound", x1: 0, x2: 1000, y1: y(at), y2: y(at) }));
-    const scale = document.createElement("small");
-    scale.textContent = [`${text(Math.min(...known, 0))} to ${text(Math.max(...known, 0))}`, said].filter(Boolean).join(", ");
-    if (name === "peak_torque_nm") scale.textContent += `, ${this.figures.plots?.torque_at_some_frames ? SOME_FRAMES : ALL_FRAMES}`;
-    const hair = svg("line", { class: "plot-hair", y1: 0, y2: HIGH, visibility: "hidden" });
-    picture.append(hair);
-    const larger = element("button", { class: "inline", type: "button", "aria-label": `Larger view of ${label.toLowerCase()}` }, "Larger");
-    larger.onclick = () => this.enlarge(box, larger);
-    box.append(caption, this.framed(picture, axes({ low, high, frames: values.length, text })),
-      element("div", { class: "plot-foot" }, scale, larger, link(name, label, values)));
-    if (bounds.length) box.append(element("small", { class: "plot-bounds" }, element("i", { "aria-hidden": "true" }), bounds.map(({ what }) => what).join("; ")));
+    const y = scaleOf([low, high], [HIGH, 0]);
+    const [line, hair] = [rule("plot-head", { x: 0 }, [0, HIGH]), rule("plot-hair", { x: 0 }, [0, HIGH])];
+    hair.setAttribute("visibility", "hidden");
+    const marks = axes({ low, high, frames: values.length, text });
+    const picture = svg("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, preserveAspectRatio: "none", role: "slider", tabindex: 0, "aria-label": label, "aria-valuemin": 1, "aria-valuemax": values.length },
+      ...marks.up.map(({ at }) => rule("plot-grid", { y: HIGH * (1 - at) }, [0, WIDE])),
+      ...(low < 0 ? [svg("rect", { class: "plot-bad", x: 0, width: WIDE, y: y(0), height: HIGH - y(0) })] : []),
+      rule("plot-zero", { y: y(0) }, [0, WIDE]), svg("path", { class: "plot-line", d: linePath(drawn, (k) => (WIDE * (k + 0.5)) / drawn.length, y) }), line,
+      ...bounds.map(({ at }) => rule("plot-bound", { y: y(at) }, [0, WIDE])), hair);
+    const [now, where] = [element("b"), element("small", { class: "plot-where" })];
+    const larger = button("inline", "Larger", () => this.enlarge(box, larger), { "aria-label": `Larger view of ${label.toLowerCase()}` });
+    const box = element("figure", { class: "plot" }, element("figcaption", {}, element("span", {}, label), now, where), framed(picture, marks),
+      element("div", { class: "plot-foot" }, element("small", {}, this.scaleWords(plot, known)), larger, link(plot.name, label, values)),
+      bounds.length ? element("small", { class: "plot-bounds" }, element("i", { "aria-hidden": "true" }), bounds.map(({ what }) => what).join("; ")) : null);
     const made = { box, values, text, now, where, line, hair, label, picture };
-    const frameAt = (/** @type {MouseEvent} */ event) => {
-      const { left, width } = picture.getBoundingClientRect();
-      return Math.round(Math.min(1, Math.max(0, (event.clientX - left) / width)) * (values.length - 1));
-    };
+    this.listen(made);
+    return made;
+  }
+
+  // Return the words beside a plot: its scale, and where its values come from.
+  /**
+   * @param {Plot} plot
+   * @param {number[]} known
+   */
+  scaleWords({ name, text, said = "" }, known) {
+    const origin = this.figures.plots?.torque_at_some_frames ? SOME_FRAMES : ALL_FRAMES;
+    return [`${text(Math.min(...known, 0))} to ${text(Math.max(...known, 0))}`, said, name === "peak_torque_nm" ? origin : ""].filter(Boolean).join(", ");
+  }
+
+  // Read the value under the pointer; a press goes to its frame.
+  /** @param {Made} made */
+  listen(made) {
+    const { picture, values } = made;
+    const frameAt = (/** @type {MouseEvent} */ event) => Math.round(Math.min(1, Math.max(0, shareAt(event.clientX, picture))) * (values.length - 1));
     const go = (/** @type {MouseEvent} */ event) => this.player.send({ do: "seek", frame: frameAt(event) });
     picture.addEventListener("pointerdown", (event) => { picture.setPointerCapture(event.pointerId); go(event); });
     picture.addEventListener("pointermove", (event) => { this.point(made, frameAt(event)); if (event.buttons) go(event); });
     picture.addEventListener("pointerleave", () => this.point(made, null));
     picture.addEventListener("keydown", (event) => this.key(event));
-    return made;
-  }
-
-  // A picture with its axes: values at the left, frames below.
-  /**
-   * @param {SVGElement} picture
-   * @param {ReturnType<typeof axes>} marks
-   */
-  framed(picture, { up, across }) {
-    const labels = (/** @type {"bottom" | "left"} */ side, /** @type {{ at: number, text: string }[]} */ list) => list.map(({ at, text }) => {
-      const made = element("span", {}, text);
-      made.style[side] = `${100 * at}%`;
-      return made;
-    });
-    for (const { at } of up) picture.prepend(svg("line", { class: "plot-grid", x1: 0, x2: 1000, y1: HIGH * (1 - at), y2: HIGH * (1 - at) }));
-    return element("div", { class: "plot-framed" },
-      element("div", { class: "plot-up", "aria-hidden": "true" }, ...labels("bottom", up)), picture,
-      element("div", { class: "plot-across", "aria-hidden": "true" }, ...labels("left", across)),
-      element("span", { class: "plot-unit", "aria-hidden": "true" }, "Frame"));
   }
 
   // Reads the value at the pointer instead of the one at the playhead; null when the pointer has left.
   /**
-   * @param {NonNullable<ReturnType<Plots["plot"]>>} made
+   * @param {Made} made
    * @param {number | null} frame
    */
   point(made, frame) {
     made.hair.setAttribute("visibility", frame === null ? "hidden" : "visible");
-    const shown = frame ?? Math.min(made.values.length - 1, Math.round(this.player.playhead.frame));
-    const x = String((1000 * shown) / Math.max(1, made.values.length - 1));
-    made.hair.setAttribute("x1", x);
-    made.hair.setAttribute("x2", x);
+    const last = made.values.length - 1;
+    const shown = frame ?? Math.min(last, Math.round(this.player.playhead.frame));
+    moveRule(made.hair, (WIDE * shown) / Math.max(1, last));
     this.read(made, shown);
   }
 
   // Shows the value at a frame, and when that is.
   /**
-   * @param {Pick<NonNullable<ReturnType<Plots["plot"]>>, "values" | "text" | "now" | "where">} made
+   * @param {Made} made
    * @param {number} frame
    */
   read({ values, text, now, where }, frame) {
@@ -242,21 +228,20 @@ export class Plots {
   // Shows a plot in a dialog as wide as the page; it goes back to its place when that closes.
   /**
    * @param {HTMLElement} box
-   * @param {HTMLElement} button
+   * @param {HTMLElement} larger the button
    */
-  enlarge(box, button) {
+  enlarge(box, larger) {
     const place = document.createComment("");
-    const close = element("button", { class: "icon-button dialog-close", type: "button", "aria-label": "Close" }, "✕");
-    const dialog = element("dialog", { class: "dialog plot-dialog", "aria-label": button.getAttribute("aria-label") }, close);
-    close.onclick = () => dialog.close();
+    const close = button("icon-button dialog-close", "✕", () => dialog.close(), { "aria-label": "Close" });
+    const dialog = element("dialog", { class: "dialog plot-dialog", "aria-label": larger.getAttribute("aria-label") }, close);
     dialog.onclose = () => {
       place.replaceWith(box);
       dialog.remove();
-      button.hidden = false;
-      button.focus();
+      larger.hidden = false;
+      larger.focus();
     };
     box.replaceWith(place);
-    button.hidden = true;
+    larger.hidden = true;
     dialog.append(box);
     document.body.append(dialog);
     dialog.showModal();
@@ -266,12 +251,11 @@ export class Plots {
   show({ frame }) {
     const { frames } = this.figures.plots ?? {};
     if (!frames) return;
-    const x = (1000 * Math.min(frame, frames - 1)) / Math.max(1, frames - 1);
+    const x = (WIDE * Math.min(frame, frames - 1)) / Math.max(1, frames - 1);
     const shown = Math.min(frames - 1, Math.round(frame));
     for (const made of this.made) {
       const { values, text, line, hair, label, picture } = made;
-      line.setAttribute("x1", String(x));
-      line.setAttribute("x2", String(x));
+      moveRule(line, x);
       const value = values[shown];
       const told = Number.isFinite(value) ? text(value) : null;
       if (hair.getAttribute("visibility") === "hidden") this.read(made, shown);

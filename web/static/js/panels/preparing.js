@@ -1,7 +1,16 @@
 // How far the solvers are compiled, which happens once on a machine: words and a bar.
-import { get, remaining } from "../lib/text.js";
+import { duration, get } from "../lib/text.js";
 
-/** @param {Preparing} preparing */
+const FEW_S = 5;
+
+// What is left of something, as the service estimates it.
+/** @param {number} value in seconds; 0 when it takes longer than usual */
+export function remaining(value) {
+  if (value <= 0) return "longer than usual";
+  return value < FEW_S ? "a few seconds left" : `${duration(value < 20 ? value : 5 * Math.round(value / 5))} left`;
+}
+
+/** @param {Api.PreparingBody} preparing */
 export function preparingWords({ fraction, remaining_s: left }) {
   const percent = Math.floor(100 * fraction);
   if (!percent) return "Starting the solvers…"; // it is not known yet whether any are to be compiled
@@ -10,7 +19,7 @@ export function preparingWords({ fraction, remaining_s: left }) {
 }
 
 // Shows it, or hides what shows it once that is over.
-/** @param {Preparing | null} preparing */
+/** @param {Api.PreparingBody | null} preparing */
 export function showPreparing(preparing) {
   const place = get("preparing");
   place.hidden = !preparing;

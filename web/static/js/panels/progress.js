@@ -1,13 +1,14 @@
 // A fold while it is computed: stage, share, steps a second, place in the queue.
-import { proof, tokenOf } from "../lib/keys.js";
+import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { Advance, queueWords } from "./advance.js";
-import { preparingWords, showPreparing } from "./preparing.js";
-import { get, remaining, whole } from "../lib/text.js";
+import { preparingWords, remaining, showPreparing } from "./preparing.js";
+import { get, whole } from "../lib/text.js";
 
 const ASK_MS = 1000; // between two questions where no stream tells, at first
 const LONGEST_ASK_MS = 10000;
 const LONGER = 1.5;
 const LOST = 404;
+const FORBIDDEN = 403;
 const CANCEL_MS = 10000;
 const READY = "getting ready";
 const COMPILING = "compiling"; // as planner/progress.py says
@@ -18,7 +19,7 @@ const OVER = ["verified", "failed", "cancelled"];
 export class Progress {
   /**
    * @param {Facts} facts
-   * @param {{ onDone: (facts: Facts) => void, toast: (text: string) => void, onProgress?: (now: ProgressTold, stage: string) => void }} around
+   * @param {{ onDone: (facts: Facts) => void, toast: (text: string) => void, onProgress?: (now: Api.Progress, stage: string) => void }} around
    */
   constructor(facts, { onDone, toast, onProgress = () => {} }) {
     this.facts = facts;
@@ -32,7 +33,7 @@ export class Progress {
     this.events = null;
     /** @type {ReturnType<typeof setTimeout> | null} */
     this.pollTimer = null;
-    /** @type {ProgressTold | null} */
+    /** @type {Api.Progress | null} */
     this.now = null;
     /** @type {Facts["verdict"] | null} */
     this.verdict = null; // known before the files of the plan are written
@@ -47,34 +48,33 @@ export class Progress {
     const events = new EventSource(`/api/folds/${this.facts.id}/events`);
     this.events = events;
     events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
-    events.onopen = () => this.askNoMore();
+    events.onopen = () => this.pollNoMore();
     // Refused, since many are open, or broken: then it is asked until the end, or until it is back.
-    events.onerror = () => { if (!this.pollTimer) this.ask(ASK_MS); };
+    events.onerror = () => { if (!this.pollTimer) this.poll(ASK_MS); };
     events.addEventListener("done", () => this.end());
   }
 
   /** @param {number} pause */
-  ask(pause) {
+  poll(pause) {
     this.pollTimer = setTimeout(async () => {
-      let answer = null;
-      try { answer = await fetch(`/api/folds/${this.facts.id}`); } catch { /* it does not answer */ }
+      /** @type {Api.Fold | Refusal} */
+      const answer = await ask(`/api/folds/${this.facts.id}`).catch((error) => error);
       if (!this.pollTimer) return; // a stream is there again
-      /** @type {ProgressTold | null} */
-      const now = answer?.ok ? (await answer.json()).progress : null;
-      if (answer?.status === LOST || (now && OVER.includes(now.status))) this.end();
+      const now = answer instanceof Refusal ? null : answer.progress;
+      if (now ? OVER.includes(now.status) : answer.status === LOST) this.end();
       else {
         if (now) this.show(now);
-        this.ask(Math.min(LONGER * pause, LONGEST_ASK_MS));
+        this.poll(Math.min(LONGER * pause, LONGEST_ASK_MS));
       }
     }, pause);
   }
 
-  askNoMore() {
+  pollNoMore() {
     clearTimeout(this.pollTimer ?? undefined);
     this.pollTimer = null;
   }
 
-  /** @param {ProgressTold} now */
+  /** @param {Api.Progress} now */
   show(now) {
     this.now = now;
     if (OVER.includes(now.status)) return; // the verdict follows
@@ -115,12 +115,15 @@ export class Progress {
   async checked() {
     if (this.verdict || this.asking) return;
     this.asking = true;
-    const told = await fetch(`/folds/${this.facts.id}/facts`).then((answer) => (answer.ok ? answer.json() : null), () => null);
+    const facts = await this.fetched();
     this.asking = false;
-    if (!told?.running || told.verdict.tone !== "good" || get("progress").hidden) return;
-    this.verdict = told.verdict;
+    if (!facts?.running || facts.verdict.tone !== "good" || get("progress").hidden) return;
+    this.verdict = facts.verdict;
     if (this.now) this.show(this.now);
   }
+
+  /** @returns {Promise<Facts | null>} */
+  fetched() { return ask(`/folds/${this.facts.id}/facts`).catch(() => null); }
 
   /** @param {string} text */
   say(text) {
@@ -132,29 +135,28 @@ export class Progress {
 
   async end() {
     this.events?.close();
-    this.askNoMore();
+    this.pollNoMore();
     get("progress").hidden = true;
     get("cancel").hidden = true;
     showPreparing(null);
-    const answer = await fetch(`/folds/${this.facts.id}/facts`);
-    if (answer.ok) this.onDone(await answer.json());
+    const facts = await this.fetched();
+    if (facts) this.onDone(facts);
   }
 
   async cancel() {
     get("cancel").disabled = true;
     this.cancelling = true;
     this.say("Cancelling…");
-    const answer = await fetch(`/api/folds/${this.facts.id}/cancel`, {
-      method: "POST",
-      headers: proof(this.token),
-    });
-    if (answer.ok) setTimeout(() => { this.cancelling = false; }, CANCEL_MS);
-    if (!answer.ok) {
+    try {
+      await ask(`/api/folds/${this.facts.id}/cancel`, { method: "POST", token: this.token });
+      setTimeout(() => { this.cancelling = false; }, CANCEL_MS);
+    } catch (error) {
+      const shared = error instanceof Refusal && error.status === FORBIDDEN;
       this.cancelling = false;
       if (this.now) this.show(this.now);
       get("cancel").disabled = false;
-      get("cancel").hidden = answer.status === 403;
-      this.toast(answer.status === 403 ? "Other people requested this fold too, so it will keep running" : "It could not be cancelled");
+      get("cancel").hidden = shared;
+      this.toast(shared ? "Other people requested this fold too, so it will keep running" : "It could not be cancelled");
     }
   }
 }

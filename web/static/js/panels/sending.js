@@ -1,7 +1,12 @@
 // How far an upload is, and a button that stops it, for what takes longer than a moment.
-import { element, megabytes } from "../lib/text.js";
+import { button, element } from "../lib/text.js";
 
 const SOON_MS = 500;
+
+/** @param {number} value in bytes */
+function megabytes(value) {
+  return `${(value / 1e6).toFixed(value < 1e7 ? 1 : 0)} MB`;
+}
 
 export class Sending {
   /** @param {HTMLElement} host what it stands in, empty until then */
@@ -24,8 +29,7 @@ export class Sending {
     this.control = control;
     const bar = element("progress", { max: "1", "aria-label": `Sending ${name}` });
     const text = element("span", { class: "sending-text" }, `Sending ${name}`);
-    const stop = element("button", { class: "button quiet", type: "button" }, "Stop");
-    stop.onclick = () => control.abort();
+    const stop = button("button quiet", "Stop", () => control.abort());
     const soon = setTimeout(() => {
       this.host.replaceChildren(element("div", { class: "sending" }, bar, text, stop));
       this.host.scrollIntoView({ block: "nearest" });

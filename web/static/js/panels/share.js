@@ -1,7 +1,7 @@
 // Sharing: a link to what is seen now, a frame for other pages, one file that plays by itself.
 import { file } from "./downloads.js";
 import { Picture } from "./picture.js";
-import { tokenOf } from "../lib/keys.js";
+import { tokenOf } from "../lib/api.js";
 import { copyText, get } from "../lib/text.js";
 
 export class Share {

@@ -1,15 +1,27 @@
 // The timeline bar: phases as two tints, the error as a small area, the playhead, the frame number and the
 // looped part.
-import { PHASES, get, radians, seconds, whole } from "../lib/text.js";
+import { element, get, radians, seconds, svg, whole } from "../lib/text.js";
+import { PHASES } from "./timeline.js";
 
 const REAL = "real"; // the speed of the robot
-const SVG = "http://www.w3.org/2000/svg";
 
 const PRESSED = /** @type {const} */ (["reverse", "loop", "follow", "live"]);
 const USED = /** @type {const} */ (["back", "play", "forward", "reverse", "loop", "follow", "speed", "jump"]);
+const WIDE = 1000; // of the drawing behind the track, 100 high
+const HIGHEST = 62;
 const FAR = 10; // frames that Shift and the page keys move an end of the loop
 /** @type {Record<string, number>} */
 const STEPS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -FAR, PageUp: FAR, Home: -Infinity, End: Infinity };
+
+// Return a column of the area of errors, as a part of an SVG path.
+/**
+ * @param {number | null} error
+ * @param {number} scale of the highest column
+ * @param {number} left
+ * @param {number} right
+ */
+const errorColumn = (error, scale, left, right) => (error
+  ? `M${left.toFixed(1)} 100V${(100 - HIGHEST * Math.min(1, error / scale)).toFixed(1)}H${right.toFixed(1)}V100z` : "");
 
 export class Bar {
   /**
@@ -114,41 +126,20 @@ export class Bar {
   /** @param {BarOutline} outline */
   draw(outline) {
     this.outline = outline;
-    const { frames, phases, errors } = outline;
+    const { frames, phases, errors, error_scale_rad: scale } = outline;
     this.enable(true);
     this.scrub.disabled = frames < 2;
     get("folded").disabled = !this.folding;
     this.scrub.max = String(Math.max(0, frames - 1));
-    const plot = get("plot");
-    plot.replaceChildren();
-    const names = get("phases");
-    names.replaceChildren();
-    for (const phase of phases) {
-      const rect = document.createElementNS(SVG, "rect");
-      rect.setAttribute("class", `phase-${phase.name}`);
-      const from = (1000 * phase.from) / frames;
-      rect.setAttribute("x", String(from));
-      rect.setAttribute("width", String((1000 * phase.to) / frames - from));
-      rect.setAttribute("height", "100");
-      plot.append(rect);
-      const name = document.createElement("span");
-      name.textContent = PHASES[phase.name];
-      name.style.left = `${from / 10}%`;
-      name.style.maxWidth = `${(100 * (phase.to - phase.from)) / frames}%`;
-      names.append(name);
-    }
-    const scale = outline.error_scale_rad;
-    let path = "";
-    errors.forEach((error, k) => {
-      const left = (1000 * k) / errors.length;
-      const right = (1000 * (k + 1)) / errors.length;
-      const top = 100 - 62 * Math.min(1, (error ?? 0) / scale);
-      if (error) path += `M${left.toFixed(1)} 100V${top.toFixed(1)}H${right.toFixed(1)}V100z`;
-    });
-    const area = document.createElementNS(SVG, "path");
-    area.setAttribute("class", "errors");
-    area.setAttribute("d", path);
-    plot.append(area);
+    const spans = phases.map(({ name, from, to }) => ({ name, x: (WIDE * from) / frames, width: (WIDE * (to - from)) / frames }));
+    get("plot").replaceChildren(
+      ...spans.map(({ name, x, width }) => svg("rect", { class: `phase-${name}`, x, width, height: 100 })),
+      svg("path", { class: "errors", d: errors.map((error, k) => errorColumn(error, scale, (WIDE * k) / errors.length, (WIDE * (k + 1)) / errors.length)).join("") }));
+    get("phases").replaceChildren(...spans.map(({ name, x, width }) => {
+      const label = element("span", {}, PHASES[name]);
+      Object.assign(label.style, { left: `${(100 * x) / WIDE}%`, maxWidth: `${(100 * width) / WIDE}%` });
+      return label;
+    }));
     if (this.state) this.show({ ...this.state, frames });
   }
 
@@ -207,6 +198,27 @@ export function frameIn(text, frames) {
   return number >= 1 && number <= frames ? number - 1 : null;
 }
 
+// Return where a pointer is along the width of an element, 0 at its left side and 1 at its right side.
+/**
+ * @param {number} x
+ * @param {Element} within
+ */
+export function shareAt(x, within) {
+  const { left, width } = within.getBoundingClientRect();
+  return (x - left) / width;
+}
+
+// Says why what stands in a field is not taken; an empty text when all is well.
+/**
+ * @param {HTMLInputElement} field
+ * @param {string} why
+ */
+export function refuse(field, why) {
+  field.setCustomValidity(why);
+  field.setAttribute("aria-invalid", String(why !== ""));
+  if (why) field.reportValidity();
+}
+
 // The frame number: shown, and typed after a click. Enter goes to that frame, Escape cancels.
 class FrameField {
   /** @param {Playing} player */
@@ -220,7 +232,7 @@ class FrameField {
     this.before = null;
     this.button.onclick = ({ detail }) => this.open(detail > 0);
     this.field.onkeydown = (event) => this.key(event);
-    this.field.oninput = () => this.refuse("");
+    this.field.oninput = () => refuse(this.field, "");
     this.field.onblur = () => this.close(frameIn(this.field.value, this.frames)); // some keyboards have no Enter
   }
 
@@ -240,7 +252,7 @@ class FrameField {
     const { activeElement } = document;
     this.before = !clicked && activeElement instanceof HTMLElement ? activeElement : null;
     this.player.send({ do: "pause" });
-    this.refuse("");
+    refuse(this.field, "");
     this.field.value = String(this.frame + 1);
     this.field.setAttribute("aria-label", `Frame to go to, from 1 to ${this.frames}`);
     this.field.hidden = false;
@@ -255,19 +267,11 @@ class FrameField {
     event.stopPropagation();
     const frame = event.key === "Enter" ? frameIn(this.field.value, this.frames) : this.frame;
     if (frame === null) {
-      this.refuse(`Enter a whole number from 1 to ${this.frames}.`);
+      refuse(this.field, `Enter a whole number from 1 to ${this.frames}.`);
       return;
     }
     this.close(frame);
     this.before?.focus();
-  }
-
-  // Says why it does not go there; nothing when all is well.
-  /** @param {string} why */
-  refuse(why) {
-    this.field.setCustomValidity(why);
-    this.field.setAttribute("aria-invalid", String(why !== ""));
-    if (why) this.field.reportValidity();
   }
 
   /** @param {number | null} frame */
@@ -343,7 +347,6 @@ class LoopRange {
 
   /** @param {number} x */
   frameAt(x) {
-    const { left, width } = get("track").getBoundingClientRect();
-    return Math.round(((x - left) / width) * this.last);
+    return Math.round(shareAt(x, get("track")) * this.last);
   }
 }

@@ -90,7 +90,6 @@ export class Colouring {
     this.text = text;
     this.none = none;
     this.bad = bad;
-    this.label = COLOURINGS.find(([name]) => name === key)?.[1] ?? "";
   }
 
   /** @param {Snapshot} shown */
@@ -110,7 +109,7 @@ export class Colouring {
     const stops = Array.from({ length: 9 }, (_, k) => Array.from(ramp.subarray(3 * Math.round((k / 8) * last)).slice(0, 3)).join(" "));
     const high = typeof this.high === "function" ? this.high() : this.high;
     return {
-      title: this.label, low: this.text(this.low), high: this.text(high), none: this.none,
+      low: this.text(this.low), high: this.text(high), none: this.none,
       ramp: `linear-gradient(to right, ${stops.map((stop) => `rgb(${stop})`).join(", ")})`,
     };
   }

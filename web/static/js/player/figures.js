@@ -1,6 +1,6 @@
 // Figures of a fold, frame by frame, that are worked out after it: clearances, torques, position errors.
 import { decode } from "../lib/columns.js";
-import { Emitter } from "../lib/text.js";
+import { Emitter } from "./timeline.js";
 
 const KEPT = 24; // stretches
 const AT_ONCE = 2;

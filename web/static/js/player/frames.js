@@ -1,5 +1,5 @@
-// Frames: their rows in batches, how far the chain is folded, and the orientation in which it is shown.
-import { quaternionOf, times } from "../lib/kinematics.js";
+// Frames of a timeline: their rows in batches, where each is stored, and which are fetched next. Needs no page and
+// no network.
 
 // Rows: the values of one frame. Ordinary folds have all angles, long ones those of a window;
 // web/timeline/frame_batch.py and web/timeline/window_columns.py define the columns.
@@ -66,7 +66,7 @@ export class Whole {
   static between(a, b, share) { return { ...a, ...poseBetween(a, b, share), angles: mix(a.angles, b.angles, share) }; }
 
   /**
-   * @param {import("../lib/kinematics.js").Kinematics} kinematics
+   * @param {import("./kinematics.js").Kinematics} kinematics
    * @param {Row} row
    * @returns {WindowPoses}
    */
@@ -162,7 +162,7 @@ export class Window {
   }
 
   /**
-   * @param {import("../lib/kinematics.js").Kinematics} kinematics
+   * @param {import("./kinematics.js").Kinematics} kinematics
    * @param {WindowRow} row
    * @returns {WindowPoses}
    */
@@ -175,124 +175,133 @@ export class Window {
   static angle({ first, last, angles, foldedRad }, j) { return j < first ? foldedRad[j] : j < last ? angles[j - first] : 0; }
 }
 
-// The measure of folding: 0 for the straight chain, 1 when all hinges have the angles of the shape. It is the
-// mean over the hinges of angle / goal, each from 0 to 1 and weighted with |goal|. A plain sum of errors would
-// stay at 0 while the chain bends everywhere on its way; this one rises steadily.
-/**
- * @param {(hinge: number) => number} angle
- * @param {Floats} goal
- */
-export function foldedness(angle, goal) {
-  let reached = 0;
-  let all = 0;
-  for (let j = 0; j < goal.length; j++) {
-    const wanted = Math.abs(goal[j]);
-    all += wanted;
-    if (wanted) reached += Math.min(wanted, Math.max(0, angle(j) * Math.sign(goal[j])));
-  }
-  return all > 0 ? reached / all : 1;
-}
+// Where frames are stored.
 
-// The frame of the fold with that share of folding, between two where need be; found by halving, of the
-// frames that are here.
-/**
- * @param {import("./timeline.js").Timeline} timeline
- * @param {number} wanted
- */
-export function frameFolded(timeline, wanted) {
-  const folding = timeline.outline.phases.findLast(({ name }) => name === "playback");
-  if (!folding) return null;
-  const value = (/** @type {number} */ frame) => {
-    const row = timeline.row(frame);
-    return row && foldedness((j) => timeline.how.angle(row, j), timeline.foldedRad);
-  };
-  let [low, high] = [folding.from, folding.to - 1];
-  if (wanted <= 0) return low;
-  if (wanted >= 1) return high;
-  let [less, more] = [value(low) ?? 0, value(high) ?? 1];
-  while (high - low > 1) {
-    const middle = hereBetween(timeline, low, high);
-    if (middle === null) break;
-    const found = value(middle) ?? 0;
-    if (found < wanted) [low, less] = [middle, found];
-    else [high, more] = [middle, found];
-  }
-  const share = more > less ? (wanted - less) / (more - less) : 1;
-  return low + (high - low) * Math.min(1, Math.max(0, share));
-}
+const MAX_BYTES = 384 * 2 ** 20;
+const MAX_WINDOW_BYTES = 64 * 2 ** 20;
+const BATCH_BYTES = 2 ** 20;
+const MAX_BATCH_FRAMES = 128;
+const WINDOW_FRAMES = 256;
+const FEWEST_CHUNKS = 4; // that are stored in any case
+const AHEAD = 6; // chunks of a long timeline that are fetched before they are needed
+const BEHIND = 1;
 
-// The frame that is here and nearest to the middle of two, without them.
-/**
- * @param {import("./timeline.js").Timeline} timeline
- * @param {number} low
- * @param {number} high
- */
-function hereBetween(timeline, low, high) {
-  const middle = Math.floor((low + high) / 2);
-  for (let away = 0; middle - away > low || middle + away < high; away++) {
-    if (middle + away < high && timeline.row(middle + away)) return middle + away;
-    if (middle - away > low && timeline.row(middle - away)) return middle - away;
-  }
-  return null;
-}
+/** @typedef {Whole | Window} Rows */
+/** @typedef {{ count: number, batches: (Rows | null)[], at: Uint32Array }} Chunk where each frame of a stretch is */
 
-/** Seconds in which the correction fades in when a timeline is completed on an open page. Chosen. */
-const FADE_S = 0.8;
-const MIN_SINE = 1e-9; // of half the angle of a correction; a smaller one is none
+export class FrameStore {
+  total = 0; // frames of the timeline
+  focus = 0; // frame around which frames are wanted
+  /** @type {Map<number, Chunk>} */
+  chunks = new Map();
+  /** @type {Set<number>} chunks that are being fetched */
+  loading = new Set();
 
-// The finished shape stands as it was drawn. A chain that floats turns as a whole while it folds, so the
-// orientation at the end of a simulated fold is not that of the drawing. The playback is shown in a frame
-// of reference that turns evenly: not at all at the straight chain, fully at the last frame. Only the
-// orientation of the first or root module changes; hinge angles and files stay as recorded.
-export class Standing {
-  /** @type {{ angle: number, axis: Vector, from: number, to: number } | null} */
-  correction = null;
-  amount = 0; // of the correction that is shown, 0 to 1
-
-  // Sets the correction from the orientations of one module at the last frame and in the drawing.
   /**
-   * @param {Numbers} end
-   * @param {Numbers} drawn
-   * @param {Phase} folding
-   * @param {boolean} fade
+   * @param {number} joints
+   * @param {boolean} windowed whether only what is around the focus is fetched, of a long timeline
    */
-  set(end, drawn, { from, to }, fade) {
-    const length = Math.hypot(...Array.from(end)) * Math.hypot(...Array.from(drawn));
-    const [w, x, y, z] = times(quaternionOf(drawn), [end[0], -end[1], -end[2], -end[3]], [0, 0, 0, 0]).map((v) => v / length);
-    const sine = Math.hypot(x, y, z) * (w < 0 ? -1 : 1); // the short way
-    this.correction = Math.abs(sine) < MIN_SINE ? null : { angle: 2 * Math.atan2(Math.abs(sine), Math.abs(w)), axis: [x / sine, y / sine, z / sine], from, to };
-    if (!fade) this.amount = 1;
+  constructor(joints = 0, windowed = false) {
+    this.windowed = windowed;
+    this.rowBytes = 8 * joints + 40;
+    this.rows = windowed ? WINDOW_FRAMES : Math.max(1, Math.min(MAX_BATCH_FRAMES, Math.floor(BATCH_BYTES / this.rowBytes))); // of a chunk
   }
 
-  clear() {
-    this.correction = null;
-    this.amount = 0;
-  }
+  get last() { return Math.max(0, this.total - 1); }
 
-  get fading() { return this.correction !== null && this.amount < 1; }
+  // Number of chunks of the timeline, and that at the focus.
+  get count() { return Math.ceil(this.total / this.rows); }
 
-  // Lets seconds pass; true while the correction fades in.
-  /** @param {number} passed */
-  advance(passed) {
-    if (!this.fading) return false;
-    this.amount = Math.min(1, this.amount + passed / FADE_S);
-    return true;
-  }
+  get here() { return this.indexOf(this.focus); }
 
-  // The orientation that is shown in place of a recorded one at a frame.
+  /** @param {number} frame */
+  indexOf(frame) { return Math.floor(frame / this.rows); }
+
+  // Stores the rows of a batch.
   /**
-   * @param {Floats} wxyz
+   * @param {Rows} found
+   * @param {Pick<BatchHeader, "start" | "stride">} header
+   */
+  put(found, { start, stride }) {
+    for (let row = 0, frame = start; row < found.rows; row++, frame += stride) {
+      const index = this.indexOf(frame);
+      const chunk = this.chunks.get(index) ?? { count: 0, batches: Array.from({ length: this.rows }, () => null), at: new Uint32Array(this.rows) };
+      this.chunks.set(index, chunk);
+      const k = frame % this.rows;
+      if (!chunk.batches[k]) chunk.count++;
+      chunk.batches[k] = found;
+      chunk.at[k] = row;
+    }
+  }
+
+  /**
    * @param {number} frame
+   * @returns {Row | null}
    */
-  turned(wxyz, frame) {
-    const { correction, amount } = this;
-    if (!correction || !amount || frame <= correction.from) return wxyz;
-    const { angle, axis: [x, y, z], from, to } = correction;
-    const half = (angle / 2) * amount * smooth(Math.min(1, (frame - from) / Math.max(1, to - 1 - from)));
-    const s = Math.sin(half);
-    return Float64Array.from(times([Math.cos(half), s * x, s * y, s * z], quaternionOf(wxyz), [0, 0, 0, 0]));
+  row(frame) {
+    const chunk = this.chunks.get(this.indexOf(frame));
+    const k = frame % this.rows;
+    return chunk ? chunk.batches[k]?.row(chunk.at[k]) ?? null : null;
+  }
+
+  // The nearest frame that is here.
+  /** @param {number} frame */
+  nearest(frame) {
+    for (let away = 0; away <= this.last; away++) {
+      for (const k of [frame - away, frame + away]) {
+        if (k >= 0 && k <= this.last && this.chunks.get(this.indexOf(k))?.batches[k % this.rows]) return k;
+      }
+    }
+    return null;
+  }
+
+  // The frames to fetch for a chunk: from the first that is missing on.
+  /**
+   * @param {number} index
+   * @returns {{ from: number, to: number }}
+   */
+  missing(index) {
+    const first = Math.max(0, this.chunks.get(index)?.batches.indexOf(null) ?? 0);
+    return { from: index * this.rows + first, to: Math.min(this.total, (index + 1) * this.rows) };
+  }
+
+  /** @param {number} index */
+  full(index) { return (this.chunks.get(index)?.count ?? 0) >= Math.min(this.rows, this.total - index * this.rows); }
+
+  // The chunk to fetch next: those around the focus first; null when all that is wanted is here.
+  /** @param {boolean} end whether the last frame of a long timeline is wanted as well */
+  next(end) {
+    for (const index of this.windowed ? this.near(end) : this.onward()) if (!this.full(index) && !this.loading.has(index)) return index;
+    return null;
+  }
+
+  /** @param {boolean} end */
+  *near(end) {
+    const { here, count } = this;
+    for (let away = 0; away <= AHEAD; away++) {
+      if (here + away < count) yield here + away;
+      if (away && away <= BEHIND && here >= away) yield here - away;
+    }
+    if (end && this.nearest(this.last) !== this.last) yield count - 1;
+  }
+
+  *onward() {
+    const most = Math.max(FEWEST_CHUNKS, Math.floor(MAX_BYTES / (this.rows * this.rowBytes)));
+    for (let away = 0; away < Math.min(this.count, most); away++) yield (this.here + away) % this.count;
+  }
+
+  // Lets go of what is farthest from the focus when there is too much.
+  spare() {
+    const { here, count, windowed } = this;
+    const away = (/** @type {number} */ index) => (windowed ? Math.abs(index - here) : (index - here + count) % count);
+    while (this.chunks.size > FEWEST_CHUNKS && this.bytes > (windowed ? MAX_WINDOW_BYTES : MAX_BYTES)) {
+      this.chunks.delete([...this.chunks.keys()].reduce((a, b) => (away(a) > away(b) ? a : b)));
+    }
+  }
+
+  get bytes() {
+    /** @type {Set<Rows | null>} */
+    const batches = new Set([...this.chunks.values()].flatMap((chunk) => chunk.batches));
+    return [...batches].reduce((sum, rows) => sum + (rows?.bytes ?? 0), 0);
   }
 }
-
-/** @param {number} share */
-const smooth = (share) => share * share * (3 - 2 * share);

@@ -1,5 +1,5 @@
 // The keys of a page that plays: one table says what each does, and fills the dialog that shows them.
-import { element, get } from "../lib/text.js";
+import { element, get, store, stored } from "../lib/text.js";
 
 const KEPT = "foldback:single-keys";
 const TURN_RAD = Math.PI / 18; // by one press
@@ -71,8 +71,8 @@ export class Keys {
     this.rows = TABLE.filter(({ there }) => !there || there(this));
     this.dialog = get("keys-dialog");
     this.off = get("keys-off");
-    this.off.checked = recall() === "off";
-    this.off.onchange = () => keep(this.off.checked ? "off" : null);
+    this.off.checked = stored(KEPT) === "off";
+    this.off.onchange = () => store(KEPT, this.off.checked ? "off" : null);
     get("keys").onclick = () => this.open();
     get("keys-table").replaceChildren(...this.rows.map(({ shown, text }) => element("div", {},
       element("dt", {}, ...shown.map((key) => element("kbd", {}, key))), element("dd", {}, text))));
@@ -98,15 +98,4 @@ export class Keys {
     row.does[name](this);
     if (row.says) get("keys-said").textContent = row.says(this.bar);
   }
-}
-
-function recall() {
-  try { return localStorage.getItem(KEPT); } catch { return null; }
-}
-
-/** @param {string | null} value */
-function keep(value) {
-  try {
-    if (value === null) localStorage.removeItem(KEPT); else localStorage.setItem(KEPT, value);
-  } catch { /* not kept, then */ }
 }

@@ -1,8 +1,10 @@
 // Two folds on one playhead: each goes through a phase in step with the other, however many frames it
 // has there; one that has no such phase waits.
-import { frameFolded } from "./frames.js";
+import { frameFolded } from "./kinematics.js";
+import { Ticker } from "./player.js";
+import { largestError } from "./player_state.js";
 import { Playhead } from "./playhead.js";
-import { Emitter } from "../lib/text.js";
+import { Emitter } from "./timeline.js";
 
 /** @typedef {import("./player.js").Player} Player */
 
@@ -15,9 +17,7 @@ export class Pair extends Emitter {
     this.phases = [];
     this.last = 0;
     this.playhead = new Playhead(this);
-    /** @type {number | null} */
-    this.clock = null;
-    this.due = false;
+    this.ticker = new Ticker((passed, now) => { if (this.playhead.advance(passed, now)) this.sync(); else this.wake(); });
     this.syncing = false;
     this.turning = false; // while a camera is passed on
     this.told = "";
@@ -158,7 +158,7 @@ export class Pair extends Emitter {
     for (const player of this.players) player.send({ do: "seek", frame: this.frameOf(player, frame) });
     this.syncing = false;
     const at = this.phaseAt(frame);
-    const errors = this.players.map(({ shown }) => (shown ? Array.from(shown.errors).reduce((most, e) => (e > most ? e : most), -1) : -1)).filter((e) => e >= 0);
+    const errors = this.players.map(({ shown }) => shown && largestError(shown)).filter((error) => error !== null);
     const state = {
       ...this.playhead.is, frame: this.playhead.frame, frames: this.last + 1, growing: this.growing, phase: at.name,
       time_s: null, error_rad: errors.length ? Math.max(...errors) : null,
@@ -176,14 +176,7 @@ export class Pair extends Emitter {
   }
 
   wake() {
-    if (this.due || !(this.playhead.is.playing || this.playhead.is.live)) { if (!this.due) this.clock = null; return; }
-    this.due = true;
-    requestAnimationFrame((ms) => {
-      this.due = false;
-      const now = ms / 1000;
-      const passed = this.clock === null ? 0 : Math.min(0.2, Math.max(0, now - this.clock));
-      this.clock = now;
-      if (this.playhead.advance(passed, now)) this.sync(); else this.wake();
-    });
+    const { playing, live } = this.playhead.is;
+    if (playing || live) this.ticker.wake(); else this.ticker.rest();
   }
 }

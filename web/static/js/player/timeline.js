@@ -1,19 +1,14 @@
-// A fold's frames as they come in: where they are kept, which are fetched next, and the poses of a
-// moment. What has been fetched once is scrubbed without a word to the server.
+// A fold's frames as they come in, and the poses of a moment. What has been fetched once is scrubbed without a
+// request to the server; see frames.js.
 import { decode } from "../lib/columns.js";
-import { Standing, Whole, Window, foldedness } from "./frames.js";
-import { Kinematics, touching } from "../lib/kinematics.js";
-import { Emitter } from "../lib/text.js";
+import { FrameStore, Whole, Window } from "./frames.js";
+import { Kinematics, Standing, foldedness, touching } from "./kinematics.js";
+
+/** @type {Record<string, string>} */
+export const PHASES = { explosion: "Explosion", unfolding: "Unfolding", playback: "Playback" };
 
 const AT_ONCE = 2; // requests
 const COARSE = 64; // frames that are fetched first, spread over the whole timeline
-const BATCH_BYTES = 2 ** 20;
-const LONGEST_BATCH = 128;
-const MOST_BYTES = 384 * 2 ** 20;
-const WINDOW_ROWS = 256;
-const MOST_WINDOW_BYTES = 64 * 2 ** 20;
-const AHEAD = 6; // chunks of a long timeline that are fetched before they are asked for
-const BEHIND = 1;
 const RETRY_MS = 300;
 /** Pause before the next look for the first frames of a fold that has just begun. A larger value delays the first motion. Chosen. */
 const QUICK_RETRY_MS = 50;
@@ -25,6 +20,22 @@ const WAIT_S = 1;
 const DAMAGED = 500; // the service says so of stored data that is not what was written
 
 const BUSY = 429; // too many requests of this visitor wait
+
+// Something that tells what is: events with a name and a detail.
+export class Emitter extends EventTarget {
+  /**
+   * @param {string} name
+   * @param {unknown} [detail]
+   */
+  tell(name, detail = null) { this.dispatchEvent(new CustomEvent(name, { detail })); }
+
+  /**
+   * @template Told
+   * @param {string} name
+   * @param {(detail: Told) => void} heard
+   */
+  on(name, heard) { this.addEventListener(name, (event) => heard(/** @type {CustomEvent<Told>} */ (event).detail)); }
+}
 
 class DamagedError extends Error {}
 
@@ -79,9 +90,6 @@ export class Recording extends Source {
   batch() { return this.once ??= this.get("batch"); }
 }
 
-/** @typedef {Whole | Window} Rows */
-/** @typedef {{ count: number, batches: (Rows | null)[], at: Uint32Array }} Chunk where each frame of a stretch is */
-
 // Rows of either kind.
 /**
  * @typedef {object} Kind
@@ -104,8 +112,6 @@ export class Timeline extends Emitter {
   kind;
   /** @type {number} */
   joints;
-  /** @type {number} */
-  rows;
   /** @type {Floats} */
   foldedRad;
   /** @type {Floats | null} angles at the first frame */
@@ -119,19 +125,10 @@ export class Timeline extends Emitter {
   sharedScale;
   /** @type {string | null} */
   id;
-  /** @type {number} */
-  total;
   /** @type {BatchHeader["status"]} */
   status;
-  /** @type {Map<number, Chunk>} */
-  chunks;
-  /** @type {Set<number>} */
-  loading;
-  /** @type {number} */
-  focus;
-  /** @type {number} */
-  version;
-
+  store = new FrameStore();
+  version = 0; // another one with every batch
 
   // `over` says that nothing more comes: the fold is over, whatever its timeline says.
   /**
@@ -157,12 +154,9 @@ export class Timeline extends Emitter {
   forget() {
     this.id = null;
     this.chain = /** @type {never} */ (null);
-    this.total = 0;
     this.status = "growing";
     this.outline = /** @type {never} */ (null);
-    this.chunks = new Map();
-    this.loading = new Set();
-    this.focus = 0;
+    this.store = new FrameStore();
     this.version = 0;
     this.startRad = null;
     this.standing.clear();
@@ -173,7 +167,9 @@ export class Timeline extends Emitter {
   // The joint error at which a module is fully red; timelines beside each other share one.
   get errorScale() { return Math.max(this.outline.error_scale_rad, this.sharedScale ?? 0); }
 
-  get last() { return Math.max(0, this.total - 1); }
+  get total() { return this.store.total; }
+
+  get last() { return this.store.last; }
 
   stop() { this.ended = true; }
 
@@ -201,19 +197,25 @@ export class Timeline extends Emitter {
     if (this.over && !this.ended) this.tell("settled");
   }
 
+  // Fetches the frames that follow those that are here; false where the timeline is another one.
+  async fetchNext(wait = 0) {
+    const { id } = this;
+    const batch = await this.source.batch({ from: this.total, wait });
+    if (id !== this.id) return false;
+    if (batch?.header.id !== id) { this.begunAnew(); return false; }
+    const before = [this.total, this.status];
+    this.take(batch);
+    if (this.total !== before[0] || this.status !== before[1]) this.tell("grew");
+    this.load();
+    return true;
+  }
+
   // While a fold goes on, a timeline that is complete may yet be begun anew: its plan was refused.
   async look() {
     if (!this.over) await pause(LOOK_MS);
     this.looks++;
-    const { id, over } = this;
-    const batch = await this.source.batch({ from: this.total });
-    if (id !== this.id) return;
-    if (!batch || batch.header.id !== id) { this.begunAnew(); return; }
-    const before = [this.total, this.status];
-    this.take(batch);
-    if (over) this.unsure = false;
-    if (this.total !== before[0] || this.status !== before[1]) this.tell("grew");
-    this.load();
+    const { over } = this;
+    if (await this.fetchNext() && over) this.unsure = false;
   }
 
   // No motion is shown any more; the page says why.
@@ -259,7 +261,7 @@ export class Timeline extends Emitter {
     this.kind = windowed ? Window : Whole;
     if (windowed) bundle.neighbours = touching(header, this.kinematics.folded);
     this.noErrors = new Float32Array(windowed ? this.joints : 0).fill(NaN);
-    this.rows = windowed ? WINDOW_ROWS : Math.max(1, Math.min(LONGEST_BATCH, Math.floor(BATCH_BYTES / (8 * this.joints + 40))));
+    this.store = new FrameStore(this.joints, windowed);
     this.id = first.header.id;
     this.take(first);
     const start = this.row(0);
@@ -271,12 +273,7 @@ export class Timeline extends Emitter {
 
   async grow() {
     this.grown = true;
-    const batch = await this.source.batch({ from: this.total, wait: WAIT_S });
-    if (!batch || batch.header.id !== this.id) { this.begunAnew(); return; }
-    const before = [this.total, this.status];
-    this.take(batch);
-    if (this.total !== before[0] || this.status !== before[1]) this.tell("grew");
-    this.load();
+    await this.fetchNext(WAIT_S);
   }
 
   // What rows of this timeline can do.
@@ -291,20 +288,15 @@ export class Timeline extends Emitter {
     const { header } = batch;
     const found = this.windowed ? new Window(/** @type {Message<BatchHeader, WindowArrays>} */ (batch), this)
       : new Whole(/** @type {Message<BatchHeader, WholeArrays>} */ (batch), this);
-    for (let row = 0, frame = header.start; row < found.rows; row++, frame += header.stride) {
-      const chunk = this.chunk(Math.floor(frame / this.rows));
-      const k = frame % this.rows;
-      if (!chunk.batches[k]) chunk.count++;
-      chunk.batches[k] = found;
-      chunk.at[k] = row;
-    }
+    const { store } = this;
+    store.put(found, header);
     // A timeline that grows may have more than this batch; what is missing is asked for next.
-    this.total = this.growing && header.status === "growing" && !this.windowed ? Math.max(this.total, header.stop) : header.total;
+    store.total = this.growing && header.status === "growing" && !this.windowed ? Math.max(store.total, header.stop) : header.total;
     this.status = header.status;
     this.outline = header.outline;
     this.version++;
     this.stand();
-    this.spare();
+    store.spare();
   }
 
   // Turns the fold so that its last frame, once that is here, has the drawing's orientation.
@@ -317,134 +309,57 @@ export class Timeline extends Emitter {
     standing.set(end.wxyz, windowed ? header.chain.folded_wxyz : header.chain.folded_root_wxyz, folding, this.grown);
   }
 
-  // Where each frame of a stretch is kept: in a row of a batch.
-  /** @param {number} index */
-  chunk(index) {
-    let chunk = this.chunks.get(index);
-    if (!chunk) {
-      chunk = { count: 0, batches: Array.from({ length: this.rows }, () => null), at: new Uint32Array(this.rows) };
-      this.chunks.set(index, chunk);
-    }
-    return chunk;
-  }
-
-  /** @param {number} index */
-  full(index) {
-    const chunk = this.chunks.get(index);
-    return chunk !== undefined && chunk.count >= Math.min(this.rows, this.total - index * this.rows);
-  }
-
   // Whether all that is wanted is here.
-  get complete() { return this.chain !== null && !this.growing && !this.loading.size && this.next() === null; }
+  get complete() { return this.chain !== null && !this.growing && !this.store.loading.size && this.next === null; }
 
-  // The chunk to fetch next: those around the playhead first; null when all that is wanted is here.
-  next() {
-    const chunks = Math.ceil(this.total / this.rows);
-    const here = Math.floor(this.focus / this.rows);
-    for (const index of this.windowed ? this.near(here, chunks) : this.onward(here, chunks)) {
-      if (!this.full(index) && !this.loading.has(index)) return index;
-    }
-    return null;
-  }
-
-  /**
-   * @param {number} here
-   * @param {number} chunks
-   */
-  *near(here, chunks) {
-    for (let away = 0; away <= AHEAD; away++) {
-      if (here + away < chunks) yield here + away;
-      if (away && away <= BEHIND && here >= away) yield here - away;
-    }
-    if (!this.growing && !this.standing.correction && this.nearest(this.last) !== this.last) yield chunks - 1;
-  }
-
-  /**
-   * @param {number} here
-   * @param {number} chunks
-   */
-  *onward(here, chunks) {
-    const most = Math.max(4, Math.floor(MOST_BYTES / (this.rows * (8 * this.joints + 40))));
-    for (let away = 0; away < Math.min(chunks, most); away++) yield (here + away) % chunks;
-  }
+  // The chunk to fetch next; the last frame tells how the fold is to stand.
+  get next() { return this.store.next(!this.growing && !this.standing.correction); }
 
   // Fetches until everything that is wanted is here.
   load() {
-    while (!this.ended && this.chain && this.loading.size < AT_ONCE) {
-      const index = this.next();
-      if (index === null) return;
-      this.fetchChunk(index, this.id);
+    while (!this.ended && this.chain && this.store.loading.size < AT_ONCE) {
+      const { next } = this;
+      if (next === null) return;
+      this.fetchChunk(next, this.store);
     }
   }
 
   /**
    * @param {number} index
-   * @param {string | null} id
+   * @param {FrameStore} store another one once the timeline is begun anew
    */
-  async fetchChunk(index, id) {
-    this.loading.add(index);
+  async fetchChunk(index, store) {
+    store.loading.add(index);
     try {
-      const missing = Math.max(0, this.chunks.get(index)?.batches.indexOf(null) ?? 0);
-      const batch = await this.source.batch({ from: index * this.rows + missing, to: Math.min(this.total, (index + 1) * this.rows) });
-      if (id !== this.id) return;
-      if (!batch || batch.header.id !== id) { this.begunAnew(); return; }
+      const batch = await this.source.batch(store.missing(index));
+      if (store !== this.store) return;
+      if (batch?.header.id !== this.id) { this.begunAnew(); return; }
       this.take(batch);
       this.tell("loaded", index);
     } catch (error) {
       if (error instanceof DamagedError) { this.damaged(error.message); return; }
       await pauseAfter(error);
     }
-    if (id === this.id) { this.loading.delete(index); this.load(); }
-  }
-
-  // Lets go of what is farthest from the playhead when there is too much.
-  spare() {
-    const most = this.windowed ? MOST_WINDOW_BYTES : MOST_BYTES;
-    const here = Math.floor(this.focus / this.rows);
-    const chunks = Math.ceil(this.total / this.rows);
-    const away = (/** @type {number} */ index) => (this.windowed ? Math.abs(index - here) : (index - here + chunks) % chunks);
-    while (this.chunks.size > 4 && this.bytes > most) {
-      this.chunks.delete([...this.chunks.keys()].reduce((a, b) => (away(a) > away(b) ? a : b)));
-    }
-  }
-
-  // Of the frames that are here.
-  get bytes() {
-    /** @type {Set<Rows>} */
-    const batches = new Set();
-    for (const chunk of this.chunks.values()) for (const batch of chunk.batches) if (batch) batches.add(batch);
-    return [...batches].reduce((sum, { bytes }) => sum + bytes, 0);
+    store.loading.delete(index);
+    if (store === this.store) this.load();
   }
 
   // The nearest frame that is here.
   /** @param {number} frame */
-  nearest(frame) {
-    for (let away = 0; away <= this.last; away++) {
-      for (const k of [frame - away, frame + away]) {
-        if (k >= 0 && k <= this.last && this.chunks.get(Math.floor(k / this.rows))?.batches[k % this.rows]) return k;
-      }
-    }
-    return null;
-  }
+  nearest(frame) { return this.store.nearest(frame); }
 
-  /**
-   * @param {number} frame
-   * @returns {Row | null}
-   */
-  row(frame) {
-    const chunk = this.chunks.get(Math.floor(frame / this.rows));
-    const k = frame % this.rows;
-    return chunk ? chunk.batches[k]?.row(chunk.at[k]) ?? null : null;
-  }
+  /** @param {number} frame */
+  row(frame) { return this.store.row(frame); }
 
   // The moment at a frame, between two when it is not whole; the nearest one that is here until the
   // right one is. Centres in pitches. From now on what is around it is fetched first.
   /** @param {number} frame */
   snapshot(frame) {
-    const before = Math.floor(this.focus / this.rows);
-    this.focus = Math.floor(Math.min(Math.max(frame, 0), this.last));
+    const { store } = this;
+    const before = store.here;
+    store.focus = Math.floor(Math.min(Math.max(frame, 0), this.last));
     const found = this.peek(frame);
-    if (!found?.exact || Math.floor(this.focus / this.rows) !== before) this.load();
+    if (!found?.exact || store.here !== before) this.load();
     return found;
   }
 

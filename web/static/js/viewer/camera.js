@@ -1,4 +1,4 @@
-// A camera that keeps the whole chain in view, smoothly.
+// A camera that keeps the whole chain in view, smoothly; what is under a ray from it, and rotations.
 // `web/pictures/camera.py` frames movies by the same equations.
 const MOST_POINTS = 600;
 /** @type {Vector[]} */
@@ -281,3 +281,71 @@ function eigen(given) {
   }
   return { values: [a[0][0], a[1][1], a[2][2]], vectors: v };
 }
+
+// Which module a ray meets first, or null.
+/**
+ * @param {Hull} hull
+ * @param {{ positions: Numbers, wxyzs: Numbers }} poses
+ * @param {Vector} origin
+ * @param {Vector} direction
+ */
+export function picked(hull, { positions, wxyzs }, origin, direction) {
+  const spans = hull.face_normals.map((normal) => {
+    const heights = hull.vertices.map((v) => v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2]);
+    return /** @type {const} */ ([normal, Math.min(...heights), Math.max(...heights)]);
+  });
+  let best = null;
+  let nearest = Infinity;
+  for (let i = 0; i < hull.modules; i++) {
+    /** @type {Quaternion} */
+    const back = [wxyzs[4 * i], -wxyzs[4 * i + 1], -wxyzs[4 * i + 2], -wxyzs[4 * i + 3]];
+    const start = turned(back, [origin[0] - positions[3 * i], origin[1] - positions[3 * i + 1], origin[2] - positions[3 * i + 2]]);
+    const way = turned(back, direction);
+    let enter = -Infinity;
+    let leave = Infinity;
+    for (const [n, low, high] of spans) {
+      const along = way[0] * n[0] + way[1] * n[1] + way[2] * n[2];
+      const at = start[0] * n[0] + start[1] * n[1] + start[2] * n[2];
+      const one = (low - at) / along;
+      const two = (high - at) / along;
+      enter = Math.max(enter, Math.min(one, two));
+      leave = Math.min(leave, Math.max(one, two));
+    }
+    if (enter <= leave && leave > 0 && enter < nearest) { nearest = enter; best = i; }
+  }
+  return best;
+}
+
+// Rotations.
+
+// c = a · b, quaternions w, x, y, z.
+/**
+ * @param {Quaternion} a
+ * @param {Quaternion} b
+ * @param {Quaternion} c
+ */
+export function times(a, b, c) {
+  const [w, x, y, z] = a;
+  const [p, q, r, s] = b;
+  c[0] = w * p - x * q - y * r - z * s;
+  c[1] = w * q + x * p + y * s - z * r;
+  c[2] = w * r - x * s + y * p + z * q;
+  c[3] = w * s + x * r - y * q + z * p;
+  return c;
+}
+
+// The vector (x, y, z) turned by the quaternion q.
+/**
+ * @param {Quaternion} q
+ * @param {Vector} vector
+ * @returns {Vector}
+ */
+export function turned(q, [x, y, z]) {
+  const [w, a, b, c] = q;
+  const u = 2 * (b * z - c * y);
+  const v = 2 * (c * x - a * z);
+  const t = 2 * (a * y - b * x);
+  return [x + w * u + b * t - c * v, y + w * v + c * u - a * t, z + w * t + a * v - b * u];
+}
+
+export const quaternionOf = (/** @type {Numbers} */ q) => /** @type {Quaternion} */ ([q[0], q[1], q[2], q[3]]);

@@ -1,5 +1,9 @@
-// Controls of a 3D view: pointers and wheels on it, the menu of sides, and the button for the path.
+// Controls of a 3D view: pointers and wheels on it, the menu of sides, the button for the path, and the scale of
+// the colours.
 import { get } from "../lib/text.js";
+import { Player } from "../player/player.js";
+import { Sketch } from "./sketch.js";
+import { Stage, StandIn } from "./stage.js";
 
 const MOVED_PX = 4; // a pointer that moves less clicks
 const TURN_RAD = 2 * Math.PI; // for a way as long as the view is high
@@ -79,13 +83,26 @@ export class Hand {
   }
 }
 
+// A player of a timeline on a 3D view, which pointers move, and on the drawing that stands in for it.
 /**
- * The hand on a view: its frame, and the element around it while the frame shows nothing.
- * @param {HTMLElement} frame
- * @param {import("../player/player.js").Player} player
+ * @param {import("../player/timeline.js").Timeline} timeline
+ * @param {HTMLIFrameElement} frame
+ * @param {HTMLCanvasElement} canvas
+ * @param {{ calm: boolean, onFirst?: () => void, onScroll?: () => void, pauseMs?: () => number }} options `onFirst` is called with
+ *   the first drawing, `onScroll` when the page around an embed scrolls
  */
-export function handOn(frame, player) {
-  return new Hand((orbit) => player.send({ do: "orbit", ...orbit }), { height: () => Math.max(1, frame.clientHeight), follows: () => player.is.follow });
+export function playerOn(timeline, frame, canvas, { calm, onFirst, onScroll, pauseMs }) {
+  const sketch = new Sketch(canvas, onFirst);
+  const stage = new Stage(frame, {
+    open: () => standIn.takeOver(), pick: (origin, direction) => player.pick(origin, direction), pointer: (pointer) => hand.hear(pointer), scroll: onScroll,
+  });
+  const standIn = new StandIn(canvas, stage, sketch);
+  /** @type {Player} */
+  const player = new Player(timeline, { stage, standIn, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight), calm, pauseMs });
+  const hand = new Hand((orbit) => player.send({ do: "orbit", ...orbit }), { height: () => Math.max(1, frame.clientHeight), follows: () => player.is.follow });
+  hand.on(canvas);
+  new ResizeObserver(() => player.show(true)).observe(frame);
+  return { player, stage, sketch, standIn };
 }
 
 // The menu of the sides from which a fold can be seen.
@@ -117,4 +134,21 @@ export function pathButton(stages) {
   };
   button.onclick = () => path.set(!path.on);
   return path;
+}
+
+// The scale of a colouring, in numbers.
+/**
+ * @param {import("../player/colours.js").Colouring} chosen
+ * @param {import("../player/timeline.js").Timeline} timeline
+ */
+export function showScale(chosen, timeline) {
+  const { low, high, ramp, none } = chosen.legend();
+  get("legend").hidden = false;
+  get("legend").style.setProperty("--unknown", `rgb(${timeline.bundle.header.colours.unknown.join(" ")})`);
+  get("legend-low").textContent = low;
+  get("legend-high").textContent = high;
+  get("legend-ramp").style.background = ramp;
+  get("legend-none").hidden = !none;
+  const meaning = get("legend-none").lastElementChild;
+  if (meaning) meaning.textContent = none;
 }

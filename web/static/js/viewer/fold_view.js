@@ -5,11 +5,8 @@ import { Timeline } from "../player/timeline.js";
 import { Keys } from "../player/keys.js";
 import { Legend } from "../panels/legend.js";
 import { Place, viewOf } from "../player/address.js";
-import { Player } from "../player/player.js";
-import { handOn, offerSides, pathButton } from "./controls.js";
+import { offerSides, pathButton, playerOn } from "./controls.js";
 import { hasWebGL } from "./scene.js";
-import { Sketch } from "./sketch.js";
-import { Stage, StandIn } from "./stage.js";
 import { get } from "../lib/text.js";
 
 const DRAW_MS = 250;
@@ -48,25 +45,17 @@ export function view({ source, figures, load, over = true, details = null, play 
   if (/[?#&]controls=0\b/.test(location.search + location.hash)) document.body.classList.add("bare");
   const timeline = new Timeline(source, { over });
   const frame = get("view");
-  const stage = new Stage(frame, {
-    open: () => standIn.takeOver(),
-    pick: (origin, direction) => player.pick(origin, direction),
-    pointer: (pointer) => hand.hear(pointer),
-    scroll: onScroll,
-  });
-  // The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
-  const sketch = new Sketch(get("sketch"), () => {
-    get("cover").classList.add("gone");
-    setTimeout(start3d, DRAW_MS);
-  });
-  const standIn = new StandIn(sketch.canvas, stage, sketch);
-  standIn.onOpen = () => get("cover").classList.add("gone");
   const shares = navigator.hardwareConcurrency <= MAX_SHARED_CORES;
   const pauseMs = () => (shares && !timeline.over && (player.shown?.frame ?? 0) > 0 ? COMPUTING_PICTURE_MS : 0);
-  /** @type {Player} */
-  const player = new Player(timeline, { stage, standIn, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight), calm, pauseMs });
-  const hand = handOn(frame, player);
-  hand.on(sketch.canvas);
+  // The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
+  /** @type {ReturnType<typeof playerOn>} */
+  const { player, stage, sketch, standIn } = playerOn(timeline, frame, get("sketch"), {
+    calm, pauseMs, onScroll, onFirst: () => {
+      get("cover").classList.add("gone");
+      setTimeout(start3d, DRAW_MS);
+    },
+  });
+  standIn.onOpen = () => get("cover").classList.add("gone");
   const plots = details && new details.Plots(get("panel-plots"), player, figures);
   const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
   const legend = new Legend(player, figures);
@@ -76,7 +65,6 @@ export function view({ source, figures, load, over = true, details = null, play 
     player, view: () => viewOf(player, through.on), colour: (key) => legend.ask(key), path: (on) => through.set(on),
   }, calm);
   through.changed = () => { place.note(); start3d(); };
-  new ResizeObserver(() => player.show(true)).observe(frame);
   offerSides(player);
   new Keys(player, bar, { alone: true, module: panel && (() => panel.begin()) });
 

@@ -1,8 +1,7 @@
 // The 3D scene of a preview: layers that come and go, and one module that stands out; see
 // web/viser/preview_scene.py.
-import { framing, positionOf } from "./camera.js";
+import { framing, picked, positionOf } from "./camera.js";
 import { decode } from "../lib/columns.js";
-import { picked } from "../lib/kinematics.js";
 import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
 
 const MOST_TRIES = 8;

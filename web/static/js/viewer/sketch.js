@@ -1,5 +1,17 @@
 // A fold drawn by the page itself, in a worker: at once, and without WebGL.
-import { tableColours } from "./table.js";
+
+// Colours of the table that a chain folds on, by the page's theme.
+// `top` and `edge` are what the drawing has, `lit` what becomes the same in the 3D view's light.
+/** @type {Record<"light" | "dark", { lit: Colour, top: Colour, edge: Colour }>} */
+const COLOURS = {
+  light: { lit: [206, 190, 166], top: [222, 214, 200], edge: [184, 172, 152] }, // as web/pictures/table_top.py
+  dark: { lit: [62, 68, 77], top: [76, 83, 93], edge: [50, 56, 64] },
+};
+// What the table looks like now.
+export function tableColours() {
+  const { theme } = document.documentElement.dataset;
+  return COLOURS[theme === "light" || theme === "dark" ? theme : matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark"];
+}
 
 // The radial gradient that an element has for a ground: its size and place in shares, and its colours;
 // null when it has another.

@@ -2,8 +2,8 @@
 // drawing, which is shown in its place while the scene is not ready or too slow.
 import { Scene, cameraTo, isSoftware, linear, update, visibility } from "./scene.js";
 import { KEYS } from "../player/keys.js";
-import { buriedBy } from "../lib/kinematics.js";
-import { discs, tableColours } from "./table.js";
+import { buriedBy } from "../player/kinematics.js";
+import { tableColours } from "./sketch.js";
 
 const GROUND_GAP = 0.35;
 const SINK_S = 0.05;
@@ -15,6 +15,12 @@ const MEASURED = 4; // pictures, of which the slowest does not count: it may hav
 const MANY = 300; // modules, which software never shows in time
 const REST_MS = 400;
 const MAX_TAP_PX = 8; // that a pointer moves while it taps
+
+// Discs on the table, that tell how hard modules press on it.
+const ABOVE = 0.02; // pitches that the lowest disc is above the table
+const APART = 0.002; // and the next one above it, so that none flickers
+const AREA = 0.62; // radius of a disc, in pitches, of a module that presses with its own weight
+const LEAST = 0.05; // weights; what presses less has no disc
 
 /** @typedef {[Snapshot, Uint8Array, Eye]} Picture */
 
@@ -213,6 +219,28 @@ export class Stage extends Scene {
     this.ground = after;
     return true;
   }
+}
+
+// Discs whose areas are the forces of the table under the modules, in the scene's units.
+/**
+ * @param {Numbers} pressed weights of a module, NaN where that is not known
+ * @param {Numbers} positions
+ * @param {number} height
+ * @param {number} pitch
+ */
+export function discs(pressed, positions, height, pitch) {
+  const n = pressed.length;
+  const places = new Float32Array(3 * n);
+  const scales = new Float32Array(n);
+  let standing = 0;
+  for (let i = 0; i < n; i++) {
+    if (!(pressed[i] > LEAST)) { places[3 * i + 2] = NOWHERE; continue; }
+    places[3 * i] = positions[3 * i] * pitch;
+    places[3 * i + 1] = positions[3 * i + 1] * pitch;
+    places[3 * i + 2] = (height + ABOVE + APART * standing++) * pitch;
+    scales[i] = AREA * Math.sqrt(pressed[i]);
+  }
+  return { places, scales };
 }
 
 // Shows a fold in the 3D view or in the page's own drawing on top of it: until the view has started and, where

@@ -1,12 +1,73 @@
-// The sheet: the cells of one layer as a grid of buttons, painted with a pointer, a finger or the keyboard.
-import { element } from "../lib/text.js";
+// View of the editor: the sheet, which has the cells of one layer as a grid of buttons that are painted with a
+// pointer, a finger or the keyboard, and the controls around it.
+import { element, get, svg } from "../lib/text.js";
 import { headOf, nextCells, touch } from "./cell_path.js";
 import { cellOf, keyOf } from "./painting.js";
 import { passed } from "./shape_tools.js";
+import { HINTS } from "./state.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 /** @type {Record<string, [x: number, y: number]>} */
-export const ARROWS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
+const ARROWS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
+
+/** @type {Record<string, string>} */
+const MODULES = {
+  no: "Each cell becomes 2×2×2 modules. A path always exists.",
+  yes: "Each cell becomes one module. Exact, but there may be no path.",
+  path: "Each cell becomes one module, in the order you draw them.",
+};
+
+export const all = (/** @type {string} */ selector) => /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll(selector));
+
+// Writes a text with its tone where it is another one: screen readers read again what is written again.
+/**
+ * @param {"count" | "message" | "checked" | "reading"} id
+ * @param {string} text
+ * @param {string} tone
+ */
+export function say(id, text, tone = "") {
+  if (get(id).textContent !== text) get(id).textContent = text;
+  get(id).dataset.tone = tone;
+}
+
+// Shows what the controls around the sheet can do now, and what would be folded.
+/**
+ * @param {import("./state.js").Editor} editor
+ * @param {import("./state.js").Standing} standing
+ */
+export function showControls({ painting, layer, draft, refused, sending }, { cells, text, tone, limit, whole, completable, ready }) {
+  get("layer").textContent = `Layer ${layer + 1}`;
+  get("down").disabled = get("repeat").disabled = layer === 0;
+  get("up").disabled = layer === painting.size - 1;
+  get("undo").disabled = !painting.done.length;
+  get("redo").disabled = !painting.undone.length;
+  get("clear").disabled = get("save-cells").disabled = !cells;
+  get("cut").disabled = get("turn").disabled = get("unpath").disabled = !painting.path.length;
+  get("complete").disabled = !completable;
+  get("preview").disabled = get("fold").disabled = !ready || sending;
+  get("size").value = String(painting.size);
+  get("empty").hidden = cells > 0;
+  get("most").textContent = limit;
+  get("how").textContent = MODULES[draft.how];
+  get("save-path").hidden = !whole;
+  say("count", text, tone);
+  say("message", refused);
+}
+
+// Shows the stored name and choice; browsers fill in fields of their own after a reload.
+/** @param {import("./painting.js").Draft} draft */
+export function showDraft({ name, how }) {
+  get("name").value = name;
+  for (const input of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll('[name="exact"]'))) input.checked = input.value === how;
+}
+
+// Shows which tool is held, with its options and a hint.
+/** @param {import("./state.js").Tool} tool */
+export function showTool(tool) {
+  for (const button of all("[data-tool]")) button.ariaPressed = String(button.dataset.tool === tool);
+  for (const options of all("[data-for]")) options.hidden = !options.dataset.for?.split(" ").includes(tool);
+  const [hint, keys] = HINTS[tool];
+  get("hint").replaceChildren(`${hint} `, element("span", { class: "keys" }, keys));
+}
 
 export class Sheet {
   /**
@@ -24,9 +85,7 @@ export class Sheet {
     this.focused = [0, 0];
     /** @type {[x: number, y: number] | null} */
     this.stroke = null;
-    this.lines = document.createElementNS(SVG, "svg");
-    this.lines.setAttribute("class", "lines");
-    this.lines.setAttribute("aria-hidden", "true");
+    this.lines = svg("svg", { class: "lines", "aria-hidden": "true" });
     grid.addEventListener("pointerdown", (event) => this.press(event));
     grid.addEventListener("pointermove", (event) => this.drag(event));
     grid.addEventListener("pointerup", () => this.lift(true));
@@ -86,11 +145,6 @@ export class Sheet {
   /** @param {DrawnPath} drawn */
   course(drawn) {
     const { path } = drawn;
-    const made = (/** @type {string} */ name, /** @type {Record<string, string | number>} */ attributes) => {
-      const part = document.createElementNS(SVG, name);
-      for (const [key, value] of Object.entries(attributes)) part.setAttribute(key, String(value));
-      return part;
-    };
     let way = "";
     let gaps = "";
     let ups = "";
@@ -110,12 +164,12 @@ export class Sheet {
     });
     const spot = (/** @type {number} */ key, /** @type {string} */ name, /** @type {number} */ r) => {
       const [x, y, z] = cellOf(key, this.size);
-      return z === this.layer ? [made("circle", { class: name, cx: y + 0.5, cy: x + 0.5, r })] : [];
+      return z === this.layer ? [svg("circle", { class: name, cx: y + 0.5, cy: x + 0.5, r })] : [];
     };
     const head = headOf(drawn);
     return [
-      made("path", { class: "way casing", d: way }), made("path", { class: "way", d: way }),
-      made("path", { class: "gaps", d: gaps }), made("path", { class: "ups", d: ups }),
+      svg("path", { class: "way casing", d: way }), svg("path", { class: "way", d: way }),
+      svg("path", { class: "gaps", d: gaps }), svg("path", { class: "ups", d: ups }),
       ...(path.length ? spot(path[0], "first", 0.2) : []),
       ...(head === null ? [] : spot(head, "head", 0.3)),
     ];

@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
-import { beforeEach, test } from "node:test";
-import { bring, broughtKeys, dropKey, foldsApart, forgetKeys, isKey, keepToken, keysHere, newKey, ownKey, replaceOwn, tokenOf, useKey } from "../../../web/static/js/lib/keys.js";
+import { afterEach, beforeEach, test } from "node:test";
+import { Refusal, ask, bring, broughtKeys, dropKey, foldsApart, forgetKeys, formOf, isKey, keepToken, keysHere, newKey, ownKey, remove, replaceOwn, tokenOf, useKey } from "../../../web/static/js/lib/api.js";
 import { FoldList } from "../../../web/static/js/lib/made.js";
-import { span } from "../../../web/static/js/lib/text.js";
+import { span } from "../../../web/static/js/panels/made_cards.js";
 
 const OTHER = "o".repeat(32);
 
@@ -12,6 +12,8 @@ class Storage {
   removeItem(name) { delete this[name]; }
 }
 
+const { fetch: usualFetch } = globalThis;
+afterEach(() => { globalThis.fetch = usualFetch; });
 beforeEach(() => { globalThis.localStorage = new Storage(); });
 
 test("a key is made once, when it is needed, and has 192 random bits", () => {
@@ -83,7 +85,7 @@ const PAGES = {
 };
 function service(refuse = () => false) {
   const asked = [];
-  return { asked, ask: async (address, key) => {
+  return { asked, list: async (address, key) => {
     asked.push(address);
     if (refuse(asked.length)) throw new Error("away");
     const page = Number(new URL(address, "http://x").searchParams.get("page") ?? 0);
@@ -93,8 +95,8 @@ function service(refuse = () => false) {
 }
 
 test("the folds of several keys are one list, the newest first", async () => {
-  const { ask, asked } = service();
-  const list = new FoldList(["mine", "theirs"], ask);
+  const { list: answer, asked } = service();
+  const list = new FoldList(["mine", "theirs"], answer);
   const ids = async (count) => (await list.more(count)).map(({ fold, key }) => `${fold.id} ${key}`);
   assert.deepEqual(await ids(3), ["m9 mine", "t8 theirs", "t7 theirs"]);
   assert.deepEqual([list.total, list.done, asked.length], [7, false, 2]); // no more than is needed
@@ -105,7 +107,7 @@ test("the folds of several keys are one list, the newest first", async () => {
 
 test("without a key there is nothing, and an error loses nothing that is told already", async () => {
   assert.deepEqual(await new FoldList([]).more(5), []);
-  const list = new FoldList(["mine"], service((n) => n === 2).ask);
+  const list = new FoldList(["mine"], service((n) => n === 2).list);
   assert.equal((await list.more(1)).length, 1);
   await assert.rejects(list.more(5), /away/);
   assert.deepEqual((await list.more(5)).map(({ fold }) => fold.id), ["m5", "m4", "m1"]);
@@ -113,4 +115,43 @@ test("without a key there is nothing, and an error loses nothing that is told al
 
 test("ages are told in one unit", () => {
   assert.deepEqual([0, 90, 5399, 5400, 86400, 129600, 2592000].map((age) => span(age).replace("\u00a0", " ")), ["1 min", "2 min", "90 min", "2 h", "24 h", "2 days", "30 days"]);
+});
+
+// A service that answers each request in turn; what it was sent is listed.
+function answering(...answers) {
+  const requests = [];
+  globalThis.fetch = async (path, sent) => {
+    requests.push([path, sent]);
+    const [status, text] = answers.shift() ?? [];
+    if (!status) throw new TypeError("no connection");
+    return new Response(status === 204 ? null : text, { status });
+  };
+  return requests;
+}
+
+test("a body is sent as JSON or as the form that it is, and the key in one header", async () => {
+  const requests = answering([200, '{"id":"a"}'], [204, ""], [201, "{}"]);
+  assert.deepEqual(await ask("/api/folds/a"), { id: "a" });
+  assert.deepEqual(await ask("/api/folds/a", { method: "PATCH", token: OTHER, body: { name: "Duck" } }), {});
+  await ask("/api/shapes/preview", { body: formOf({ seed: 3, full: false, start: null }) });
+  assert.deepEqual(requests.map(([path, { method }]) => `${method} ${path}`), ["GET /api/folds/a", "PATCH /api/folds/a", "POST /api/shapes/preview"]);
+  assert.deepEqual(requests.map(([, { headers }]) => headers), [{}, { Authorization: `Bearer ${OTHER}`, "Content-Type": "application/json" }, {}]);
+  assert.deepEqual([requests[0][1].body, requests[1][1].body, [...requests[2][1].body]], [null, '{"name":"Duck"}', [["seed", "3"], ["full", "false"]]]);
+});
+
+test("a refusal has the words of the service, its status and its code", async () => {
+  answering([422, '{"code":"not-for-a-table","detail":"module 0 hangs","where":""}'], [502, "<html>"], [], [429, "null"]);
+  const refusals = [];
+  for (let k = 0; k < 4; k++) refusals.push(await ask("/x").catch((error) => error));
+  assert.ok(refusals.every((error) => error instanceof Refusal));
+  assert.deepEqual(refusals.map(({ message, status, code, final }) => [message, status, code, final]), [
+    ["Module 1 hangs", 422, "not-for-a-table", true], ["The server answered 502.", 502, "", false],
+    ["The server cannot be reached. Check the connection and try again.", 0, "", false], ["The server answered 429.", 429, "", false],
+  ]);
+});
+
+test("what is gone already counts as removed", async () => {
+  answering([204, ""], [404, "{}"], [403, "{}"], [500, "{}"]);
+  for (let k = 0; k < 3; k++) await remove("/x", OTHER);
+  await assert.rejects(remove("/x", OTHER), /answered 500/);
 });

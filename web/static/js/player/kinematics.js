@@ -1,38 +1,9 @@
-// From hinge angles and a root pose to the poses of all modules; planner/chain/module.py tells the equation:
+// From hinge angles and a root pose to the poses of all modules, how far the chain is folded, and the orientation
+// in which it is shown. The poses, as in planner/chain/module.py:
 // T[i+1] = T[i] · Trans(anchor) · Rot(axis_1, q_1) … Rot(axis_K, q_K) · turn · Trans(offset).
-
-// c = a · b, quaternions w, x, y, z.
-/**
- * @param {Quaternion} a
- * @param {Quaternion} b
- * @param {Quaternion} c
- */
-export function times(a, b, c) {
-  const [w, x, y, z] = a;
-  const [p, q, r, s] = b;
-  c[0] = w * p - x * q - y * r - z * s;
-  c[1] = w * q + x * p + y * s - z * r;
-  c[2] = w * r - x * s + y * p + z * q;
-  c[3] = w * s + x * r - y * q + z * p;
-  return c;
-}
+import { quaternionOf, times, turned } from "../viewer/camera.js";
 
 const vectorOf = (/** @type {Numbers} */ p) => /** @type {Vector} */ ([p[0], p[1], p[2]]);
-export const quaternionOf = (/** @type {Numbers} */ q) => /** @type {Quaternion} */ ([q[0], q[1], q[2], q[3]]);
-
-// The vector (x, y, z) turned by the quaternion q.
-/**
- * @param {Quaternion} q
- * @param {Vector} vector
- * @returns {Vector}
- */
-export function turned(q, [x, y, z]) {
-  const [w, a, b, c] = q;
-  const u = 2 * (b * z - c * y);
-  const v = 2 * (c * x - a * z);
-  const t = 2 * (a * y - b * x);
-  return [x + w * u + b * t - c * v, y + w * v + c * u - a * t, z + w * t + a * v - b * u];
-}
 
 export class Kinematics {
   /** @type {Poses | undefined} */
@@ -247,40 +218,6 @@ function moved({ positions: from, wxyzs: turns }, begin, end, p, q, { positions,
   }
 }
 
-// Which module a ray meets first, or null.
-/**
- * @param {Hull} hull
- * @param {{ positions: Numbers, wxyzs: Numbers }} poses
- * @param {Vector} origin
- * @param {Vector} direction
- */
-export function picked(hull, { positions, wxyzs }, origin, direction) {
-  const spans = hull.face_normals.map((normal) => {
-    const heights = hull.vertices.map((v) => v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2]);
-    return /** @type {const} */ ([normal, Math.min(...heights), Math.max(...heights)]);
-  });
-  let best = null;
-  let nearest = Infinity;
-  for (let i = 0; i < hull.modules; i++) {
-    /** @type {Quaternion} */
-    const back = [wxyzs[4 * i], -wxyzs[4 * i + 1], -wxyzs[4 * i + 2], -wxyzs[4 * i + 3]];
-    const start = turned(back, [origin[0] - positions[3 * i], origin[1] - positions[3 * i + 1], origin[2] - positions[3 * i + 2]]);
-    const way = turned(back, direction);
-    let enter = -Infinity;
-    let leave = Infinity;
-    for (const [n, low, high] of spans) {
-      const along = way[0] * n[0] + way[1] * n[1] + way[2] * n[2];
-      const at = start[0] * n[0] + start[1] * n[1] + start[2] * n[2];
-      const one = (low - at) / along;
-      const two = (high - at) / along;
-      enter = Math.max(enter, Math.min(one, two));
-      leave = Math.min(leave, Math.max(one, two));
-    }
-    if (enter <= leave && leave > 0 && enter < nearest) { nearest = enter; best = i; }
-  }
-  return best;
-}
-
 // Middles of faces are compared on a grid.
 const CELLS_PER_PITCH = 4;
 const MAX_CELL = 2 ** 16; // from the origin, either way
@@ -322,3 +259,125 @@ export function buriedBy(neighbours, modules) {
     return most + 1;
   });
 }
+
+// The measure of folding: 0 for the straight chain, 1 when all hinges have the angles of the shape. It is the
+// mean over the hinges of angle / goal, each from 0 to 1 and weighted with |goal|. A plain sum of errors would
+// stay at 0 while the chain bends everywhere on its way; this one rises steadily.
+/**
+ * @param {(hinge: number) => number} angle
+ * @param {Floats} goal
+ */
+export function foldedness(angle, goal) {
+  let reached = 0;
+  let all = 0;
+  for (let j = 0; j < goal.length; j++) {
+    const wanted = Math.abs(goal[j]);
+    all += wanted;
+    if (wanted) reached += Math.min(wanted, Math.max(0, angle(j) * Math.sign(goal[j])));
+  }
+  return all > 0 ? reached / all : 1;
+}
+
+// The frame of the fold with that share of folding, between two where need be; found by halving, of the
+// frames that are here.
+/**
+ * @param {import("./timeline.js").Timeline} timeline
+ * @param {number} wanted
+ */
+export function frameFolded(timeline, wanted) {
+  const folding = timeline.outline.phases.findLast(({ name }) => name === "playback");
+  if (!folding) return null;
+  const value = (/** @type {number} */ frame) => {
+    const row = timeline.row(frame);
+    return row && foldedness((j) => timeline.how.angle(row, j), timeline.foldedRad);
+  };
+  let [low, high] = [folding.from, folding.to - 1];
+  if (wanted <= 0) return low;
+  if (wanted >= 1) return high;
+  let [less, more] = [value(low) ?? 0, value(high) ?? 1];
+  while (high - low > 1) {
+    const middle = hereBetween(timeline, low, high);
+    if (middle === null) break;
+    const found = value(middle) ?? 0;
+    if (found < wanted) [low, less] = [middle, found];
+    else [high, more] = [middle, found];
+  }
+  const share = more > less ? (wanted - less) / (more - less) : 1;
+  return low + (high - low) * Math.min(1, Math.max(0, share));
+}
+
+// The frame that is here and nearest to the middle of two, without them.
+/**
+ * @param {import("./timeline.js").Timeline} timeline
+ * @param {number} low
+ * @param {number} high
+ */
+function hereBetween(timeline, low, high) {
+  const middle = Math.floor((low + high) / 2);
+  for (let away = 0; middle - away > low || middle + away < high; away++) {
+    if (middle + away < high && timeline.row(middle + away)) return middle + away;
+    if (middle - away > low && timeline.row(middle - away)) return middle - away;
+  }
+  return null;
+}
+
+/** Seconds in which the correction fades in when a timeline is completed on an open page. Chosen. */
+const FADE_S = 0.8;
+const MIN_SINE = 1e-9; // of half the angle of a correction; a smaller one is none
+
+// The finished shape stands as it was drawn. A chain that floats turns as a whole while it folds, so the
+// orientation at the end of a simulated fold is not that of the drawing. The playback is shown in a frame
+// of reference that turns evenly: not at all at the straight chain, fully at the last frame. Only the
+// orientation of the first or root module changes; hinge angles and files stay as recorded.
+export class Standing {
+  /** @type {{ angle: number, axis: Vector, from: number, to: number } | null} */
+  correction = null;
+  amount = 0; // of the correction that is shown, 0 to 1
+
+  // Sets the correction from the orientations of one module at the last frame and in the drawing.
+  /**
+   * @param {Numbers} end
+   * @param {Numbers} drawn
+   * @param {Phase} folding
+   * @param {boolean} fade
+   */
+  set(end, drawn, { from, to }, fade) {
+    const length = Math.hypot(...Array.from(end)) * Math.hypot(...Array.from(drawn));
+    const [w, x, y, z] = times(quaternionOf(drawn), [end[0], -end[1], -end[2], -end[3]], [0, 0, 0, 0]).map((v) => v / length);
+    const sine = Math.hypot(x, y, z) * (w < 0 ? -1 : 1); // the short way
+    this.correction = Math.abs(sine) < MIN_SINE ? null : { angle: 2 * Math.atan2(Math.abs(sine), Math.abs(w)), axis: [x / sine, y / sine, z / sine], from, to };
+    if (!fade) this.amount = 1;
+  }
+
+  clear() {
+    this.correction = null;
+    this.amount = 0;
+  }
+
+  get fading() { return this.correction !== null && this.amount < 1; }
+
+  // Lets seconds pass; true while the correction fades in.
+  /** @param {number} passed */
+  advance(passed) {
+    if (!this.fading) return false;
+    this.amount = Math.min(1, this.amount + passed / FADE_S);
+    return true;
+  }
+
+  // The orientation that is shown in place of a recorded one at a frame.
+  /**
+   * @param {Floats} wxyz
+   * @param {number} frame
+   */
+  turned(wxyz, frame) {
+    const { correction, amount } = this;
+    if (!correction || !amount || frame <= correction.from) return wxyz;
+    const { angle, axis: [x, y, z], from, to } = correction;
+    const half = (angle / 2) * amount * smooth(Math.min(1, (frame - from) / Math.max(1, to - 1 - from)));
+    const s = Math.sin(half);
+    return Float64Array.from(times([Math.cos(half), s * x, s * y, s * z], quaternionOf(wxyz), [0, 0, 0, 0]));
+  }
+}
+
+/** @param {number} share */
+const smooth = (share) => share * share * (3 - 2 * share);

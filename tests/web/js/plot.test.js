@@ -1,7 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { ticks } from "../../../web/static/js/lib/ticks.js";
+import { linePath, scaleOf, ticks } from "../../../web/static/js/lib/plot.js";
 import { labels, layout } from "../../../web/static/js/panels/choice.js";
+import { axes, csv } from "../../../web/static/js/panels/plots.js";
+import { frameIn } from "../../../web/static/js/player/bar.js";
 
 /**
  * @param {number | null} time
@@ -42,4 +44,29 @@ test("what is not known has no dot; one plan alone, or equal ones, can be drawn"
   const { dots, up } = layout([plan(3, 1, 0), plan(3, 1, 0)], "torque_mnm");
   assert.ok(dots.every(({ x, y }) => Number.isFinite(x) && Number.isFinite(y)));
   assert.ok(up.length > 0);
+});
+
+test("a plot as text has every frame, from 1 as on the page, and nothing where nothing is known", () => {
+  assert.equal(csv("min_clearance", [0.25, NaN, -0.5]), "frame,min_clearance\n1,0.25\n2,\n3,-0.5");
+});
+
+test("axes have round values with their unit, and frames from 1", () => {
+  const { up, across } = axes({ low: 0, high: 3.4e-5, frames: 1026, text: (v) => `${Math.round(v * 1e6)} µN·m` });
+  assert.deepEqual(up.map(({ text }) => text), ["0 µN·m", "20 µN·m"]);
+  assert.deepEqual(across.map(({ text }) => text), ["1", "500", "1\u2009000"]);
+  assert.ok([...up, ...across].every(({ at }) => at >= 0 && at <= 1));
+  assert.equal(axes({ low: 0, high: 0, frames: 1, text: String }).across.length, 1);
+});
+
+test("a scale leads from end to end, evenly or by powers, and a line has gaps where nothing is known", () => {
+  const even = scaleOf([0, 10], [100, 0]);
+  assert.deepEqual([0, 2.5, 10].map(even), [100, 75, 0]);
+  assert.deepEqual([1, 10, 100].map(scaleOf([1, 100], [0, 8], true)), [0, 4, 8]);
+  assert.equal(scaleOf([3, 3], [5, 9])(3), 5);
+  assert.equal(linePath([0, 10, NaN, 5], (k) => k, even), "M0.0 100.0L1.0 0.0M3.0 50.0");
+});
+
+test("a frame is typed as it is told: from 1, with or without its space; all else is none", () => {
+  assert.deepEqual(["1", " 240 ", "1 085", "1\u2009085"].map((text) => frameIn(text, 1085)), [0, 239, 1084, 1084]);
+  for (const text of ["", "0", "1086", "-3", "2.5", "1e2", "12 s", "99999999999"]) assert.equal(frameIn(text, 1085), null, text);
 });

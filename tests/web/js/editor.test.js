@@ -1,0 +1,70 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { keyOf } from "../../../web/static/js/editor/painting.js";
+import { Editor } from "../../../web/static/js/editor/state.js";
+
+const key = (x, y, z = 0) => keyOf(x, y, z, 10);
+function painted(count, how = "no", maxModules = 200) {
+  const editor = new Editor(maxModules);
+  editor.draft.note({ how });
+  editor.step(() => editor.painting.paint(Array.from({ length: count }, (_, y) => key(0, y)), true));
+  return editor;
+}
+const said = ({ standing: { text, tone, limit, ready, completable } }) => [text, tone, limit, ready, completable];
+
+test("what would be folded is told with what is wrong with it", () => {
+  assert.deepEqual(said(painted(0)), ["", "", "", false, false]);
+  assert.deepEqual(said(painted(2)), ["16 modules", "", "Limit: 200 modules.", true, true]);
+  assert.deepEqual(said(painted(2, "yes")), ["2 modules. A fold needs at least 8.", "", "Limit: 200 modules.", false, true]);
+  assert.deepEqual(said(painted(9, "no", 64)), ["72 modules are too many (at most 64). Paint fewer cells.", "bad", "", false, false]);
+  const apart = painted(2);
+  apart.step(() => apart.painting.paint([key(5, 5)], true));
+  assert.deepEqual(said(apart), ["The shape has 2 separate pieces. Connect them face to face.", "bad", "Limit: 200 modules.", false, true]);
+});
+
+test("a path of one's own is ready when it visits all cells", () => {
+  const editor = painted(4, "path");
+  assert.deepEqual(said(editor), ["No path yet.", "", "4 modules. Limit: 200 modules.", false, true]);
+  editor.step(() => editor.follow({ path: [0, 1, 2, 3].map((y) => key(0, y)), atStart: false }));
+  assert.deepEqual(said(editor), ["The path visits all 4 cells.", "good", "4 modules. Limit: 200 modules.", true, false]);
+  assert.ok(editor.standing.whole);
+});
+
+test("the path is seen with its tool and with its choice", () => {
+  const editor = painted(2);
+  assert.equal(editor.shownPath, null);
+  editor.take("path"); // chooses a path of one's own as well
+  assert.deepEqual([editor.draft.how, editor.shownPath], ["path", { path: [], atStart: false }]);
+  editor.take("paint");
+  assert.ok(editor.shownPath);
+});
+
+test("a layer is copied from the one below, and there is none beyond the grid", () => {
+  const editor = painted(3);
+  editor.turn(1);
+  editor.repeat();
+  assert.ok([0, 1, 2].every((y) => editor.painting.cells[key(0, y, 1)]));
+  editor.turn(99);
+  assert.equal(editor.layer, 9);
+  editor.turn(-1);
+  assert.equal(editor.layer, 0);
+});
+
+test("a letter gives the shape its name, a file its cells and their order", () => {
+  const editor = painted(3);
+  editor.turn(4);
+  editor.write("T", [[0, 0], [0, 1], [0, 2]]);
+  assert.deepEqual([editor.name, editor.layer, editor.painting.filled, editor.painting.cells[key(2, 2)]], ["Letter T", 0, 3, 1]);
+  editor.draft.note({ name: " Duck/1 " });
+  assert.deepEqual([editor.name, editor.fileName("path.json")], ["Duck/1", "Duck1.path.json"]);
+  editor.clear();
+  assert.deepEqual([editor.painting.filled, editor.name], [0, "Duck/1"]);
+  const large = { size: 10, cells: new Uint8Array(1000).fill(1, 0, 30), path: [] };
+  editor.open(large, "Slab", false); // 240 modules of blocks would be too many
+  assert.deepEqual([editor.draft.how, editor.name, editor.painting.filled], ["yes", "Slab", 30]);
+  editor.resize(16);
+  assert.deepEqual([editor.painting.size, editor.painting.filled], [16, 30]);
+  editor.step(() => editor.painting.paint([keyOf(15, 15, 15, 16), keyOf(0, 0, 0, 16)], true));
+  editor.resize(10);
+  assert.match(editor.refused, /larger than this grid/);
+});

@@ -1,0 +1,114 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { Preview, figuresOf, nearby, notesOf, oddWords, offerOf, troubleOf, verdictOf } from "../../../web/static/js/panels/preview_state.js";
+
+const CHOICES = { module: ["cube", "tetrahedron"], method: ["auto", "blocks", "exact", "snake"], ends: ["any", "surface"], world: ["floating", "table"] };
+const FACTS = { id: "abc", most_modules: 12_000, table_modules: 64, next_scripts: [] };
+const opened = (query = "") => new Preview(FACTS, CHOICES, new URLSearchParams(query));
+const report = (more = {}) => ({
+  kind: "mesh", key: "k", name: "brick", module: "cube", modules: 64, asked: null, below: null, above: null, iou: null, has_path: true, as_voxels: false,
+  not_started: "", candidates: 3, expected_s: 5, expected_as_published_s: 300, expected_preferred_s: 50, knot: null, feasibility: null, notes: [], added: [], cells: [], ...more,
+});
+
+test("the address holds the options that differ, and nonsense in it is not taken", () => {
+  const query = "?module=tetrahedron&modules=64&method=exact&ends=surface&start=1%2C-2%2C3&seed=7";
+  assert.equal(opened(query).query, query.replace("&start=1%2C-2%2C3", "").replace("&seed", "&start=1%2C-2%2C3&seed"));
+  assert.equal(opened("?module=sphere&modules=x&method=__proto__&ends=&start=1,2&seed=a&world=sea").query, "");
+  assert.equal(opened("?as_voxels=true&repair=true").query, "?repair=true&as_voxels=true");
+});
+
+test("a number of modules stays within the bounds, which are said where they are reached", () => {
+  const preview = opened("?modules=15000");
+  assert.deepEqual([preview.options.modules, preview.bound], [12_000, "At most 12\u2009000 modules"]);
+  for (const [given, count, words] of [[3, 8, "At least 8 modules"], [NaN, 8, ""], [99.6, 100, ""]]) {
+    preview.change({ modules: given });
+    assert.deepEqual([preview.options.modules, preview.bound], [count, words]);
+  }
+  for (const place of [0, 500, 1000]) assert.ok(Math.abs(preview.placeOf(preview.modulesAt(place)) - place) <= 2);
+  assert.deepEqual([preview.modulesAt(0), preview.modulesAt(1000)], [8, 12_000]);
+});
+
+test("a cell to start in is forgotten with the cells, and kept with their order", () => {
+  for (const [change, start] of [[{ ends: "surface" }, "1,2,3"], [{ as_voxels: true }, "1,2,3"], [{ seed: 3 }, null], [{ method: "blocks" }, null], [{ modules: 24 }, null], [{ start: "4,5,6" }, "4,5,6"]]) {
+    const preview = opened("?start=1,2,3");
+    preview.change(change);
+    assert.equal(preview.options.start, start, JSON.stringify(change));
+  }
+});
+
+test("on a table there are cubes, the default preset and no preference", () => {
+  const preview = opened("?module=tetrahedron&ends=surface&method=snake&start=1,2,3");
+  preview.plan("default", "time");
+  assert.equal(preview.prefer, "time");
+  preview.change({ world: "table" });
+  assert.equal(preview.query, "?world=table");
+  assert.deepEqual([preview.preset, preview.prefer, preview.choosing], ["default", "computing", false]);
+  preview.change({ method: "blocks", repair: true });
+  assert.equal(preview.options.method, "blocks");
+  preview.change({ world: "floating" }); // repairs and blocks are chosen for one world
+  assert.equal(preview.query, "");
+});
+
+test("the time that is expected is that of the preset and the preference", () => {
+  const preview = opened();
+  assert.equal(preview.expected, "–");
+  preview.take(report());
+  const expected = (preset, prefer) => { preview.plan(preset, prefer); return preview.expected; };
+  assert.deepEqual([expected("default", "computing"), expected("default", "torque"), expected("paper", "torque")], ["about 5 s", "about 50 s", "about 5 min"]);
+  preview.refuse();
+  assert.equal(preview.expected, "–");
+});
+
+test("the module that was clicked can become the first, which can be undone", () => {
+  const preview = opened();
+  assert.equal(preview.start, null);
+  preview.take(report());
+  preview.picked = { module: 4, cell: [1, 2, 3] };
+  assert.deepEqual(preview.start, { text: "Module 5 of 64", button: "Start here", change: { start: "1,2,3" } });
+  preview.change({ start: "1,2,3" });
+  preview.take(report());
+  assert.deepEqual(preview.start, { text: "Starts in (1, 2, 3)", button: "Undo", change: { start: null } });
+  preview.picked = { module: 0, cell: [1, 2, 3] };
+  assert.equal(preview.start.button, "");
+  preview.take(report({ not_started: "no path starts there" }));
+  assert.equal(preview.options.start, null);
+});
+
+test("a report is told in words", () => {
+  assert.equal(verdictOf(report({ iou: 0.987 })), "64 modules · matches your model: 99 %");
+  assert.equal(verdictOf(report({ has_path: false })), "64 cells, no path yet");
+  assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5 })), { iou: "50 %", candidates: "3", knotted: true, knot: "Knotted (3)", knotHint: "determinant 3" });
+  assert.deepEqual([figuresOf(report()).knot, figuresOf(report({ knot: { verdict: "unknot", determinant: 1 } })).knot], ["–", "None"]);
+  assert.deepEqual(nearby(opened(), report({ asked: 65, below: 60, above: 64 })), { counts: [60], text: "64 is the closest possible count to 65" });
+  assert.deepEqual(nearby(opened(), report({ below: 60, above: 72 })), { counts: [60, 72], text: "Also possible" });
+  assert.deepEqual(nearby(opened("?world=table"), report({ below: 60 })), { counts: [], text: "" });
+  const long = opened("?world=table");
+  long.take(report({ modules: 65 }));
+  assert.match(long.warning, /more than 64 modules usually get stuck/);
+});
+
+test("why there is no path comes with what helps", () => {
+  const repair = { add: [[0, 0, 0]], drop: [], detail: "Add one cell.", doubled: true, modules: 72 };
+  const problem = (code) => ({ code, detail: "why", cells: [[0, 0, 0]] });
+  const bad = report({ has_path: false, feasibility: { feasible: false, problems: [problem("parity")], repairs: [{ ...repair, add: [] }, repair] } });
+  const { title, details, ways } = troubleOf(opened(), bad);
+  assert.deepEqual([title, details], ["No path runs through all of these cells", ["why"]]);
+  assert.deepEqual(ways, [
+    { text: "Repair: add one cell", primary: true, change: { repair: true, modules: 72 } }, { text: "Use blocks (2×2×2 modules per voxel)", change: { method: "blocks" } },
+  ]);
+  assert.equal(oddWords(bad), "cells of the colour that the shape has too many of");
+  assert.equal(oddWords(report()), "");
+  const apart = report({ has_path: false, feasibility: { feasible: false, problems: [problem("disconnected")], repairs: [] } });
+  assert.deepEqual(troubleOf(opened(), apart).ways, []);
+  const table = troubleOf(opened("?world=table&as_voxels=true"), bad);
+  assert.deepEqual([table.title, table.ways], ["This shape can’t be folded on a table at 64 modules", [{ text: "Fold it in zero gravity", change: { as_voxels: true, world: "floating" } }]]);
+  const offer = { kind: "repair", modules: 72, change: { modules: null, method: null, repair: true }, added: [[0, 0, 0], [0, 0, 1]] };
+  assert.deepEqual(offerOf(offer, 1), { text: "Add 2 cells: 72 modules", primary: false, change: { repair: true } });
+});
+
+test("each note stands in one place", () => {
+  const notes = ["Read as voxels, because cells 2 and 3 are not neighbours.", "Repaired: one cell was added.", "the rest"];
+  assert.deepEqual(notesOf(opened("?repair=true"), report({ notes, as_voxels: true })), { repaired: notes[1], unordered: notes[0], others: ["The rest"] });
+  assert.deepEqual(notesOf(opened("?as_voxels=true"), report({ notes, as_voxels: true })), { repaired: "", unordered: "", others: [notes[0], "The rest"] });
+  assert.equal(notesOf(opened("?world=table&method=blocks"), report()).repaired, "Each voxel became 2×2×2 modules.");
+});

@@ -1,0 +1,266 @@
+// State of the editor, without a page: the draft, the tool with what a press, a drag and a lift do with it, and
+// what would be folded.
+import { whole } from "../lib/text.js";
+import { checked, cut, extended, headOf, told, touch } from "./cell_path.js";
+import { Draft, Painting, cellOf, keyOf, keysOf } from "./painting.js";
+import { box, mirrored, moved, region, resized, symmetric } from "./shape_tools.js";
+
+/** @typedef {"paint" | "fill" | "box" | "move" | "path"} Tool */
+
+/** @type {Record<Tool, [hint: string, keys: string]>} */
+export const HINTS = {
+  paint: ["Click or drag to paint. Start on a painted cell to erase.", "Page Up and Page Down change the layer."],
+  fill: ["Click a connected region in this layer. Empty cells are filled, painted cells are cleared.", ""],
+  box: ["Drag from corner to corner, or click two corners in any layers. Start on a painted cell to erase.", ""],
+  move: ["Drag the shape, or use the buttons.", "Arrow keys, Page Up and Page Down also move it."],
+  path: ["Drag from cell to cell, starting at either end. Drag back to undo. Possible next cells are framed. Complete finds the rest.",
+    "You can also draw with Shift and the arrow keys, Page Up or Page Down. X cuts, Backspace undoes."],
+};
+
+/** Modules below which the service folds nothing. */
+export const MIN_MODULES = 8;
+const MODULES_PER_CELL = { no: 8, yes: 1, path: 1 };
+const LETTER_CELLS = 5; // on a side
+
+/**
+ * What would be folded.
+ * @typedef {object} Standing
+ * @property {number} cells
+ * @property {string} text in words, with what is still wrong with it
+ * @property {"" | "good" | "bad"} tone
+ * @property {string} limit the bound in words, where it is not in the text
+ * @property {boolean} whole whether a drawn path visits all cells
+ * @property {boolean} completable whether the rest of a path can be searched
+ * @property {boolean} ready whether it can be folded
+ */
+
+export class Editor {
+  /** @param {number} maxModules */
+  constructor(maxModules) {
+    this.maxModules = maxModules;
+    this.painting = new Painting();
+    this.draft = new Draft();
+    this.layer = 0;
+    this.sending = false;
+    /** @type {Tool} */
+    this.tool = "paint";
+    /** @type {Set<0 | 1 | 2>} along which painting is mirrored at the middle of the grid */
+    this.axes = new Set();
+    /** @type {number | null} of a box that is begun */
+    this.corner = null;
+    this.atStart = false;
+    /** @type {string} why the last thing could not be done; empty when it could */
+    this.refused = "";
+    this.filling = true;
+    this.from = 0;
+    this.to = 0;
+  }
+
+  /** @returns {DrawnPath} */
+  get drawn() { return { path: this.painting.path, atStart: this.atStart }; }
+
+  // The path, where it is to be seen.
+  get shownPath() { return this.tool === "path" || this.draft.how === "path" ? this.drawn : null; }
+
+  get name() { return this.draft.name.trim() || "My shape"; }
+
+  /** @param {string} end */
+  fileName(end) { return `${this.name.replaceAll(/[^\p{L}\p{N} _-]+/gu, "").trim() || "shape"}.${end}`; }
+
+  /** @returns {Standing} */
+  get standing() {
+    const { painting, draft: { how }, maxModules } = this;
+    const cells = painting.filled;
+    const path = how === "path" ? checked(painting.state) : null;
+    const modules = cells * MODULES_PER_CELL[how];
+    const pieces = path ? 1 : painting.pieces();
+    const large = modules > maxModules;
+    const few = !path && modules > 0 && modules < MIN_MODULES;
+    const words = path && cells ? told(path) : { text: `${whole(modules)} modules${few ? `. A fold needs at least ${MIN_MODULES}.` : ""}`, tone: /** @type {const} */ ("") };
+    if (pieces > 1) Object.assign(words, { text: `The shape has ${pieces} separate pieces. Connect them face to face.`, tone: "bad" });
+    if (large) Object.assign(words, { text: `${whole(modules)} modules are too many (at most ${whole(maxModules)}). Paint fewer cells.`, tone: "bad" });
+    const visited = Boolean(path?.whole);
+    return {
+      cells, tone: words.tone, text: cells ? words.text : "", whole: visited,
+      limit: large || !cells ? "" : `${path ? `${whole(modules)} modules. ` : ""}Limit: ${whole(maxModules)} modules.`,
+      completable: cells > 0 && !visited && !large, ready: cells > 0 && !large && (path ? visited : pieces === 1 && !few),
+    };
+  }
+
+  // Show a layer, or the nearest one that there is.
+  /** @param {number} layer */
+  turn(layer) { this.layer = Math.min(this.painting.size - 1, Math.max(0, layer)); }
+
+  /** @param {Tool} tool */
+  take(tool) {
+    this.tool = tool;
+    this.corner = null;
+    this.refused = "";
+    if (tool === "path") this.draft.note({ how: "path" });
+  }
+
+  /** @param {number} key */
+  press(key) {
+    const { painting } = this;
+    painting.begin();
+    this.refused = "";
+    this.from = this.to = key;
+    if (this.corner === null) this.filling = !painting.cells[key];
+    if (this.tool === "paint") this.paint([key]);
+    else if (this.tool === "fill") this.paint(region(painting.state, key));
+    else if (this.tool === "path") this.draw(key);
+  }
+
+  /** @param {number[]} keys that were passed, in order */
+  drag(keys) {
+    this.to = keys[keys.length - 1] ?? this.to;
+    if (this.tool === "paint") this.paint(keys);
+    else if (this.tool === "move") this.shift();
+    else if (this.tool === "path") {
+      for (const key of keys) {
+        const head = headOf(this.drawn);
+        if (head !== null && touch(head, key, this.painting.size)) this.draw(key);
+      }
+    }
+  }
+
+  /** @param {boolean} kept */
+  lift(kept) {
+    const { painting, from, to } = this;
+    if (this.tool === "box" && kept) {
+      if (this.corner === null && from === to) this.corner = from;
+      else {
+        this.paint(box(this.corner ?? from, to, painting.size));
+        this.corner = null;
+      }
+    }
+    if (kept) painting.end(); else painting.cancel();
+  }
+
+  /** @param {number[]} keys */
+  paint(keys) { this.painting.paint(symmetric(keys, this.painting.size, this.axes), this.filling); }
+
+  // Draws one cell of the path.
+  /** @param {number} key */
+  draw(key) {
+    const next = extended(this.drawn, key, this.painting.size);
+    this.refused = typeof next === "string" ? next : "";
+    if (typeof next !== "string") this.follow(next);
+  }
+
+  /** @param {DrawnPath} drawn */
+  follow({ path, atStart }) {
+    this.painting.draw(path);
+    this.atStart = atStart;
+  }
+
+  shift() {
+    const { painting } = this;
+    if (!painting.before) return;
+    const [x, y] = cellOf(this.from, painting.size);
+    const [i, j] = cellOf(this.to, painting.size);
+    painting.become(moved(moved(painting.before, 0, i - x), 1, j - y));
+  }
+
+  // One step: what is done with the painting, to be undone at once.
+  /** @param {() => void} act */
+  step(act) {
+    this.refused = "";
+    this.painting.begin();
+    act();
+    return this.painting.end();
+  }
+
+  /**
+   * @param {0 | 1 | 2} axis
+   * @param {number} by
+   */
+  move(axis, by) { this.step(() => this.painting.become(moved(this.painting.state, axis, by))); }
+
+  /** @param {0 | 1 | 2} axis */
+  mirror(axis) { this.step(() => this.painting.become(mirrored(this.painting.state, axis))); }
+
+  // Draws from the head in a direction; from a cell where there is no path. Shows the layer of the head, which
+  // is returned.
+  /**
+   * @param {number[]} by
+   * @param {number} from
+   */
+  drawOn(by, from) {
+    const { size } = this.painting;
+    const head = headOf(this.drawn);
+    const [x, y, z] = cellOf(head ?? from, size).map((v, axis) => v + (head === null ? 0 : by[axis]));
+    if (Math.min(x, y, z) < 0 || Math.max(x, y, z) >= size) this.refused = "The grid ends here. Choose a larger grid.";
+    else this.step(() => this.draw(keyOf(x, y, z, size)));
+    const next = headOf(this.drawn);
+    if (next !== null) this.turn(cellOf(next, size)[2]);
+    return next;
+  }
+
+  takeBack() {
+    const { path, atStart } = this.drawn;
+    this.step(() => { this.painting.path = atStart ? path.slice(1) : path.slice(0, -1); });
+  }
+
+  /** @param {number} key */
+  cutAt(key) {
+    if (!this.painting.path.includes(key)) { this.refused = "First touch the path cell where the path should end."; return; }
+    this.step(() => this.follow(cut(this.drawn, key)));
+  }
+
+  // The chain begins at the other end; what is drawn from stays.
+  reverse() {
+    this.step(() => this.follow({ path: this.painting.path.toReversed(), atStart: !this.atStart }));
+  }
+
+  clear() {
+    this.step(() => this.painting.paint(keysOf(this.painting.cells), false));
+    this.draft.clear();
+    this.turn(0);
+  }
+
+  // Copies the cells of the layer below.
+  repeat() {
+    const area = this.painting.size ** 2;
+    const below = keysOf(this.painting.cells).filter((key) => Math.floor(key / area) === this.layer - 1);
+    this.step(() => this.painting.paint(below.map((key) => key + area), true));
+  }
+
+  // Writes a letter in place of the shape.
+  /**
+   * @param {string} letter
+   * @param {[row: number, column: number][]} cells
+   */
+  write(letter, cells) {
+    const { painting } = this;
+    const margin = Math.floor((painting.size - LETTER_CELLS) / 2);
+    this.step(() => {
+      painting.paint(keysOf(painting.cells), false);
+      painting.paint(cells.map(([x, y]) => keyOf(x + margin, y + margin, 0, painting.size)), true);
+    });
+    this.draft.give(`Letter ${letter}`);
+    this.turn(0);
+  }
+
+  // Takes the shape of a file.
+  /**
+   * @param {Painted} painted
+   * @param {string} name
+   * @param {boolean} ordered whether its cells are a path
+   */
+  open(painted, name, ordered) {
+    this.step(() => this.painting.become(painted));
+    this.atStart = false;
+    this.draft.give(name);
+    this.layer = 0;
+    if (!ordered && (this.draft.how === "path" || MODULES_PER_CELL.no * this.painting.filled > this.maxModules)) this.draft.note({ how: "yes" });
+  }
+
+  /** @param {number} size */
+  resize(size) {
+    const grid = resized(this.painting.state, size);
+    if (grid) this.step(() => this.painting.become(grid));
+    else this.refused = "The shape is larger than this grid.";
+    this.turn(this.layer);
+  }
+}

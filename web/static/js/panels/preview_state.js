@@ -1,0 +1,255 @@
+// State of a preview's page, without the page: the options, the report on them, and what follows for both.
+import { duration, sentence, whole } from "../lib/text.js";
+
+/** Modules below which the service folds nothing. */
+const MIN_MODULES = 8;
+const SLIDER_STEPS = 1000;
+/** @typedef {"module" | "method" | "ends" | "world"} ChoiceName */
+/** @typedef {Record<ChoiceName, string[]>} Choices values on offer, those of the page first */
+/** @typedef {Record<ChoiceName, string> & { modules: number | null, repair: boolean, as_voxels: boolean, start: string | null, seed: number }} PreviewOptions */
+/** @typedef {{ text: string, primary?: boolean, change: Partial<PreviewOptions> }} Offer a button, and what it changes */
+/** @typedef {{ id: string, most_modules: number, table_modules: number, next_scripts: string[] }} PreviewFacts */
+
+/** Options after whose change the cells may be others, so that a cell to start in means nothing any more. @type {Set<string>} */
+const RESHAPING = new Set(["module", "modules", "method", "world", "repair", "seed"]);
+
+/** What the coloured cells of a shape without a path are. @type {Record<string, string>} */
+const ODD = {
+  parity: "cells of the colour that the shape has too many of",
+  disconnected: "cells not connected to the largest part",
+  "dead-ends": "cells with a single neighbour",
+  overhang: "cells with nothing below them",
+  parts: "a layer in several parts",
+};
+/** @type {Record<string, string>} */
+const KNOTS = { unknot: "None", knotted: "Knotted", undecided: "Undecided" };
+
+export class Preview {
+  /**
+   * @param {PreviewFacts} facts
+   * @param {Choices} choices
+   * @param {URLSearchParams} query of the page's address, in which the options live
+   */
+  constructor({ id, most_modules: maxModules, table_modules: maxTableModules }, choices, query) {
+    this.id = id;
+    this.maxModules = maxModules;
+    this.maxTableModules = maxTableModules;
+    this.choices = choices;
+    const chosen = (/** @type {ChoiceName} */ name) => choices[name].find((value) => value === query.get(name)) ?? choices[name][0];
+    const start = query.get("start") ?? "";
+    this.bound = ""; // what is said of a number of modules beyond the bounds
+    this.givenAsVoxels = query.get("as_voxels") === "true";
+    /** @type {PreviewOptions} */
+    this.options = {
+      module: chosen("module"), modules: this.bounded(Number(query.get("modules")) || null), method: chosen("method"), ends: chosen("ends"),
+      repair: query.get("repair") === "true", as_voxels: this.givenAsVoxels, start: /^-?\d+,-?\d+,-?\d+$/.test(start) ? start : null,
+      world: chosen("world"), seed: Number(query.get("seed")) || 0,
+    };
+    this.preset = "default";
+    this.prefer = "computing";
+    /** @type {Api.Preview | null} */
+    this.report = null;
+    /** @type {{ module: number, cell: number[] | null } | null} */
+    this.picked = null;
+    /** @type {Api.TableOffer[]} versions of the shape that were checked to fold on a table */
+    this.offers = [];
+    this.restrict();
+  }
+
+  get onTable() { return this.options.world === "table"; }
+
+  /** @returns {Form} */
+  get fields() { return { preview: this.id, ...this.options }; }
+
+  // Options that differ from what a page begins with, as the query of its address.
+  get query() {
+    const usual = Object.values(this.choices).map(([first]) => first);
+    const query = new URLSearchParams();
+    for (const [key, value] of Object.entries(this.options)) if (value && !usual.includes(String(value))) query.set(key, String(value));
+    return query.size ? `?${query}` : "";
+  }
+
+  // Return a number of modules within the bounds; `bound` says when it was beyond them.
+  /** @param {number | null} modules */
+  bounded(modules) {
+    this.bound = "";
+    if (modules === null) return null;
+    const count = Math.min(this.maxModules, Math.max(MIN_MODULES, Math.round(modules) || MIN_MODULES));
+    if (count === this.maxModules) this.bound = `At most ${whole(count)} modules`;
+    else if (modules < MIN_MODULES) this.bound = `At least ${MIN_MODULES} modules`;
+    return count;
+  }
+
+  /** @param {number} place of the slider */
+  modulesAt(place) { return Math.round(MIN_MODULES * (this.maxModules / MIN_MODULES) ** (place / SLIDER_STEPS)); }
+
+  /** @param {number} modules */
+  placeOf(modules) { return Math.round((SLIDER_STEPS * Math.log(modules / MIN_MODULES)) / Math.log(this.maxModules / MIN_MODULES)); }
+
+  // Take other options. Repairs and blocks are chosen for one world.
+  /** @param {Partial<PreviewOptions>} change */
+  change(change) {
+    const afresh = "world" in change ? { repair: false, method: this.choices.method[0] } : {};
+    const start = Object.keys(change).some((key) => RESHAPING.has(key)) ? { start: null } : {};
+    Object.assign(this.options, afresh, start, change, "modules" in change && { modules: this.bounded(change.modules ?? null) });
+    this.restrict();
+  }
+
+  // Take another preset or preference; only the default preset has several plans to choose from.
+  /**
+   * @param {string} preset
+   * @param {string} prefer
+   */
+  plan(preset, prefer) {
+    Object.assign(this, { preset, prefer });
+    this.restrict();
+  }
+
+  // On a table there is not every option.
+  restrict() {
+    const { options, choices } = this;
+    if (this.onTable) {
+      Object.assign(options, { start: null, ends: choices.ends[0], module: choices.module[0] });
+      if (options.method !== "blocks") options.method = choices.method[0];
+      this.preset = "default";
+    }
+    if (!this.choosing) this.prefer = "computing";
+  }
+
+  get choosing() { return this.preset === "default" && !this.onTable; }
+
+  /** @param {Api.Preview} report */
+  take(report) {
+    this.picked = null;
+    this.offers = [];
+    this.report = report;
+    if (report.not_started) this.options.start = null; // another path is shown, which is folded unless something else is chosen
+    if (report.kind === "mesh" && this.options.modules === null) this.bounded(report.modules);
+  }
+
+  // The options have no preview: what was shown before stays, and cannot be folded.
+  refuse() {
+    this.options.start = null;
+    if (this.report) this.report = { ...this.report, has_path: false };
+  }
+
+  // What there is to do about a path that cannot be folded on a table: another one through its cells, or no table.
+  /** @returns {Offer[]} */
+  get waysFromPath() { return [{ text: "Find another path through these cells", primary: true, change: { as_voxels: true } }, this.floating]; }
+
+  /** @returns {Offer} */
+  get floating() { return { text: "Fold it in zero gravity", change: { as_voxels: this.givenAsVoxels, world: "floating" } }; }
+
+  // Modules shown in the field and on the slider; null where their number is not chosen.
+  get count() { return this.options.modules ?? (this.report?.kind === "mesh" ? this.report.modules : null); }
+
+  get expected() {
+    const { report, preset, prefer } = this;
+    if (!report?.has_path) return "–";
+    if (preset === "paper") return duration(report.expected_as_published_s);
+    return duration(prefer === "computing" ? report.expected_s : report.expected_preferred_s);
+  }
+
+  // What to know before a long chain folds on a table.
+  get warning() {
+    return this.onTable && this.report && this.report.modules > this.maxTableModules
+      ? `Chains of more than ${whole(this.maxTableModules)} modules usually get stuck on a table.` : "";
+  }
+
+  // The module that was clicked, or the one in which the chain was asked to start, and what a button does about it.
+  get start() {
+    const { options: { start }, report } = this;
+    const picked = report?.has_path ? this.picked : null;
+    const first = picked?.module === 0;
+    if (this.onTable || (!picked && !start)) return null;
+    if (!report || !picked || (first && start)) return { text: `Starts in (${start?.replaceAll(",", ", ")})`, button: first ? "" : "Undo", change: { start: null } };
+    const text = `Module ${whole(picked.module + 1)} of ${whole(report.modules)}${first ? ", the first" : ""}`;
+    return { text, button: "Start here", change: { start: picked.cell?.join(",") ?? null } };
+  }
+}
+
+// What a page says of a report.
+
+const percent = (/** @type {number} */ share) => `${Math.round(100 * share)} %`;
+
+/** @param {Api.Preview} report */
+export function verdictOf({ module, modules, iou, has_path: path }) {
+  if (!path) return `${whole(modules)} cells, no path yet`;
+  return `${whole(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${iou === null ? "" : ` · matches your model: ${percent(iou)}`}`;
+}
+
+// Numbers of modules that are near and possible, and a text that says why they are there.
+/**
+ * @param {Preview} preview
+ * @param {Api.Preview} report
+ */
+export function nearby({ bound, onTable, maxModules }, { asked, modules, below, above }) {
+  const nearest = (asked ?? modules) === modules ? "" : `${whole(modules)} is the closest possible count to ${whole(asked ?? modules)}`;
+  // A neighbouring count may have no path for a table: the offers are those that were checked.
+  const counts = onTable ? [] : [below, above].flatMap((n) => (n && n !== modules && n <= maxModules ? [n] : []));
+  return { counts, text: [bound, nearest].filter(Boolean).join("; ") || (counts.length ? "Also possible" : "") };
+}
+
+/** @param {Api.Preview} report */
+export function figuresOf({ iou, candidates, knot }) {
+  const { verdict = "", determinant = null } = knot ?? {};
+  const knotted = verdict === "knotted";
+  return {
+    iou: iou === null ? "" : percent(iou), candidates: String(candidates), knotted, knotHint: determinant ? `determinant ${determinant}` : "",
+    knot: knot ? `${KNOTS[verdict]}${knotted && determinant ? ` (${determinant})` : ""}` : "–",
+  };
+}
+
+// Why there is nothing to fold, and what can be done about it.
+/**
+ * @param {Preview} preview
+ * @param {Api.Preview} report
+ */
+export function troubleOf({ onTable, options: { method, module }, floating }, { modules, feasibility }) {
+  const details = feasibility?.problems.map(({ detail }) => detail) ?? [];
+  if (onTable) return { title: `This shape can’t be folded on a table at ${whole(modules)} modules`, details, ways: [floating] };
+  /** @type {Offer[]} */
+  const ways = (feasibility?.repairs ?? []).filter(({ add, drop }) => add.length || drop.length).slice(0, 1).map(({ detail, doubled, modules: needed }) => ({
+    text: `Repair: ${detail.charAt(0).toLowerCase()}${detail.slice(1).replace(/\.$/, "")}`, primary: true,
+    change: { repair: true, ...(doubled && { modules: needed }) },
+  }));
+  const apart = feasibility?.problems.some(({ code }) => code === "disconnected"); // so are their blocks
+  if (method !== "blocks" && module === "cube" && !apart) ways.push({ text: "Use blocks (2×2×2 modules per voxel)", change: { method: "blocks" } });
+  return { title: feasibility?.feasible === false ? "No path runs through all of these cells" : "No path was found", details, ways };
+}
+
+// What the coloured cells are; empty where none are coloured.
+/** @param {Api.Preview} report */
+export function oddWords({ has_path: path, feasibility }) {
+  const marked = path ? undefined : feasibility?.problems.find(({ cells }) => cells.length);
+  return marked ? ODD[marked.code] ?? "cells that prevent a path" : "";
+}
+
+// Notes on the cells: how they were repaired, that they were in no order, and all others.
+/**
+ * @param {Preview} preview
+ * @param {Api.Preview} report
+ */
+export function notesOf({ onTable, options }, { notes, has_path: path, as_voxels: asVoxels }) {
+  const repair = notes.find((note) => note.startsWith("Repaired"));
+  const unordered = asVoxels && !options.as_voxels ? notes[0] : "";
+  const doubled = path && onTable && options.method === "blocks";
+  const repaired = doubled ? "Each voxel became 2×2×2 modules." : (options.repair && repair) || "";
+  return { repaired, unordered, others: notes.filter((note) => note !== repair && note !== unordered).map(sentence) };
+}
+
+// What a version of the shape changes that folds on a table.
+/**
+ * @param {Api.TableOffer} offer
+ * @param {number} place in the list
+ * @returns {Offer}
+ */
+export function offerOf({ kind, modules, change, added }, place) {
+  const words = {
+    repair: `Add ${added.length} cell${added.length === 1 ? "" : "s"}: ${whole(modules)} modules`,
+    modules: `Use ${whole(modules)} modules, one for each voxel`,
+    blocks: `Use ${whole(modules)} modules, 2×2×2 for each voxel`,
+  };
+  const known = Object.fromEntries(Object.entries(change).filter(([, value]) => value !== null));
+  return { text: words[kind], primary: place === 0, change: known };
+}

@@ -1,0 +1,249 @@
+// View of a preview's page: the options and the report in its panel, and the 3D view or the drawing in its place.
+import { button, element, get, sentence, whole } from "../lib/text.js";
+import { PreviewStage } from "../viewer/preview_scene.js";
+import { hasWebGL } from "../viewer/scene.js";
+import { showFor } from "./paper_settings.js";
+import { figuresOf, nearby, notesOf, oddWords, offerOf, troubleOf, verdictOf } from "./preview_state.js";
+
+const DRAW_MS = 100;
+const NO_WEBGL = "WebGL is missing or switched off";
+/** @typedef {import("./preview_state.js").Preview} Preview */
+/** @typedef {import("./preview_state.js").Offer} Offer */
+/** @typedef {import("./preview_state.js").ChoiceName} ChoiceName */
+
+export const radios = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll(".choice input")]);
+const layers = /** @type {HTMLElement[]} */ ([...get("layers").children]);
+
+// Return the values on offer of each choice, the first of them checked when the page comes.
+export function choicesOnPage() {
+  /** @type {import("./preview_state.js").Choices} */
+  const choices = { module: [], method: [], ends: [], world: [] };
+  for (const { name, value } of radios) choices[/** @type {ChoiceName} */ (name)].push(value);
+  return choices;
+}
+
+/**
+ * @param {string} id
+ * @param {string} text
+ */
+function showText(id, text) {
+  get(id).hidden = !text;
+  get(id).textContent = text;
+}
+
+/** @param {string} text */
+export const showProblem = (text) => showText("problem", text);
+
+/**
+ * @param {Offer} offer
+ * @param {(change: Offer["change"]) => void} onChange
+ */
+const buttonOf = ({ text, primary = false, change }, onChange) => button(primary ? "button primary" : "button", text, () => onChange(change));
+
+// Show all options as they are, with hints on those that are chosen.
+/** @param {Preview} preview */
+export function showOptions(preview) {
+  const { options, onTable, count, preset, prefer, choosing } = preview;
+  for (const input of radios) {
+    input.checked = options[/** @type {ChoiceName} */ (input.name)] === input.value;
+    if (input.checked && input.dataset.hint) get(`${/** @type {"method" | "world"} */ (input.name)}-hint`).textContent = input.dataset.hint;
+    if (input.value === "tetrahedron") input.disabled = onTable;
+  }
+  if (count !== null) {
+    get("modules").value = String(preview.placeOf(count));
+    get("modules").setAttribute("aria-valuetext", `${count} modules`);
+    get("modules-number").value = String(count);
+  }
+  get("seed").value = String(options.seed);
+  get("preset").value = preset;
+  get("preset").disabled = onTable;
+  get("prefer").value = prefer;
+  get("prefer-part").hidden = !choosing;
+  get("prefer-hint").textContent = get("prefer").selectedOptions[0].dataset.hint ?? "";
+  get("table-settings").hidden = !onTable;
+  get("expected").textContent = preview.expected;
+  showFor(preset);
+}
+
+/**
+ * @param {Preview} preview
+ * @param {(change: Offer["change"]) => void} onChange
+ */
+export function showStart({ start }, onChange) {
+  get("start").hidden = !start;
+  if (!start) return;
+  get("start-text").textContent = start.text;
+  showText("start-button", start.button);
+  get("start-button").onclick = () => onChange(start.change);
+}
+
+/**
+ * @param {ReturnType<typeof troubleOf>} trouble
+ * @param {(change: Offer["change"]) => void} onChange
+ */
+export function showTrouble({ title, details, ways }, onChange) {
+  get("trouble").hidden = false;
+  get("trouble-title").textContent = title;
+  get("problems").replaceChildren(...details.map((detail) => element("li", {}, sentence(detail))));
+  get("repairs").replaceChildren(...ways.map((offer) => buttonOf(offer, onChange)));
+}
+
+// Show versions of the shape that were checked to fold on a table, before what else can be done.
+/**
+ * @param {Preview} preview
+ * @param {(change: Offer["change"]) => void} onChange
+ */
+export function showOffers({ offers }, onChange) {
+  get("repairs").prepend(...offers.map((offer, place) => buttonOf(offerOf(offer, place), onChange)));
+  get("to-add").hidden = !offers.some(({ added }) => added.length);
+  if (!get("to-add").hidden) get("odd").hidden = false;
+}
+
+/**
+ * @param {Preview} preview
+ * @param {Api.Preview} report
+ * @param {(change: Offer["change"]) => void} onChange
+ */
+export function showReport(preview, report, onChange) {
+  const { onTable, options } = preview;
+  const { kind, name, has_path: path } = report;
+  get("name").textContent = name;
+  document.title = `${name}, preview · foldback`;
+  get("verdict").textContent = verdictOf(report);
+
+  get("what").hidden = kind === "chain" || onTable;
+  get("how").hidden = kind === "path" || kind === "chain" || onTable;
+  get("method-part").hidden = get("method-hint").hidden = options.module !== "cube";
+  get("modules-part").hidden = kind !== "mesh";
+  const { counts, text } = nearby(preview, report);
+  get("got").textContent = text;
+  get("nearest").replaceChildren(...counts.map((modules) => button("", whole(modules), () => onChange({ modules }), { title: "The closest count that may work" })));
+
+  const figures = figuresOf(report);
+  get("iou-part").hidden = !figures.iou;
+  get("iou").textContent = figures.iou;
+  get("iou-part").style.setProperty("--share", String(report.iou ?? 0));
+  get("candidates").textContent = figures.candidates;
+  get("knot").textContent = figures.knot;
+  get("knot").title = figures.knotHint;
+  get("knot").dataset.tone = figures.knotted ? "bad" : "";
+
+  showTrouble(troubleOf(preview, report), onChange);
+  get("trouble").hidden = path;
+  get("long").textContent = preview.warning;
+  const odd = oddWords(report);
+  get("odd").hidden = get("odd-cells").hidden = !odd;
+  get("odd-text").textContent = odd;
+  get("to-add").hidden = true;
+  const { repaired, unordered, others } = notesOf(preview, report);
+  get("repaired").hidden = !repaired;
+  get("repaired-text").textContent = repaired;
+  showText("unordered", unordered);
+  get("notes-part").hidden = !others.length;
+  get("notes").replaceChildren(...others.map((note) => element("li", {}, note)));
+  get("fold").textContent = foldWords(report);
+  get("legend").hidden = !path;
+  get("were-added").hidden = !report.added?.length;
+  get("layers").hidden = false;
+  for (const chip of layers) chip.hidden = (chip.dataset.layer === "solid" && kind !== "mesh") || (chip.dataset.layer === "path" && !path);
+}
+
+/** @param {Api.Preview} report */
+export const foldWords = ({ modules, has_path: path }) => (path ? `Fold ${whole(modules)} modules` : "Fold");
+
+/**
+ * @param {string} text
+ * @param {string} more
+ */
+export function cover(text, more) {
+  get("cover").classList.remove("gone", "drawn");
+  get("drawing").hidden = true;
+  get("cover").classList.add("still");
+  get("cover-text").textContent = text;
+  get("cover-more").textContent = more;
+  get("cover-button").hidden = false;
+}
+
+// The picture of a report: a drawing until the 3D view is there, or instead of it.
+export class Picture {
+  /**
+   * @param {string} id of the preview
+   * @param {{ pick: (module: number | null, cell: number[] | null) => void, settled: () => void }} heard
+   */
+  constructor(id, { pick, settled }) {
+    this.under = `/previews/${id}`;
+    this.settled = settled;
+    this.viewing = false; // in 3D
+    this.started = false;
+    this.flat = false; // there are no 3D graphics
+    this.failed = false;
+    /** @type {Api.Preview | null} */
+    this.report = null;
+    this.stage = new PreviewStage(get("view"), {
+      pick, settled,
+      shown: () => {
+        this.viewing = true;
+        this.stage.painted(() => { if (this.viewing) get("cover").classList.add("gone"); });
+      },
+      failed: () => { this.failed = true; this.viewing = false; this.draw(); },
+    });
+    for (const chip of layers) {
+      chip.onclick = () => {
+        const on = chip.getAttribute("aria-pressed") !== "true";
+        chip.setAttribute("aria-pressed", String(on));
+        this.stage.layer(chip.dataset.layer ?? "", on);
+      };
+    }
+  }
+
+  get waiting() { return this.stage.waiting; }
+
+  /** @param {Api.Preview} report */
+  show(report) {
+    this.report = report;
+    this.show3d();
+    if (!this.viewing) this.draw();
+  }
+
+  // Whether the cells that an offer adds are shown, too.
+  get repaired() { return !get("to-add").hidden; }
+
+  draw() {
+    if (!this.report) return;
+    const drawing = get("drawing");
+    drawing.onload = () => {
+      if (this.viewing) return;
+      get("cover").classList.remove("gone", "still");
+      get("cover").classList.add("drawn");
+      drawing.hidden = false;
+      get("cover-button").hidden = true;
+      this.explain();
+      setTimeout(() => this.start(), DRAW_MS);
+    };
+    drawing.onerror = () => { drawing.hidden = true; this.explain(); this.start(); };
+    drawing.src = `${this.under}/drawing.svg?key=${this.report.key}${this.repaired ? "&repair=true" : ""}`;
+  }
+
+  explain() {
+    const why = this.flat ? NO_WEBGL : this.failed ? "The 3D view could not be loaded" : "";
+    get("cover-text").textContent = why ? `${why}, so you see a drawing.` : "Starting the 3D view…";
+    get("cover-more").textContent = !why ? "" : `The numbers are still correct${this.report?.has_path ? ", and you can fold the shape" : ""}.`;
+  }
+
+  // To ask is to start the browser's 3D graphics, which takes a second where they are software.
+  start() {
+    if (this.started) return;
+    this.started = true;
+    this.flat = !hasWebGL();
+    if (!this.flat) { get("view").src = "/view"; this.show3d(); return; }
+    if (get("drawing").hidden) cover("This browser cannot show 3D graphics", `${NO_WEBGL}. The numbers are still correct, and you can fold the shape.`);
+    else this.explain();
+  }
+
+  show3d() {
+    if (!this.started || this.flat || !this.report) return;
+    this.failed = false;
+    this.stage.show(`${this.under}/scene/${this.report.key}${this.repaired ? "?repair=true" : ""}`);
+    this.settled();
+  }
+}

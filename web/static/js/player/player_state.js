@@ -1,0 +1,163 @@
+// State of a player, without a page or a clock: where the playhead is, the moment that it shows, the selected
+// and the marked modules and their colours; and what is reported of them.
+import { frameFolded } from "./kinematics.js";
+import { Playhead, after, nextChange } from "./playhead.js";
+import { Story } from "./story.js";
+
+const BESIDE = 0.4; // how blue the neighbours of the selected module are
+
+// Name of a hinge, as planner/chain/module.py names it.
+/**
+ * @param {Chain} chain
+ * @param {number} j
+ */
+function nameOf({ rigid_links: rigid, hinge_names: names }, j) {
+  const hinge = names[j % names.length];
+  return `joint_${rigid + Math.floor(j / names.length)}${hinge && `_${hinge}`}`;
+}
+
+// The largest joint error of a moment; null where none is recorded.
+/** @param {Pick<Snapshot, "errors">} shown */
+export function largestError({ errors }) {
+  let largest = -1;
+  for (const error of errors) if (Math.abs(error) > largest) largest = Math.abs(error);
+  return largest < 0 ? null : largest;
+}
+
+export class PlayerState {
+  /** @type {import("./colours.js").Colouring | null} */
+  colouring = null;
+  /** @type {number | null} */
+  selected = null;
+  /** @type {number[]} */
+  marked = [];
+  /** @type {{ way: number, from: Row } | null} of a change that may lie in frames that are not here yet */
+  search = null;
+  /** @type {Snapshot | null} */
+  shown = null;
+
+  /**
+   * @param {import("./timeline.js").Timeline} timeline
+   * @param {boolean} calm whether nothing plays by itself
+   */
+  constructor(timeline, calm) {
+    this.timeline = timeline;
+    this.playhead = new Playhead(timeline);
+    this.story = this.playhead.story = new Story(this.playhead, timeline, calm);
+  }
+
+  // Takes the timeline as it begins.
+  begin() {
+    const { timeline, playhead } = this;
+    if (this.selected !== null && this.selected >= timeline.chain.modules) this.selected = null;
+    if (timeline.growing && playhead.is.live) playhead.frame = timeline.last;
+    else this.story.begun();
+    playhead.frame = Math.min(playhead.frame, timeline.last);
+  }
+
+  // Return steps that are not told in frames as the frame that they lead to.
+  /**
+   * @param {Command} message
+   * @returns {Command}
+   */
+  sought(message) {
+    const { timeline, search, playhead: { frame } } = this;
+    this.search = null;
+    if (message.do === "pass") return { do: "seek", frame: after(timeline, frame, message.seconds) };
+    if (message.do === "fold") return { do: "seek", frame: frameFolded(timeline, message.percent / 100) ?? frame };
+    if (message.do !== "change") return message;
+    if (search?.way === message.way && !timeline.row(frame)) { this.search = search; return { do: "seek", frame }; }
+    return { do: "seek", frame: this.changeFrom(frame, message.way) };
+  }
+
+  /**
+   * @param {number} frame
+   * @param {number} way
+   * @param {Row | null} start of a search that goes on
+   */
+  changeFrom(frame, way, start = null) {
+    const { frame: found, from } = nextChange(this.timeline, frame, way, start);
+    this.search = from && { way, from };
+    return found;
+  }
+
+  // Goes on with a search whose frame is here now; true where it did.
+  searchOn() {
+    const { search, timeline, playhead: { frame } } = this;
+    if (!search || !timeline.row(frame)) return false;
+    return this.playhead.do({ do: "seek", frame: this.changeFrom(frame, search.way, search.from) });
+  }
+
+  /** @param {number | null} module */
+  select(module) {
+    const exists = module === null || (module >= 0 && module < this.timeline.chain.modules);
+    if (exists) this.selected = module;
+    return exists;
+  }
+
+  // Return what the playhead shows: phase, error, how far the chain is folded, pace.
+  /**
+   * @param {Snapshot} shown
+   * @returns {State}
+   */
+  report(shown) {
+    const { timeline, playhead } = this;
+    return {
+      ...playhead.is, frame: playhead.frame, frames: timeline.total, growing: timeline.growing, time_s: shown.time_s, phase: shown.phase, error_rad: largestError(shown),
+      folded: Math.round(1000 * timeline.folded(shown)) / 1000, pace: this.paceAt(shown),
+    };
+  }
+
+  // Seconds of the robot that pass in one second of playing; null where no robot moves.
+  /** @param {Snapshot} shown */
+  paceAt({ low, phase, exact }) {
+    const { timeline, playhead, story } = this;
+    const { real, speed } = playhead.is;
+    if (phase === "explosion" || !exact || story.telling) return null;
+    if (real) return 1;
+    const first = Math.min(low, Math.max(0, timeline.last - 1));
+    const [a, b] = [timeline.row(first), timeline.row(first + 1)];
+    return a && b && a.phase === b.phase && b.time_s > a.time_s ? (b.time_s - a.time_s) * playhead.framesPerSecond * speed : null;
+  }
+
+  get outline() {
+    const { timeline } = this;
+    const { modules, rigid_links: rigid } = timeline.chain;
+    return { ...timeline.outline, frames: timeline.total, growing: timeline.growing, modules, joints: modules - 1 - rigid };
+  }
+
+  // The selected module and its joint at the moment that is shown.
+  /** @returns {ModuleTold | { index: null }} */
+  get module() {
+    const { timeline, shown, selected: index } = this;
+    if (index === null || !shown) return { index: null };
+    const { chain } = timeline;
+    const first = (index - chain.rigid_links) * chain.hinges;
+    const columns = first >= 0 && first < timeline.joints ? Array.from({ length: chain.hinges }, (_, k) => first + k) : [];
+    const at = timeline.foldedPositions;
+    return {
+      index, modules: chain.modules, shown,
+      cell: chain.cells ? [0, 1, 2].map((k) => Math.round(at[3 * index + k])) : null,
+      joints: columns.map((j) => ({
+        name: nameOf(chain, j), column: j, angle_rad: shown.angle(j), target_rad: timeline.foldedRad[j],
+        error_rad: Number.isNaN(shown.errors[j]) ? null : Math.abs(shown.errors[j]),
+      })),
+    };
+  }
+
+  // Colours of all modules, with the selected one, its neighbours and those that are marked.
+  colours() {
+    if (!this.colouring || !this.shown) return new Uint8Array(0);
+    const colours = this.colouring.of(this.shown);
+    const { selected } = this;
+    const { selected: blue, stuck } = this.timeline.bundle.header.colours;
+    for (const module of this.marked) colours.set(stuck, 3 * module);
+    if (selected === null) return colours;
+    for (const beside of [selected - 1, selected + 1]) {
+      if (beside < 0 || beside >= this.timeline.chain.modules) continue;
+      for (let c = 0; c < 3; c++) colours[3 * beside + c] += (blue[c] - colours[3 * beside + c]) * BESIDE;
+    }
+    colours.set(blue, 3 * selected);
+    return colours;
+  }
+}
