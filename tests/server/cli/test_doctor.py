@@ -127,7 +127,8 @@ def test_a_directory_that_cannot_be_written(tmp_path: Path) -> None:
     assert found.verdict == "problem"
     assert f"{closed} cannot be written (Permission denied)" in found.found
     closed.chmod(0o700)
-    assert data.directory(settings(closed)).verdict == "ok"
+    # Tests may be in memory, of which it warns.
+    assert data.directory(settings(closed)).verdict != "problem"
 
 
 def test_a_disk_that_is_full_or_does_not_last(tmp_path: Path) -> None:
