@@ -15,7 +15,7 @@ from typing import Any, Final, Literal, TypeVar, get_args, get_type_hints
 from planner.errors import InputError
 
 T = TypeVar("T")
-METADATA_KEY: Final = "option"
+OPTION_KEY: Final = "option"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,7 +149,7 @@ def option(default: T, described: Option) -> T:
         default: Value unless another one is requested.
         described: Texts, limits and choices.
     """
-    return field(default=default, metadata={METADATA_KEY: described})
+    return field(default=default, metadata={OPTION_KEY: described})
 
 
 @cache
@@ -158,7 +158,7 @@ def options_of(request: type[Any]) -> dict[str, Option]:
     hints = get_type_hints(request)
     found: dict[str, Option] = {}
     for each in sorted(fields(request), key=lambda each: each.name not in request.__annotations__):
-        described: Option | None = each.metadata.get(METADATA_KEY)
+        described: Option | None = each.metadata.get(OPTION_KEY)
         if described is None:
             continue
         kinds = get_args(hints[each.name])

@@ -15,7 +15,7 @@ Source = Literal["published", "named", "ours"]
 Group = Literal["published", "robot", "table"]
 Value = float | str | None
 """Value of a setting: a number, one of its words, or None for no limit."""
-METADATA_KEY: Final = "setting"
+SETTING_KEY: Final = "setting"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +59,7 @@ def setting(default: T, description: Setting) -> T:
         default: Value of the field unless it is set.
         description: Name, unit, range and help.
     """
-    return field(default=default, metadata={METADATA_KEY: description})
+    return field(default=default, metadata={SETTING_KEY: description})
 
 
 def shared(default: T, name: str) -> T:
@@ -69,10 +69,10 @@ def shared(default: T, name: str) -> T:
         default: Value of the field unless it is set.
         name: Name of that setting.
     """
-    return field(default=default, metadata={METADATA_KEY: name})
+    return field(default=default, metadata={SETTING_KEY: name})
 
 
 def setting_of(described: Field[Any]) -> Setting | str | None:
     """Return the setting of a field, the name of one that it shares, or None."""
     metadata: Mapping[str, Any] = described.metadata
-    return metadata.get(METADATA_KEY)
+    return metadata.get(SETTING_KEY)
