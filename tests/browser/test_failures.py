@@ -20,7 +20,7 @@ from tests.server.service import SPIRAL, Service, over, owner
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 Visit = Callable[..., Page]
 TAIL = 20
-LAPTOP = {"width": 960, "height": 420, "color_scheme": "light"}
+LAPTOP = {"width": 960, "height": 440, "color_scheme": "light"}
 LARGE = {"width": 1440, "height": 1000, "color_scheme": "light"}
 """For what is still packed when it stops: few modules that it sticks at are seen then."""
 PHONE = {"width": 390, "height": 844, "has_touch": True}
@@ -32,8 +32,7 @@ ORANGE = """() => {
   return Array.from({ length: colours.length / 3 }, (_, i) => i).filter(is);
 }"""
 INSIDE = """(modules) => {
-  const { view, shown, pitch } = window.foldback.player;
-  const { position, target } = view;
+  const { rig: { eye: { position, target }, pitch }, shown } = window.foldback.player;
   const far = (point) => Math.hypot(...point.map((v, k) => v - target[k])) / pitch;
   const place = (i) => [0, 1, 2].map((k) => shown.positions[3 * i + k] * pitch);
   return { nearest: Math.min(...modules.map((i) => far(place(i)))), distance: far(position) };

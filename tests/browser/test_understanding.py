@@ -47,7 +47,7 @@ AT_REST = """() => new Promise((done) => {
 })"""
 
 
-SMALL = {"width": 480, "height": 400}
+SMALL = {"width": 480, "height": 480}
 """Window size in pixels that software rendering paints quickly."""
 
 
@@ -74,6 +74,7 @@ def test_colours_tell_any_figure(visit: Visit, wrench: str, figures: Figures) ->
     assert np.abs(seen - before).max() > 20  # from some red to some of another colour
     assert (seen[..., 0] - seen[..., 1:].max(axis=-1)).max() < 60  # not what only some people see
     menu.select_option("chain")
+    page.wait_for_url(re.compile("colour=chain"))  # the address follows a moment later
     leave_view_out(page.context)
     page.reload()
     expect(menu).to_have_value("chain")  # it is kept
