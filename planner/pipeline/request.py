@@ -68,7 +68,7 @@ class PreviewRequest(PathOptions):
 
     @property
     def key(self) -> str:
-        """The same for the same options."""
+        """Return a key that is the same for the same options."""
         text = json.dumps(asdict(self), sort_keys=True)
         return sha256(text.encode()).hexdigest()[:24]
 

@@ -9,7 +9,7 @@ from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from server.jobs.execution import LeaseLostError, NotFinishedError
+from server.jobs.execution import NotFinishedError
 from server.jobs.movie_runner import MovieJobs
 from server.jobs.queue import Claim, FoldClaim, Lane, Queue
 from server.jobs.retry import retry_until_available
@@ -115,12 +115,11 @@ class Dispatcher:
             else:
                 with about(fold=claim.fold_id, movie=claim.movie_id), span("movie"):
                     self._movies.make(claim)
-        except LeaseLostError:
-            pass  # it is another's
         except Exception as error:
             if not isinstance(error, NotFinishedError):
                 log.exception("job %s goes back to the queue", claim.execution)
                 time.sleep(QUEUE_POLL_S)
+            # Nothing changes where it is another's by now, or is back already.
             retry_until_available(lambda: self._queue.hand_back(claim))
         finally:
             with self._changed:

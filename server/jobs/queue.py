@@ -19,8 +19,7 @@ from typing import Final
 import sqlalchemy as sa
 
 from planner.progress import STAGES
-from server.limits.fair_queue import QUICK_FOLD_S
-from server.store.folds import UNFINISHED_STATUSES, Store, rows_of
+from server.store.folds import UNFINISHED_STATUSES, Store, in_lane, rows_of
 from server.store.tables import ENDED, FoldRow, MovieRow
 
 MAX_LOSSES: Final = 100
@@ -98,10 +97,9 @@ class Queue:
         execution = f"{worker}:{secrets.token_hex(6)}"
         if lane is Lane.MOVIES:
             return self._claim_movie(execution)
-        quick = FoldRow.cost_s <= QUICK_FOLD_S
         waits = (
             sa.select(FoldRow.id, FoldRow.checkpoint, FoldRow.losses)
-            .where(*_FOLD_WAITS, quick if lane is Lane.QUICK else sa.not_(quick))
+            .where(*_FOLD_WAITS, in_lane(quick=lane is Lane.QUICK))
             .order_by(FoldRow.turn, FoldRow.created_at)
             .limit(1)
             .with_for_update(skip_locked=True)  # nothing in SQLite, where writers take turns
@@ -149,7 +147,7 @@ class Queue:
         """
         kept = (
             sa.update(FoldRow)
-            .where(FoldRow.id == claim.fold_id, FoldRow.worker == claim.execution)
+            .where(*_held_by(claim))
             .values(checkpoint={"stage": stage, "files": files}, losses=0)
         )
         with self._store.changing() as session:
@@ -159,16 +157,14 @@ class Queue:
         """Put a job back into the queue that its execution does not finish."""
         with self._store.changing() as session:
             if isinstance(claim, FoldClaim):
-                mine = (FoldRow.id == claim.fold_id, FoldRow.worker == claim.execution)
-                session.execute(_FOLD_BACK.where(*mine))
+                session.execute(_FOLD_BACK.where(*_held_by(claim)))
             else:
                 session.execute(_MOVIE_BACK.where(MovieRow.worker == claim.execution))
 
     def release(self, claim: FoldClaim) -> None:
         """Store that nothing is left to do for a fold that has ended."""
-        mine = (FoldRow.id == claim.fold_id, FoldRow.worker == claim.execution)
         with self._store.changing() as session:
-            session.execute(sa.update(FoldRow).where(*mine).values(worker=None))
+            session.execute(sa.update(FoldRow).where(*_held_by(claim)).values(worker=None))
 
     def holders(self) -> set[str]:
         """Return the names of the workers that have jobs."""
@@ -202,6 +198,11 @@ class Queue:
             gone = sa.update(FoldRow).where(theirs, FoldRow.status.in_(ENDED)).values(worker=None)
             ended = session.execute(gone.returning(FoldRow.id, FoldRow.kept)).all()
         return [(row.id, row.kept) for row in ended]
+
+
+def _held_by(claim: FoldClaim) -> tuple[sa.ColumnElement[bool], ...]:
+    """Return the conditions that a fold is still the one of an execution."""
+    return (FoldRow.id == claim.fold_id, FoldRow.worker == claim.execution)
 
 
 _FOLD_WAITS: Final = (

@@ -222,7 +222,7 @@ class Store:
                 FoldRow.status == "queued",
                 FoldRow.id != fold_id,
                 FoldRow.turn < now + ticks(max(cost_s, spent_s)),
-                _in_lane(cost_s),
+                in_lane(quick=is_quick(cost_s)),
             )
             if cheaper:
                 queued = queued.where(FoldRow.cost_s < cost_s)
@@ -239,13 +239,6 @@ class Store:
         first_s = self._first_slice_s
         return slice_s(cost_s, pauses, first_s, for_cheaper=True), slice_s(cost_s, pauses, first_s)
 
-    def unfinished(self) -> Sequence[FoldRow]:
-        """Return all folds that are queued or running."""
-        with self._sessions() as session:
-            return session.scalars(
-                sa.select(FoldRow).where(FoldRow.status.in_(UNFINISHED_STATUSES))
-            ).all()
-
     def ahead(self, row: FoldRow) -> Ahead:
         """Return what a queued fold waits for, in its lane."""
         before = sa.or_(
@@ -254,10 +247,10 @@ class Store:
         )
         queued = sa.select(
             sa.func.count(), sa.func.coalesce(sa.func.sum(FoldRow.cost_s), 0.0)
-        ).where(FoldRow.status == "queued", before, _in_lane(row.cost_s))
+        ).where(FoldRow.status == "queued", before, in_lane(quick=is_quick(row.cost_s)))
         running = sa.select(
             FoldRow.cost_s, FoldRow.pauses, FoldRow.resumed_at, FoldRow.progress
-        ).where(FoldRow.status == "running", _in_lane(row.cost_s))
+        ).where(FoldRow.status == "running", in_lane(quick=is_quick(row.cost_s)))
         now = time.time()
         with self.reading() as session:
             count, ahead_s = session.execute(queued).one()
@@ -620,9 +613,9 @@ def cost_of(row: FoldRow, modules: int | None = None) -> ExpectedCost:
     return expected_cost(row.modules if modules is None else modules, request_of(row))
 
 
-def _in_lane(cost_s: float) -> sa.ColumnElement[bool]:
-    """Return the condition that a fold is in the lane of one with this expected cost."""
-    return FoldRow.cost_s <= QUICK_FOLD_S if is_quick(cost_s) else FoldRow.cost_s > QUICK_FOLD_S
+def in_lane(*, quick: bool) -> sa.ColumnElement[bool]:
+    """Return the condition that a fold is in the lane for quick folds, or in the other one."""
+    return FoldRow.cost_s <= QUICK_FOLD_S if quick else FoldRow.cost_s > QUICK_FOLD_S
 
 
 def rows_of(result: sa.Result[Any]) -> int:

@@ -94,7 +94,7 @@ class Movie:
 
     @property
     def key(self) -> str:
-        """The same for the same options."""
+        """Return a key that is the same for the same options."""
         text = json.dumps(asdict(self), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 
