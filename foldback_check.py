@@ -1,6 +1,6 @@
 """Prove from a plan's file alone that a chain of modules folds without touching itself.
 
-    python foldback_check.py plan.npz [--cells path.json] [--size S] [--claim C] [--json]
+    python foldback_check.py plan.npz [--end shape.json] [--size S] [--claim C] [--json]
 
 Needs NumPy, and nothing of foldback. docs/certificate.md states what is claimed: hinges turn evenly
 from frame to frame, and every pair of modules keeps a clearance *all the time*, apart from pairs
@@ -26,8 +26,8 @@ proved once, with all their pairs.
 ROUNDING, u = 2^-53. An angle is off by 4 u |step| + 2 u |angle|, sine and cosine by 8 u more: a in
 all. A hinge mixes two columns of a rotation, each is off by 2 a + 3 u; a constant rotation whose
 entries are not 0, 1 or -1 adds 40 u. Rotating keeps the Frobenius norm of an error. So m links on a
-rotation is off by m e, with e the sum of one link, and a position by l m^2 (e/2 + 8 u), l the length
-of a link. Points of j seen from i are off by at most n (l n + 2 r) (2 e + 48 u) for n modules.
+rotation is off by m e, with e the sum of one link, and a position by l m^2 (e/2 + 8 u), with l the
+length of a link. Points of j seen from i are off by n (l n + 2 r) (2 e + 48 u) for n modules.
 Bernstein coefficients multiply that by |B|; B itself, axes and supports add 256 u (l n + 2 r) |B|.
 The sum is `rounding`, taken off every bound; 1e-8 for 160 cubes. Sums of rates have `slack`, and
 factors near 1 are within 1e-9.
@@ -48,19 +48,19 @@ ORDER, MID = 5, 2  # nodes of an interval: odd, so that one of them is in the mi
 DEPTH = 14  # times that an interval between two frames is halved at most
 BATCH, PAIRS = 300_000, 20_000  # poses and pairs that are computed at once
 CROWD = 200  # pairs for each moving module above which an interval is halved before it is looked at
-I, H, T = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], math.sqrt(0.5), math.sqrt(1 / 3)
+ONE, H, T = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], math.sqrt(0.5), math.sqrt(1 / 3)
 CUBE = {
     "corners": [[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)],
-    "faces": I, "edges": I, "anchor": [0.0, 0.0, 0.0], "offset": [1.0, 0.0, 0.0],
-    "turns": [I, [I[1], I[2], I[0]], [I[2], I[0], I[1]]],
+    "faces": ONE, "edges": ONE, "anchor": [0.0, 0.0, 0.0], "offset": [1.0, 0.0, 0.0],
+    "turns": [ONE, [ONE[1], ONE[2], ONE[0]], [ONE[2], ONE[0], ONE[1]]],
     "hinges": ["_z", "_y"], "rigid_links": 1, "apart": 2, "limit_rad": math.radians(92.0),
 }
 TETRAHEDRON = {
     "corners": [[-0.5, -1.0, 0.0], [-0.5, 1.0, 0.0], [0.5, 0.0, -1.0], [0.5, 0.0, 1.0]],
     "faces": [[-H, 0.0, H], [-H, 0.0, -H], [H, H, 0.0], [H, -H, 0.0]],
-    "edges": [I[1], I[2], *([T, y, z] for y in (-T, T) for z in (-T, T))],
+    "edges": [ONE[1], ONE[2], *([T, y, z] for y in (-T, T) for z in (-T, T))],
     "anchor": [0.5, 0.0, 0.0], "offset": [0.5, 0.0, 0.0],
-    "turns": [I, [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]],
+    "turns": [ONE, [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]],
     "hinges": [""], "rigid_links": 0, "apart": 1, "limit_rad": math.radians(90.85),
 }
 MODULES = {"cube": CUBE, "tetrahedron": TETRAHEDRON}
@@ -80,19 +80,20 @@ class Module:
     """A convex module at its size. From one to the next: anchor, turn, hinge, turn, ..., offset."""
 
     def __init__(self, told, size):
-        parts = (np.array(told[k], float) for k in ("corners", "faces", "edges", "anchor", "offset"))
-        self.corners, self.faces, self.edges, self.anchor, self.offset = parts
+        parts = ("corners", "faces", "edges", "anchor", "offset", "turns")
+        self.corners, self.faces, self.edges, self.anchor, self.offset, self.turns = (
+            np.array(told[part], float) for part in parts)
         self.names, self.rigid, self.apart = told["hinges"], told["rigid_links"], told["apart"]
-        self.turns, self.limit = np.array(told["turns"], float), told["limit_rad"]
-        square = self.turns @ self.turns.swapaxes(1, 2)
-        require(np.abs(square - I).max() < 1e-15 and (np.linalg.det(self.turns) > 0).all() and
+        self.limit, square = told["limit_rad"], self.turns @ self.turns.swapaxes(1, 2)
+        require(np.abs(square - ONE).max() < 1e-15 and (np.linalg.det(self.turns) > 0).all() and
                 np.abs((self.faces**2).sum(1) - 1).max() < 1e-15 and self.apart <= 2 and
                 len(self.turns) == len(self.names) + 1, "a module that cannot be")
         self.corners *= size
         self.radius = np.linalg.norm(self.corners, axis=1).max() * (1 + 1e-12)
         self.link = (np.linalg.norm(self.anchor) + np.linalg.norm(self.offset)) * (1 + 1e-12)
         self.half = np.abs(self.corners).max(0)
-        self.box = {*map(tuple, self.corners)} == {*itertools.product(*zip(-self.half, self.half))}
+        box = itertools.product(*np.stack([-self.half, self.half], axis=1))
+        self.box = {*map(tuple, self.corners)} == {*box}
         self.exact = np.isin(self.turns, (-1.0, 0.0, 1.0)).all()
 
     def least(self, v):
@@ -107,7 +108,7 @@ class Module:
             C = R[m + 1]
             C[:] = R[m]
             for k, turn in enumerate(self.turns):
-                if (turn != I).any():
+                if (turn != ONE).any():
                     C[:] = (turn.T @ C.reshape(3, -1)).reshape(C.shape)
                 if k < len(self.names):  # a hinge about the third axis
                     c, s, first = cos[m, k], sin[m, k], C[0].copy()
@@ -206,7 +207,7 @@ class Plan:
         if "first" in arrays:
             first, offsets = arrays["first"].astype("i8"), arrays["offsets"].astype("i8")
             width = np.diff(offsets)
-            require(len(width) == len(first) > 0 == offsets[0] and min(width.min(), first.min()) >= 0
+            require(len(width) == len(first) > 0 == offsets[0] and width.min() >= 0 <= first.min()
                     and (first + width).max() <= hinges, "windows that do not fit the chain")
             values = (arrays["angles_rad"] if codes is None else
                       window_values(codes, step, first, offsets, folded))
@@ -233,7 +234,7 @@ class Plan:
         require(verdict.startswith("verified"), f"the plan says of itself: {verdict}")
         require(0.0 < self.claim < math.inf, "the plan claims no clearance")
         exempt = said.get("exempt_pairs") or {"apart": module.apart, "count": self.exempt}
-        require([exempt["apart"], exempt["count"]] == [module.apart, self.exempt], "other exempt pairs")
+        require(exempt["apart"] == module.apart and exempt["count"] == self.exempt, "exempt pairs")
         require(said.get("frames") in (None, motion.frames), "more or fewer frames than certified")
         require(np.isfinite(motion.values).all() and np.isfinite(motion.folded).all(), "no numbers")
         self.largest = max(np.abs(v).max(initial=0.0) for v in (motion.values, motion.folded))
@@ -296,10 +297,10 @@ class Batch:
         """Return the part of sums along the chain that belongs to hinges between i and j."""
         return np.subtract(*(sums[b, np.clip(k - self.c[b], 0, self.m)] for k in (j, i)))
 
-    def poses(self, modules, b, nodes):
-        """Return centres (Q, p, 3) and axes as rows (Q, p, 3, 3) of modules at some nodes."""
+    def poses(self, modules, b):
+        """Return centres (Q, p, 3) and axes as rows (Q, p, 3, 3) of modules."""
         at = modules - self.c[b]
-        x, axes = (v[np.clip(at, 0, self.m), b, nodes] for v in (self.x, self.axes))
+        x, axes = (v[np.clip(at, 0, self.m), b] for v in (self.x, self.axes))
         front, tail = np.flatnonzero(at < 0), np.flatnonzero(at > self.m)
         x[front], axes[front] = (v[modules[front], None] for v in self.proof.folded)
         offset, turn = (v[at[tail] - self.m] for v in self.proof.straight)
@@ -321,12 +322,15 @@ class Batch:
         return np.where(at < 0, 0.0, way[np.clip(at, 0, self.m), np.arange(len(self.c))] + behind)
 
     def pairs(self, wanted):
-        """Return rows (b, i, j) of pairs that may come too near, and the intervals with too many."""
+        """Return rows (b, i, j) of pairs that may come too near, and intervals with too many."""
         proof, count, b = self.proof, self.proof.count, np.flatnonzero(wanted)
-        modules = np.tile(np.arange(count), len(wanted))
-        every = np.repeat(np.arange(len(wanted)), count)
-        x = self.poses(modules, every, slice(MID, MID + 1))[0].reshape(-1, count, 3).swapaxes(0, 1)
-        boxes, crowded = levels(x, self.ways()), np.zeros(len(wanted), bool)
+        x, crowded = np.zeros((count, len(wanted), 3)), np.zeros(len(wanted), bool)
+        for s in b:
+            c, end = self.c[s], min(self.c[s] + self.m + 1, count)
+            x[:c, s], x[c:end, s] = proof.folded[0][:c], self.x[: end - c, s, MID]
+            tail = proof.straight[0][1 : count - end + 1] @ self.axes[-1, s, MID]
+            x[end:, s] = self.x[-1, s, MID] + tail
+        boxes = levels(x, self.ways()) if len(b) else []
         i = j = np.zeros(len(b), int)
         for level in reversed(range(len(boxes))):
             low, high, way = boxes[level]
@@ -350,15 +354,16 @@ class Batch:
 class Proof:
     """The proof that a motion keeps a clearance; what it came across is in its attributes."""
 
-    def __init__(self, plan, report=lambda frame: None):
+    def __init__(self, plan):
         self.module, self.motion, self.count = module, _, n = plan.module, plan.motion, plan.count
-        self.claim, self.tightest, self.looks, self.report = plan.claim, (math.inf, 0.0, 0, 0), 0, report
+        self.claim, self.tightest, self.looks = plan.claim, (math.inf, 0.0, 0, 0), 0
         p, fine = ORDER, np.linspace(0.0, 1.0, 20001)
         self.nodes = np.sort(1 - np.cos((2 * np.arange(p) + 1) * np.pi / (2 * p))) / 2
-        lagrange = [np.prod([(fine - s) / (t - s) for s in self.nodes if s != t], axis=0) for t in self.nodes]
+        lagrange = [np.prod([(fine - s) / (t - s) for s in self.nodes if s != t], axis=0)
+                    for t in self.nodes]
         self.lebesgue = np.abs(lagrange).sum(0).max() * 1.001
-        bernstein = [[math.comb(p - 1, k) * t**k * (1 - t) ** (p - 1 - k) for k in range(p)] for t in self.nodes]
-        self.B = np.linalg.inv(bernstein)
+        self.B = np.linalg.inv([[math.comb(p - 1, k) * t**k * (1 - t) ** (p - 1 - k)
+                                 for k in range(p)] for t in self.nodes])
         self.c = 2 / (4.0**p * math.factorial(p)) * (1 + 1e-9)
         a, hinges = (4 * 2 + 2) * plan.largest * U + 8 * U, len(module.names)
         e = hinges * math.sqrt(2) * (2 * a + 3 * U) + (not module.exact) * (hinges + 1) * 40 * U
@@ -393,7 +398,6 @@ class Proof:
                     break
                 items.append(todo.pop())
             todo += self._halves(items)
-            self.report(items[-1][0])
 
     def _halves(self, items):
         """Return the halves of the intervals in which something is not proved."""
@@ -416,18 +420,19 @@ class Proof:
         module, (b, i, j) = self.module, rows.T
         turn = batch.between(batch.S, i, j, b) + batch.slack[b]
         lost = self.c * turn**ORDER * ((j - i) * module.link + module.radius) + self.rounding
-        (xi, Ci), (xj, Cj) = (batch.poses(k, b, slice(None)) for k in (i, j))
+        (xi, Ci), (xj, Cj) = (batch.poses(k, b) for k in (i, j))
         y = np.einsum("qpax,qpx->qpa", Ci, xj - xi)
         n = y[:, MID] / np.linalg.norm(y[:, MID], axis=1, keepdims=True).clip(1e-300)
         bound = (np.einsum("qpa,qa->qp", y, n) @ self.B.T).min(1) - 2 * module.radius - lost
         rest = np.flatnonzero(bound < self.claim)
         y, n, turn = y[rest], n[rest, None], np.matmul(Ci[rest], Cj[rest].swapaxes(-1, -2))
-        ours, theirs = (np.broadcast_to(v, (len(rest), *v.shape)) for v in (module.faces, module.edges))
-        faces = np.einsum("qab,fb->qfa", turn[:, MID], module.faces)
-        low, gaps = self._along(y, turn, np.concatenate([n, ours, faces], axis=1), lost[rest])
+        faces = np.broadcast_to(module.faces, (len(rest), *module.faces.shape))
+        faces = [n, faces, np.einsum("qab,fb->qfa", turn[:, MID], module.faces)]
+        low, gaps = self._along(y, turn, np.concatenate(faces, axis=1), lost[rest])
         some = np.flatnonzero(~(low >= self.claim))
         edges = np.einsum("qab,eb->qea", turn[some, MID], module.edges)
-        edges = np.cross(theirs[some][:, :, None], edges[:, None]).reshape(len(some), len(module.edges) ** 2, 3)
+        edges = np.cross(module.edges[:, None], edges[:, None])
+        edges = edges.reshape(len(some), len(module.edges) ** 2, 3)
         size = np.linalg.norm(edges, axis=2, keepdims=True)
         edges = np.where(size > 1e-6, edges / size.clip(1e-6), n[some])
         other = self._along(y[some], turn[some], edges, lost[rest[some]])
@@ -450,23 +455,28 @@ class Proof:
         q = np.flatnonzero(gaps - lost >= self.claim)
         lines = np.concatenate([y[q, :, :, None], turn[q]], axis=3)  # centre and axes of j
         lines = np.matmul(self.B, np.einsum("qa,qpab->qpb", n[q], lines))  # Bernstein coefficients
-        bound[q] = (lines[..., 0] + module.least(lines[..., 1:])).min(1) + module.least(-n[q]) - lost[q]
+        least = (lines[..., 0] + module.least(lines[..., 1:])).min(1)
+        bound[q] = least + module.least(-n[q]) - lost[q]
         return bound, gaps
 
 
-def check_cells(plan, path):
-    """Require that the plan ends on the cells of a path's file, up to a rigid motion."""
+def check_end(plan, path):
+    """Require that the plan ends on the cells, or with the angles, of a path's or chain's file."""
     with open(path, encoding="utf-8") as file:
-        cells = np.array(json.load(file)["cells"], float)
+        told = json.load(file)
     x, off = plan.module.chain(plan.motion.folded)[0], math.inf
-    for y in (cells, cells[::-1]) if cells.shape == x.shape else ():
+    cells = np.array(told.get("cells", ()), float)
+    for y in (cells, cells[::-1]) if cells.shape == x.shape else ():  # up to a rigid motion
         u, _, v = np.linalg.svd((x - x.mean(0)).T @ (y - y.mean(0)))
         turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
         off = min(off, np.abs((x - x.mean(0)) @ turn - (y - y.mean(0))).max())
-    require(off <= 1e-6, f"it does not end on the cells of {path}: off by {off:.7f} pitches")
+    angles = np.radians(told.get("joint_angles_deg", ()))
+    if len(angles) == len(plan.motion.folded):
+        off = np.abs(plan.motion.folded - angles).max()
+    require(off <= 1e-6, f"it does not end as {path} says: off by {off:.7f}")
 
 
-def check(path, size=None, claim=None, cells=None):
+def check(path, size=None, claim=None, end=None):
     """Return what was proved of a plan, or why it was not, as plain values.
 
     Raises:
@@ -475,10 +485,11 @@ def check(path, size=None, claim=None, cells=None):
     began, found = time.perf_counter(), {"verdict": "not proved"}
     try:
         plan = Plan(path, size, claim)
-        found |= {"modules": plan.count, "module": plan.kind, "size": plan.size, "exempt": plan.exempt,
-                  "frames": plan.motion.frames, "angles_sha256": plan.digest, "clearance": plan.claim}
-        if cells:
-            check_cells(plan, cells)
+        found |= {"modules": plan.count, "module": plan.kind, "size": plan.size,
+                  "exempt": plan.exempt, "frames": plan.motion.frames, "clearance": plan.claim,
+                  "angles_sha256": plan.digest}
+        if end:
+            check_end(plan, end)
         proof = Proof(plan)
         gap, frame, *pair = proof.tightest
         found |= {"verdict": "proved", "rounding": proof.rounding, "looks": proof.looks,
@@ -492,13 +503,13 @@ def main(arguments=None):
     """Check a plan and print the result."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("plan", help="plan.npz of a fold")
-    parser.add_argument("--cells", help="file of a path: the plan must end on its cells")
+    parser.add_argument("--end", help="file of the path or chain that the plan must end as")
     parser.add_argument("--size", type=float, help="module size instead of the plan's")
     parser.add_argument("--claim", type=float, help="clearance instead of the plan's, in pitches")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     options = parser.parse_args(arguments)
     try:
-        found = check(options.plan, options.size, options.claim, options.cells)
+        found = check(options.plan, options.size, options.claim, options.end)
     except ValueError as error:
         print(f"no plan: {error}", file=sys.stderr)
         return 2
@@ -506,10 +517,11 @@ def main(arguments=None):
     if options.json:
         print(json.dumps(found))
     elif proved:
-        print("proved: {modules} modules ({module}) of size {size:g}, {frames} frames. They begin as the plan "
-              "says and end folded.\nAll the way each pair stays at least {clearance:.6f} pitches apart, but for "
-              "{exempt} pairs that share a joint.\nRounding {rounding:.1e}, {seconds:.1f} s, angles "
-              "{angles_sha256}.".format(**found))
+        print("proved: {modules} modules ({module}) of size {size:g}, {frames} frames.\n"
+              "They begin as the plan says and end folded. All the way, each pair stays at least "
+              "{clearance:.6f}\npitches apart, apart from {exempt} pairs that share a joint.\n"
+              "Rounding {rounding:.1e} pitches, {seconds:.1f} s.\n"
+              "SHA-256 of the angles: {angles_sha256}".format(**found))
     else:
         print(f"not proved: {found['reason']}")
     return 0 if proved else 1
