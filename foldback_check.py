@@ -176,7 +176,7 @@ class Plan:
 
     def __init__(self, path, size=None, claim=None):
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
             told = json.loads(str(arrays["plan"]))
             chain, said = told["chain"], told["certificate"]
@@ -239,6 +239,7 @@ class Plan:
         require(np.isfinite(motion.values).all() and np.isfinite(motion.folded).all(), "no numbers")
         self.largest = max(np.abs(v).max(initial=0.0) for v in (motion.values, motion.folded))
         require(self.largest <= module.limit + 1e-6, f"a hinge at {self.largest:.6f} rad")
+        self.step = float(said.get("max_joint_step_rad") or math.inf)
         times = arrays["time_s"]
         require(len(times) == motion.frames and np.isfinite(times).all() and
                 (np.diff(times) >= 0.0).all(), "times that do not rise")
@@ -280,6 +281,7 @@ class Batch:
         self.m = m = int(max((-(-high // hinges) - self.c).max(), 1))
         q, end = (np.array([motion.angles(f, c * hinges, (c + m) * hinges)
                             for c, f in zip(self.c, frame, strict=True)]) for frame in frames)
+        proof.step = max(proof.step, np.abs(end - q).max())
         rate = np.abs(end - q).reshape(len(t), m, hinges).sum(2)
         zero = np.zeros((len(t), 1))
         self.turning = np.hstack([zero, (rate > 0.0).cumsum(1)])
@@ -357,6 +359,7 @@ class Proof:
     def __init__(self, plan):
         self.module, self.motion, self.count = module, _, n = plan.module, plan.motion, plan.count
         self.claim, self.tightest, self.looks = plan.claim, (math.inf, 0.0, 0, 0), 0
+        self.step = 0.0
         p, fine = ORDER, np.linspace(0.0, 1.0, 20001)
         self.nodes = np.sort(1 - np.cos((2 * np.arange(p) + 1) * np.pi / (2 * p))) / 2
         lagrange = [np.prod([(fine - s) / (t - s) for s in self.nodes if s != t], axis=0)
@@ -380,6 +383,7 @@ class Proof:
             self.folded, self.straight = map(module.chain, shapes)
             self.motion = motion
         self._prove(max(1, motion.frames - 1))
+        require(self.step <= plan.step + 1e-9, f"a step of {self.step:.6f} rad, the plan says less")
 
     def way(self, seen, turn, links):
         """Return how far points may go of which the nodes show so much (CANDIDATES)."""
