@@ -7,7 +7,7 @@ import json
 import pytest
 
 from server.errors import ServiceError, TooMany, Unidentified, WebsocketNeeded
-from server.files.previews import NoSuchPreviewError
+from server.store.previews import NoSuchPreviewError
 from server.http.problems import HTTP_STATUSES, Problem, response_of
 
 
