@@ -26,7 +26,7 @@ from server.errors import Malformed
 from server.jobs.movies import MovieState
 from server.store.owned import folds_made, hand_over_all
 from server.store.owner import Claim, Owner
-from server.store.shown import ShownFold, shown_name
+from words.fold import ShownFold, shown_name
 
 router = APIRouter(prefix="/api/mine", tags=["mine"])
 MAX_FOLDS_PER_PAGE: Final = 100

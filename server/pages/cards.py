@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from planner.parameters.parameters import FLOATING, WORLD_CHOICES
 from planner.pathfinding.options import MODULE_CHOICES
-from server.store.shown import ShownFold, shown_name
+from words.fold import ShownFold, shown_name
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

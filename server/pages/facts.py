@@ -29,7 +29,15 @@ from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
 from server.errors import MOTION_FILES, damage_words
 from server.jobs.progress import STAGES
-from server.pages.failures import (
+from server.pages.table_check import ruled_out_on_table
+from server.store.estimates import Expected, expected_of_cost, plain_fold
+from server.store.fold_files import frames_promised
+from server.store.shown import Found
+from server.store.tables import request_of
+from words import certificate as certificate_words
+from words.certificate import TableWords
+from words.choice import PREFERENCE_WORDS, Choice, choice_of, superlative
+from words.failures import (
     AttemptWords,
     Failure,
     attempts,
@@ -37,19 +45,9 @@ from server.pages.failures import (
     failure,
     reason_for_people,
 )
-from server.pages.properties import (
-    Properties,
-    properties,
-)
-from server.pages.table_check import ruled_out_on_table
-from server.store.estimates import Expected, expected_of_cost, plain_fold
-from server.store.fold_files import frames_promised
-from server.store.shown import RUNNING_STATUSES, Found, ShownFold, has_motion
-from server.store.tables import request_of
-from words import certificate as certificate_words
-from words.certificate import TableWords
-from words.choice import PREFERENCE_WORDS, Choice, choice_of, superlative
+from words.fold import RUNNING_STATUSES, ShownFold, has_motion
 from words.messages import message_for_people
+from words.properties import Properties, properties
 from words.quantities import PRESET_LABELS, sentence
 from words.settings import in_a_line
 from words.smoothing import BeforeAfter, smoothing_note, smoothing_rows

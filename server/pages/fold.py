@@ -24,10 +24,11 @@ from server.pages.page import origin_of, page, script_json
 from server.pages.privacy import who_and_how_long
 from server.pages.problem_page import not_found_page
 from server.store.estimates import expected_of_cost
-from server.store.shown import RUNNING_STATUSES, Found
+from server.store.shown import Found
 from web.pictures.isometric import isometric_svg
 from web.pictures.isometric_modules import chain_svg
 from web.pictures.picture_view import PictureView
+from words.fold import RUNNING_STATUSES
 
 router = APIRouter(include_in_schema=False)
 

@@ -27,8 +27,9 @@ from server.http.security import INDEXED_HEADERS
 from server.pages.fold import drawing_in
 from server.processes.children import ChildError
 from server.store.fold_files import EXPORTS_DIR
-from server.store.shown import RUNNING_STATUSES, Found
+from server.store.shown import Found
 from web.pictures.picture_view import MAX_SHORT_FORM_LENGTH, SHORT_FORM_PATTERN
+from words.fold import RUNNING_STATUSES
 
 router = APIRouter(include_in_schema=False)
 

@@ -18,8 +18,8 @@ from server.http.downloads import BINARY_MEDIA_TYPE
 from server.pages.page import page, script_addresses, script_json
 from server.pages.problem_page import not_found_page
 from server.store.previews import NoSuchPreviewError, Previews
-from server.store.shown import shown_name
 from web.pictures.preview_drawing import preview_svg
+from words.fold import shown_name
 
 router = APIRouter(include_in_schema=False)
 

@@ -11,7 +11,7 @@ from server.api.context import context_of
 from server.jobs.housekeeping import CANCELLED_FOLD_S, MIN_UNUSED_S
 from server.pages.page import page
 from server.settings import Settings
-from server.store.shown import ShownFold
+from words.fold import ShownFold
 
 router = APIRouter(include_in_schema=False)
 

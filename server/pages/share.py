@@ -28,13 +28,14 @@ from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import page, policy_of_pages, rendered, script_json
 from server.pages.problem_page import not_found_page
 from server.store.folds import NoSuchFoldError
-from server.store.shown import RUNNING_STATUSES, Found
+from server.store.shown import Found
 from web.pictures.table_top import TableTop
 from web.timeline.metrics import FIGURES, curves_of, table_forces
 from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.recording import recording_of
 from web.viser.standalone import standalone_html, standalone_scripts
+from words.fold import RUNNING_STATUSES
 
 router = APIRouter(include_in_schema=False)
 SHARED_FOLD_ID: Final = r"^[A-Za-z0-9_-]{1,64}$"

@@ -19,7 +19,7 @@ from planner.pipeline.request import FoldRequest
 
 if TYPE_CHECKING:
     from server.settings import Settings
-    from server.store.shown import ShownFold
+    from words.fold import ShownFold
 
 
 class Base(DeclarativeBase):

@@ -14,8 +14,8 @@ from pydantic import ValidationError
 from server.pages import privacy
 from server.pages.privacy import time_words, who_and_how_long
 from server.settings import MIB_BYTES, Settings
-from server.store.shown import ShownFold
 from tests.server.rows import a_fold
+from words.fold import ShownFold
 
 
 def words(**settings: object) -> str:
