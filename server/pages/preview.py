@@ -20,6 +20,7 @@ from server.pages.problem_page import not_found_page
 from server.store.previews import NoSuchPreviewError, Previews
 from web.pictures.preview_drawing import preview_svg
 from words.fold import shown_name
+from words.missing import NO_PREVIEW
 
 router = APIRouter(include_in_schema=False)
 
@@ -34,8 +35,7 @@ async def preview_page(request: Request, preview_id: str) -> Response:
         filename = (await asyncio.to_thread(context.previews.row, preview_id)).filename
     except NoSuchPreviewError:
         return not_found_page(
-            "This preview has expired",
-            "Previews are stored for a limited time. Upload the file again to get a new one.",
+            *NO_PREVIEW,
         )
     name = shown_name((filename or "shape").rpartition(".")[0] or filename or "shape")
     facts: dict[str, object] = {
