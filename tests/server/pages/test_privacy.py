@@ -16,7 +16,7 @@ from server.pages.privacy import visibility
 from server.settings import MIB_BYTES, Settings
 from tests.server.rows import a_fold
 from words.fold import ShownFold
-from words.lifetime import time_words
+from words.lifetime import PUBLIC_FOLD, time_words
 
 
 def words(**settings: object) -> str:
@@ -58,7 +58,7 @@ def test_each_fold_says_what_becomes_of_it() -> None:
     who = "Only people with the link can see it."
     assert visibility(settings) == visibility(settings, mine)
     assert visibility(settings, mine) == (f"Stored for 1 day after it was last viewed. {who}")
-    assert visibility(settings, shared) == privacy.PUBLIC_FOLD
+    assert visibility(settings, shared) == PUBLIC_FOLD
     assert visibility(settings, pinned) == f"Stored permanently. {who}"
     cancelled = ShownFold.of(a_fold("a", status="cancelled"))
     assert visibility(settings, cancelled) == (
