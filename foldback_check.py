@@ -183,6 +183,7 @@ class Plan:
             self.kind, self.count = str(chain["module"]), int(chain["modules"])
             geometry = told.get("claim", {}).get("module", MODULES.get(self.kind))
             require(geometry == MODULES.get(self.kind, geometry), f"{self.kind}s of another kind")
+            self.kind += "" if self.kind in MODULES else ", as the plan describes it"
             self.size = float(said["module_size"] if size is None else size)
             require(0.0 < self.size <= 1.0, f"a module size of {self.size:g}")
             self.module = Module(geometry, self.size)

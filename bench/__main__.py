@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from bench.baselines import direct, paper
+from bench.checking import checking
 from bench.first import first
 from bench.folds import folds, gallery
 from bench.hard import hard
@@ -51,6 +52,7 @@ SECTIONS = {
     "portfolio": portfolio,
     "hard": hard,
     "sweeps": sweeps,
+    "checking": checking,
     "table-folds": table_folds,
     "table-long-folds": table_long_folds,
     "table-offers": table_offers_section,
