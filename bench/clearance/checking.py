@@ -1,6 +1,6 @@
 """Checking: plans proved by ``foldback_check.py``, and what the planner's certificate says.
 
-``python -m bench.clearance.checking [SEED …]`` checks the gallery with these seeds instead of seed 0.
+``python -m bench.clearance.checking [SEED …]`` checks the gallery with other seeds than 0.
 """
 
 from __future__ import annotations

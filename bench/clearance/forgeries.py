@@ -1,8 +1,8 @@
 """Forgeries: plans that state something false, and how many of them a checker proves.
 
-``python -m bench.clearance.forgeries [COUNT] [--seed SEED]`` forges plans of small folds: angles, frames,
-order, sizes, bounds, exempt pairs, windows, names. A changed motion counts as forged only if two
-modules are certainly nearer than the plan claims: by the exact distance of their hulls at a moment.
+``python -m bench.clearance.forgeries [COUNT] [--seed SEED]`` forges plans of small folds: angles,
+frames, order, sizes, bounds, exempt pairs, windows, names. A changed motion counts as forged only
+if two modules are certainly nearer than claimed: by the exact distance of their hulls at a moment.
 """
 
 from __future__ import annotations
@@ -235,7 +235,7 @@ def forgeries(count: int, seed: int = 0) -> Section:
 
 def main() -> None:
     """Forge and check plans as the command line says."""
-    parser = argparse.ArgumentParser(prog="python -m bench.clearance.forgeries", description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("count", nargs="?", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
