@@ -13,6 +13,9 @@ const NOT_CLAIMED = [
   "Simulated robots are samples. They do not stand for every robot.",
 ];
 
+const TOUCHING = 1e-3; // widths of a cell that are not worth a number
+const FULL = 1 - 1e-4; // cells' widths: larger modules fill theirs
+
 // Widths of a cell as a percentage, rounded down.
 /** @param {number} share */
 const percent = (share) => `${(Math.floor(1000 * share) / 10).toFixed(1)} %`;
@@ -33,8 +36,8 @@ export function outcome(way, said) {
     return `Checked by this browser, without our server: ${whole(modules)} modules, every pair that shares no joint stays at least ${percent(claim)} of a module width apart the whole way. It took ${took(seconds)}.`;
   }
   if (way === "size") {
-    return touch ? `Modules touch first when they are ${percentUp(touch.size)} of a cell wide; in this plan they are ${percent(size)}. Then ${pair(touch)} touch.`
-      : "Even modules as wide as their cells do not touch on the way.";
+    if (!touch || touch.size > FULL) return `The modules of this plan are ${percent(size)} of a cell wide. They could fill their cells and would still not overlap on the way.`;
+    return `The modules of this plan are ${percent(size)} of a cell wide. At ${percentUp(touch.size)} the first two touch: ${pair(touch)}. A little below that, no modules touch at all.`;
   }
   return `With the joint behind module ${whole(joint + 1)} off by 1°, no modules touch.${tightest ? ` The tightest place: ${pair(tightest)}, ${percent(tightest.gap)} of a module width apart.` : ""}`;
 }
@@ -124,7 +127,7 @@ export class Checking {
   show(at, frames, label) {
     this.seen = { at, frames };
     this.where.hidden = false;
-    this.where.textContent = `${label}: ${pair(at)}, ${percent(Math.max(at.gap, 0))} apart`;
+    this.where.textContent = `${label}: ${pair(at)}${at.gap < TOUCHING ? "" : `, ${percent(at.gap)} apart`}`;
   }
 
   // To the frame and the modules that are told; the plan's frames are the timeline's last.
