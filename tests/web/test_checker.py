@@ -1,4 +1,4 @@
-"""The checker of the pages proves what ``foldback_check.py`` proves, and no plan that was forged."""
+"""The pages' checker proves what ``foldback_check.py`` proves, and no plan that was forged."""
 
 from __future__ import annotations
 
@@ -135,7 +135,8 @@ def frames_dropped(f: Arrays, told: dict[str, Any], rng: Random) -> None:
     """Frames stay clear, and modules meet between them."""
     if "first" in f:
         return windows_moved(f, told, rng)
-    kept = np.unique([0, *rng.integers(0, len(f["time_s"]), rng.integers(0, 12)), len(f["time_s"]) - 1])
+    last = len(f["time_s"]) - 1
+    kept = np.unique([0, *rng.integers(0, last, rng.integers(0, 12)), last])
     f["joint_angles_rad"], f["time_s"] = f["joint_angles_rad"][kept], f["time_s"][kept]
     return None
 
