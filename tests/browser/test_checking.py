@@ -72,3 +72,37 @@ def test_the_checker_is_there_to_take_away(service: Service) -> None:
     answer = service.http.get("/static/foldback_check.py")
     assert answer.is_success
     assert "def main" in answer.text
+
+
+def test_it_is_checked_where_it_is_embedded(visit: Visit, wrench: str) -> None:
+    page = visit(f"/embed/{wrench}", width=640, height=420, view=False, color_scheme="light")
+    page.wait_for_function("() => window.foldback?.timeline.complete")
+    page.get_by_role("button", name="Check it here").click()
+    dialog = page.get_by_role("dialog")
+    expect(dialog.get_by_role("status")).to_contain_text("Checked by this browser")
+    keep(page, "checked-embedded")
+    dialog.get_by_role("button", name="Tightest place").click()
+    expect(dialog).to_have_count(0)
+    assert len(page.evaluate("foldback.player.marked")) == 2
+
+
+def test_either_of_two_folds_is_checked(visit: Visit, wrench: str) -> None:
+    page = visit(f"/compare?a={wrench}&b={wrench}", width=1200, height=700, view=False)
+    page.locator("#side-1").get_by_role("button", name="here").click()
+    dialog = page.get_by_role("dialog")
+    expect(dialog.get_by_role("status")).to_contain_text("Checked by this browser")
+    keep(page, "checked-compared")
+    page.keyboard.press("Escape")
+    expect(dialog).to_have_count(0)
+
+
+def test_it_is_checked_on_a_phone(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}", width=390, height=760, view=False, color_scheme="light")
+    page.wait_for_function("() => window.foldback?.timeline.complete")
+    page.locator("#details").click()
+    check = page.locator("#check")
+    check.get_by_role("button", name="Check it here").click()
+    expect(check.get_by_role("status")).to_contain_text("Checked by this browser")
+    check.get_by_role("button", name="Turn a hinge by 1°").scroll_into_view_if_needed()
+    keep(page, "checked-on-a-phone")
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")

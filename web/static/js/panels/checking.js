@@ -1,5 +1,5 @@
 // The check of a plan by this browser: a worker goes through the motion, and the page says how far it is and what came out.
-import { button, element, number, whole } from "../lib/text.js";
+import { button, element, number, svg, whole } from "../lib/text.js";
 
 /** @typedef {import("../check/worker.js").Asked} Asked */
 /** @typedef {import("../check/worker.js").Progress} Progress */
@@ -31,7 +31,7 @@ const took = (seconds) => `${seconds < 9.95 ? number(seconds) : whole(seconds)} 
  */
 export function outcome(way, said) {
   if (said.is === "refused") return refusal(way, said);
-  const { plan: { modules, size, claim }, touch, tightest, joint, seconds } = said;
+  const { plan: { modules, size, claim }, touch, joint, seconds } = said;
   if (way === "claim") {
     return `Checked by this browser, without our server: ${whole(modules)} modules, every pair that shares no joint stays at least ${percent(claim)} of a module width apart the whole way. It took ${took(seconds)}.`;
   }
@@ -39,7 +39,7 @@ export function outcome(way, said) {
     if (!touch || touch.size > FULL) return `The modules of this plan are ${percent(size)} of a cell wide. They could fill their cells and would still not overlap on the way.`;
     return `The modules of this plan are ${percent(size)} of a cell wide. At ${percentUp(touch.size)} the first two touch: ${pair(touch)}. A little below that, no modules touch at all.`;
   }
-  return `With the joint behind module ${whole(joint + 1)} off by 1°, no modules touch.${tightest ? ` The tightest place: ${pair(tightest)}, ${percent(tightest.gap)} of a module width apart.` : ""}`;
+  return `With the joint behind module ${whole(joint + 1)} off by 1°, no modules touch.`;
 }
 
 // The size at which modules touch is rounded up: a little below it they are proved not to.
@@ -60,11 +60,12 @@ export class Checking {
   /**
    * @param {HTMLElement} place
    * @param {import("../player/player.js").Player} player
-   * @param {string} href of the plan file
+   * @param {string} id of the fold
    */
-  constructor(place, player, href) {
+  constructor(place, player, id) {
     this.player = player;
-    this.href = href;
+    this.href = `/api/folds/${id}/plan.npz`;
+    this.onGo = () => {};
     /** @type {Worker | null} */
     this.worker = null;
     this.bar = element("progress", { max: "1", value: "0", "aria-label": "Progress of the check" });
@@ -138,5 +139,24 @@ export class Checking {
     player.send({ do: "seek", frame: frames - seen.frames + seen.at.frame });
     player.mark(seen.at.modules);
     player.lookAt(seen.at.modules);
+    this.onGo();
   }
+}
+
+// The same in a dialog, on pages without details; it closes when it leads to a place.
+/**
+ * @param {import("../player/player.js").Player} player
+ * @param {{ id: string, name: string }} fold
+ */
+export function checkInDialog(player, { id, name }) {
+  const place = element("div", { id: "check" });
+  const close = button("icon-button dialog-close", "", () => dialog.close(), { "aria-label": "Close", title: "Close" });
+  close.append(svg("svg", { class: "icon" }, svg("use", { href: "#i-close" })));
+  const dialog = element("dialog", { class: "dialog", "aria-labelledby": "check-title" }, close, element("h2", { id: "check-title" }, `Check ${name}`), place);
+  const checking = new Checking(place, player, id);
+  checking.onGo = () => dialog.close();
+  dialog.onclose = () => { checking.end(); dialog.remove(); };
+  document.body.append(dialog);
+  dialog.showModal();
+  checking.begin("claim");
 }
