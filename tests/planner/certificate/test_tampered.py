@@ -12,18 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.chain.chain import Chain
 from planner.chain.module import Module
 from planner.chain.path import Path
 from planner.errors import InputError, TimelineError
-from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.fold import refold, smooth_plan
 from planner.pipeline.manifest import Digests, digests_of
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
+from planner.plan.shape_files import write_chain
 from planner.verification import verify
+from tests.planner.folds import made
+from tests.planner.peels import snake
 from tests.planner.tampering import Change, Random, Tampered, says_nothing
 
 pytestmark = pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
@@ -32,15 +31,10 @@ RING = b"- - - + - - - + - - -"
 TWISTED = b"- + - + + - + - - + -"
 
 
-def box(*sides: int) -> bytes:
-    cells = [tuple(cell) for cell in layered_snake(sides).tolist()]
-    return write_path(Path.from_cells(cells, name=f"box-{len(cells)}"))
-
-
-def made(place: FilePath, data: bytes, **options: Any) -> FilePath:
-    place.mkdir(parents=True)
-    Workspace(place).write_request(FoldRequest(filename="typed.txt", **options), data)
-    run_stages(place)
+def folded(place: FilePath, shape: Chain | bytes, **options: Any) -> FilePath:
+    """Return the directory of a fold of a chain, or of tetrahedra by their signs."""
+    data = shape if isinstance(shape, bytes) else write_chain(shape)
+    made(place, data, **options)
     return place
 
 
@@ -152,24 +146,23 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> list[Tampered]:
     """A peeled box of 8 cubes, and a simulated ring of 12 tetrahedra."""
     place = tmp_path_factory.mktemp("few")
     folds = [
-        made(place / "peeled", box(2, 2, 2), strategy="peel"),
-        made(place / "ring", RING, module="tetrahedron"),
+        folded(place / "peeled", snake((2, 2, 2)), strategy="peel"),
+        folded(place / "ring", RING, module="tetrahedron"),
     ]
     for fold in folds:
         assert told(fold) == [], fold
     return [Tampered(fold) for fold in folds]
 
 
-@pytest.mark.long
 @pytest.mark.slow
-def test_a_change_is_told_by_the_name_of_its_file(few: list[Tampered]) -> None:
-    missed, _ = not_told(few, range(20), seed=1)
-    assert missed == []
-
-
-@pytest.mark.slow
-def test_who_works_the_digests_out_anew_is_found_all_the_same(few: list[Tampered]) -> None:
-    missed, _ = not_told(few, range(4), seed=2, sealed=True)
+@pytest.mark.parametrize(
+    ("count", "seed", "sealed"), [pytest.param(20, 1, False, marks=pytest.mark.long), (4, 2, True)]
+)
+def test_changes_are_told_by_the_name_of_their_file(
+    count: int, seed: int, sealed: bool, few: list[Tampered]
+) -> None:
+    """Sealed are those with digests worked out anew."""
+    missed, _ = not_told(few, range(count), seed, sealed=sealed)
     assert missed == []
 
 
@@ -178,12 +171,12 @@ def ten(tmp_path_factory: pytest.TempPathFactory, few: list[Tampered]) -> list[T
     """Simulated and kinematic, cubes and tetrahedra, a refold and a smoothed one."""
     place = tmp_path_factory.mktemp("ten")
     places = [
-        made(place / "rows", box(2, 2, 3), strategy="one-by-one"),
-        made(place / "larger", box(3, 3, 2), strategy="peel"),
-        made(place / "simulated", box(2, 2, 2), strategy="simultaneous"),
-        made(place / "flat", box(3, 3, 1)),
-        made(place / "twisted", TWISTED, module="tetrahedron"),
-        made(place / "direct", box(2, 2, 1), preset="direct"),
+        folded(place / "rows", snake((2, 2, 3)), strategy="one-by-one"),
+        folded(place / "larger", snake((3, 3, 2)), strategy="peel"),
+        folded(place / "simulated", snake((2, 2, 2)), strategy="simultaneous"),
+        folded(place / "flat", snake((3, 3, 1))),
+        folded(place / "twisted", TWISTED, module="tetrahedron"),
+        folded(place / "direct", snake((2, 2, 1)), preset="direct"),
         place / "smoothed",
         place / "refold",
     ]

@@ -137,6 +137,6 @@ def test_folded_chain_has_the_gaps_of_its_lattice(size: float) -> None:
 
 def test_clearance_of_far_modules_is_capped() -> None:
     positions = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]])
-    place = closest(CUBE, positions, np.broadcast_to(np.eye(3), (4, 3, 3)), size=0.5, enough=0.3)
+    place = closest(CUBE, positions, np.tile(np.eye(3), (4, 1, 1)), size=0.5, enough=0.3)
     assert place.clearance == 0.3
     assert place.modules is None

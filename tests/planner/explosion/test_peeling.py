@@ -18,7 +18,7 @@ from planner.explosion.peeling import floating_peeling, peel
 from planner.explosion.peeling_recorder import Proof
 from planner.explosion.peeling_run import Peeling
 from planner.explosion.step_control import ContactDepth
-from planner.explosion.window import Peelable, WindowConfiguration, turned_towards
+from planner.explosion.window import WindowConfiguration
 from planner.kernels.folded_core import CoreCells
 from planner.kernels.module import ModuleStates
 from planner.kernels.pairs import PairLimits
@@ -233,22 +233,3 @@ def test_record_of_a_ring_is_certified() -> None:
     found = sweep(chain, plan, size=0.98)
     assert found.clearance > 0.0
     assert found.bound > 0.0
-
-
-def test_windows_of_two_configurations_are_joined() -> None:
-    chain, _ = snake()
-    peelable = Peelable(chain)
-    a = WindowConfiguration(time_s=0.0, first=100, angles=np.full(20, 0.1))
-    b = WindowConfiguration(time_s=1.0, first=96, angles=np.full(24, 0.2))
-    first, one, other = peelable.together(a, b)
-    assert (first, len(one), len(other)) == (96, 28, 28)
-    np.testing.assert_array_equal(one[:8], chain.folded_rad[192:200])
-    np.testing.assert_array_equal(one[8:], 0.1)
-    np.testing.assert_array_equal(other, [0.2] * 24 + [0.0] * 4)
-
-
-def test_turned_towards_is_limited() -> None:
-    x, y, _ = np.eye(3)
-    assert np.arccos(turned_towards(x, y, 0.1) @ x) == pytest.approx(0.1)
-    np.testing.assert_array_equal(turned_towards(x, y, 2.0), y)
-    assert np.arccos(turned_towards(x, -x, 0.1) @ x) == pytest.approx(0.1)

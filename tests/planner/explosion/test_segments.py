@@ -4,13 +4,11 @@ from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.rotations import wxyz_from_matrix
 from planner.errors import SimulationError
 from planner.simulation.model import Material, tree_spec
 from planner.simulation.reduced import Acceleration, State
@@ -37,27 +35,6 @@ def difference(a: Acceleration, b: Acceleration) -> float:
     mine = np.concatenate([a.hinges, a.linear, a.angular])
     other = np.concatenate([b.hinges, b.linear, b.angular])
     return float(np.linalg.norm(mine - other) / np.linalg.norm(other))
-
-
-@pytest.mark.parametrize("modules", [3, 17, 18, 40])
-def test_welds_are_closed_wherever_the_chain_goes(modules: int) -> None:
-    chain = line(modules)
-    segments = Segments(chain, MATERIAL)
-    state = random_state(chain, modules, most=1.5)
-    segments.place(state)
-    segments.accelerations(state, np.zeros((modules, 3)))
-    data = segments.data
-    mujoco.mj_kinematics(segments.model, data)
-    poses = chain.poses(state.angles, state.position, wxyz_from_matrix(state.rotation))
-    np.testing.assert_allclose(segments.positions, poses.positions, atol=1e-12)
-    for i in range(modules):
-        body = data.body(f"module_{i}")
-        np.testing.assert_allclose(body.xpos, poses.positions[i], atol=1e-11)
-        np.testing.assert_allclose(body.xmat, poses.rotations[i].ravel(), atol=1e-11)
-    for start in segments.starts[1:]:
-        ghost, root = data.body(f"ghost_{start}"), data.body(f"module_{start}")
-        np.testing.assert_allclose(ghost.xpos, root.xpos, atol=1e-11)
-        np.testing.assert_allclose(ghost.xmat, root.xmat, atol=1e-11)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from planner.pathfinding.knots import knot_of
 from planner.progress import Progress, never, silent
 from planner.readers import read
 from planner.simulation.reduced import Acceleration
-from tests.planner.chains import coil, knotted, line, overlapping
+from tests.planner.chains import coil, knotted, line
 from tests.planner.conftest import REAL, SHAPES
 
 Array = NDArray[np.float64]
@@ -96,19 +96,6 @@ def test_forces_add_no_momentum(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.median(seen) < 0.02
 
 
-def test_no_hinge_goes_beyond_its_stop() -> None:
-    chain = line(6)
-    stop = chain.module.stop_rad
-    for way in (-1.0, 1.0):
-        run = begun(chain)
-        state = run.world.state
-        state.angles[2] = way * (stop - 0.001)
-        state.rates[2] = way
-        make_step(run)
-        assert state.angles[2] == way * stop
-        assert state.rates[2] == 0.0
-
-
 def test_linked_modules_are_pulled_apart_by_the_tension_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -121,25 +108,6 @@ def test_linked_modules_are_pulled_apart_by_the_tension_alone(
     watch_accelerations(monkeypatch, look)
     explode(line(3), replace(DEFAULT, repulsion_cutoff=1.5))
     assert np.linalg.norm(seen[0][0]) == pytest.approx(DEFAULT.tension * DEFAULT.spring)
-
-
-def test_same_seed_gives_the_same_record() -> None:
-    chain = coil(16)
-    first, again, other = (explode(chain, DEFAULT, seed=seed) for seed in (3, 3, 4))
-    assert first.steps == again.steps
-    for name, column in first.frames.columns().items():
-        np.testing.assert_array_equal(column, again.frames.columns()[name])
-    assert (
-        first.frames.joint_angles_rad.shape != other.frames.joint_angles_rad.shape
-        or (first.frames.joint_angles_rad != other.frames.joint_angles_rad).any()
-    )
-
-
-@pytest.mark.parametrize("modules", [3, 12])
-def test_straight_chain_stays_straight(modules: int) -> None:
-    record = explode(line(modules), DEFAULT)
-    assert record.status == "straight"
-    assert np.abs(record.frames.joint_angles_rad).max() < 1e-6
 
 
 def test_sink_and_progress_follow_the_record(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,15 +143,6 @@ def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:
         assert f"after {most} steps" in found.reason
         for frames in (record.frames, found.frames):
             np.testing.assert_array_equal(frames.joint_angles_rad[0], chain.folded_rad)
-
-
-def test_explosion_of_an_overlapping_chain_has_a_record() -> None:
-    # It goes back again and again from the first step on.
-    for most in (1, 40):
-        record = explode(overlapping(), replace(DEFAULT, max_steps=most))
-        assert record.status in ("timeout", "straight", "diverged")
-        assert len(record.frames) >= 1
-        assert np.isfinite(record.frames.joint_angles_rad).all()
 
 
 def watch_accelerations(

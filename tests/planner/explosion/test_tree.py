@@ -60,22 +60,6 @@ def test_evaluated_chain_has_no_momentum() -> None:
     np.testing.assert_allclose(tree.angles, state.angles)
 
 
-def test_placed_chain_is_at_rest() -> None:
-    chain = line(6)
-    tree = moving(chain, 1)
-    state = random_state(chain, 8)
-    wxyz = wxyz_from_matrix(state.rotation)
-    tree.place(state.angles, state.position, wxyz)
-    np.testing.assert_array_equal(tree.angles, state.angles)
-    np.testing.assert_array_equal(tree.root_position, state.position)
-    np.testing.assert_array_equal(tree.root_wxyz, wxyz)
-    np.testing.assert_array_equal(tree.rates, 0.0)
-    # What is read is a copy.
-    tree.angles[:] = 9.0
-    tree.root_position[:] = 9.0
-    np.testing.assert_array_equal(tree.angles, state.angles)
-
-
 def test_torques_that_are_not_finite_raise() -> None:
     chain = line(6)
     tree = moving(chain, 1)

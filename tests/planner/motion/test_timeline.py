@@ -257,7 +257,7 @@ def edit_attributes(place: FilePath, **changes: object) -> None:
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        *(({key: None}, "") for key in ("format", "frames", "chain", "status")),
+        *(({key: None}, None) for key in ("format", "frames", "chain", "status")),
         ({"format": "foldback-timeline/9"}, "foldback-timeline/9"),
         ({"frames": 9}, "promises 9 frames but has 5"),
         ({"frames": -1}, "promises -1 frames but has 5"),
@@ -267,7 +267,7 @@ def edit_attributes(place: FilePath, **changes: object) -> None:
     ids=str,
 )
 def test_timeline_with_other_attributes_raises(
-    place: FilePath, hook_chain: Chain, changes: dict[str, Any], told: str
+    place: FilePath, hook_chain: Chain, changes: dict[str, Any], told: str | None
 ) -> None:
     with TimelineWriter.create(place, hook_chain) as writer:
         writer.append(some_frames(5))

@@ -43,14 +43,6 @@ def test_computed_torque_damps_errors_critically(bandwidth: float) -> None:
     np.testing.assert_allclose(target.angles - tree.angles, left, atol=2e-3)
 
 
-def test_computed_torque_on_target_is_zero() -> None:
-    tree = placed(0.01)
-    tree.begin_step()
-    ComputedTorque(bandwidth=30.0, encoder_rad=0.0).drive(tree, held(np.zeros(JOINTS)))
-    tree.end_step()
-    np.testing.assert_allclose(tree.motor_torques, 0.0, atol=1e-12)
-
-
 def test_published_servo_pulls_to_the_target_only() -> None:
     tree = placed(1e-4, Servos(stiffness=KP, damping=KV))
     angles = np.linspace(-0.01, 0.02, JOINTS)

@@ -58,10 +58,3 @@ def test_lengths_count_displacements_of_long_chains() -> None:
     )
     assert by_hinge == pytest.approx(0.1)
     assert by_way > 0.5
-
-
-def test_reference_of_a_chain_at_rest() -> None:
-    chain = line(6)
-    reference = Reference.through(chain, np.zeros((3, 8)), spacing_rad=0.03, distance_weight=0.03)
-    assert reference.length_rad == 0.0
-    np.testing.assert_array_equal(reference.spline(np.linspace(0, 1, 7)), 0.0)

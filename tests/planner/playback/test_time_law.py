@@ -80,17 +80,6 @@ def test_bounded_law_needs_less_torque(bounded: tuple[Reference, Tree, TimeLaw])
     assert largest_torque(reference, tree, law) < 0.5 * largest_torque(reference, tree, smooth)
 
 
-def test_torque_falls_with_the_square_of_time(
-    bounded: tuple[Reference, Tree, TimeLaw],
-) -> None:
-    reference, tree, law = bounded
-    slow = TimeLaw(
-        u=law.u, rate=law.rate / 2, acceleration=law.acceleration / 4, step_s=2 * law.step_s
-    )
-    ratio = largest_torque(reference, tree, law) / largest_torque(reference, tree, slow)
-    assert ratio == pytest.approx(4.0, rel=1e-6)
-
-
 def test_bounded_law_of_a_chain_at_rest(folded: Callable[..., Any]) -> None:
     chain = folded("wrench-24").chain
     still = np.zeros((2, len(chain.folded_rad)))

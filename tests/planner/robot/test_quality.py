@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from planner.robot.quality import Quality
-from tests.planner.plans import changed
 
 
 @pytest.fixture(scope="module")
@@ -38,11 +37,3 @@ def test_way_of_the_ends_is_that_of_kinematics(plan: Any) -> None:
     ends = centres[:, [0, -1]] - centres.mean(axis=1)[:, None]
     ways = [np.linalg.norm(np.diff(ends[:, k], axis=0), axis=1).sum() for k in (0, 1)]
     assert Quality.of(plan, 1.0).tail_way == pytest.approx(max(ways))
-
-
-def test_detour_lengthens_the_ways(plan: Any) -> None:
-    swung = plan.joint_angles_rad.copy()
-    swung[1:-1] += 0.2 * np.sin(np.linspace(0.0, 20.0, len(swung) - 2))[:, None]
-    worse, as_it_is = (Quality.of(p, 5.0) for p in (changed(plan, joint_angles_rad=swung), plan))
-    assert worse.length_rad > as_it_is.length_rad
-    assert worse.tail_way > as_it_is.tail_way

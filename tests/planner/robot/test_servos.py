@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, pi
+from math import pi
 from urllib.parse import urlsplit
 
 import pytest
@@ -65,14 +65,6 @@ def test_permanent_torque_share_agrees_with_rated_torques() -> None:
     assert len(shares) >= 4
     assert min(shares) > 0.9 * PERMANENT_TORQUE_SHARE
     assert max(shares) < 1.01 * PERMANENT_TORQUE_SHARE
-
-
-def test_speed_falls_linearly_to_stall() -> None:
-    servo = servo_named("XM430-W350-T")
-    speeds = [servo.speed_rad_s(share * servo.stall_nm) for share in (0.0, 0.25, 0.5, 1.0, 2.0)]
-    assert speeds == pytest.approx([servo.no_load_rad_s * k for k in (1.0, 0.75, 0.5, 0.0, 0.0)])
-    assert servo.shortest_time_s(3.0, 0.5 * servo.stall_nm) == pytest.approx(6.0 / speeds[0])
-    assert servo.shortest_time_s(3.0, servo.stall_nm) == inf
 
 
 def test_unknown_servo_is_refused_with_similar_names() -> None:

@@ -47,30 +47,6 @@ def test_small_servo_in_a_printed_box() -> None:
     assert fit.would_do
 
 
-def test_largest_pitch_of_solid_cubes() -> None:
-    pitches = at_which_pitch(SMALL, 4.0, ALUMINIUM)
-    assert pitches.most_m == pytest.approx((0.52 / 3.0 / (4.0 * 2700.0 * GRAVITY)) ** 0.25)
-    assert pitches.empty  # 36 mm, and it has room from 42 mm on
-    strong = servo_named("XH540-W270-T")
-    solid = at_which_pitch(strong, 4.0, ALUMINIUM).most_m
-    assert ALUMINIUM.module_kg(solid, 2 * strong.mass_kg) == pytest.approx(2700.0 * solid**3)
-    assert solid == pytest.approx((9.9 / 3.0 / (4.0 * 2700.0 * GRAVITY)) ** 0.25)
-
-
-def test_mass_of_a_module() -> None:
-    light = Casing.weighing(0.010, 0.04)
-    (fit,) = who_would_do(1.0, pitch_m=0.04, casing=light, among=[SMALL])
-    assert fit.module_kg == pytest.approx(0.036)
-    heavy = Casing.weighing(0.100, 0.04)
-    (fit,) = who_would_do(1.0, pitch_m=0.04, casing=heavy, among=[SMALL])
-    assert fit.module_kg == pytest.approx(0.100)
-    for casing in CASINGS.values():
-        assert casing.module_kg(0.05, 1.0) >= 1.0
-    by_weight = [CASINGS[name].module_kg(0.05, 0.0) for name in ("pla-box", "pla-20", "pla")]
-    assert by_weight == sorted(by_weight)
-    assert by_weight[1] == pytest.approx(0.8 * by_weight[0] + 0.2 * by_weight[2])
-
-
 def test_servo_with_two_shafts_counts_for_two() -> None:
     double, single = servo_named("2XL430-W250-T"), servo_named("XL430-W250-T")
     assert CUBE.hinges_per_joint == HINGES_PER_MODULE

@@ -63,7 +63,7 @@ def test_smoothed_plan_is_verified_and_better(plan: Plan, made: FilePath, wrench
         ("peak_torque_nm", 1.0),
     ):
         assert after[name] <= most * before[name], name
-    assert after["hinges_moving_mean"] > 0.95 * before["hinges_moving_mean"]
+
     assert after["clearance"] > 0.01
     assert after["frames"] == len(plan.time_s)
     assert before["frames"] == len(wrench.plan.time_s)

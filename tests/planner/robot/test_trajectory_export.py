@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,10 @@ from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.exports.trajectory import Form, clearance, export, sufficient_rate, times
+from planner.pipeline.fold import fold
 from planner.robot.retiming import retime, retimed
 from planner.robot.trajectory import Trajectory
+from tests.planner.chains import coil
 
 NAMES = ("joint_1_z", "joint_1_y", "joint_2_z")
 
@@ -105,10 +106,8 @@ def test_deviation_bounds_the_lines_between_rows(trajectory: Trajectory, rate: f
     assert 0.0 < chord <= told - trajectory.deviation_rad
 
 
-def test_sufficient_rate_is_proved_clear(
-    folded: Callable[..., Any],
-) -> None:
-    plan = folded("mallet-24").plan
+def test_sufficient_rate_is_proved_clear() -> None:
+    plan = fold(coil(16))
     size = plan.certificate.module_size
     fast = retime(plan, 50.0, 500.0)
     coarse = clearance(fast, plan.chain, size=size, rate_hz=1.0)

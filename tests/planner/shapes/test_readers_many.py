@@ -111,7 +111,7 @@ SOUPS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", SOUPS)
 def test_random_triangles_are_no_surface(kind: str) -> None:
-    points, faces = SOUPS[kind](np.random.default_rng(0), 300_000)
+    points, faces = SOUPS[kind](np.random.default_rng(0), 600_000)
     with pytest.raises(InputError) as refused:
         Solid.from_triangles(points, faces)
     assert refused.value.code == "not-a-surface"
