@@ -28,7 +28,6 @@ from tests.planner.tampering import Change, Random, Tampered, says_nothing
 pytestmark = pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
 """zarr leaves out an array whose description is damaged, and warns; its digest is then missing."""
 RING = b"- - - + - - - + - - -"
-TWISTED = b"- + - + + - + - - + -"
 
 
 def folded(place: FilePath, shape: Chain | bytes, **options: Any) -> FilePath:
@@ -155,28 +154,17 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> list[Tampered]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("count", "seed", "sealed"), [pytest.param(20, 1, False, marks=pytest.mark.long), (4, 2, True)]
-)
-def test_changes_are_told_by_the_name_of_their_file(
-    count: int, seed: int, sealed: bool, few: list[Tampered]
-) -> None:
-    """Sealed are those with digests worked out anew."""
-    missed, _ = not_told(few, range(count), seed, sealed=sealed)
+def test_changes_with_new_digests_are_told_by_the_name_of_their_file(few: list[Tampered]) -> None:
+    missed, _ = not_told(few, range(4), seed=2, sealed=True)
     assert missed == []
 
 
 @pytest.fixture(scope="module")
-def ten(tmp_path_factory: pytest.TempPathFactory, few: list[Tampered]) -> list[Tampered]:
-    """Simulated and kinematic, cubes and tetrahedra, a refold and a smoothed one."""
-    place = tmp_path_factory.mktemp("ten")
+def several(tmp_path_factory: pytest.TempPathFactory, few: list[Tampered]) -> list[Tampered]:
+    """With a simulated box, a smoothed plan and a refold."""
+    place = tmp_path_factory.mktemp("several")
     places = [
-        folded(place / "rows", snake((2, 2, 3)), strategy="one-by-one"),
-        folded(place / "larger", snake((3, 3, 2)), strategy="peel"),
         folded(place / "simulated", snake((2, 2, 2)), strategy="simultaneous"),
-        folded(place / "flat", snake((3, 3, 1))),
-        folded(place / "twisted", TWISTED, module="tetrahedron"),
-        folded(place / "direct", snake((2, 2, 1)), preset="direct"),
         place / "smoothed",
         place / "refold",
     ]
@@ -193,9 +181,9 @@ def ten(tmp_path_factory: pytest.TempPathFactory, few: list[Tampered]) -> list[T
 @pytest.mark.timeout(7200)
 @pytest.mark.parametrize(("count", "seed", "sealed"), [(8000, 3, False), (2000, 4, True)])
 def test_ten_thousand_changes_are_told(
-    count: int, seed: int, sealed: bool, ten: list[Tampered]
+    count: int, seed: int, sealed: bool, several: list[Tampered]
 ) -> None:
-    """To ten plans; sealed are those with digests worked out anew."""
-    missed, kinds = not_told(ten, range(count), seed, sealed=sealed)
+    """Sealed are those with digests worked out anew."""
+    missed, kinds = not_told(several, range(count), seed, sealed=sealed)
     print(f"\nsealed: {sealed}, {dict(kinds)}")
     assert missed == []

@@ -43,22 +43,6 @@ def test_straightening_ends_straight_in_small_steps(modules: int) -> None:
     assert (np.diff(frames.time_s) > 0).all()
 
 
-@pytest.mark.parametrize("modules", [40, 160])
-def test_bow_opens_without_a_jump(modules: int) -> None:
-    # Every hinge is bent a little the same way: the ends come from far and not evenly.
-    chain = line(modules)
-    state = State.at_rest(np.zeros(len(chain.folded_rad)), np.zeros(3), np.eye(3))
-    state.angles[::2] = 4.0 / modules
-    frames = straightened(chain, state)
-    way = np.concatenate([state.angles[None], frames.joint_angles_rad])
-    roots = np.concatenate([state.position[None], frames.root_position])
-    upright = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (len(way), 4))
-    moved = np.linalg.norm(
-        np.diff(chain.poses(way, roots, upright).positions, axis=0), axis=2
-    ).max()
-    assert moved <= 0.5
-
-
 def test_folded_chain_is_not_straightened() -> None:
     chain = coil(16)
     folded = chain.folded_poses

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from planner.explosion.table import explode_on_table
 from planner.explosion.table_guard import MAX_TABLE_PENETRATION_PITCH, Guard
 from planner.explosion.window import Peelable, WindowConfiguration
 from planner.motion.record import Record
-from planner.parameters.explosion import Base, TableParameters
+from planner.parameters.explosion import TableParameters
 from planner.parameters.parameters import Parameters
 from tests.planner.table_search import table_paths
 
@@ -76,29 +75,6 @@ def test_module_bent_into_the_table_is_refused() -> None:
             whys.append("" if refusal is None else refusal.reason)
     assert sorted(bool(why) for why in whys) == [False, False, False, True]
     assert any("into the table" in why for why in whys)
-
-
-@pytest.mark.slow
-@pytest.mark.long
-def test_free_chain_needs_less_torque_than_a_clamped_one() -> None:
-    chain = chain_of(BOX)
-    rubbing = replace(TableParameters(), friction=0.2, most_torque=20.0)
-    bounds: dict[Base, float] = {}
-    for base in get_args(Base):
-        found = explode_on_table(chain, replace(rubbing, base=base), seed=1)
-        assert found.status == "straight", found.reason
-        assert found.frames.is_windowed
-        bounds[base] = found.table.bound
-        certificate = table_certificate(
-            chain,
-            found.frames[::-1],
-            friction=0.2,
-            base=base,
-            on_table=True,
-            height=chain.table_height,
-        )
-        assert certificate.torque <= 1.2 * found.table.bound
-    assert bounds["free"] < 0.8 * bounds["clamped"]
 
 
 def test_refusal_by_the_table_raises_no_bound() -> None:

@@ -273,13 +273,6 @@ def test_certify_refuses_windows_that_are_not_finite_or_out_of_range(
     assert verdict.startswith("failed") and words in verdict
 
 
-def test_certify_refuses_half_a_motion(made: FilePath, plan: Plan) -> None:
-    playback = Playback.load(made / "playback.npz")
-    for part, words in ((slice(0, -3), "does not end folded"), (slice(3, None), "start straight")):
-        some = replace(playback, frames=playback.frames[part])
-        assert words in certify(plan.chain, None, some, Parameters()).verdict
-
-
 def test_curves_agree_with_the_certificate(made: FilePath, plan: Plan) -> None:
     curves = Curves.load(made / "figures.zarr")
     with pytest.raises(TimelineError):

@@ -121,14 +121,6 @@ def test_layouts_are_not_mixed(chain: Chain) -> None:
     assert windows.in_layout_of(windows, chain) is windows
 
 
-def test_columns_of_either_layout_make_the_same_motion(chain: Chain) -> None:
-    for motion in (frames_of(chain), frames_of(chain).windowed(chain)):
-        again = Motion.from_columns(motion.columns())
-        assert again.layout == motion.layout and again.passes_as(motion)
-        moved = motion.with_columns(time_s=motion.time_s + 1.0)
-        assert moved.time_s[0] == 1.0 and moved.errors_rad is None
-
-
 def test_steps_are_the_same_in_either_layout(chain: Chain) -> None:
     dense = frames_of(chain)
     largest, moving = dense.steps(chain, fraction=0.1)

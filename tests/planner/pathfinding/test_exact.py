@@ -5,7 +5,6 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import product
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -25,13 +24,9 @@ from planner.pathfinding.lattice import neighbours, spread, surface
 from planner.pathfinding.sat_paths import circuit
 from planner.shapes.shape import Shape
 from tests.conftest import examples
-from tests.planner.lattice import walks
+from tests.planner.lattice import box, walks
 
 Ints = NDArray[np.int64]
-
-
-def box(*sides: int) -> list[tuple[int, ...]]:
-    return list(product(*map(range, sides)))
 
 
 def check(found: Ints | None, cells: Ints) -> None:

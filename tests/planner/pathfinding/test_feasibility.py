@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,13 +10,9 @@ from planner.pathfinding.exact import exact_path
 from planner.pathfinding.feasibility import Repair, apply_repair, feasibility
 from planner.shapes.shape import Shape
 from tests.conftest import examples
-from tests.planner.lattice import NEIGHBOURS
+from tests.planner.lattice import NEIGHBOURS, box
 
 Cell = tuple[int, int, int]
-
-
-def box(*sides: int) -> list[tuple[int, ...]]:
-    return list(product(*map(range, sides)))
 
 
 CROSS = [(0, 0, 0), *NEIGHBOURS, *((2 * x, 2 * y, 2 * z) for x, y, z in NEIGHBOURS)]

@@ -13,6 +13,7 @@ from planner.kernels.knots import determinant, simplified, tightened
 from planner.pathfinding.knots import Knot, knot_of, knot_of_polygon
 from planner.pathfinding.knots import _determinant as exact_determinant
 from planner.pathfinding.knots import _fewest_crossings as fewest_crossings
+from planner.pathfinding.snake import snake_path
 
 Cells = NDArray[np.int64]
 
@@ -54,16 +55,6 @@ def figure_eight() -> NDArray[np.float64]:
     return np.stack([rho * np.cos(3 * u), rho * np.sin(3 * u), np.sin(4 * u)], axis=1)
 
 
-def snake(a: int, b: int, c: int) -> Cells:
-    """Back and forth through a box."""
-    cells: list[tuple[int, int, int]] = []
-    for z in range(c):
-        for y in range(b)[:: 1 if z % 2 == 0 else -1]:
-            forth = len(cells) // a % 2 == 0
-            cells += [(x, y, z) for x in range(a)[:: 1 if forth else -1]]
-    return np.array(cells)
-
-
 @pytest.mark.parametrize(
     "cells",
     [
@@ -71,7 +62,7 @@ def snake(a: int, b: int, c: int) -> Cells:
         walk(((0, 0, 0), (4, 0, 0), (4, 5, 0))),
         walk(((0, 0, 0), (4, 0, 0), (4, 1, 0), (0, 1, 0))),
         walk(((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (1, 0, 1))),
-        snake(20, 20, 25),
+        snake_path((20, 20, 25)),
         np.array([(0, 0, 0), (1, 0, 0)]),
     ],
     ids=["straight", "l", "u", "block", "box", "two-cells"],
@@ -128,7 +119,7 @@ def test_determinant_is_invariant_under_symmetries(
     reverse: bool,
     knotted: bool,
 ) -> None:
-    cells = walk(OVERHAND) if knotted else snake(4, 4, 4)
+    cells = walk(OVERHAND) if knotted else snake_path((4, 4, 4))
     moved = cells[:, axes] * signs + shift
     knot = knot_of(moved[::-1] if reverse else moved)
     assert knot.determinant == (3 if knotted else 1)
@@ -157,7 +148,7 @@ def raw_determinant(polygon: NDArray[np.float64], rng: np.random.Generator) -> i
 
 def test_path_that_ends_deep_inside_is_unknotted() -> None:
     """A layer, around the edge to another one, then a spiral between them to the middle."""
-    above = snake(5, 5, 1)
+    above = snake_path((5, 5, 1))
     around = np.array([(5, 4, 0), (5, 4, -1), (5, 4, -2)])
     below = above[::-1] - (0, 0, 2)
     rounds = ((0, 0), (4, 0), (4, 4), (0, 4), (0, 1), (3, 1), (3, 3), (1, 3), (1, 2), (2, 2))
@@ -184,7 +175,7 @@ def test_determinant_modulo_a_prime() -> None:
 
 
 def test_knot_with_a_long_tail_is_found() -> None:
-    tail = snake(20, 20, 24) - (30, 0, 0)
+    tail = snake_path((20, 20, 24)) - (30, 0, 0)
     to = walk((tuple(tail[-1].tolist()), (-5, int(tail[-1][1]), int(tail[-1][2])), (-5, 0, 0)))
     cells = np.concatenate([tail, to[1:], walk(((-4, 0, 0), (-1, 0, 0))), walk(OVERHAND)])
     assert knot_of(cells).determinant == 3

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,13 +12,10 @@ from planner.pathfinding.lattice import spread, surface
 from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
 from planner.shapes.shape import Shape
+from tests.planner.lattice import box
 from tests.planner.pathfinding.test_knots import OVERHAND, walk
 
 Ints = NDArray[np.int64]
-
-
-def box(*sides: int) -> list[tuple[int, ...]]:
-    return list(product(*map(range, sides)))
 
 
 BENT = Shape.from_cells(box(6, 2, 2) + box(2, 6, 2), name="bent")  # 2×2×2 blocks

@@ -7,28 +7,22 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
 import psutil
 import pytest
 
-from planner.chain.chain import Chain
 from planner.explosion.diagnosis import Diagnosis, Kind
 from planner.file_names import TIMELINE, TRIALS_DIR
-from planner.motion.timeline import Timeline
-from planner.parameters.parameters import preset
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.attempt_pool import SPECULATION_PULSES, AttemptPool
-from planner.pipeline.exploding import explode
-from planner.pipeline.job import Watch
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.stages import run_stage, run_stages
 from planner.plan.shape_files import write_chain, write_path
 from planner.progress import Progress, never, silent
 from tests.planner.chains import COIL, knotted
-from tests.planner.folds import asked, same_motion
+from tests.planner.folds import asked
 
 pytestmark = pytest.mark.slow
 
@@ -84,39 +78,6 @@ def test_lookahead_lists_the_likely_next_attempts() -> None:
     first, second, *_ = choice.lookahead([buried], now, {ahead[0]: straight})
     assert first == ahead[0]
     assert second == choice.next_attempt([buried, stuck(now, "buried"), straight])
-
-
-@pytest.mark.long
-def test_attempt_made_by_another_process_is_the_same_and_its_timeline_becomes_the_folds(
-    tmp_path: FilePath,
-) -> None:
-    fold = read(tmp_path / "fold", write_path(COIL), seed=3)
-    chain, parameters = Chain.from_path(COIL), preset("default")
-    alone = tmp_path / "alone"
-    alone.mkdir()
-    second = CHOICE.next_attempt([STUCK])
-    assert second == Trial(0, 3, "peel")
-    record = explode(chain, second, parameters, Watch(timeline=alone / TIMELINE))
-    told: list[Progress] = []
-    with AttemptPool(fold, 2) as pool:
-        pool.schedule(CHOICE, [], FIRST)
-        assert pool.collect(fold / TIMELINE, told.append, never) is None
-        watched = pool.with_speculation(told.append)
-        watched(Progress(stage="explode", fraction=0.5, pushes=SPECULATION_PULSES - 1))
-        assert not beside()
-        watched(PUSHED)
-        assert len(beside()) == 1
-        pool.schedule(CHOICE, [STUCK], second)
-        made = pool.collect(fold / TIMELINE, told.append, never)
-        assert len(beside()) <= 1  # the one after it has been begun meanwhile
-        same_motion(made.frames, record.frames)
-        one, other = (Attempt.of_record(second, chain, r, parameters) for r in (made, record))
-        assert replace(one, seconds=0.0) == replace(other, seconds=0.0)
-        mine, theirs = (Timeline.open(place / "timeline.zarr").motion() for place in (fold, alone))
-        same_motion(mine, theirs)
-    assert told[1] == PUSHED
-    assert not beside()
-    assert not (fold / TRIALS_DIR).exists()
 
 
 def test_as_many_attempts_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> None:

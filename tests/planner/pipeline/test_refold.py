@@ -23,7 +23,7 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import Parameters
 from planner.parameters.playback import PlaybackParameters
-from planner.pipeline.fold import fold, refold
+from planner.pipeline.fold import refold
 from planner.pipeline.manifest import write_manifest
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
@@ -31,7 +31,7 @@ from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback, play_back
 from planner.playback.unfolding import check_fits
-from planner.progress import STAGES, Progress
+from planner.progress import STAGES
 from planner.readers import read
 from planner.verification.verify import verify
 from tests.planner.chains import line
@@ -238,21 +238,6 @@ def test_refold_of_a_refold(plan: Plan, wrench: Folded) -> None:
     np.testing.assert_allclose(back.joint_angles_rad[-1], wrench.chain.folded_rad, atol=1e-9)
 
 
-@pytest.mark.slow
-@pytest.mark.long
-def test_refold_of_tetrahedra(tmp_path: FilePath) -> None:
-    zigzag = ["0", "-", "-", "+", "0", "+", "+", "-", "0", "-", "+"]
-    signs = {"-": -np.pi / 2, "0": 0.0, "+": np.pi / 2}
-    module = shape("tetra-ring").module
-    bent = Chain.from_angles(module, np.array([signs[s] for s in zigzag]), name="zigzag")
-    ring = fold(shape("tetra-ring"))
-    assert ring.verified
-    found = refold(ring, bent, directory=tmp_path)
-    assert found.certificate.verdict == "verified (simulated)"
-    np.testing.assert_allclose(found.joint_angles_rad[-1], bent.folded_rad, atol=1e-9)
-    assert verify(tmp_path).verified
-
-
 def test_refold_is_refused_before_anything_is_computed(wrench: Folded, tmp_path: FilePath) -> None:
     with pytest.raises(InputError, match="got a shape of 64 cubes, expected one of 24") as refused:
         refold(wrench.plan, shape("mallet-64"), directory=tmp_path)
@@ -332,21 +317,3 @@ def test_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, pl
         frames.joint_angles_rad, frames.root_position, frames.root_wxyz
     ).positions.mean(axis=1)
     np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=1e-9)
-
-
-def test_progress_goes_on_through_both_halves(
-    wrench: Folded, made: FilePath, plan: Plan, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("planner.playback.run.PROGRESS_PERIOD_S", 0.0)
-    told: list[Progress] = []
-    play_back(
-        plan.chain,
-        Record.load(made / "record.npz"),
-        PlaybackParameters(),
-        unfolding=wrench.plan.unfolding(),
-        progress=told.append,
-    )
-    fractions = [p.fraction for p in told]
-    assert fractions == sorted(fractions)
-    # One robot after the other.
-    assert [*dict.fromkeys(p.message for p in told)] == ["unfolding", "folding"]

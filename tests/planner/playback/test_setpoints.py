@@ -92,20 +92,14 @@ def goals(setpoints: SnapshotSetpoints, angle: float, steps: int) -> list[float]
 STEPS_AWAY = np.array([[0.0], [0.3], [0.6], [0.9], [1.2]])
 
 
-def test_snapshot_is_left_when_the_chain_is_near() -> None:
+def test_snapshot_is_left_when_the_chain_is_near_after_the_least_steps() -> None:
     # Up to √0.15 = 0.387 from a chain that does not move: 0.6 is never reached.
     setpoints = paper_guide(STEPS_AWAY)
     assert goals(setpoints, 0.0, 5) == [0.0, 0.3, 0.6, 0.6, 0.6]
     assert goals(setpoints, 0.3, 3) == [0.9, 0.9, 0.9]
-
-
-def test_snapshot_is_the_target_for_the_least_number_of_steps() -> None:
     assert goals(paper_guide(STEPS_AWAY, 3), 0.0, 8) == [0.0] * 3 + [0.3] * 3 + [0.6] * 2
-
-
-def test_threshold_alone_skips_near_snapshots() -> None:
+    # The threshold alone skips what is near, but for the first, where the motion begins.
     setpoints = paper_guide(STEPS_AWAY, 0)
-    # But for the first, where the motion begins.
     assert goals(setpoints, 0.0, 3) == [0.0, 0.6, 0.6]
     assert goals(setpoints, 0.6, 1) == [1.2]
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques
 from planner.chain.kinematics import forward_kinematics
-from planner.chain.rotations import matrix_from_wxyz
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.playback import PlaybackParameters, RobotParameters
@@ -48,12 +47,6 @@ def bent(chain: Chain, angles: Array) -> Array:
     found[: HINGES.start] = chain.folded_rad[: HINGES.start]
     found[HINGES] = angles
     return found
-
-
-def some(chain: Chain, scale: float = 0.3) -> Array:
-    rng = np.random.default_rng(4)
-    angles = np.linspace(1.0, 0.0, 2 * JOINTS) * chain.folded_rad[HINGES]
-    return angles + scale * rng.normal(size=2 * JOINTS)
 
 
 @pytest.mark.parametrize("stretch", [(FIRST, JOINTS), (0, JOINTS), (70, 24)], ids=str)
@@ -142,39 +135,6 @@ def test_window_touches_the_core_and_the_tail() -> None:
     pairs = touching(0, curled)
     assert any(pair[1] == JOINTS for pair in pairs)
     assert not any(pair[0] == 0 for pair in pairs)
-
-
-def test_contacts_turn_with_the_core(chain: Chain) -> None:
-    angles = chain.folded_rad[HINGES].copy()
-    angles[:8] *= -1.0
-    angles += 0.03 * np.random.default_rng(1).normal(size=len(angles))  # no faces in one plane
-    robot = configured(chain, FIRST, angles, 0.95)
-    before = robot.find_contacts()
-    rotation = matrix_from_wxyz(np.array([0.5, 0.5, 0.5, 0.5]))
-    robot.state.rotation = rotation @ robot.state.rotation
-    robot.state.position = rotation @ robot.state.position + 3.0
-    robot.engine.place(robot.state)
-    after = robot.find_contacts()
-    assert before is not None and after is not None
-    expected = before.points.points @ rotation.T + 3.0
-    np.testing.assert_allclose(after.points.points, expected, atol=1e-9)
-    np.testing.assert_allclose(after.points.normals, before.points.normals @ rotation.T, atol=1e-9)
-
-
-def test_rigid_parts_agree_with_kinematics(chain: Chain) -> None:
-    angles = some(chain)
-    robot = configured(chain, FIRST, angles)
-    masses = robot.errors.masses
-    poses = forward_kinematics(chain.module, bent(chain, angles))
-    np.testing.assert_allclose(
-        robot.engine.centre_of_mass, masses @ poses.positions / masses.sum(), atol=1e-9
-    )
-    np.testing.assert_allclose(
-        robot.engine.positions, poses.positions[FIRST + 1 : FIRST + 2 + JOINTS], atol=1e-9
-    )
-    base = robot.base_pose
-    np.testing.assert_allclose(base[0], UPRIGHT[0], atol=1e-9)
-    np.testing.assert_allclose(base[1], UPRIGHT[1], atol=1e-9)
 
 
 @pytest.fixture(scope="module")

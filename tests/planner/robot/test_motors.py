@@ -12,9 +12,7 @@ from planner.exports.mjcf import mjcf
 from planner.robot.motors import Build, motor_table
 from planner.robot.retiming import retime, retimed
 from planner.robot.trajectory import Trajectory
-from planner.simulation.model import Material
 from planner.simulation.mujoco import mujoco
-from planner.simulation.tree import Tree
 from tests.case import case
 from tests.planner.chains import line
 
@@ -75,34 +73,6 @@ def test_torques_agree_with_mujoco_inverse_dynamics(folded: Callable[..., Any]) 
     assert table.neediest == most
     assert table.peak_torque_nm[most] == pytest.approx(needs[:, most].max(), rel=0.03)
     assert table.rms_torque_nm == pytest.approx(np.sqrt((needs**2).mean(axis=0)), rel=0.03)
-
-
-def test_floating_chain_under_its_torques_has_the_planned_accelerations(
-    folded: Callable[..., Any],
-) -> None:
-    """By forward dynamics."""
-    plan = folded("wrench-24").plan
-    trajectory = retime(plan, 1.0, 2.0)
-    floating = Build(module_mass_kg=1.0, pitch_m=1.0, gravity_m_s2=0.0, held=False)
-    table = motor_table(plan.chain, trajectory, floating)
-    tree = Tree(plan.chain, Material(), step_s=0.01)
-    k = table.neediest
-    angles, rates, wanted = (v[0] for v in trajectory.at(table.peak_time_s[[k]]))
-    tree.evaluate(angles, rates)
-    torques = tree.torques_for(wanted)
-    assert np.abs(torques).max() == pytest.approx(table.peak_torque_nm[k])
-    tree.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    tree.apply_torques(torques)
-    mujoco.mj_forward(tree.model, tree.data)
-    assert tree.data.qacc[6:] == pytest.approx(
-        np.concatenate([wanted])[_order(tree, plan.chain)], abs=1e-6
-    )
-
-
-def _order(tree: Tree, chain: Chain) -> list[int]:
-    """Numbers of the hinges in the order of the model."""
-    dofs = [int(tree.model.joint(name).dofadr[0]) for name in chain.joint_names]
-    return np.argsort(dofs).tolist()
 
 
 def test_verdict_names_the_weakest_joint(

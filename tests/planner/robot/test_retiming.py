@@ -110,11 +110,6 @@ def test_slow_joint_keeps_its_speed_limit() -> None:
     check_bounds(trajectory, 5001)
 
 
-def test_turn_on_the_spot_keeps_the_bounds() -> None:
-    there = ramp(0.5, 20)
-    check_bounds(along(np.concatenate([there, there[-2::-1]])), 8_001)
-
-
 def test_frames_in_which_nothing_moves_take_no_time() -> None:
     frames = ramp(0.5, 20)
     halting = np.repeat(frames, [3 if k in (0, 7, 19) else 1 for k in range(20)], axis=0)

@@ -9,12 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.dynamics import floating_torques
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.kernels.smoothing import mark_blamed_hinges, write_displacements
-from planner.playback.reference import Reference, record_lengths
-from planner.playback.time_law import duration, torque_bounded_profile
+from planner.playback.reference import record_lengths
 from planner.robot.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth
 from planner.robot.smoothing_targets import along, mean, parts, softened, straight, worthwhile
 from tests.planner.chains import coil, line, random_angles
@@ -128,30 +126,6 @@ def test_motions_of_few_frames_are_kept(frames: int) -> None:
 def test_motions_of_other_chains_are_refused() -> None:
     with pytest.raises(InputError, match="expected frames of 28 hinge angles"):
         smooth(coil(16), np.zeros((4, 27)), size=0.95)
-
-
-@pytest.mark.long
-def test_smoothing_reduces_torque(
-    folded: Callable[..., Any],
-    smoothed: Callable[[str], Array],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    chain, angles = recorded(folded, "mallet-64")
-
-    def effort(motion: Array) -> float:
-        """The time that it takes with torques up to 1."""
-        curve = Reference.through(chain, motion, spacing_rad=0.03, distance_weight=DISTANCE_WEIGHT)
-        u = np.linspace(0.0, 1.0, 800)
-        where, first, second = curve.spline(u), curve.first(u), curve.second(u)
-        a = floating_torques(chain.module, where, np.zeros_like(first), first)
-        b = floating_torques(chain.module, where, first, second)
-        return duration(u, torque_bounded_profile(u, a, b))
-
-    found = smoothed("mallet-64")
-    monkeypatch.setattr("planner.robot.smoothing.TORQUE_WEIGHTS", ((1.0, 0.0),))
-    careless = smooth(chain, angles, size=0.95).angles
-    assert effort(found) < 1.02 * effort(angles)
-    assert effort(found) < 0.9 * effort(careless)
 
 
 def test_blame_falls_on_the_hinges_between() -> None:
