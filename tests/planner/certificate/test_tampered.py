@@ -144,7 +144,7 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> list[Tampered]:
 
 
 @pytest.mark.slow
-def test_damaged_and_missing_files_are_told_by_their_name(few: list[Tampered]) -> None:
+def test_damaged_files_are_told_by_their_name(few: list[Tampered]) -> None:
     fold = few[0]
     for entry in sorted(fold.place.iterdir()):
         files = [path for path in (entry, *entry.rglob("*")) if path.is_file()]
@@ -156,8 +156,6 @@ def test_damaged_and_missing_files_are_told_by_their_name(few: list[Tampered]) -
             # Another digest in the manifest is told by the name of its file.
             problems = "\n".join(told(fold.place))
             assert problems and (entry.name in problems or entry.name == "manifest.json")
-            path.unlink()
-            assert entry.name in "\n".join(told(fold.place))
         fold.restore()
     assert told(fold.place) == []
 

@@ -92,12 +92,6 @@ def test_points_repel_with_the_gain_over_the_square(
     np.testing.assert_array_equal(forces[0], -forces[1])
 
 
-def test_points_in_the_same_place_have_finite_forces() -> None:
-    forces = np.zeros((2, 3))
-    repulsion(np.zeros((2, 3)), np.array([[0, 1]]), 1.0, forces)
-    assert np.isfinite(forces).all()
-
-
 def test_step_limit_bounds_the_speed_of_all_surface_points() -> None:
     chain = line(20)
     segments = Segments(chain, Material())

@@ -14,7 +14,7 @@ from planner.motion.motion import Motion
 from planner.parameters.published import PaperExplosionParameters
 from planner.simulation.reduced import Acceleration, State
 from planner.simulation.segments import Segments
-from tests.planner.chains import coil, line
+from tests.planner.chains import coil
 
 Array = NDArray[np.float64]
 PAPER = PaperExplosionParameters()
@@ -40,12 +40,6 @@ def test_small_coil_comes_out_straight() -> None:
     np.testing.assert_allclose(snapshots[numbers], frames.joint_angles_rad[:-1], atol=PLAN_STEP_RAD)
     assert len(frames) < len(snapshots) / 3
     assert sweep(chain, frames.joint_angles_rad, size=0.9).clearance > 0.0
-
-
-def test_line_is_straight_at_once() -> None:
-    record = explode_as_published(line(8), PAPER)
-    assert record.status == "straight"
-    assert record.steps == 0
 
 
 def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:

@@ -26,11 +26,8 @@ from planner.kernels.window_forces import StepLimits, window_inverse_step_limit
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.explosion import PeelingParameters
-from planner.parameters.playback import PlaybackParameters
-from planner.pathfinding.assembly import assembly_path, solid_paths
-from planner.pathfinding.removal_analysis import peelable
+from planner.pathfinding.assembly import assembly_path
 from planner.pathfinding.snake import snake_path
-from planner.playback.kinematic import kinematic_frames
 from planner.progress import Progress, never, silent
 from tests.planner.chains import coil, knotted, line
 
@@ -91,19 +88,6 @@ def test_core_stays_in_place_until_it_is_released() -> None:
     )
     # What is held is the window alone.
     assert np.diff(frames.offsets).max() <= 2 * DEFAULT.most_modules
-
-
-def test_seed_decides_the_record() -> None:
-    chain = chain_of(snake_path((4, 4, 4)))
-    one, again, other = (peel(chain, DEFAULT, seed=seed) for seed in (3, 3, 4))
-    assert one.status == again.status == other.status == "straight"
-    assert one.steps == again.steps
-    for name, values in one.frames.columns().items():
-        np.testing.assert_array_equal(values, again.frames.columns()[name])
-    assert len(one.frames) != len(other.frames) or (
-        len(one.frames.angles_rad) != len(other.frames.angles_rad)
-        or (one.frames.angles_rad != other.frames.angles_rad).any()
-    )
 
 
 @pytest.mark.slow
@@ -217,19 +201,3 @@ def test_recorder_proves_no_way_through_the_core() -> None:
     there = WindowConfiguration(time_s=1.0, first=first, angles=-folded)
     assert proof.keeps([here], 0.015)[0] == 0.015
     assert proof.keeps([here, there], 0.015)[0] <= 0.0
-
-
-@pytest.mark.long
-def test_record_of_a_ring_is_certified() -> None:
-    """Its layers are rings; joints are driven against their stops all the time."""
-    voxels = np.array([c for c in np.ndindex(8, 8, 3) if not {2, 3, 4, 5} >= {*c[:2]}])
-    paths = solid_paths(voxels, np.random.default_rng(0), 2)
-    chain = chain_of(max(paths, key=lambda path: peelable(path).score))
-    record = peel(chain, DEFAULT)
-    assert record.status == "straight", record.reason
-    options = {"module_size": 0.95, "start_s": 0.0, "frame_rad": 0.04, "unfolding": None}
-    (plan,) = kinematic_frames(chain, record.frames, PlaybackParameters(), **options)
-    assert plan[::-1].passes_as(record.frames)
-    found = sweep(chain, plan, size=0.98)
-    assert found.clearance > 0.0
-    assert found.bound > 0.0

@@ -40,13 +40,6 @@ FRAMES = arrays_of.arrays(np.float64, SHAPES, elements=ANGLES)
 SPANS = st.tuples(st.integers(0, 4), st.integers(0, 4)).map(sorted)
 
 
-def test_straight_and_folded_are_whole_steps() -> None:
-    exact = np.array([0.0, np.pi / 2, -np.pi / 2])
-    np.testing.assert_array_equal(snapped(exact), exact)
-    single = exact.astype(np.float32)
-    np.testing.assert_array_equal(snapped(single).astype(np.float32), single)
-
-
 @given(FRAMES)
 def test_angles_are_read_as_they_were_written(angles: NDArray[np.float64]) -> None:
     near = snapped(angles)

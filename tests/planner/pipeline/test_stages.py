@@ -19,7 +19,6 @@ from planner.motion.motion import PHASES
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.fold_layout import result
-from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import next_stage, run_stage
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
@@ -28,7 +27,6 @@ from planner.simulation.anchored import Anchored
 from planner.simulation.engine import SpringChain
 from planner.simulation.reduced import Acceleration, State
 from planner.simulation.segments import Segments
-from tests.planner.chains import COIL
 from tests.planner.folds import asked, made, same_motion, timeless
 
 pytestmark = pytest.mark.slow
@@ -274,19 +272,6 @@ def test_overlap_between_frames_is_played_back_again_with_finer_frames(
     assert (second["verdict"], second["seed"], second["finer"]) == ("verified (simulated)", 0, 4)
     assert len(plan.motion) > 2 * coarse
     assert len(Timeline.open(directory / "timeline.zarr")) == len(plan.motion) + second["frames"]
-
-
-def test_refused_plan_is_tried_with_the_next_seed(
-    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    refuse_first(monkeypatch, 1, frame=3.0)
-    attempts = made(tmp_path, seed=7).attempts
-    assert [attempt["seed"] for attempt in attempts] == [7, 8]
-    assert [attempt["verdict"].startswith("verified") for attempt in attempts] == [False, True]
-    assert not (tmp_path / "attempts").exists()
-    record = Record.load(tmp_path / "record.npz")
-    anew = explode(Chain.from_path(COIL), FoldRequest().parameters().explosion, seed=8)
-    np.testing.assert_array_equal(record.frames.joint_angles_rad, anew.frames.joint_angles_rad)
 
 
 def test_candidates_file_of_an_earlier_version_is_read(tmp_path: FilePath) -> None:

@@ -120,15 +120,6 @@ def test_frames_in_which_nothing_moves_take_no_time() -> None:
     assert trajectory.frame_at(np.array([0.0, trajectory.duration_s])).tolist() == [0.0, 25.0]
 
 
-def test_frames_of_a_rest_at_the_end_have_the_end_time() -> None:
-    trajectory = along(np.array([[0.0], [1.0], [1.0], [1.0], [1.0]]))
-    end = trajectory.duration_s
-    assert trajectory.time_s.tolist() == [0.0, end, end, end, end]
-    assert trajectory.joint_angles_rad[:, 0].tolist() == [0.0, 1.0, 1.0, 1.0, 1.0]
-    assert trajectory.joint_speeds_rad_s == pytest.approx(0.0, abs=1e-9)
-    assert trajectory.frame_at(np.array([0.5 * end, end])) == pytest.approx([0.5, 4.0])
-
-
 def test_frame_at_is_right_after_a_rest() -> None:
     trajectory = along(np.array([[0.0], [0.5], [0.5], [0.5], [1.0]]))
     angle, frame = 0.75, 3.5  # in the middle of the last step
