@@ -144,7 +144,7 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> list[Tampered]:
 
 
 @pytest.mark.slow
-def test_damaged_files_are_told_by_their_name(few: list[Tampered]) -> None:
+def test_damaged_files_are_named(few: list[Tampered]) -> None:
     fold = few[0]
     for entry in sorted(fold.place.iterdir()):
         files = [path for path in (entry, *entry.rglob("*")) if path.is_file()]
@@ -161,7 +161,7 @@ def test_damaged_files_are_told_by_their_name(few: list[Tampered]) -> None:
 
 
 @pytest.mark.slow
-def test_changes_with_new_digests_are_told_by_the_name_of_their_file(few: list[Tampered]) -> None:
+def test_changes_with_new_digests_are_found(few: list[Tampered]) -> None:
     missed, _ = not_told(few, range(4), seed=2)
     assert missed == []
 
@@ -186,7 +186,7 @@ def several(tmp_path_factory: pytest.TempPathFactory, few: list[Tampered]) -> li
 
 @pytest.mark.long
 @pytest.mark.timeout(7200)
-def test_thousands_of_changes_with_new_digests_are_told(several: list[Tampered]) -> None:
+def test_thousands_of_changes_with_new_digests_are_found(several: list[Tampered]) -> None:
     missed, kinds = not_told(several, range(2000), 4)
     print(f"\n{dict(kinds)}")
     assert missed == []

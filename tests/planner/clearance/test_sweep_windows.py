@@ -49,7 +49,7 @@ def test_largest_size_of_windows_is_that_of_their_frames() -> None:
 
 
 @pytest.mark.parametrize("size", [0.9, 0.98])
-def test_a_peel_is_swept_as_its_frames_are(size: float) -> None:
+def test_sweep_of_peeled_windows_agrees_with_frames(size: float) -> None:
     chain = snake((4, 4, 5))
     windows = peel(chain, width=21, step=1.7)
     found = sweep(chain, windows, size=size)
@@ -61,7 +61,7 @@ def test_a_peel_is_swept_as_its_frames_are(size: float) -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.3, 1.5]), st.sampled_from([True, False]))
-def test_wild_windows_are_swept_as_their_frames_are(seed: int, step: float, tetra: bool) -> None:
+def test_sweep_of_random_windows_agrees_with_frames(seed: int, step: float, tetra: bool) -> None:
     chain = snail() if tetra else coil(16)
     rng = np.random.default_rng(seed)
     count = len(chain.folded_rad)

@@ -13,12 +13,11 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.explosion.diagnosis import Diagnosis, diagnose
-from planner.explosion.peeling import peel
 from planner.explosion.simultaneous import explode
 from planner.motion.motion import Motion
 from planner.motion.record import Record, Spent
 from planner.motion.timeline import Timeline
-from planner.parameters.explosion import ExplosionParameters, PeelingParameters
+from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import Parameters
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Reason, Trial
 from planner.pipeline.retry_policy import RetryPolicy
@@ -194,31 +193,6 @@ def test_diagnosis_names_the_kind_and_the_modules() -> None:
         found = told(stairs, replace(record, frames=bent, status=status))
         assert found is not None and found[0] == kind, (status, share)
         assert bool(found[1]) == (kind != "limit"), (status, share)
-
-
-def test_diagnosis_of_a_peeling_names_buried_modules() -> None:
-    chain = snake((4, 4, 4))
-
-    calls = 0
-
-    def soon() -> bool:
-        nonlocal calls
-        calls += 1
-        return calls > 2
-
-    broken = replace(peel(chain, PeelingParameters(), cancelled=soon), status="stalled")
-    found = diagnose(chain, broken, Parameters())
-    assert found.kind == "buried"
-    assert found.modules and min(found.modules) > 10
-    # A joint that stays bent by less is where it sticks, too.
-    core = min(found.modules) - 2
-    angles = broken.frames.dense(chain, -1).joint_angles_rad
-    hardly = np.where(np.arange(angles.shape[1]) < 2 * core, chain.folded_rad, 0.5 * angles)
-    one = at_rest(chain, strategy="peel")
-    frames = one.frames.with_columns(joint_angles_rad=hardly)
-    slight = diagnose(chain, replace(one, frames=frames), Parameters())
-    assert slight is not None and slight.kind == "buried"
-    assert slight.modules and min(slight.modules) > 10
 
 
 @pytest.mark.slow

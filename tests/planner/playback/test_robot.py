@@ -127,7 +127,7 @@ def test_motors_keep_their_torque_limit(small: tuple[Chain, Record, Playback]) -
     assert weak.peak_torque <= 0.91 * need
 
 
-def test_the_certificate_holds_the_clearance_of_each(
+def test_certificate_has_the_clearance_of_each_robot(
     small: tuple[Chain, Record, Playback],
 ) -> None:
     chain, record, playback = small
@@ -140,7 +140,7 @@ def test_the_certificate_holds_the_clearance_of_each(
     assert Certificate.from_dict(certificate.as_dict()) == certificate
 
 
-def test_a_plan_that_one_of_them_collides_in_is_refused(
+def test_plan_is_refused_if_one_robot_collides(
     small: tuple[Chain, Record, Playback],
 ) -> None:
     chain, record, playback = small
@@ -159,7 +159,7 @@ def test_a_plan_that_one_of_them_collides_in_is_refused(
         )
 
 
-def test_without_the_other_robots_a_plan_is_verified_and_that_is_told(
+def test_plan_without_the_other_robots_is_verified_with_a_note(
     folded: Callable[..., Any], tmp_path: FilePath
 ) -> None:
     place = tmp_path / "fold"

@@ -260,20 +260,6 @@ def test_srdf_and_drake_groups_name_the_exempt_pairs(plan: Plan) -> None:
     assert tuple(e.get("name") for e in srdf.findall("group/joint")) == plan.chain.joint_names
 
 
-def test_urdf_with_the_srdf_has_no_contacts_in_mujoco(plan: Plan) -> None:
-    assets = {"module.obj": written("obj", plan)}
-    spec = mujoco.MjSpec.from_string(written("urdf", plan).decode(), assets=assets)
-    for pair in ElementTree.fromstring(written("srdf", plan)).iter("disable_collisions"):
-        spec.add_exclude(bodyname1=pair.attrib["link1"], bodyname2=pair.attrib["link2"])
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    for frame in some_frames(plan):
-        for name, angle in zip(plan.chain.joint_names, plan.joint_angles_rad[frame], strict=True):
-            data.joint(name).qpos[0] = angle
-        mujoco.mj_fwdPosition(model, data)
-        assert data.ncon == 0
-
-
 def test_mjcf_body_names_with_another_digit_are_no_bodies(plan: Plan) -> None:
     model = mujoco.MjModel.from_xml_string(written("mjcf", plan).decode())
     names = {model.body(k).name for k in range(model.nbody)}

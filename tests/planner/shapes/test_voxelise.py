@@ -313,7 +313,7 @@ def brute_iou(
 
 
 @pytest.mark.parametrize("cells", [20, pytest.param(160, marks=pytest.mark.long)])
-def test_lost_parts_of_a_thin_solid_are_said(cells: int) -> None:
+def test_notes_name_lost_parts_of_a_thin_solid(cells: int) -> None:
     turn = TURNS.rotation_matrix(0.4, [1, 2, 3])
     turned = table()
     turned.apply_transform(turn)

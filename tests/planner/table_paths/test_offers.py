@@ -66,7 +66,7 @@ def test_offers_of_cells_too_many_for_a_table_are_no_blocks() -> None:
 
 
 @pytest.mark.parametrize("modules", [30, pytest.param(300, marks=pytest.mark.long)])
-def test_first_offer_for_a_torus_is_what_a_fold_gets(modules: int) -> None:
+def test_first_offer_for_a_torus_has_a_path(modules: int) -> None:
     asked = PathOptions(modules=modules, world="table")
     assert not prepare(TORUS, "torus.stl", asked).chains
     solid = read(TORUS, filename="torus.stl")
