@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.certificate.certificate import Certificate, certify
@@ -280,28 +278,6 @@ def test_cancelled_certificate_fails(times: int) -> None:
         places = [name for name in told if "clearance" in name]
         assert len(places) == 7 and {told[name] for name in places} == {None}
         assert certificate.in_betweens == 0
-
-
-@pytest.mark.slow
-@given(st.integers(0, 2**32 - 1))
-def test_no_random_motion_is_verified_that_dense_samples_refuse(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    cells = 7
-    chain = coil(cells)
-    ways = rng.integers(1, 4)
-    stops = [np.zeros_like(chain.folded_rad)]
-    stops += [rng.uniform(-1.5, 1.5, len(chain.folded_rad)) for _ in range(ways)]
-    plan = np.stack([*stops, chain.folded_rad])
-    certificate = certify(chain, None, playback_of(plan), PARAMETERS)
-    fine = np.concatenate(
-        [np.linspace(a, b, 40, endpoint=False) for a, b in zip(plan[:-1], plan[1:], strict=True)]
-        + [plan[-1:]]
-    )
-    clear = all(
-        value >= -1e-6 for value in sweep(chain, fine, size=PARAMETERS.module_size).per_frame
-    )
-    if certificate.verified:
-        assert clear
 
 
 @pytest.mark.parametrize("size", [0.9, 0.97])

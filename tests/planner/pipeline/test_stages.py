@@ -236,21 +236,21 @@ def test_next_candidate_is_tried_when_a_chain_sticks(
     assert timeline.frames().joint_angles_rad[0].tolist() == candidates[1]["folded_rad"]
 
 
-def refuse_first(monkeypatch: pytest.MonkeyPatch, times: int, *, frame: float) -> None:
-    """Certificates that refuse the playback, for as long as they are asked from the start."""
+def refuse_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A first certificate that refuses the playback between two frames."""
     asked = 0
 
     def refused(*arguments: Any, **more: Any) -> Certificate:
         nonlocal asked
         asked += 1
         found = certify(*arguments, **more)
-        if asked > times:
+        if asked > 1:
             return found
         return replace(
             found,
             verdict="failed: in the simulated playback, modules 1 and 9 overlap",
             min_clearance_playback=-0.001,
-            min_clearance_playback_at=Place(frame=frame, modules=(1, 9)),
+            min_clearance_playback_at=Place(frame=3.5, modules=(1, 9)),
         )
 
     monkeypatch.setattr("planner.pipeline.certifying.certify", refused)
@@ -259,7 +259,7 @@ def refuse_first(monkeypatch: pytest.MonkeyPatch, times: int, *, frame: float) -
 def test_overlap_between_frames_is_played_back_again_with_finer_frames(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    refuse_first(monkeypatch, 1, frame=3.5)
+    refuse_first(monkeypatch)
     directory = asked(tmp_path)
     run(directory, "read", "explode", "play_back")
     coarse = len(Playback.load(result(directory, "playback.npz")).frames)

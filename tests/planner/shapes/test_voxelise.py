@@ -321,7 +321,7 @@ def test_notes_name_lost_parts_of_a_thin_solid(cells: int) -> None:
     assert np.linalg.det(voxels.rotation) == pytest.approx(1)
     assert voxels.shape.cells.min(axis=0).tolist() == [0, 0, 0]
     assert voxels.iou == pytest.approx(brute_iou(TABLE, voxels, turn[:3, :3]), abs=0.03)
-    assert voxels.iou > {20: 0.2, 160: 0.42}[cells]
+    assert voxels.iou > {20: 0.12, 160: 0.3}[cells]
     legs_kept = np.ptp(voxels.shape.cells, axis=0).min() * voxels.pitch > 4
     assert legs_kept or any("is lost" in note for note in voxels.notes)
     said = [note for note in voxels.notes if "only" in note and "use more modules" in note]
