@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import pytest
@@ -20,20 +19,15 @@ def quickest(service: Service) -> dict[str, Any]:
     return service.wait_over(service.fold(STAIRS, prefer="time")["id"])
 
 
-def test_the_quickest_of_several_plans_is_the_folds(
+def test_fold_that_prefers_time_has_the_fastest_of_its_plans(
     service: Service, quickest: dict[str, Any]
 ) -> None:
     assert (quickest["status"], quickest["prefer"]) == ("verified", "time")
-    directory = service.directory(quickest["id"])
-    assert json.loads((directory / "request.json").read_bytes())["prefer"] == "time"
-    plan = Plan.load(directory / "plan.npz")
+    plan = Plan.load(service.directory(quickest["id"]) / "plan.npz")
     times = [each["figures"]["fold_time_s"] for each in plan.attempts if "figures" in each]
     assert len(times) > 2
     assert plan.certificate.fold_time_s == min(times)
     assert quickest["summary"]["certificate"]["fold_time_s"] == min(times)
-
-
-def test_its_page_shows_all_of_them(service: Service, quickest: dict[str, Any]) -> None:
     facts = service.http.get(f"/folds/{quickest['id']}/facts").json()
     plans = facts["choice"]["plans"]
     assert [plan["chosen"] for plan in plans].count(True) == 1
@@ -44,7 +38,7 @@ def test_its_page_shows_all_of_them(service: Service, quickest: dict[str, Any]) 
     assert first["form"]["prefer"] == "computing"
 
 
-def test_another_wish_is_another_fold(service: Service, quickest: dict[str, Any]) -> None:
+def test_another_preference_makes_another_fold(service: Service, quickest: dict[str, Any]) -> None:
     plain = service.wait_over(service.fold(STAIRS)["id"])
     assert plain["id"] != quickest["id"]
     assert plain["prefer"] == "computing"
@@ -53,7 +47,7 @@ def test_another_wish_is_another_fold(service: Service, quickest: dict[str, Any]
     assert "Shortest folding time" in [way["text"] for way in facts["compare"]]
 
 
-def test_a_baseline_has_no_choice(desk: Service) -> None:
+def test_preference_of_a_baseline_is_refused(desk: Service) -> None:
     form = {"shape": "mallet-64", "prefer": "torque", "preset": "paper"}
     answer = desk.http.post("/api/folds", data=form)
     assert answer.status_code == 422
@@ -61,7 +55,7 @@ def test_a_baseline_has_no_choice(desk: Service) -> None:
     assert "got the preference torque" in answer.json()["detail"]
 
 
-def test_who_wants_a_choice_waits_for_it() -> None:
+def test_preference_raises_the_expected_time_within_bounds() -> None:
     plain, choosing = FoldRequest(), FoldRequest(prefer="time")
     short, long = (
         [expected_cost(modules, request).expected_s for request in (plain, choosing)]

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import httpx
 import pytest
+from starlette.requests import HTTPConnection
 
 from server.http.client_address import address_of
 from tests.server.service import SNAKE, Service
@@ -64,7 +65,5 @@ def test_event_streams_are_bounded(
         ("a|b", "ab"),
     ],
 )
-def test_all_addresses_of_one_visitor_are_one(host: str, address: str) -> None:
-    from starlette.requests import HTTPConnection
-
+def test_addresses_of_one_visitor_are_one(host: str, address: str) -> None:
     assert address_of(HTTPConnection({"type": "http", "client": (host, 1)})) == address

@@ -28,13 +28,10 @@ def test_download_stem_keeps_letters_of_all_scripts_and_nothing_else(name: str, 
     assert download_stem(name) == stem
 
 
-def test_download_stem_is_short_enough_for_a_file_system() -> None:
+def test_download_stem_is_short_and_encoded_in_headers(tmp_path: Path) -> None:
     stem = download_stem("龍" * 500)
     assert len(stem) == MAX_STEM_CHARACTERS
     assert len(f"{stem}-trajectory.json".encode()) <= 255
-
-
-def test_response_encodes_other_scripts_as_filename_star(tmp_path: Path) -> None:
     path = tmp_path / "page"
     path.write_bytes(b"")
     header = FileResponse(path, filename=f"{download_stem('ключ')}.html").headers

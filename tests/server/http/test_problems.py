@@ -11,13 +11,13 @@ from server.files.previews import NoSuchPreviewError
 from server.http.problems import HTTP_STATUSES, Problem, response_of
 
 
-def test_every_error_has_a_status() -> None:
+def test_every_error_has_an_http_status() -> None:
     kinds = [kind for kind in ServiceError.__subclasses__() if kind.__module__ == "server.errors"]
     assert set(kinds) == set(HTTP_STATUSES)
     assert Problem.of(NoSuchPreviewError("a")).status == 404
 
 
-def test_an_answer_says_what_the_error_says() -> None:
+def test_response_carries_the_error() -> None:
     error = TooMany("queue-full", "Three are waiting.", where="body.file", retry_after_s=7)
     answer = response_of(error)
     assert (answer.status_code, answer.headers["Retry-After"]) == (429, "7")
@@ -37,5 +37,5 @@ def test_an_answer_says_what_the_error_says() -> None:
     ("kind", "header"),
     [(Unidentified, ("WWW-Authenticate", "Bearer")), (WebsocketNeeded, ("Upgrade", "websocket"))],
 )
-def test_http_asks_for_more_with_some(kind: type[ServiceError], header: tuple[str, str]) -> None:
+def test_errors_have_their_headers(kind: type[ServiceError], header: tuple[str, str]) -> None:
     assert Problem.of(kind("code", "detail")).headers == dict([header])

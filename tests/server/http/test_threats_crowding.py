@@ -22,7 +22,7 @@ from tests.server.service import Service
 ServiceWith = Callable[..., Service]
 
 
-def test_robots_whose_motions_are_not_worked_out_yet_hold_nobody_up(
+def test_robots_that_wait_for_their_motion_hold_up_no_others(
     service: Service, finished: dict[str, Any]
 ) -> None:
     fold = finished["id"]
@@ -60,7 +60,7 @@ def test_websocket_holds_its_connection_until_it_is_closed(
         assert status_of(stack.enter_context(connected(other)), b"/health") == 200
 
 
-def test_refused_websocket_is_hung_up_on_whatever_its_peer_does(desk: Service) -> None:
+def test_refused_websocket_is_closed_whatever_its_peer_does(desk: Service) -> None:
     with connected(desk) as client:
         assert not upgraded(client, "aaaaaaaaaaaaaaaaaaaa")
         data = b""
@@ -69,7 +69,7 @@ def test_refused_websocket_is_hung_up_on_whatever_its_peer_does(desk: Service) -
         assert data.endswith(b"}")  # the whole problem, then the end of the connection
 
 
-def test_pings_are_answered_at_a_rate(service: Service, finished: dict[str, Any]) -> None:
+def test_pings_are_limited_by_a_rate(service: Service, finished: dict[str, Any]) -> None:
     with (
         ServiceHere(service.data_dir, requests_per_second_of_visitor=1).start() as other,
         connected(other) as client,
@@ -97,7 +97,7 @@ def upgraded(client: socket.socket, fold_id: str) -> bool:
     return status.endswith(b"101")
 
 
-def test_requests_have_a_rate(here_with: ServiceWith) -> None:
+def test_requests_are_limited_by_a_rate(here_with: ServiceWith) -> None:
     service = here_with(requests_per_second_of_visitor=0.01, requests_at_once_of_visitor=3).start()
     own = from_address("2001:db8:1:2::1")
     answers = [service.http.get("/api/shapes", headers=own) for _ in range(4)]
@@ -115,7 +115,7 @@ def test_requests_have_a_rate(here_with: ServiceWith) -> None:
     assert service.http.get("/", headers=from_address("2001:db8:1:3::1")).status_code == 200
 
 
-def test_a_bucket_fills_up_and_few_are_remembered() -> None:
+def test_token_buckets_refill_and_few_are_remembered() -> None:
     now = 0.0
     buckets = TokenBuckets(10.0, 5.0, most=3, clock=lambda: now)
     assert [buckets.take("a") for _ in range(6)] == [0.0] * 5 + [pytest.approx(0.1)]
@@ -130,6 +130,6 @@ def test_a_bucket_fills_up_and_few_are_remembered() -> None:
     assert len(buckets) == 3
 
 
-def test_no_few_addresses_have_all_streams() -> None:
+def test_few_addresses_cannot_take_all_streams() -> None:
     settings = Settings()
     assert 16 * settings.max_streams_of_visitor <= settings.max_streams
