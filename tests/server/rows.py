@@ -10,15 +10,17 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy import event
 
+from server.store.folds import new_id
 from server.store.owner import Claim, Owner
 from server.store.tables import FoldRow, MovieRow
 
 SOMEBODY = Owner.from_token("a token of somebody")
 
 
-def a_fold(fold_id: str, **values: Any) -> FoldRow:
+def a_fold(fold_id: str | None = None, **values: Any) -> FoldRow:
     """A row as the service writes it, with some values changed."""
     usual: dict[str, Any] = {
+        "id": fold_id or new_id(),
         "name": "a shape",
         "status": "verified",
         "stage": None,
@@ -39,7 +41,7 @@ def a_fold(fold_id: str, **values: Any) -> FoldRow:
         "summary": {},
         "error": None,
     }
-    return FoldRow(id=fold_id, **usual | values)
+    return FoldRow(**usual | values)
 
 
 def a_movie(fold_id: str, movie_id: str, **values: Any) -> MovieRow:

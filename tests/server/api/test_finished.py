@@ -19,7 +19,6 @@ from server.pages.cards import included_folds
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.tables import CounterRow
-from tests.server.bucket import Bucket
 
 NAMES = sorted(path.stem for path in FINISHED_FOLDS_DIR.glob("*.fold"))
 SMALL = "tetra-cube-2"
@@ -75,16 +74,13 @@ def small_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.usefixtures("small_folder")
 @pytest.mark.long
 def test_import_of_finished_fold_into_bucket_keeps_its_files(
-    bucket: Bucket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bucket_url: str, tmp_path: Path
 ) -> None:
-    for name, value in bucket.environment.items():
-        monkeypatch.setenv(name, value)
-    settings = Settings(data_dir=tmp_path / "data", storage_url=bucket.bucket())
-    store = Store(settings)
-    assert import_finished(settings, store, Gallery()) == [SMALL]
-    (row,) = store.list_public()
-    assert manifest.changed_fields(store.directory(row.id)) == []
-    store.close()
+    settings = Settings(data_dir=tmp_path / "data", storage_url=bucket_url)
+    with closing(Store(settings)) as store:
+        assert import_finished(settings, store, Gallery()) == [SMALL]
+        (row,) = store.list_public()
+        assert manifest.changed_fields(store.directory(row.id)) == []
 
 
 def test_import_skips_damaged_finished_folds_and_those_that_are_there(

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -24,12 +22,6 @@ STAGE_S = {"read": 0.5, "explode": 8.0, "play_back": 4.0, "certify": 2.0, "expor
 REPORT = {"modules": 160, "module": "cube"}
 
 
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    with closing(Store(Settings(data_dir=tmp_path))) as store:
-        yield store
-
-
 def add_ended(store: Store, count: int) -> None:
     for k in range(count):
         store.add(a_fold(f"ended {k}", modules=160, progress={"stage_s": STAGE_S}), SOMEBODY)
@@ -47,19 +39,12 @@ def told_everywhere(store: Store, tmp_path: Path) -> tuple[float, float]:
     return preview.expected_s, outlook.remaining_s
 
 
-def test_estimate_with_few_samples_is_the_expected_cost(store: Store, tmp_path: Path) -> None:
-    add_ended(store, MIN_SIMILAR_FOLDS - 1)
+@pytest.mark.parametrize("measured", [False, True])
+def test_estimates_of_preview_and_fold_agree(store: Store, tmp_path: Path, measured: bool) -> None:
+    add_ended(store, MIN_SIMILAR_FOLDS - (not measured))
     preview_s, fold_s = told_everywhere(store, tmp_path)
-    assert preview_s == pytest.approx(expected_of_cost(plain_fold(160, FoldRequest())))
-    assert fold_s == round(preview_s)
-
-
-def test_estimate_with_enough_samples_is_measured_for_preview_and_fold(
-    store: Store, tmp_path: Path
-) -> None:
-    add_ended(store, MIN_SIMILAR_FOLDS)
-    preview_s, fold_s = told_everywhere(store, tmp_path)
-    assert preview_s == pytest.approx(sum(STAGE_S.values()))
+    expected = expected_of_cost(plain_fold(160, FoldRequest()))
+    assert preview_s == pytest.approx(sum(STAGE_S.values()) if measured else expected)
     assert fold_s == round(preview_s)
 
 
