@@ -15,6 +15,8 @@ ROOT = Path(__file__).parents[3]
 TYPES = ".d.ts"
 """Types of the pages' scripts, which only their checker reads."""
 FORBIDDEN = {"planner": {"web", "server"}, "web": {"server"}, "server": {"tests", "examples"}}
+WORKING_ROOMS = ("limits", "store", "files", "processes", "jobs")
+HTTP = ("server.http", "server.api", "server.pages", "fastapi", "starlette")
 
 
 @cache
@@ -24,15 +26,13 @@ def statements(path: Path) -> list[ast.Import | ast.ImportFrom]:
     return [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
 
 
-def test_what_works_knows_nothing_of_http() -> None:
-    rooms = ("limits", "store", "files", "processes", "jobs")
-    files = [path for room in rooms for path in (ROOT / "server" / room).rglob("*.py")]
+def test_rooms_below_http_do_not_import_it() -> None:
+    files = [path for room in WORKING_ROOMS for path in (ROOT / "server" / room).rglob("*.py")]
     assert files
-    outside = ("server.http", "server.api", "server.pages", "fastapi", "starlette")
     for path in (*files, ROOT / "server" / "errors.py"):
         for node in statements(path):
             if isinstance(node, ast.ImportFrom):
-                assert not (node.module or "").startswith(outside), path
+                assert not (node.module or "").startswith(HTTP), path
 
 
 def imports(path: Path) -> set[str]:
@@ -46,21 +46,12 @@ def imports(path: Path) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("package", FORBIDDEN)
-def test_imports_go_one_way(package: str) -> None:
-    files = list((ROOT / package).rglob("*.py"))
-    assert files
-    backwards = {
-        str(path.relative_to(ROOT)): sorted(wrong)
-        for path in files
-        if (wrong := imports(path) & FORBIDDEN[package])
-    }
-    assert not backwards
-
-
-def test_relative_imports_are_not_used() -> None:
-    for package in FORBIDDEN:
-        for path in (ROOT / package).rglob("*.py"):
+def test_imports_go_one_way_and_are_absolute() -> None:
+    for package, forbidden in FORBIDDEN.items():
+        files = list((ROOT / package).rglob("*.py"))
+        assert files
+        for path in files:
+            assert not imports(path) & forbidden, path
             for node in statements(path):
                 assert not (isinstance(node, ast.ImportFrom) and node.level), path
 
@@ -87,7 +78,7 @@ def installed(wheel: Path) -> Path:
     return unpacked
 
 
-def test_the_wheel_carries_everything_that_is_not_code(wheel: Path) -> None:
+def test_wheel_carries_data_and_types(wheel: Path) -> None:
     carried = set(zipfile.ZipFile(wheel).namelist())
     wanted = {
         str(path.relative_to(ROOT))
@@ -97,14 +88,10 @@ def test_the_wheel_carries_everything_that_is_not_code(wheel: Path) -> None:
     }
     shapes = {f"planner/examples/{p.name}" for p in (ROOT / "examples" / "shapes").glob("*.json")}
     assert len(shapes) >= 7
-    assert (wanted | shapes) <= carried, sorted((wanted | shapes) - carried)
+    typed = {f"{p}/py.typed" for p in ("planner", "web", "server", "foldback_client")}
+    assert (wanted | shapes | typed) <= carried, sorted((wanted | shapes | typed) - carried)
     assert not [name for name in carried if name.startswith(("tests", "examples"))]
     assert not [name for name in carried if name.endswith((TYPES, "package.json"))]
-
-
-@pytest.mark.parametrize("package", ["planner", "web", "server", "foldback_client"])
-def test_type_checkers_are_told_that_there_are_types(package: str, wheel: Path) -> None:
-    assert f"{package}/py.typed" in zipfile.ZipFile(wheel).namelist()
 
 
 def said(installed: Path, code: str) -> str:
@@ -118,7 +105,7 @@ def said(installed: Path, code: str) -> str:
     ).stdout
 
 
-def test_the_library_needs_no_service_and_no_viewer(installed: Path) -> None:
+def test_library_needs_no_service_and_no_viewer(installed: Path) -> None:
     unwanted = ("fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer", "server")
     code = f"""
 for name in {unwanted}:
@@ -134,7 +121,7 @@ assert isinstance(show, Show)
     assert Path(said(installed, code).strip()).is_relative_to(installed)
 
 
-def test_the_installed_gallery_is_that_of_the_checkout(installed: Path) -> None:
+def test_installed_gallery_is_that_of_the_checkout(installed: Path) -> None:
     """The gallery is found without a checkout around the packages."""
     code = "from planner.readers.gallery import gallery; print(*(s.name for s in gallery()))"
     names = said(installed, code).split()

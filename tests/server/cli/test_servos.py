@@ -28,7 +28,7 @@ def told(*arguments: str) -> dict[str, Any]:
     return json.loads(answer.stdout.splitlines()[-1])
 
 
-def test_a_table_tells_of_every_servo_those_that_would_do_first() -> None:
+def test_table_lists_all_servos_from_the_most_suitable() -> None:
     answer = ask(*WANTED)
     assert answer.exit_code == 0, answer.output
     for servo in servos():
@@ -38,7 +38,7 @@ def test_a_table_tells_of_every_servo_those_that_would_do_first() -> None:
     assert "yes, 1.8×" in answer.stdout
 
 
-def test_the_same_as_json() -> None:
+def test_servos_as_json() -> None:
     report = told(*WANTED, "--material", "pla-box")
     assert len(report["servos"]) == len(servos())
     row = next(row for row in report["servos"] if row["servo"] == "STS3032")
@@ -51,7 +51,7 @@ def test_the_same_as_json() -> None:
     assert row["url"].startswith("https://www.feetechrc.com/")
 
 
-def test_shapes_are_told_with_those_that_fold_them() -> None:
+def test_shapes_are_listed_with_their_servos() -> None:
     shapes = ("--shape", "3x3x3=3.6", "--shape", "a=b=3160")
     report = told(*WANTED, *shapes)
     assert report["shapes"]["a=b"] == []
@@ -60,14 +60,14 @@ def test_shapes_are_told_with_those_that_fold_them() -> None:
     assert "none" in ask(*WANTED, *shapes).stdout
 
 
-def test_it_exits_with_3_when_none_would_do() -> None:
+def test_exit_code_is_3_when_no_servo_would_do() -> None:
     assert ask("--torque", "3160", "--pitch-mm", "40").exit_code == 3
     alone = ask(*WANTED, "--servo", "mg996r", "--mass-g", "130")
     assert alone.exit_code == 3
     assert "turns only 120°" in " ".join(alone.stdout.split())
 
 
-def test_a_fold_tells_how_long_it_takes_at_least(tmp_path: Path) -> None:
+def test_least_folding_time_of_a_plan(tmp_path: Path) -> None:
     cells = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 1, 1)]
     plan = fold(CellPath.from_cells(cells, name="hook", pitch_m=0.02))
     plan.save_npz(tmp_path / "plan.npz")
@@ -95,7 +95,7 @@ def test_a_fold_tells_how_long_it_takes_at_least(tmp_path: Path) -> None:
         (("--pitch-mm", "0"), "pitch"),
     ],
 )
-def test_what_makes_no_sense_is_refused(arguments: tuple[str, ...], said: str) -> None:
+def test_bad_options_of_servos_are_refused(arguments: tuple[str, ...], said: str) -> None:
     answer = ask(*WANTED, *arguments)
     assert answer.exit_code == 2
     assert said in answer.stderr

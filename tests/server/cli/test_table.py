@@ -66,7 +66,7 @@ def plan(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_plan_that_rests(plan: Path) -> None:
+def test_plan_that_rests_on_a_table_is_certified(plan: Path) -> None:
     done = table(plan, "--module-kg", "0.1", "--pitch-mm", "50", "--bound", "12")
     assert done.exit_code == 0, done.output
     assert "rests on a table within" in done.stdout
@@ -77,7 +77,7 @@ def test_a_plan_that_rests(plan: Path) -> None:
     assert found.unit_nm == pytest.approx(0.1 * 9.81 * 0.05)
 
 
-def test_a_plan_that_does_not_rest_ends_with_three(plan: Path) -> None:
+def test_plan_that_does_not_rest_exits_with_3(plan: Path) -> None:
     done = table(plan / "plan.npz", "--base", "free", "--out", plan / "mine.json", "--json")
     assert done.exit_code == 3
     told = json.loads(done.stdout.splitlines()[-1])
@@ -93,7 +93,7 @@ def test_a_plan_that_does_not_rest_ends_with_three(plan: Path) -> None:
         (("--pitch-mm", "0"), "pitch_m"),
     ],
 )
-def test_bad_input_ends_with_two(plan: Path, options: tuple[str, ...], words: str) -> None:
+def test_bad_input_of_table_exits_with_2(plan: Path, options: tuple[str, ...], words: str) -> None:
     done = table(plan, *options)
     assert done.exit_code == 2
     assert words in done.stderr

@@ -6,7 +6,6 @@ import asyncio
 import queue
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
 
@@ -14,11 +13,10 @@ from server.errors import ServiceError, TooMany, Unavailable
 from server.files.artifacts import Artifacts
 from server.limits.fair_threads import CURRENT_VISITOR, FairThreads
 from server.limits.quota import Permit, Quota
-from server.settings import Settings
 from server.store.folds import Store
 
 
-def test_one_visitor_cannot_take_all_places() -> None:
+def test_visitor_cannot_take_all_places() -> None:
     quota = Quota("answers", at_once=1, total=3, per_visitor=2, timeout_s=30.0)
     go_on, inside = threading.Event(), threading.Semaphore(0)
 
@@ -53,7 +51,7 @@ def test_one_visitor_cannot_take_all_places() -> None:
         assert len(quota) == 1
 
 
-def test_visitors_take_turns_and_one_never_has_all() -> None:
+def test_visitors_take_turns_at_the_places() -> None:
     quota = Quota("answers", at_once=2, at_once_per_visitor=1, total=9, per_visitor=6)
     through: queue.SimpleQueue[tuple[str, threading.Event]] = queue.SimpleQueue()
 
@@ -83,24 +81,18 @@ def test_visitors_take_turns_and_one_never_has_all() -> None:
     assert len(quota) == 0
 
 
-def test_who_is_not_waited_for_leaves_the_line() -> None:
-    quota = Quota("answers", at_once=1, total=3, per_visitor=2)
+def test_waiting_ends_when_it_is_unwanted_or_takes_too_long() -> None:
+    quota = Quota("answers", at_once=1, total=3, per_visitor=2, timeout_s=0.01)
     with quota.turn("a"):
         with pytest.raises(ServiceError) as refused, quota.turn("b", unwanted=lambda: True):
             pass
         assert (refused.value.code, len(quota)) == ("gone", 1)
-
-
-def test_nobody_waits_for_ever() -> None:
-    quota = Quota("answers", at_once=1, total=3, per_visitor=2, timeout_s=0.01)
-    with quota.turn("a"), pytest.raises(Unavailable), quota.turn("b"):
-        pass
+        with pytest.raises(Unavailable), quota.turn("b"):
+            pass
     assert len(quota) == 0
 
 
-def test_one_visitor_cannot_take_all_making_of_artifacts(tmp_path: Path) -> None:
-    store = Store(Settings(data_dir=tmp_path))
-
+def test_visitor_cannot_take_all_making_of_artifacts(store: Store) -> None:
     async def ask() -> None:
         shop = Artifacts(store, total=3, per_visitor=2)
         go_on = threading.Event()
@@ -125,10 +117,9 @@ def test_one_visitor_cannot_take_all_making_of_artifacts(tmp_path: Path) -> None
         shop.close()
 
     asyncio.run(ask())
-    store.close()
 
 
-def test_places_come_back() -> None:
+def test_places_are_given_back() -> None:
     quota = Quota("event streams", total=3, per_visitor=2)
     first, _ = quota.enter("a"), quota.enter("a")
     with pytest.raises(TooMany, match="2 event streams of yours") as refused:
@@ -141,7 +132,7 @@ def test_places_come_back() -> None:
     quota.enter("a")
 
 
-def test_whoever_is_no_visitor_is_bounded_with_all_others() -> None:
+def test_calls_without_a_visitor_are_bounded_with_all_others() -> None:
     quota = Quota("connections", total=None, per_visitor=1)
     assert [quota.enter(None) for _ in range(3)]
     quota.enter("a")
@@ -149,7 +140,7 @@ def test_whoever_is_no_visitor_is_bounded_with_all_others() -> None:
         quota.enter("a")
 
 
-def test_visitors_take_turns_and_who_leaves_the_line_has_none() -> None:
+def test_visitor_that_leaves_the_line_has_no_turn() -> None:
     begun: list[Permit] = []
     quota = Quota("files", total=9, per_visitor=9, at_once=2, at_once_per_visitor=1)
     a1, a2, a3, b1, b2 = (quota.enter(who, begun.append) for who in "aaabb")
@@ -164,7 +155,7 @@ def test_visitors_take_turns_and_who_leaves_the_line_has_none() -> None:
     assert (begun[-1], len(quota)) == (a3, 2)
 
 
-def test_fair_threads_with_many_calls_of_one_visitor_serve_another_next() -> None:
+def test_fair_threads_serve_another_visitor_next() -> None:
     done: list[str | None] = []
     go_on, inside = threading.Event(), threading.Event()
 
