@@ -67,13 +67,19 @@ def store(tmp_path: Path) -> Iterator[Store]:
 
 
 @pytest.fixture(params=DATABASES)
-def each_store(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Store]:
-    """The same, in each kind of database."""
+def each_settings(request: pytest.FixtureRequest, tmp_path: Path) -> Settings:
+    """Settings of a service with tables, for each kind of database."""
     sqlite = request.param == "sqlite"
     url = None if sqlite else request.getfixturevalue("postgres").migrated()
     settings = Settings(data_dir=tmp_path, database_url=url)
     give_tables(settings)
-    with closing(Store(settings)) as store:
+    return settings
+
+
+@pytest.fixture
+def each_store(each_settings: Settings) -> Iterator[Store]:
+    """The folds of a service that has none yet, in each kind of database."""
+    with closing(Store(each_settings)) as store:
         yield store
 
 

@@ -24,7 +24,7 @@ def fold(store: Store) -> FoldRow:
     return added
 
 
-def test_only_the_last_edition_of_a_file_is_kept(store: Store, fold: FoldRow) -> None:
+def test_only_the_last_edition_of_a_file_is_stored(store: Store, fold: FoldRow) -> None:
     made: list[str] = []
 
     async def ask(edition: str) -> Path:
@@ -44,16 +44,14 @@ def test_only_the_last_edition_of_a_file_is_kept(store: Store, fold: FoldRow) ->
     assert os.listdir(store.directory(fold.id) / EXPORTS_DIR) == [paths[-1].name]
 
 
-def test_what_was_made_of_a_fold_that_is_computed_is_not_its_own(
-    store: Store, fold: FoldRow
-) -> None:
+def test_derived_files_do_not_count_as_the_fold(store: Store, fold: FoldRow) -> None:
     shop = Artifacts(store, on_stored=store.add_derived)
     asyncio.run(shop.file(fold.id, "picture.png", lambda: b"a picture", of="plan"))
     store.folders.keep_movie(fold.id, "movie.gif", store.directory(fold.id) / "plan")
     assert store.folders.keep(fold.id, 1) == len("a plan")
 
 
-def test_files_may_be_kept_elsewhere(store: Store, fold: FoldRow, tmp_path: Path) -> None:
+def test_files_may_be_stored_elsewhere(store: Store, fold: FoldRow, tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
 
@@ -65,7 +63,7 @@ def test_files_may_be_kept_elsewhere(store: Store, fold: FoldRow, tmp_path: Path
     assert os.listdir(store.directory(fold.id)) == ["plan"]
 
 
-def test_the_loop_s_own_threads_stay_free(store: Store) -> None:
+def test_making_leaves_the_threads_of_the_loop_free(store: Store) -> None:
     async def ask() -> None:
         shop, may_end = Artifacts(store), asyncio.Event()
         loop = asyncio.get_running_loop()
@@ -88,7 +86,7 @@ def test_the_loop_s_own_threads_stay_free(store: Store) -> None:
     asyncio.run(ask())
 
 
-def test_what_failed_is_tried_again(store: Store, fold: FoldRow) -> None:
+def test_failed_file_is_made_again(store: Store, fold: FoldRow) -> None:
     async def ask() -> None:
         shop = Artifacts(store)
         for _ in range(FILES_AT_ONCE + MAX_PENDING_FILES):

@@ -139,7 +139,7 @@ def test_stats_are_cached(tmp_path: Path, store: Store) -> None:
     assert len(again) <= len(once)
 
 
-def test_stats_count_rows(each_store: Store, tmp_path: Path) -> None:
+def test_stats_count_rows(each_settings: Settings, each_store: Store) -> None:
     now = time.time()
     worker = {"name": "w/0", "host": "w", "pid": 1, "beat": 1, "version": "1"}
     with each_store.changing() as session:
@@ -158,8 +158,7 @@ def test_stats_count_rows(each_store: Store, tmp_path: Path) -> None:
             )
         session.add(a_fold("old", status="failed", started_at=1.0, ended_at=2.0))
         session.add(WorkerRow(**worker, folds_at_once=1, started_at=now))
-    settings = Settings(data_dir=tmp_path)
-    with closing(Stats(settings, Leases.of(settings, each_store))) as stats:
+    with closing(Stats(each_settings, Leases.of(each_settings, each_store))) as stats:
         found = stats.figures()
     assert found.folds == {"queued": 2, "running": 1, "verified": 1, "failed": 2, "cancelled": 0}
     assert 1000 <= found.oldest_queued_s < 1100

@@ -50,7 +50,7 @@ from words.quantities import length_m, number, parameters, quantity
         (0.0, "0"),
     ],
 )
-def test_numbers_have_the_digits_that_matter(value: float, text: str) -> None:
+def test_numbers_have_significant_digits(value: float, text: str) -> None:
     assert number(value) == text
 
 
@@ -62,7 +62,7 @@ def test_quantities_have_units() -> None:
     assert (length_m(0.01), length_m(2.5), length_m(None)) == ("10 mm", "2.5 m", None)
 
 
-def test_every_parameter_has_words_of_its_own() -> None:
+def test_every_parameter_has_a_label_of_its_own() -> None:
     kinds = (ExplosionParameters, PaperExplosionParameters, PlaybackParameters, RobotParameters)
     for kind in kinds:
         names = [field.name for field in dataclasses.fields(kind) if field.name != "robot"]
@@ -75,7 +75,7 @@ def test_every_parameter_has_words_of_its_own() -> None:
     assert set(quantities.PRESET_LABELS) == set(PRESETS)
 
 
-def test_a_parameter_without_words_shows_its_unit() -> None:
+def test_parameter_without_a_label_shows_its_unit() -> None:
     assert parameters({"new_cap_rad": 0.25}) == [("New cap", "250 mrad")]
     assert parameters({"other_speed_rad_s": 2}) == [("Other speed", "2 rad/s")]
 
@@ -90,7 +90,7 @@ def test_a_parameter_without_words_shows_its_unit() -> None:
         ({"preset": "direct"}, "direct", True, ["Playback"], "direct_steps", "threshold_rad2"),
     ],
 )
-def test_parameters_that_a_fold_has_not_used_are_left_out(
+def test_unused_parameters_are_left_out(
     changes: dict[str, str],
     strategy: str,
     simulated: bool,
@@ -130,7 +130,7 @@ def found(directory: Path, frames: int, **values: Any) -> Found:
     return Found(ShownFold(**row), directory)
 
 
-def test_what_a_page_says_is_read_from_something_small(
+def test_facts_are_read_without_the_whole_plan(
     service: Service, finished: dict[str, Any], tmp_path: Path
 ) -> None:
     shutil.copyfile(service.directory(finished["id"]) / "plan.npz", tmp_path / "plan.npz")
@@ -148,7 +148,7 @@ REASON = (
 )
 
 
-def test_a_reason_counts_frames_as_the_page_does(tmp_path: Path) -> None:
+def test_reason_counts_frames_as_the_page_does(tmp_path: Path) -> None:
     verdict = {"verdict": f"failed: {REASON}"}
     summary = {"reason": REASON, "certificate": verdict, "explosion": {"frames": 211}}
     error = {"code": "not-verified", "detail": REASON, "where": None}
@@ -161,18 +161,18 @@ def test_a_reason_counts_frames_as_the_page_does(tmp_path: Path) -> None:
         assert "(frame 225)" in text
 
 
-def test_a_reason_says_percent_alone_where_the_frame_is_not_known(tmp_path: Path) -> None:
+def test_reason_without_a_known_frame_tells_percent_only(tmp_path: Path) -> None:
     error = {"code": "not-verified", "detail": REASON, "where": None}
     facts = fold_facts(found(tmp_path, 5, summary={"reason": REASON}, error=error))
     assert facts["problem"]["text"].endswith("40 % into the fold")
 
 
-def test_a_failed_fold_tells_whether_there_is_something_to_see(tmp_path: Path) -> None:
+def test_failed_fold_tells_its_frames(tmp_path: Path) -> None:
     assert fold_facts(found(tmp_path, 5))["frames"] == 5
     assert fold_facts(found(tmp_path / "nothing", 0))["frames"] == 0
 
 
-def test_a_fold_of_an_earlier_version_is_told_by_what_it_bears_out(tmp_path: Path) -> None:
+def test_kinematic_fold_of_an_earlier_version_is_told_as_such(tmp_path: Path) -> None:
     certificate = {
         "verdict": "verified",
         "min_clearance": 0.041,
@@ -216,7 +216,7 @@ def test_a_fold_of_an_earlier_version_is_told_by_what_it_bears_out(tmp_path: Pat
     assert "Peak torque" not in values
 
 
-def test_what_may_be_tried_again_is_offered(tmp_path: Path) -> None:
+def test_failed_and_cancelled_folds_offer_another_try(tmp_path: Path) -> None:
     cases = (
         ({"status": "cancelled", "preset": "paper", "seed": 3}, "Fold again", "paper", 3),
         ({"preset": "direct"}, "Try with the default preset", "default", 0),
@@ -233,7 +233,7 @@ def test_what_may_be_tried_again_is_offered(tmp_path: Path) -> None:
 SETTINGS = "damping=0.05,radial_gain=0.2"
 
 
-def test_changed_settings_are_told_and_kept(tmp_path: Path) -> None:
+def test_changed_settings_are_shown_and_repeated(tmp_path: Path) -> None:
     row = {"preset": "paper", "settings": SETTINGS}
     facts = fold_facts(found(tmp_path, 0, status="cancelled", **row))
     assert facts["preset"] == "Published parameters, Radial force gain λ 0.2, Damping 0.05"
@@ -260,7 +260,7 @@ def test_changed_settings_are_told_and_kept(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("modules", "hint"), [(16, "less than a minute"), (160, "about a minute"), (500, "about 5 min")]
 )
-def test_how_long_the_published_method_takes_is_told(
+def test_expected_time_of_the_published_method_is_told(
     tmp_path: Path, modules: int, hint: str
 ) -> None:
     facts = fold_facts(found(tmp_path, 0, status="verified", modules=modules))
@@ -268,16 +268,14 @@ def test_how_long_the_published_method_takes_is_told(
     assert published["hint"].startswith(f"Takes {hint}")
 
 
-def test_what_went_wrong_is_a_sentence(tmp_path: Path) -> None:
+def test_problem_is_a_sentence(tmp_path: Path) -> None:
     error = {"code": "not-adjacent", "detail": "got a gap.", "where": "cells 1 and 2"}
     assert fold_facts(found(tmp_path, 0, error=error))["problem"]["text"] == (
         "Cells 2 and 3: Found a gap."
     )
 
 
-def test_properties_of_a_real_fold_are_fit_to_read(
-    service: Service, finished: dict[str, Any]
-) -> None:
+def test_properties_of_a_real_fold_are_readable(service: Service, finished: dict[str, Any]) -> None:
     facts = service.http.get(f"/folds/{finished['id']}/facts").json()
     rows = [row for group in facts["properties"] for row in group["rows"]]
     values = {
@@ -301,7 +299,7 @@ def test_properties_of_a_real_fold_are_fit_to_read(
             assert not re.search(r"\d\.\d{7}|e[-+]\d|[\[(]", row["value"]), row
 
 
-def test_facts_of_a_running_fold_tell_the_verdict_of_a_checked_plan(tmp_path: Path) -> None:
+def test_running_fold_tells_the_verdict_of_a_checked_plan(tmp_path: Path) -> None:
     checked = {"verdict": "verified (simulated)", "simulated": True, "robots": []}
     (tmp_path / "certificate.json").write_text(json.dumps(checked))
     told = {

@@ -32,12 +32,12 @@ def get(path: str, **headers: str) -> httpx.Response:
     return asyncio.run(ask())
 
 
-def test_the_earlier_address_of_the_benchmarks_leads_to_them() -> None:
+def test_earlier_address_of_the_benchmarks_redirects() -> None:
     moved = get("/what-folds")
     assert (moved.status_code, moved.headers["location"]) == (301, "/benchmarks")
 
 
-def test_the_success_map_is_on_a_page_and_there() -> None:
+def test_success_map_is_shown_on_the_benchmarks_page() -> None:
     page = get("/benchmarks")
     assert page.status_code == 200
     assert 'aria-current="page"' in page.text
@@ -50,7 +50,7 @@ def test_the_success_map_is_on_a_page_and_there() -> None:
     assert "3 of 3 verified" in drawn.text
 
 
-def test_scripts_and_styles_are_sent_packed_to_who_takes_them_so() -> None:
+def test_scripts_and_styles_are_compressed_on_request() -> None:
     for path in ("/static/js/player/player.js", "/static/css/fold.css", "/static/success-map.svg"):
         plain = get(path, **{"Accept-Encoding": "identity"})
         packed = get(path, **{"Accept-Encoding": "br, gzip"})
@@ -67,7 +67,7 @@ def test_scripts_and_styles_are_sent_packed_to_who_takes_them_so() -> None:
         assert get(path, **{**asked, "If-None-Match": tags[0]}).status_code == 200
 
 
-def test_scripts_with_their_version_in_the_address_are_kept_by_browsers() -> None:
+def test_versioned_scripts_are_cached_by_browsers() -> None:
     address, *_ = script_addresses("fold")
     kept = get(address)
     assert kept.headers["cache-control"] == IMMUTABLE_CACHE_CONTROL
@@ -77,13 +77,13 @@ def test_scripts_with_their_version_in_the_address_are_kept_by_browsers() -> Non
         assert get(f"/static/{VERSIONED}/{scripts_version()}/{name}").status_code == 404
 
 
-def test_what_would_not_shrink_is_sent_as_it_is() -> None:
+def test_incompressible_assets_are_sent_as_they_are() -> None:
     asset = Asset.of(random.Random(0).randbytes(4000), "image/webp")
     assert asset.packed is None
     assert Asset.of(b"x" * 4000, "text/css").packed is not None
 
 
-def test_nothing_that_holds_a_secret_is_packed(desk: Service) -> None:
+def test_pages_with_secrets_are_not_compressed(desk: Service) -> None:
     fold = desk.fold(SNAKE, seed="301")
     own = {**bearer(fold["owner_token"]), "Accept-Encoding": "gzip"}
     for path in (
@@ -102,7 +102,7 @@ def test_nothing_that_holds_a_secret_is_packed(desk: Service) -> None:
     assert same[0].content == same[1].content
 
 
-def test_of_scripts_in_a_page_only_the_theme_s_runs() -> None:
+def test_only_the_theme_script_of_a_page_runs() -> None:
     page = get("/benchmarks")
     (script,) = re.findall(r"<script>(.*?)</script>", page.text, re.DOTALL)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()

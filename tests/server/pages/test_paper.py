@@ -34,7 +34,7 @@ def get(path: str, **headers: str) -> httpx.Response:
 
 
 @pytest.mark.slow
-def test_every_statement_is_told_and_every_address_in_it_answers() -> None:
+def test_every_statement_is_shown_and_every_address_is_answered() -> None:
     page = get("/paper")
     assert page.status_code == 200
     text = unescape(page.text)
@@ -57,7 +57,7 @@ def test_every_statement_is_told_and_every_address_in_it_answers() -> None:
         )
 
 
-def test_browsers_keep_films_until_they_change() -> None:
+def test_films_are_cached_until_they_change() -> None:
     first = get("/paper/mallet-24/batch")
     again = get("/paper/mallet-24/batch", **{"if-none-match": first.headers["etag"]})
     assert (again.status_code, again.content) == (304, b"")
