@@ -118,14 +118,8 @@ def test_cancellation_and_request_at_once_give_nobody_a_cancelled_fold(
 
 
 def test_cancelled_folds_are_not_listed(counter: Service) -> None:
-    ids: set[str] = set()
-    for _ in range(3):
-        fold = counter.fold(shape="hammer")
-        ids.add(fold["id"])
-        cancelled = counter.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
-        assert cancelled.json()["status"] == "cancelled"
-    assert len(ids) == 3
-    listed = {fold["id"] for fold in counter.http.get("/api/folds").json()["folds"]}
-    assert not listed & ids
-    for page in ("/", "/gallery"):
-        assert not [i for i in ids if i in counter.http.get(page).text]
+    fold = counter.fold(shape="hammer")
+    cancelled = counter.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
+    assert cancelled.json()["status"] == "cancelled"
+    for page in ("/", "/gallery", "/api/folds"):
+        assert fold["id"] not in counter.http.get(page).text

@@ -16,7 +16,7 @@ from server.pages.page import script_json
 from server.settings import Settings
 from server.store.folds import new_id
 from server.store.owner import new_token
-from tests.server.service import SNAKE, Service, owner
+from tests.server.service import SNAKE, Service
 
 ServiceWith = Callable[..., Service]
 PAGE = {"Accept": "text/html"}
@@ -106,34 +106,6 @@ def test_ids_and_tokens_cannot_be_guessed() -> None:
     assert len(ids) == len(tokens) == 1000
     assert all(len(i) == 20 and set(i) <= set("abcdefghijkmnpqrstuvwxyz23456789") for i in ids)
     assert all(len(token) >= 32 for token in tokens)
-
-
-def test_link_gives_reading_and_nothing_more(desk: Service) -> None:
-    mine, other = (
-        desk.http.post("/api/folds", files={"file": ("a.json", path_file("a", at))}).json()
-        for at in (50, 51)
-    )
-    here = f"/api/folds/{mine['id']}"
-    for token, status in (
-        (None, 401),
-        ("short", 401),
-        ("é" * 40, 401),
-        (other["owner_token"], 403),
-    ):
-        headers = {} if token is None else {"Authorization": f"Bearer {token}".encode()}
-        for method, path in (("POST", f"{here}/cancel"), ("DELETE", here)):
-            answer = desk.http.request(method, path, headers=headers)
-            assert answer.status_code in (status, 403), answer.text
-    assert desk.state(mine["id"])["status"] == "queued"
-    # Whoever has no fold is not told whether there is one.
-    for headers in ({}, owner(other)):
-        for method, path in (("POST", f"/api/folds/{'a' * 20}/cancel"), ("DELETE", "/api/folds/x")):
-            assert desk.http.request(method, path, headers=headers).status_code == 404
-    listed = desk.http.get("/api/folds", headers=owner(other))
-    assert listed.headers["cache-control"].startswith("private")
-    assert mine["id"] not in {fold["id"] for fold in listed.json()["folds"]}
-    assert desk.http.delete(here, headers=owner(mine)).status_code == 204
-    assert desk.http.get(here).status_code == 404
 
 
 def test_private_links_are_not_indexed(desk: Service) -> None:

@@ -19,7 +19,7 @@ from server.api import fold_states
 from server.api import frames as frame_routes
 from server.jobs.remaining import EtaEstimator
 from server.store.tables import FoldRow
-from tests.server.http.test_bounds import from_address
+from tests.server.http.test_threats_crowding import from_address
 from tests.server.service import PATIENCE_S, SNAKE, Service
 from tests.web.conftest import unfolding
 from web.timeline.view import TimelineView

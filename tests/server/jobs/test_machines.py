@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import signal
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -100,45 +99,6 @@ def test_folds_of_a_lost_host_are_taken_over(hosts_with: Callable[..., Hosts]) -
             assert "taking over" in hosts.logs()
             epochs = {name.split("/")[-2] for name in hosts.kept() if name.endswith("plan.npz")}
             assert "2" in epochs
-            web.wait_workers(1)
-
-
-@pytest.mark.long
-def test_worker_that_wakes_up_again_changes_nothing(hosts_with: Callable[..., Hosts]) -> None:
-    hosts = hosts_with(lease_s=2)
-    web = hosts.web()
-    with hosts.worker() as sleeper:
-        fold_id = web.fold(shape="wrench-160")["id"]
-        web.wait_exploding(fold_id)
-        sleeper.send_signal(signal.SIGSTOP)
-        try:
-            with hosts.worker() as heir:
-                deadline = time.monotonic() + PATIENCE_S
-                while "taking over" not in hosts.logs():
-                    assert time.monotonic() < deadline
-                    time.sleep(0.1)
-                sleeper.send_signal(signal.SIGCONT)
-                ended = check_whole(web, fold_id)
-                heir.kill()
-        finally:
-            sleeper.send_signal(signal.SIGCONT)
-        # It is of use again.
-        check_whole(web, web.fold(SNAKE)["id"])
-        assert web.state(fold_id) == ended
-
-
-@pytest.mark.long
-def test_ending_worker_hands_back_its_fold_at_once(hosts_with: Callable[..., Hosts]) -> None:
-    hosts = hosts_with(lease_s=3600)  # nobody would notice that it is gone
-    web = hosts.web()
-    with hosts.worker() as first:
-        fold_id = web.fold(shape="wrench-160")["id"]
-        web.wait_exploding(fold_id)
-        with hosts.worker():
-            web.wait_workers(2)
-            first.terminate()
-            assert first.wait(PATIENCE_S) == 0
-            check_whole(web, fold_id)
             web.wait_workers(1)
 
 

@@ -148,19 +148,6 @@ REASON = (
 )
 
 
-def test_reason_counts_frames_as_the_page_does(tmp_path: Path) -> None:
-    verdict = {"verdict": f"failed: {REASON}"}
-    summary = {"reason": REASON, "certificate": verdict, "explosion": {"frames": 211}}
-    error = {"code": "not-verified", "detail": REASON, "where": None}
-    facts = fold_facts(found(tmp_path, 5, summary=summary, error=error))
-    said = facts["problem"]["text"]
-    assert said.startswith("In the plan, modules 4 and 8 overlap")
-    assert "40 % into the fold (frame 225)" in said  # 211 + 12.5 rounds up, and 1 is the first
-    for text in (said, facts["verdict"]["text"], json.dumps(facts["properties"])):
-        assert "of the plan" not in text
-        assert "(frame 225)" in text
-
-
 def test_reason_without_a_known_frame_tells_percent_only(tmp_path: Path) -> None:
     error = {"code": "not-verified", "detail": REASON, "where": None}
     facts = fold_facts(found(tmp_path, 5, summary={"reason": REASON}, error=error))
@@ -266,13 +253,6 @@ def test_expected_time_of_the_published_method_is_told(
     facts = fold_facts(found(tmp_path, 0, status="verified", modules=modules))
     (published,) = [way for way in facts["compare"] if way["text"] == "Published method"]
     assert published["hint"].startswith(f"Takes {hint}")
-
-
-def test_problem_is_a_sentence(tmp_path: Path) -> None:
-    error = {"code": "not-adjacent", "detail": "got a gap.", "where": "cells 1 and 2"}
-    assert fold_facts(found(tmp_path, 0, error=error))["problem"]["text"] == (
-        "Cells 2 and 3: Found a gap."
-    )
 
 
 def test_properties_of_a_real_fold_are_readable(service: Service, finished: dict[str, Any]) -> None:

@@ -1,17 +1,23 @@
-"""Folds that choose among verified plans: asked for over HTTP, told in their JSON and pages."""
+"""Folds that choose among verified plans, and the plans that were not chosen."""
 
 from __future__ import annotations
 
+import json
+import shutil
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
+from planner.file_names import ATTEMPTS, PLANS_DIR, PLAYABLE
 from planner.pipeline.expected_cost import expected_cost
 from planner.pipeline.request import FoldRequest
 from planner.plan.plan import Plan
 from tests.server.service import STAIRS, Service
+from words.choice import choice_of
 
-pytestmark = [pytest.mark.slow, pytest.mark.long]  # whole searches for the best of several plans
+LONG = pytest.mark.long
+"""Whole searches for the best of several plans."""
 
 
 @pytest.fixture(scope="module")
@@ -19,6 +25,8 @@ def quickest(service: Service) -> dict[str, Any]:
     return service.wait_over(service.fold(STAIRS, prefer="time")["id"])
 
 
+@pytest.mark.slow
+@LONG
 def test_fold_that_prefers_time_has_the_fastest_of_its_plans(
     service: Service, quickest: dict[str, Any]
 ) -> None:
@@ -38,6 +46,8 @@ def test_fold_that_prefers_time_has_the_fastest_of_its_plans(
     assert first["form"]["prefer"] == "computing"
 
 
+@pytest.mark.slow
+@LONG
 def test_another_preference_makes_another_fold(service: Service, quickest: dict[str, Any]) -> None:
     plain = service.wait_over(service.fold(STAIRS)["id"])
     assert plain["id"] != quickest["id"]
@@ -63,3 +73,42 @@ def test_preference_raises_the_expected_time_within_bounds() -> None:
     )
     assert short[1] > 3 * short[0]
     assert long[1] <= long[0] + 300.0
+
+
+@pytest.fixture
+def stored(service: Service, finished: dict[str, Any]) -> Iterator[str]:
+    """A fold with one more plan, that of its first attempt."""
+    directory = service.directory(finished["id"])
+    plan = directory / PLANS_DIR / "0"
+    plan.mkdir(parents=True)
+    for name in PLAYABLE:
+        copy = shutil.copytree if (directory / name).is_dir() else shutil.copyfile
+        copy(directory / name, plan / name)
+    yield finished["id"]
+    shutil.rmtree(directory / PLANS_DIR)
+
+
+def test_stored_alternative_has_a_page_and_a_comparison(service: Service, stored: str) -> None:
+    shown = f"{stored}-0"
+    facts = service.http.get(f"/folds/{shown}/facts").json()
+    assert facts["name"].endswith(", plan 1")
+    assert facts["verdict"]["tone"] == "good"
+    assert (facts["alternative_to"], facts["files"], facts["movies"]) == (stored, [], False)
+    assert f'href="/folds/{stored}"' in service.http.get(f"/folds/{shown}").text
+    assert len(service.http.get(f"/folds/{shown}/batch?from=0&to=4").content) > 100
+    for path, status in {
+        f"/folds/{shown}/bundle": 200,
+        f"/compare?a={stored}&b={shown}": 200,
+        f"/folds/{shown}/standalone.html": 404,
+        f"/api/folds/{shown}": 404,
+        **{f"/folds/{stored}-{number}": 404 for number in ("1", "00000", "x", "-1", "", "0-0")},
+    }.items():
+        assert service.http.get(path).status_code == status, path
+
+
+def test_choice_names_stored_plans(service: Service, stored: str) -> None:
+    directory = service.directory(stored)
+    tried = json.loads((directory / ATTEMPTS).read_bytes())
+    choices = [choice_of(directory, "time", playable=playable) for playable in (True, False)]
+    plans = [choice["plans"][0]["stored"] for choice in choices if choice is not None]
+    assert (len(tried), plans) == (1, [0, None])
