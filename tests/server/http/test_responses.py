@@ -9,9 +9,9 @@ import pytest
 from fastapi.responses import FileResponse
 
 from server.errors import ServiceError, TooMany, Unidentified, WebsocketNeeded
-from server.files.previews import NoSuchPreviewError
 from server.http.downloads import MAX_STEM_CHARACTERS, download_stem
 from server.http.problems import HTTP_STATUSES, Problem, response_of
+from server.store.previews import NoSuchPreviewError
 
 
 def test_every_error_has_an_http_status() -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+from server.settings import Settings
 from server.store.folds import Store
-from server.store.owned import change_fold, folds_made, forget_preview, previews_made
+from server.store.owned import change_fold, folds_made
 from server.store.owner import Owner, new_token
+from server.store.previews import Previews
 from tests.server.http.test_threats_strangers import NAMES, PAGE
 from tests.server.rows import new_owner, statements
 from tests.server.service import SNAKE, Service, bearer
@@ -83,13 +86,13 @@ def test_my_folds_page_is_the_same_for_all_and_not_indexed(desk: Service) -> Non
         assert "noindex" in page.headers["x-robots-tag"]
 
 
-def test_database_is_queried_by_hashes_only(store: Store) -> None:
+def test_database_is_queried_by_hashes_only(store: Store, tmp_path: Path) -> None:
     token = new_token()
-    owner = Owner.from_token(token)
+    owner, previews = Owner.from_token(token), Previews(Settings(data_dir=tmp_path), store)
     with statements() as asked:
         folds_made(store, owner, before=None, limit=1)
-        previews_made(store, owner, keep_s=1.0)
-        forget_preview(store, "x", owner)
+        previews.owned(owner)
+        previews.remove("x", owner)
         change_fold(store, "x", owner, name="a", heir=new_owner())
     assert len(asked) >= 4 and token not in repr(asked)
 
