@@ -40,6 +40,7 @@ def give_tables(settings: Settings) -> None:
     path = Path(settings.store_url.removeprefix("sqlite:///"))
     if not path.is_absolute() or path.exists():
         return  # this is no file, or it has tables
+    path.parent.mkdir(parents=True, exist_ok=True)
     if TABLES:
         path.write_bytes(TABLES[0])
     else:
