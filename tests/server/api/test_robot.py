@@ -6,7 +6,6 @@ import contextlib
 import json
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,11 +18,11 @@ from websockets import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from planner.plan.plan import Plan
-from server.files.trajectories import STREAMS_OF_ADDRESS
+from server.files import trajectories
 from tests.case import case
 from tests.server.cli.test_command_line import foldback
 from tests.server.here import ServiceHere
-from tests.server.service import PATIENCE_S, SNAKE, Service
+from tests.server.service import SNAKE, Service
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "06_drive_a_robot.py"
 Finished = dict[str, Any]
@@ -117,23 +116,6 @@ def test_robot_that_follows_is_led_to_the_folded_shape(
         assert robot.last["joint_angles_rad"] == folded
 
 
-def test_targets_wait_while_the_error_is_above_the_threshold(
-    service: Service, finished: Finished
-) -> None:
-    with played(service, finished, speed=2, threshold_rad=0.1, max_acceleration=100) as robot:
-        robot.until("going", error=0.05)
-        waiting = robot.until("waiting", error=0.2)
-        assert (waiting["because"], waiting["error_rad"]) == ("error", 0.2)
-        for _ in range(30):  # the clock runs down, and stands
-            if robot.hear()["is"] == "target":
-                robot.report(error_rad=0.2)
-        stood = robot.last["time_s"]
-        robot.report(error_rad=0.2)
-        assert robot.hear()["time_s"] == stood
-        assert robot.until("going", error=0.05)["time_s"] >= stood
-        assert robot.until("end", error=0.05)["because"] == "folded"
-
-
 def test_error_is_computed_from_measured_angles(service: Service, finished: Finished) -> None:
     with played(service, finished, speed=0.1) as robot:
         off = np.array(robot.hear()["joint_angles_rad"])
@@ -174,13 +156,8 @@ def test_play_is_paused_resumed_and_stopped(service: Service, finished: Finished
         assert robot.until("end")["because"] == "stop"
 
 
-def test_clock_stops_for_a_silent_and_for_a_slow_robot(
-    service: Service, finished: Finished
-) -> None:
-    with played(service, finished, speed=0.1, silence_s=0.2, rate_hz=20) as robot:
-        robot.until("going")
-        assert robot.hear_until("waiting")["because"] == "silence"
-        assert robot.until("going")["time_s"] < 1.0  # it is told its target again, and answers
+def test_clock_stops_for_a_slow_robot(service: Service, finished: Finished) -> None:
+    """For one in error or without reports: see test_robot_clock.py."""
     with played(service, finished, speed=0.1, silence_s=30) as robot:
         robot.until("going")
         answered = robot.last["number"]
@@ -279,22 +256,14 @@ def test_trajectory_is_given_as_json_and_csv(service: Service, finished: Finishe
     assert service.http.get("/api/folds/none/trajectory").status_code == 404
 
 
-def test_trajectories_sent_at_once_are_limited(service: Service, finished: Finished) -> None:
-    here = f"/api/folds/{finished['id']}/trajectory"
-    slowly = {"max_speed": 0.1}
-    known = service.http.get(here, params=slowly).json()
-    moments = 4e6 / (2 * len(known["joint_names"]))
-    long = {**slowly, "rate": moments / known["duration_s"], "format": "csv"}
-    with contextlib.ExitStack() as slow:
-        for _ in range(STREAMS_OF_ADDRESS):  # they take the beginning, and wait
-            assert slow.enter_context(service.http.stream("GET", here, params=long)).is_success
-        busy = service.http.get(here)
-        assert (busy.status_code, busy.json()["code"]) == (429, "too-many-motions")
-        assert busy.headers["retry-after"]
-    deadline = time.monotonic() + PATIENCE_S
-    while service.http.get(here).status_code != 200:
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+def test_trajectories_sent_at_once_are_limited(
+    service: Service, finished: Finished, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trajectories, "STREAMS_OF_ADDRESS", 0)
+    with ServiceHere(service.data_dir).start() as other:
+        busy = other.http.get(f"/api/folds/{finished['id']}/trajectory")
+    assert (busy.status_code, busy.json()["code"]) == (429, "too-many-motions")
+    assert busy.headers["retry-after"]
 
 
 def test_motors_are_judged_by_their_torque(service: Service, finished: Finished) -> None:

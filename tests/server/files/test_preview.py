@@ -6,7 +6,6 @@ import asyncio
 import json
 import shutil
 import struct
-import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,7 @@ import httpx
 import numpy as np
 import pytest
 
-from server.errors import Unavailable
-from server.files.preview_scenes import MAX_PENDING_SCENES, SCENES_AT_ONCE, PreviewScenes
+from server.files.preview_scenes import PreviewScenes
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.owner import new_token
@@ -164,54 +162,38 @@ def test_preview_is_drawn_and_shown_in_3d(desk: Service, module: str) -> None:
         assert desk.http.get(f"/previews/{preview}/drawing.svg?key={key}").status_code == 404
 
 
-def test_few_scenes_are_made_at_once_and_each_once(
+def test_scenes_are_cached_and_need_a_report(
     store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Limits of what is made at once: see tests/server/limits."""
     previews = Previews(Settings(data_dir=tmp_path), store)
     scenes = PreviewScenes(previews)
-    preview_id = "thing"
     (tmp_path / "upload").mkdir()
     (tmp_path / "upload" / "input").write_bytes(b"")
-    row = PreviewRow(id=preview_id, visitor="a", created_at=time.time(), seen_at=time.time())
+    row = PreviewRow(id="thing", visitor="a", created_at=time.time(), seen_at=time.time())
     previews.add(row, tmp_path / "upload")
-    keys = [f"{k:024x}" for k in range(MAX_PENDING_SCENES + 1)]
-    for key in keys[:-1]:
-        place = previews.directory(preview_id) / key
-        place.mkdir()
-        (place / "report.json").write_text(json.dumps({"cells": [[0, 0, int(key, 16)]]}))
-    go_on = threading.Event()
-    made: list[Any] = []
+    key, other = ("0" * 23 + end for end in "12")
+    place = previews.directory("thing") / key
+    place.mkdir()
+    (place / "report.json").write_text(json.dumps({"cells": []}))
+    made: list[object] = []
 
-    def draw(report: Any) -> bytes:
-        made.append(report["cells"])
-        assert go_on.wait(30)
-        return json.dumps(report).encode()
+    def draw(report: object) -> bytes:
+        made.append(report)
+        return b"a scene"
 
     monkeypatch.setattr("server.files.preview_scenes.preview_scene_of", draw)
 
-    async def ask() -> None:
-        async with asyncio.TaskGroup() as group:
-            asked = [
-                group.create_task(scenes.scene(preview_id, k, visitor=k)) for k in keys[:-1] * 2
-            ]
-            while len(scenes._flight) < MAX_PENDING_SCENES:
-                await asyncio.sleep(0.01)
-            with pytest.raises(Unavailable) as refused:
-                await scenes.scene(preview_id, keys[-1], visitor="z")
-            assert len(made) <= SCENES_AT_ONCE
-            assert (refused.value.retry_after_s or 0) > 0
-            go_on.set()
-        assert len({task.result() for task in asked}) == MAX_PENDING_SCENES
-        assert await scenes.scene(preview_id, keys[0], visitor="z") == asked[0].result()
-        assert len(made) == MAX_PENDING_SCENES
-        with pytest.raises(NoSuchPreviewError):
-            await scenes.scene(preview_id, keys[-1], visitor="z")  # there is no report
-        shutil.rmtree(previews.directory(preview_id))
-        with pytest.raises(NoSuchPreviewError):
-            await scenes.scene(preview_id, keys[0], visitor="z")
-        scenes.close()
+    def scene(key: str) -> bytes:
+        return asyncio.run(scenes.scene("thing", key, visitor="a"))
 
-    asyncio.run(ask())
+    assert scene(key) == scene(key) == b"a scene" and len(made) == 1
+    with pytest.raises(NoSuchPreviewError):
+        scene(other)  # there is no report
+    shutil.rmtree(previews.directory("thing"))
+    with pytest.raises(NoSuchPreviewError):
+        scene(key)
+    scenes.close()
 
 
 def test_page_of_a_fold_draws_the_cells_of_its_preview(desk: Service) -> None:

@@ -178,28 +178,6 @@ def test_files_of_the_child_are_read_within_bounds(
         asyncio.run(make().motors(wanted, robot, "a"))
 
 
-def test_visitors_take_turns_at_trajectories(make: Make, here: Here, plan: Path) -> None:
-    async def ask() -> list[str]:
-        trajectories = make()
-        here.go_on.clear()
-        done: list[str] = []
-
-        async def one(visitor: str, speed: float) -> None:
-            await trajectories.of(Wanted.of(plan, speed, 2.0), visitor)
-            done.append(visitor)
-
-        asked = [asyncio.create_task(one("a", 1.0 + k)) for k in range(4)]
-        await asyncio.sleep(0)
-        asked.append(asyncio.create_task(one("b", 9.0)))
-        await asyncio.sleep(0)
-        here.go_on.set()
-        await asyncio.gather(*asked)
-        trajectories.close()
-        return done
-
-    assert "b" in asyncio.run(ask())[:3]
-
-
 def test_trajectories_sent_to_one_address_are_limited(make: Make) -> None:
     trajectories = make()
     places = [trajectories.stream("a") for _ in range(STREAMS_OF_ADDRESS)]

