@@ -56,7 +56,7 @@ class Postgres:
 
     def start(self) -> Postgres:
         """Starts it, on the port it had before if it had one."""
-        self.port = self.port or _free_port()
+        self.port = self.port or free_port()
         with open(self.log, "ab") as log:
             self._process = subprocess.Popen(
                 [
@@ -143,6 +143,7 @@ def _other_user() -> dict[str, Any]:
     return {"user": found.pw_uid, "group": found.pw_gid, "extra_groups": []}
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """Return a port that no program listens on."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         return free.getsockname()[1]

@@ -163,18 +163,21 @@ def test_options_that_do_not_suit_smoothing_are_refused(
 
 def test_only_verified_folds_are_smoothed(desk: Service, service: Service, wrench: str) -> None:
     waiting = desk.fold(SNAKE, seed="43")
-    status, problem = desk.refused(smooth=waiting["id"])
-    assert (status, problem["code"]) == (409, "smooth-not-ready")
+    here = desk.directory(waiting["id"])
+
+    def refused() -> tuple[int, str]:
+        status, problem = desk.refused(smooth=waiting["id"])
+        return status, problem["code"]
+
+    assert refused() == (409, "smooth-not-ready")
     desk.http.post(f"/api/folds/{waiting['id']}/cancel", headers=owner(waiting))
-    status, problem = desk.refused(smooth=waiting["id"])
-    assert (status, problem["code"]) == (422, "smooth-no-plan")
-    theirs, mine = service.directory(wrench), desk.directory(waiting["id"])
+    assert refused() == (422, "smooth-no-plan")
+    theirs = service.directory(wrench)
     plan = Plan.load(theirs / "plan.npz")
     failed = replace(plan.certificate, verdict="failed: it overlaps")
-    replace(plan, certificate=failed).save_npz(mine / "plan.npz")
-    shutil.copyfile(theirs / "chain.json", mine / "chain.json")
-    status, problem = desk.refused(smooth=waiting["id"])
-    assert (status, problem["code"]) == (422, "smooth-not-verified")
+    replace(plan, certificate=failed).save_npz(here / "plan.npz")
+    shutil.copyfile(theirs / "chain.json", here / "chain.json")
+    assert refused() == (422, "smooth-not-verified")
     assert not desk.http.get(f"/folds/{waiting['id']}/facts").json()["smoothable"]
 
 

@@ -40,6 +40,13 @@ def settings(tmp_path: Path, **values: Any) -> Settings:
     return Settings(**{"data_dir": tmp_path / "data", **values})
 
 
+def told(found: Finding, verdict: str, *words: str) -> None:
+    """Check what a finding says and its remedy."""
+    assert found.verdict == verdict, found
+    for word in words:
+        assert word in f"{found.found} {found.remedy}"
+
+
 def powerless() -> list[str]:
     """Root may write anywhere, unless it gives that power up."""
     if os.geteuid() != 0:
@@ -116,26 +123,30 @@ def test_package_that_is_too_old_is_a_problem(
     old.mkdir()
     (old / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.1\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    found = machine.python(settings(tmp_path))
-    assert found.verdict == "problem"
-    assert "numpy is 0.1, expected" in found.found
+    told(machine.python(settings(tmp_path)), "problem", "numpy is 0.1, expected")
 
 
 @pytest.mark.processes
 def test_closed_full_or_volatile_data_directory_is_told(tmp_path: Path) -> None:
     closed = tmp_path / "closed"
     closed.mkdir(mode=0o500)
-    found = alone("data.directory", *powerless(), data_dir=str(closed / "data"))
-    assert found.verdict == "problem"
-    assert f"{closed} cannot be written (Permission denied)" in found.found
+    told(
+        alone("data.directory", *powerless(), data_dir=str(closed / "data")),
+        "problem",
+        f"{closed} cannot be written (Permission denied)",
+    )
     closed.chmod(0o700)
     # Tests may be in memory, of which it warns.
     assert data.directory(settings(closed)).verdict != "problem"
-    found = data.directory(settings(tmp_path, min_free_disk_bytes=2**60))
-    assert found.verdict == "problem" and "MiB free" in found.found
-    assert "expire" in (found.remedy or "")
-    found = data.directory(settings(tmp_path, data_dir="/dev/shm/foldback-nowhere"))
-    assert found.verdict == "warning" and "tmpfs" in found.found
+    told(
+        data.directory(settings(tmp_path, min_free_disk_bytes=2**60)),
+        "problem",
+        "MiB free",
+        "expire",
+    )
+    told(
+        data.directory(settings(tmp_path, data_dir="/dev/shm/foldback-nowhere")), "warning", "tmpfs"
+    )
 
 
 def test_missing_and_damaged_databases_are_told(tmp_path: Path, postgres: Postgres) -> None:
@@ -143,8 +154,7 @@ def test_missing_and_damaged_databases_are_told(tmp_path: Path, postgres: Postgr
     assert data.database(here).verdict == "ok" and not file.exists()
     garbage = b"garbage\n" * 1000
     file.write_bytes(garbage)
-    found = data.database(here)
-    assert found.verdict == "problem" and "not a database" in found.found
+    told(data.database(here), "problem", "not a database")
     assert file.read_bytes() == garbage
     url = postgres.database()
     assert data.database(settings(tmp_path, database_url=url)).verdict == "ok"
@@ -166,17 +176,12 @@ def test_schema_behind_or_ahead_is_told(
         alembic = config()
         alembic.attributes["connection"] = connection
         command.upgrade(alembic, "0001")
-    found = data.database(here)
-    assert found.verdict == "warning"
-    assert "version 0001, 12 behind 0013" in found.found
-    assert "foldback serve" in (found.remedy or "")
+    told(data.database(here), "warning", "version 0001, ", "foldback serve")
     migrate(engine)
     assert data.database(here).verdict == "ok"
     with engine.begin() as connection:
         connection.execute(sa.text("UPDATE alembic_version SET version_num = '0099'"))
-    found = data.database(here)
-    assert found.verdict == "problem"
-    assert "newer" in found.found
+    told(data.database(here), "problem", "newer")
     engine.dispose()
 
 
@@ -187,9 +192,7 @@ def test_storage_that_is_no_directory_is_a_problem(tmp_path: Path) -> None:
     assert not list(here.folds_dir.iterdir())
     here.folds_dir.rmdir()
     here.folds_dir.touch()
-    found = data.storage(here)
-    assert found.verdict == "problem"
-    assert "NotADirectoryError" in found.found
+    told(data.storage(here), "problem", "NotADirectoryError")
 
 
 @pytest.fixture
@@ -214,13 +217,12 @@ def alien() -> Iterator[int]:
 def test_taken_port_and_foreign_address_are_problems(
     tmp_path: Path, alien: int, desk: Service
 ) -> None:
-    found = machine.port(settings(tmp_path, port=alien))
-    assert found.verdict == "problem" and "another program" in found.found
+    told(machine.port(settings(tmp_path, port=alien)), "problem", "another program")
     ours = urlsplit(str(desk.http.base_url)).port
-    found = machine.port(settings(tmp_path, port=ours))
-    assert found.verdict == "ok" and "foldback already answers" in found.found
-    found = machine.port(settings(tmp_path, host="203.0.113.1", port=8123))
-    assert found.verdict == "problem" and "FOLDBACK_HOST" in (found.remedy or "")
+    told(machine.port(settings(tmp_path, port=ours)), "ok", "foldback already answers")
+    told(
+        machine.port(settings(tmp_path, host="203.0.113.1", port=8123)), "problem", "FOLDBACK_HOST"
+    )
 
 
 @pytest.mark.parametrize(("limit", "verdict"), [(200, "problem"), (512, "warning"), (1024, "ok")])
@@ -237,11 +239,17 @@ def test_limit_of_open_files_is_judged(tmp_path: Path, limit: int, verdict: str)
 
 def test_too_little_memory_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert machine.memory(settings(tmp_path, child_memory_bytes=2**28)).verdict == "ok"
-    found = machine.memory(settings(tmp_path, workers=64, folds_per_worker=64))
-    assert found.verdict == "warning" and "4096 folds at once" in found.found
+    told(
+        machine.memory(settings(tmp_path, workers=64, folds_per_worker=64)),
+        "warning",
+        "4096 folds at once",
+    )
     monkeypatch.setattr(machine, "_allowed_bytes", lambda: [1500 * 2**20])
-    found = machine.memory(settings(tmp_path, child_memory_bytes=2**28))
-    assert found.verdict == "warning" and "6 processes that read uploads" in found.found
+    told(
+        machine.memory(settings(tmp_path, child_memory_bytes=2**28)),
+        "warning",
+        "6 processes that read uploads",
+    )
 
 
 def test_open_host_names_are_a_warning(tmp_path: Path) -> None:
@@ -262,22 +270,17 @@ def test_clock_set_back_is_a_warning(tmp_path: Path) -> None:
     with Session(engine) as session, session.begin():
         session.add(a_fold("later", created_at=time.time() + 7200))
     engine.dispose()
-    found = data.database(here)
-    assert found.verdict == "warning" and "s apart" in found.found
+    told(data.database(here), "warning", "s apart")
     later = time.time() + 7200
     os.utime(tmp_path / "foldback.db", (later, later))
-    found = machine.clock(here)
-    assert found.verdict == "warning" and "2.0 hours" in found.found
+    told(machine.clock(here), "warning", "2.0 hours")
 
 
 @pytest.mark.processes
 def test_missing_opengl_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(GL_SETTING, "egl")
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_DIRS", str(tmp_path))  # there is no driver
-    found = drawing.gl(settings(tmp_path))
-    assert found.verdict == "warning"
-    assert "no movies: egl: " in found.found
-    assert "apt-get install" in (found.remedy or "")
+    told(drawing.gl(settings(tmp_path)), "warning", "no movies: egl: ", "apt-get install")
     monkeypatch.setenv(GL_SETTING, "off")
     assert "switched off" in drawing.gl(settings(tmp_path)).found
 
@@ -289,9 +292,11 @@ def test_crash_of_opengl_is_a_warning(tmp_path: Path, monkeypatch: pytest.Monkey
         f"if os.environ.get({GL_SETTING!r}): os.kill(os.getpid(), signal.SIGSEGV)"
     )
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
-    found = drawing.gl(settings(tmp_path))
-    assert found.verdict == "warning"
-    assert "egl: it crashed (signal 11); osmesa: it crashed (signal 11)" in found.found
+    told(
+        drawing.gl(settings(tmp_path)),
+        "warning",
+        "egl: it crashed (signal 11); osmesa: it crashed (signal 11)",
+    )
 
 
 def test_missing_or_poor_encoder_is_a_warning(
@@ -301,8 +306,7 @@ def test_missing_or_poor_encoder_is_a_warning(
     poor.write_text("#!/bin/sh\necho ' V..... mpeg4   MPEG-4'\n")
     poor.chmod(0o755)
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(poor))
-    found = drawing.encoder(settings(tmp_path))
-    assert found.verdict == "warning" and "without x264" in found.found
+    told(drawing.encoder(settings(tmp_path)), "warning", "without x264")
     for name, value in without_ffmpeg.items():
         monkeypatch.setenv(name, value)
     found = drawing.encoder(settings(tmp_path))

@@ -4,17 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
-from planner.parameters.parameters import PRESETS, STRATEGY_CHOICES
-from planner.parameters.settings import MAX_TEXT_CHARS, SETTINGS
-from planner.pathfinding import PATH_ENDS, PATH_METHODS
-from planner.pathfinding.options import MODULE_COUNTS
-from planner.pipeline.preference import PREFERENCES
-from planner.pipeline.request import MAX_SEED, MODULE_SIZE_RANGE
+from planner.pipeline.request import MAX_SEED
 from server.cli.command_line import application
 from tests.server.service import SPIRAL, Service
 
@@ -61,33 +55,6 @@ def test_api_and_command_line_refuse_with_the_same_message(
         422,
         typed["error"],
     )
-
-
-def test_api_description_has_the_bounds_of_the_planner(desk: Service) -> None:
-    schemas = desk.http.get("/api/openapi.json").json()["components"]["schemas"]
-    (form,) = [
-        schema["properties"]
-        for name, schema in schemas.items()
-        if name.startswith("Body_post_fold")
-    ]
-
-    def of(name: str) -> dict[str, Any]:
-        one = form[name]
-        return next((s for s in one.get("anyOf", [one]) if s.get("type") != "null"), one)
-
-    assert tuple(of("preset")["enum"]) == PRESETS
-    assert of("strategy")["enum"] == list(STRATEGY_CHOICES)
-    assert of("prefer")["enum"] == list(PREFERENCES)
-    assert of("method")["enum"] == list(PATH_METHODS)
-    assert of("ends")["enum"] == list(PATH_ENDS)
-    assert of("settings")["maxLength"] == MAX_TEXT_CHARS
-    assert all(f"`{setting.name}`" in of("settings")["description"] for setting in SETTINGS)
-    for name, limits in (
-        ("seed", (0, MAX_SEED)),
-        ("modules", MODULE_COUNTS),
-        ("module_size", MODULE_SIZE_RANGE),
-    ):
-        assert (of(name)["minimum"], of(name)["maximum"]) == limits
 
 
 def test_direct_servoing_is_requested_and_judged(service: Service) -> None:

@@ -61,6 +61,7 @@ def test_database_addresses_may_have_any_password(
         ("STAGE_CPU_SECONDS", "inf", "got 'inf', expected a finite number"),
         ("STAGE_SECONDS", "nan", "got 'nan', expected a finite number"),
         ("METRICS_PUBLIC", "perhaps", "got 'perhaps', expected true or false"),
+        ("LOG_FORMAT", "xml", "got 'xml', expected 'text' or 'json'"),
         ("LOG_LEVEL", "loud", "got 'loud', expected 'debug', 'info', 'warning' or 'error'"),
         ("STORAGE_BYTES", "", "got '', expected a whole number"),
         ("DATABASE_URL", "mysql://us:secret@db/x", "expected an address like postgresql://"),
