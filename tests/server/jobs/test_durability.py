@@ -19,7 +19,8 @@ from planner.pipeline.fold_layout import last_frame, result
 from planner.plan.plan import Plan
 from planner.progress import STAGES
 from server.api.schemas import PAUSED_MESSAGE
-from server.jobs.execution import MAX_CRASHES, Execution, PausedError
+from server.jobs import execution
+from server.jobs.execution import Execution, PausedError
 from server.jobs.queue import MAX_LOSSES, FoldClaim
 from server.jobs.runner import Runner
 from server.jobs.slices import Slice
@@ -172,16 +173,23 @@ def recorded_by(process: psutil.Process, directory: Path) -> bool:
 
 
 @pytest.fixture(scope="module")
-def held(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Held]:
+def forks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Held]:
     code = tmp_path_factory.mktemp("held") / "code"
     hold = code.parent / "hold"
     code.mkdir()
-    hold.touch()
     (code / "sitecustomize.py").write_text(HELD.format(str(hold)))
-    server = ForkServer(["stages"], warm=False, environment={"PYTHONPATH": before_others(code)})
-    server.start()
-    yield Held(server, hold)
-    server.close()
+    environment = {"PYTHONPATH": before_others(code)}
+    hold.touch()
+    with closing(ForkServer(["stages"], warm=False, environment=environment)) as server:
+        server.start()
+        yield Held(server, hold)
+
+
+@pytest.fixture
+def held(forks: Held, monkeypatch: pytest.MonkeyPatch) -> Held:
+    """The fork server; a fold fails when its process has died twice."""
+    monkeypatch.setattr(execution, "MAX_CRASHES", 2)
+    return forks
 
 
 def test_fold_whose_process_dies_repeatedly_fails_alone(here_with: HereWith, held: Held) -> None:
@@ -191,11 +199,11 @@ def test_fold_whose_process_dies_repeatedly_fails_alone(here_with: HereWith, hel
     directory, killed = service.directory(accepted["id"]), set[int]()
     with ThreadPoolExecutor(1) as worker:
         computing = worker.submit(compute, service, accepted["id"], fork_server=held.server)
-        for _ in range(MAX_CRASHES):
+        for _ in range(2):
             held.kill_child(directory, killed)
         state = computing.result()
     assert (state["status"], state["error"]["code"]) == ("failed", "crashed")
-    for words in ("SIGKILL", f"happened {MAX_CRASHES} times"):
+    for words in ("SIGKILL", "happened 2 times"):
         assert words in state["error"]["detail"]
     # What was there of it stays, and tells where it was.
     assert state["summary"]["stuck"]["kind"] == "stopped"
@@ -213,7 +221,7 @@ def test_fold_goes_on_when_its_process_or_fork_server_is_killed(
     directory, killed = service.directory(fold_id), set[int]()
     with ThreadPoolExecutor(1) as worker:
         computing = worker.submit(compute, service, fold_id, fork_server=held.server)
-        for _ in range(MAX_CRASHES - 1):
+        for _ in range(1):
             held.kill_child(directory, killed)
         held.child(directory, killed)
         held.hold.unlink()
