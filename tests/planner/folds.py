@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
+import pytest
 
+from planner.certificate.certificate import Certificate, certify
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
@@ -39,3 +42,16 @@ def same_motion(one: Any, other: Any) -> None:
     """Compare all columns of two motions."""
     for name in type(one).__dataclass_fields__:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def refuse(monkeypatch: pytest.MonkeyPatch, times: int, **changes: Any) -> None:
+    """Have so many certificates say something else of their plans."""
+    asked = 0
+
+    def refused(*arguments: Any, **more: Any) -> Certificate:
+        nonlocal asked
+        asked += 1
+        found = certify(*arguments, **more)
+        return replace(found, **changes) if asked <= times else found
+
+    monkeypatch.setattr("planner.pipeline.certifying.certify", refused)

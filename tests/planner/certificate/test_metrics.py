@@ -157,17 +157,6 @@ def test_overlaps_have_negative_clearances(tmp_path: FilePath) -> None:
     assert (figures.max_error_rad == np.float32(0.1)).all()
 
 
-def test_explosion_has_clearances_and_no_torques(tmp_path: FilePath) -> None:
-    chain = coil(12)
-    still = np.tile(chain.folded_rad, (5, 1))
-    timeline_of(tmp_path / "t", chain, ("explosion", still), error=np.nan)
-    figures = figures_of(tmp_path / "t", PARAMETERS)
-    np.testing.assert_allclose(figures.clearance, 0.05, atol=1e-6)
-    assert np.isnan(figures.torque_nm).all()
-    assert np.isnan(figures.peak_torque_nm).all()
-    assert (figures.hinges_moving == 0).all()
-
-
 def test_figures_are_the_same_across_chunks(tmp_path: FilePath) -> None:
     # 300 frames are three chunks, and the playback begins within the first.
     chain = coil(8)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
+from planner.chain.overlap import first_close_pair
 from planner.chain.path import Path
 from planner.chain.rotations import matrix_from_wxyz
 from planner.errors import InputError
@@ -92,3 +93,21 @@ def test_angles_out_of_range_are_refused(
     with pytest.raises(InputError) as refusal:
         Chain.from_angles(CUBE, np.deg2rad(angles_deg))
     assert (refusal.value.code, refusal.value.where) == (code, where)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 60), st.floats(0.5, 8.0))
+def test_first_close_pair_agrees_with_all_distances(seed: int, count: int, size: float) -> None:
+    points = np.random.default_rng(seed).uniform(-size, size, (count, 3))
+    distances = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    np.fill_diagonal(distances, np.inf)
+    pair = first_close_pair(points, 0.98)
+    if pair is None:
+        assert distances.min() >= 0.98
+    else:
+        i, j = pair
+        assert i < j
+        assert distances[i, j] < 0.98
+
+
+def test_thousands_of_points_in_one_place_need_little_memory() -> None:
+    assert first_close_pair(np.zeros((50_000, 3)), 0.98) is not None

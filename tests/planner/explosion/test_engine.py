@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from planner.kernels.articulated import Accelerations, Loads
 from planner.kernels.module import Lumps
 from planner.simulation.contacts import ContactFinder
 from planner.simulation.engine import Engine, build_chain_model
-from planner.simulation.model import Material, tree_spec
+from planner.simulation.model import Material, segment_spec, segment_starts, tree_spec
 from planner.simulation.reduced import Acceleration, State
 from tests.planner.chains import coil, line, random_rotation, random_state
 from tests.planner.mujoco_tree import accelerate, solve_exactly
@@ -115,3 +116,43 @@ def test_engine_in_contact_moves_as_one_tree(seed: int) -> None:
     check_same(found, state, expected)
     twin = finder.copy().find(engine.positions, engine.rotations)
     np.testing.assert_array_equal(twin.points.points, contacts.points.points)
+
+
+def compiled_tree(chain: Chain, size: float = 0.9) -> mujoco.MjModel:
+    return tree_spec(chain, Material(geom_size=size)).compile()
+
+
+@pytest.mark.parametrize("segmented", [False, True])
+def test_only_consecutive_modules_are_exempt_from_contacts(segmented: bool) -> None:
+    # At just over twice their size straight modules reach their second neighbours, no further ones.
+    chain = line(12)
+    material = Material(geom_size=2.1)
+    spec = (
+        segment_spec(chain, material, segment_starts(chain))
+        if segmented
+        else tree_spec(chain, material)
+    )
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    if segmented:
+        for start in segment_starts(chain):
+            data.joint(f"root_{start}").qpos[:3] = [start, 0.0, 0.0]
+    else:
+        data.joint("root").qpos[:3] = [chain.root, 0.0, 0.0]
+    mujoco.mj_forward(model, data)
+    touching = {
+        tuple(sorted(int(model.geom(g).name.removeprefix("module_")) for g in contact.geom))
+        for contact in data.contact
+    }
+    assert touching == {(i, i + 2) for i in range(10)}
+
+
+def test_folded_chain_touches_nothing_below_full_size() -> None:
+    chain = coil(24)
+    for size, touches in ((0.99, False), (1.02, True)):
+        model = compiled_tree(chain, size)
+        data = mujoco.MjData(model)
+        for name, angle in zip(chain.joint_names, chain.folded_rad, strict=True):
+            data.joint(name).qpos[0] = angle
+        mujoco.mj_forward(model, data)
+        assert bool(data.ncon) is touches

@@ -74,12 +74,3 @@ def test_mesh_is_filled_with_tetrahedra() -> None:
         vertices.mean(axis=0), np.array(report["positions"]).mean(axis=0), atol=1.5
     )
     assert report["below"] % TETRAHEDRA_PER_RING == report["above"] % TETRAHEDRA_PER_RING == 0
-
-
-@pytest.mark.parametrize(("modules", "method"), [(200, "blocks"), (1000, "assembly")])
-def test_method_depends_on_the_number_of_modules(modules: int, method: str) -> None:
-    ball = trimesh.creation.icosphere(subdivisions=3).export(file_type="stl")
-    made = prepare(ball, "ball.stl", PathOptions(modules=modules))
-    assert made.method == method
-    asked = prepare(ball, "ball.stl", PathOptions(modules=modules, method="blocks"))
-    assert asked.method == "blocks"

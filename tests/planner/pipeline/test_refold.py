@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.certificate.certificate import Certificate, certify
+from planner.certificate.certificate import Place, certify
 from planner.certificate.measure import write_figures
 from planner.certificate.metrics import Figures
 from planner.chain.chain import Chain
@@ -36,7 +36,7 @@ from planner.readers import read
 from planner.verification.verify import verify
 from tests.planner.chains import line
 from tests.planner.conftest import SHAPES, Folded
-from tests.planner.folds import same_motion
+from tests.planner.folds import refuse, same_motion
 from tests.planner.plans import changed
 
 UNFOLDING = PHASES.index("unfolding")
@@ -267,33 +267,21 @@ def test_stages_of_a_refold_run_again_give_the_same_plan(copy: FilePath, plan: P
     np.testing.assert_array_equal(Timeline.open(copy / "timeline.zarr").frames().phase, plan.phase)
 
 
-def refuse(monkeypatch: pytest.MonkeyPatch, frame: float) -> None:
-    """Certificates that find an overlap there."""
-
-    def refusing(*args: Any, **more: Any) -> Certificate:
-        found = certify(*args, **more)
-        assert found.min_clearance_at is not None
-        return replace(
-            found,
-            verdict="failed: in the plan, modules 0 and 9 overlap",
-            min_clearance=-0.1,
-            min_clearance_at=replace(found.min_clearance_at, frame=frame),
-        )
-
-    monkeypatch.setattr("planner.pipeline.certifying.certify", refusing)
-
-
 @pytest.mark.slow
 def test_other_paths_are_tried_for_an_overlap_in_the_second_half_only(
     copy: FilePath, plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    refuse(monkeypatch, straight(plan) + 3.0)
-    assert run_stage("certify", copy)["again"] == "explode"
-    run_stage("read", copy)
-    run_stage("explode", copy)
-    run_stage("play_back", copy)
-    refuse(monkeypatch, 3.0)
-    assert run_stage("certify", copy)["again"] is None
+    for frame, again in ((straight(plan) + 3.0, "explode"), (3.0, None)):
+        refuse(
+            monkeypatch,
+            times=1,
+            verdict="failed: in the plan, modules 0 and 9 overlap",
+            min_clearance=-0.1,
+            min_clearance_at=Place(frame=frame, modules=(0, 9)),
+        )
+        assert run_stage("certify", copy)["again"] == again
+        for stage in ("read", "explode", "play_back"):
+            run_stage(stage, copy)
 
 
 def test_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, plan: Plan) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.certificate.certificate import Certificate, Place, certify
+from planner.certificate.certificate import Place
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.explosion.simultaneous import explode
@@ -27,7 +27,7 @@ from planner.simulation.anchored import Anchored
 from planner.simulation.engine import SpringChain
 from planner.simulation.reduced import Acceleration, State
 from planner.simulation.segments import Segments
-from tests.planner.folds import asked, made, same_motion, timeless
+from tests.planner.folds import asked, made, refuse, same_motion, timeless
 
 pytestmark = pytest.mark.slow
 
@@ -236,30 +236,16 @@ def test_next_candidate_is_tried_when_a_chain_sticks(
     assert timeline.frames().joint_angles_rad[0].tolist() == candidates[1]["folded_rad"]
 
 
-def refuse_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A first certificate that refuses the playback between two frames."""
-    asked = 0
-
-    def refused(*arguments: Any, **more: Any) -> Certificate:
-        nonlocal asked
-        asked += 1
-        found = certify(*arguments, **more)
-        if asked > 1:
-            return found
-        return replace(
-            found,
-            verdict="failed: in the simulated playback, modules 1 and 9 overlap",
-            min_clearance_playback=-0.001,
-            min_clearance_playback_at=Place(frame=3.5, modules=(1, 9)),
-        )
-
-    monkeypatch.setattr("planner.pipeline.certifying.certify", refused)
-
-
 def test_overlap_between_frames_is_played_back_again_with_finer_frames(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    refuse_first(monkeypatch)
+    refuse(
+        monkeypatch,
+        times=1,
+        verdict="failed: in the simulated playback, modules 1 and 9 overlap",
+        min_clearance_playback=-0.001,
+        min_clearance_playback_at=Place(frame=3.5, modules=(1, 9)),
+    )
     directory = asked(tmp_path)
     run(directory, "read", "explode", "play_back")
     coarse = len(Playback.load(result(directory, "playback.npz")).frames)

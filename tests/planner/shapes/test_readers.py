@@ -94,14 +94,6 @@ def test_written_chain_of_a_path_is_read_back_exactly(cells: Cells) -> None:
     assert (back.name, back.module, back.pitch_m) == ("a chain", CUBE, 0.03)
 
 
-@given(st.lists(st.tuples(st.floats(-25, 25), st.floats(-25, 25)), min_size=1, max_size=6))
-def test_written_chain_off_the_lattice_is_read_back(angles_deg: list[tuple[float, float]]) -> None:
-    chain = Chain.from_angles(CUBE, np.deg2rad(angles_deg))
-    back = read(write_chain(chain))
-    assert isinstance(back, Chain)
-    np.testing.assert_allclose(back.folded_rad, chain.folded_rad, atol=1e-15)
-
-
 def test_examples_are_read() -> None:
     for example in sorted(SHAPES.glob("*.json")):
         with case(example.stem):
