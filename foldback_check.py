@@ -85,8 +85,10 @@ class Module:
             np.array(told[part], float) for part in parts)
         self.names, self.rigid, self.apart = told["hinges"], told["rigid_links"], told["apart"]
         self.limit, square = told["limit_rad"], self.turns @ self.turns.swapaxes(1, 2)
+        solid = np.concatenate([self.corners.ravel(), self.anchor, self.offset])
         require(np.abs(square - ONE).max() < 1e-15 and (np.linalg.det(self.turns) > 0).all() and
-                np.abs((self.faces**2).sum(1) - 1).max() < 1e-15 and self.apart <= 2 and
+                np.abs((self.faces**2).sum(1) - 1).max() < 1e-15 and np.isfinite(solid).all() and
+                self.apart in (1, 2) and self.rigid in (0, 1) and np.isfinite(self.edges).all() and
                 len(self.turns) == len(self.names) + 1, "a module that cannot be")
         self.corners *= size
         self.radius = np.linalg.norm(self.corners, axis=1).max() * (1 + 1e-12)

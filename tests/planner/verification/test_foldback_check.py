@@ -293,6 +293,31 @@ def test_forged_plan_is_not_proved(forgery: str, folded: Fold, tmp_path: FilePat
     assert found["verdict"] == "not proved", found
 
 
+def test_module_that_is_no_solid_proves_nothing(tmp_path: FilePath) -> None:
+    q = np.zeros((3, 5))
+    q[1:] = [[0.5] * 5, [0.9] * 5]
+    changes = {
+        "corners": [[float("nan")] * 3] * 8,
+        "anchor": [float("inf"), 0.0, 0.0],
+        "offset": [float("nan")] * 3,
+        "faces": [[2.0, 0.0, 0.0]],
+        "edges": [[float("nan")] * 3],
+        "apart": 5,
+        "rigid_links": -1,
+    }
+    for name, value in changes.items():
+        path = save(tmp_path / "plan.npz", q, kind="prism", geometry=PRISM)
+
+        def change(arrays: dict[str, Any], told: Any, name: str = name, value: Any = value) -> None:
+            told["claim"]["module"][name] = value
+
+        rewrite(path, path, change)
+        try:
+            assert verdict(path) == "not proved", name
+        except ValueError:
+            continue
+
+
 def test_files_that_are_no_plans_exit_with_two(tmp_path: FilePath, capsys: Any) -> None:
     path = tmp_path / "plan.npz"
     for content in (b"", b"PK\x03\x04", b"{}"):

@@ -50,13 +50,14 @@ export class Module {
     this.plain = told.turns.flat(2).every((v) => v === 0 || Math.abs(v) === 1);
   }
 
-  /** Whether its turns are rotations, the normals of faces have length 1, and all corners are numbers. */
+  /** Whether its turns are rotations, the normals of faces have length 1, and all else are numbers. */
   get sound() {
-    const { turns, faces, corners } = this.told;
+    const { turns, faces, edges, corners, anchor, offset, apart, rigid_links: rigid } = this.told;
     const rotates = turns.every((rows) => dot(rows[0], cross(rows[1], rows[2])) > 0
       && rows.every((a, i) => rows.every((b, j) => Math.abs(dot(a, b) - Number(i === j)) < 1e-15)));
     return rotates && turns.length === this.hinges + 1 && faces.every((f) => Math.abs(dot(f, f) - 1) < 1e-15)
-      && corners.every((v) => v.length === 3 && v.every(Number.isFinite));
+      && [...corners, ...edges, anchor, offset].every((v) => v.length === 3 && v.every(Number.isFinite))
+      && [1, 2].includes(apart) && [0, 1].includes(rigid);
   }
 
   /** Least of (x, y, z) . corner over the corners. @type {(x: number, y: number, z: number) => number} */
