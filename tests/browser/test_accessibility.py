@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +11,11 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
 from server.store.owner import new_token
+from tests.browser.conftest import Visit
 from tests.server.files.test_preview import CROSS, stl, voxels
 from tests.server.service import SNAKE, Service, bearer, owner
 
-pytestmark = [pytest.mark.browser, pytest.mark.long]
-Visit = Callable[..., Page]
+pytestmark = pytest.mark.long
 
 SIZES = {"phone": (390, 844), "laptop": (1366, 768)}
 SCHEMES: dict[Any, dict[str, list[str]]] = {"light": {}, "dark": {"runOnly": ["color-contrast"]}}
@@ -58,11 +57,11 @@ def findings(page: Page) -> dict[str, list[str]]:
         "/previews/nosuchpreview",
     ],
 )
-def test_pages_that_need_no_fold(visit: Visit, path: str) -> None:
+def test_pages_without_a_fold_are_accessible(visit: Visit, path: str) -> None:
     assert findings(visit(path)) == {}
 
 
-def test_the_api_with_an_operation_open(visit: Visit) -> None:
+def test_api_page_is_accessible(visit: Visit) -> None:
     page = visit("/docs")
     page.locator(".opblock").first.wait_for()
     found = findings(page)
@@ -71,7 +70,7 @@ def test_the_api_with_an_operation_open(visit: Visit) -> None:
     assert (found, findings(page)) == ({}, {})
 
 
-def test_the_paper_with_a_film_open(visit: Visit) -> None:
+def test_paper_with_a_film_is_accessible(visit: Visit) -> None:
     page = visit("/paper")
     run = page.locator(".run:has(.run-where)").first
     run.locator(".run-where").click()
@@ -79,7 +78,7 @@ def test_the_paper_with_a_film_open(visit: Visit) -> None:
     assert findings(page) == {}
 
 
-def test_my_folds_with_all_its_parts_open(visit: Visit, service: Service) -> None:
+def test_my_folds_is_accessible(visit: Visit, service: Service) -> None:
     token = new_token()
     fold = service.fold(SNAKE, seed="960", token=token)
     service.fold(shape="wrench-80", module_size=1.0, token=token)
@@ -106,7 +105,7 @@ def test_my_folds_with_all_its_parts_open(visit: Visit, service: Service) -> Non
     assert findings(page) == {}
 
 
-def test_the_editor_with_a_path_and_a_mistake(visit: Visit) -> None:
+def test_editor_with_a_mistake_is_accessible(visit: Visit) -> None:
     page = visit("/shapes/new")
     page.get_by_label("Letter S").click()
     page.locator('[data-tool="move"]').click()
@@ -118,7 +117,7 @@ def test_the_editor_with_a_path_and_a_mistake(visit: Visit) -> None:
     assert (found, findings(page)) == ({}, {})
 
 
-def test_axe_sees_what_is_wrong(visit: Visit) -> None:
+def test_axe_finds_broken_elements(visit: Visit) -> None:
     page = visit("/folds/nosuchfold")
     page.locator(".message > p").first.evaluate("p => { p.style.color = '#777'; }")
     page.locator(".mark").evaluate("mark => { mark.ariaLabel = ''; mark.textContent = ''; }")
@@ -130,7 +129,7 @@ def test_axe_sees_what_is_wrong(visit: Visit) -> None:
     ]
 
 
-def test_landing_with_all_its_parts_open(visit: Visit) -> None:
+def test_landing_is_accessible(visit: Visit) -> None:
     page = visit("/")
     page.locator("#type").click()
     page.locator(".options > summary").click()
@@ -142,7 +141,7 @@ def test_landing_with_all_its_parts_open(visit: Visit) -> None:
     assert findings(page) == {}
 
 
-def test_preview(visit: Visit) -> None:
+def test_preview_is_accessible(visit: Visit) -> None:
     page = visit("/", view=False)
     page.locator("#file").set_input_files(
         {"name": "brick.stl", "mimeType": "application/octet-stream", "buffer": stl()}
@@ -160,7 +159,7 @@ def test_preview(visit: Visit) -> None:
     assert (floating, findings(page)) == ({}, {})
 
 
-def test_preview_without_a_path(visit: Visit, service: Service) -> None:
+def test_preview_without_a_path_is_accessible(visit: Visit, service: Service) -> None:
     cross = ("cross.json", voxels(CROSS, name="Cross"))
     preview = service.http.post("/api/shapes/preview", files={"file": cross}).json()
     page = visit(preview["links"]["page"], view=False)
@@ -168,7 +167,9 @@ def test_preview_without_a_path(visit: Visit, service: Service) -> None:
     assert findings(page) == {}
 
 
-def test_folds_that_are_verified_and_failed(visit: Visit, service: Service, tmp_path: Path) -> None:
+def test_verified_and_failed_folds_are_accessible(
+    visit: Visit, service: Service, tmp_path: Path
+) -> None:
     folds = {
         "good": service.fold(shape="wrench-24"),
         "bad": service.fold(shape="wrench-80", module_size=1.0),
@@ -203,7 +204,7 @@ def test_folds_that_are_verified_and_failed(visit: Visit, service: Service, tmp_
         assert findings(page) == {}
 
 
-def test_a_fold_that_is_running(visit: Visit, service: Service) -> None:
+def test_running_fold_is_accessible(visit: Visit, service: Service) -> None:
     fold = service.fold(shape="mallet-192", seed="11", preset="paper")
     page = visit("/shapes/new")
     page.evaluate(

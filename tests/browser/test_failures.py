@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,13 +12,10 @@ from playwright.sync_api import Page, expect
 
 from planner.motion.timeline import Timeline
 from planner.pathfinding.assembly import layered_snake
-from tests.browser.conftest import keep, picture
-from tests.browser.test_fold_page import shown_frame
+from tests.browser.conftest import Visit, picture, shown_frame
 from tests.planner.pathfinding.test_knots import OVERHAND, walk
 from tests.server.service import SPIRAL, Service, over, owner
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
 TAIL = 20
 LAPTOP = {"width": 960, "height": 440, "color_scheme": "light"}
 LARGE = {"width": 1440, "height": 1000, "color_scheme": "light"}
@@ -59,7 +56,6 @@ def looked_at(page: Page, name: str) -> list[int]:
         page.locator("#stuck-fold").click()
     page.locator("#stuck-go").click()
     seen = picture(page)
-    keep(page, name)
     found = page.evaluate(ORANGE)
     if found:
         orange = (seen[..., 0] > 120) & (seen[..., 0] - seen[..., 2] > 90)
@@ -70,7 +66,7 @@ def looked_at(page: Page, name: str) -> list[int]:
 
 
 @pytest.mark.long
-def test_servoing_straight_to_a_shape_tangles(visit: Visit, service: Service) -> None:
+def test_direct_servoing_fails_with_overlap(visit: Visit, service: Service) -> None:
     fold = service.fold(SPIRAL, preset="direct")["id"]
     state = service.wait_over(fold)
     place = state["summary"]["certificate"]["min_clearance_at"]
@@ -81,7 +77,7 @@ def test_servoing_straight_to_a_shape_tangles(visit: Visit, service: Service) ->
 
 
 @pytest.mark.long
-def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
+def test_impossible_module_size_fails_with_overlap(visit: Visit, service: Service) -> None:
     asked = {"module_size": 1.0, "strategy": "simultaneous"}
     fold = service.fold(shape="wrench-80", **asked)["id"]
     state = service.wait_over(fold)
@@ -97,7 +93,6 @@ def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
     expect(page.locator(".attempts li")).to_have_count(4)
     expect(page.locator(".attempts li").first).to_contain_text("All at once")
     expect(page.locator(".attempts li").first).to_contain_text("overlap")
-    keep(page, "failure-attempts")
     for tab in page.locator(".tabs button").all():
         box, bar = tab.bounding_box(), page.locator(".drawer").bounding_box()
         assert box and bar and box["x"] + box["width"] <= bar["x"] + bar["width"] - 36
@@ -113,7 +108,7 @@ def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
 
 
 @pytest.mark.long
-def test_a_time_limit_on_a_phone(visit: Visit, hasty: Service) -> None:
+def test_time_limit_is_explained_on_a_phone(visit: Visit, hasty: Service) -> None:
     fold = hasty.fold(shape="wrench-94", preset="paper")["id"]
     state = hasty.wait_over(fold)
     assert state["error"]["code"] == "time-limit"
@@ -122,7 +117,6 @@ def test_a_time_limit_on_a_phone(visit: Visit, hasty: Service) -> None:
     page = opened(visit(f"{hasty.http.base_url}/folds/{fold}", **PHONE))
     expect(page.locator("#stuck-heading")).to_have_text("Not finished")
     expect(page.locator("#stuck-more")).to_be_hidden()
-    keep(page, "failure-time-phone")
     page.locator("#stuck-fold").click()
     expect(page.locator("#stuck-text")).to_contain_text("Exploding took longer than 8 s")
     expect(page.locator("#stuck-attempts")).to_have_text("The attempt")
@@ -135,7 +129,7 @@ def test_a_time_limit_on_a_phone(visit: Visit, hasty: Service) -> None:
 
 
 @pytest.mark.long
-def test_a_memory_limit(visit: Visit, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_memory_limit_is_explained(visit: Visit, tmp_path_factory: pytest.TempPathFactory) -> None:
     cells = layered_snake((8, 8, 8)).tolist()
     begun, ended = exploding_bytes(tmp_path_factory.mktemp("large") / "data", cells)
     assert ended - begun > 2**23
@@ -177,7 +171,7 @@ def exploding_bytes(data: Path, cells: object) -> tuple[int, int]:
 
 
 @pytest.mark.long
-def test_a_cancelled_fold(visit: Visit, service: Service) -> None:
+def test_cancelled_fold_offers_to_fold_again(visit: Visit, service: Service) -> None:
     accepted = service.fold(shape="wrench-24", preset="paper", seed="11")
     service.wait_exploding(accepted["id"])
     service.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
@@ -190,7 +184,7 @@ def test_a_cancelled_fold(visit: Visit, service: Service) -> None:
 
 
 @pytest.mark.long
-def test_a_knot(visit: Visit, service: Service) -> None:
+def test_knot_is_drawn_and_located(visit: Visit, service: Service) -> None:
     corners = [(-TAIL, 0, 0), *OVERHAND[1:-1], (4, 6 + TAIL, 2)]
     # All at once it is shaken loose; module by module it is drawn tight.
     fold = service.fold(walk(tuple(corners)).tolist(), strategy="peel")["id"]
@@ -212,11 +206,10 @@ def test_a_knot(visit: Visit, service: Service) -> None:
     tried = page.locator(".attempts li")
     expect(tried).to_have_count(1)  # it is peeled one way only
     expect(tried).to_contain_text("the chain is knotted (determinant 3)")
-    keep(page, "failure-knot-attempts")
 
 
 @pytest.mark.long
-def test_a_verified_fold_has_no_such_card(visit: Visit, wrench: str) -> None:
+def test_verified_fold_shows_no_failure(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     page.wait_for_function("() => window.foldback.timeline.complete")
     expect(page.locator("#stuck")).to_be_hidden()

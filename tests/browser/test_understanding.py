@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -11,12 +11,8 @@ from playwright.sync_api import Page, expect
 
 from planner.certificate.metrics import Figures
 from planner.motion.timeline import Timeline
-from tests.browser.conftest import OPEN, keep, leave_view_out, picture, visits
-from tests.browser.test_fold_page import seek, shown_frame
+from tests.browser.conftest import Visit, picture, seek, shown_frame, visits
 from tests.server.service import Service
-
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +23,7 @@ def figures(service: Service, wrench: str) -> Figures:
 @pytest.fixture(scope="module")
 def beside(service: Service, wrench: str) -> Iterator[Page]:
     """A fold's page that tests look at one after the other: at what is told beside the view."""
-    with visits(OPEN.browser(), service) as visit:
+    with visits(service) as visit:
         yield opened(visit, wrench, width=1440)
 
 
@@ -60,7 +56,7 @@ def opened(visit: Visit, fold: str, *, view: bool = False, **options: object) ->
 
 
 @pytest.mark.long
-def test_colours_tell_any_figure(visit: Visit, wrench: str, figures: Figures) -> None:
+def test_colours_show_each_figure(visit: Visit, wrench: str, figures: Figures) -> None:
     page = opened(visit, wrench, view=True, **SMALL)
     seek(page, int(np.nanargmax(figures.peak_torque_nm)))
     menu = page.locator("#colour-by")
@@ -70,17 +66,15 @@ def test_colours_tell_any_figure(visit: Visit, wrench: str, figures: Figures) ->
     menu.select_option("torque")
     expect(page.locator("#legend-high")).to_have_text(re.compile(r"N·m$"))
     seen = picture(page)
-    keep(page, "colour-torque")
     assert np.abs(seen - before).max() > 20  # from some red to some of another colour
     assert (seen[..., 0] - seen[..., 1:].max(axis=-1)).max() < 60  # not what only some people see
     menu.select_option("chain")
     page.wait_for_url(re.compile("colour=chain"))  # the address follows a moment later
-    leave_view_out(page.context)
     page.reload()
     expect(menu).to_have_value("chain")  # it is kept
 
 
-def test_plots_show_the_figures_and_lead_into_the_fold(beside: Page, figures: Figures) -> None:
+def test_plots_show_figures_and_seek(beside: Page, figures: Figures) -> None:
     page = beside
     if not page.locator("#tab-plots").is_visible():
         page.locator("#details").click()
@@ -97,7 +91,6 @@ def test_plots_show_the_figures_and_lead_into_the_fold(beside: Page, figures: Fi
     where = plots.nth(0).locator(".plot-where")
     expect(where).to_contain_text(re.compile(r"^frame \d+, [\d.]+ s$"))
     assert shown_frame(page) > 0.5 * len(figures), "a reading moves nothing"
-    keep(page, "plots")
     larger = page.get_by_role("button", name="Larger view of least clearance")
     larger.click()
     large = page.locator("dialog.plot-dialog .plot svg[role=slider]")
@@ -111,7 +104,7 @@ def test_plots_show_the_figures_and_lead_into_the_fold(beside: Page, figures: Fi
 
 
 @pytest.mark.long
-def test_a_view_at_rest_costs_no_battery_and_wakes(visit: Visit, wrench: str) -> None:
+def test_resting_view_paints_nothing_until_it_is_moved(visit: Visit, wrench: str) -> None:
     page = opened(visit, wrench, view=True, **SMALL)
     (view,) = (frame for frame in page.frames if "view" in frame.url)
     view.evaluate(COUNT_PICTURES)
@@ -122,7 +115,7 @@ def test_a_view_at_rest_costs_no_battery_and_wakes(visit: Visit, wrench: str) ->
     view.wait_for_function("(before) => pictures > before + 3", arg=before)
 
 
-def test_jumps_lead_to_the_worst_moments(beside: Page, figures: Figures) -> None:
+def test_jumps_seek_the_worst_frames(beside: Page, figures: Figures) -> None:
     page = beside
     page.locator("#jump option[value=straight]").wait_for(state="attached")
     page.wait_for_function("() => !document.querySelector('#colour-by option[disabled]')")
@@ -135,7 +128,7 @@ def test_jumps_lead_to_the_worst_moments(beside: Page, figures: Figures) -> None
         expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {worst + 1} of"))
 
 
-def test_from_straight_to_folded(beside: Page, service: Service, wrench: str) -> None:
+def test_folded_slider_seeks_by_share(beside: Page, service: Service, wrench: str) -> None:
     page = beside
     frames = Timeline.open(service.directory(wrench) / "timeline.zarr").frames()
     first = int(np.flatnonzero(frames.phase == 1)[0])
@@ -153,7 +146,7 @@ def test_from_straight_to_folded(beside: Page, service: Service, wrench: str) ->
     expect(page.locator("#r-folded")).to_have_text("50 %")
 
 
-def test_a_module_tells_what_is_near_it(beside: Page, figures: Figures) -> None:
+def test_module_panel_names_the_nearest_module(beside: Page, figures: Figures) -> None:
     page = beside
     frame = len(figures) - 1
     seek(page, frame)
@@ -167,14 +160,13 @@ def test_a_module_tells_what_is_near_it(beside: Page, figures: Figures) -> None:
 
 
 @pytest.mark.long
-def test_the_path_can_be_seen_through_the_modules(visit: Visit, wrench: str) -> None:
+def test_path_is_drawn_through_the_modules(visit: Visit, wrench: str) -> None:
     page = opened(visit, wrench, view=True, **SMALL)
     seek(page, 0)
     before = picture(page)
     page.locator("#through").click()
     expect(page.locator("#through")).to_have_attribute("aria-pressed", "true")
     after = picture(page)
-    keep(page, "path")
     yellow = after[..., :2].min(axis=-1) - after[..., 2]
     assert yellow.max() > 60 > (before[..., :2].min(axis=-1) - before[..., 2]).max()
     page.locator("#through").click()

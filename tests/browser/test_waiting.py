@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 
-from tests.browser.conftest import keep
+from tests.browser.conftest import Visit
 from tests.browser.test_accessibility import findings
 from tests.server.service import Service, owner
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
 SLOW = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 80_000}
 """Of a network, in bytes a second."""
 HEARD = """addEventListener("DOMContentLoaded", () => {
@@ -24,7 +21,7 @@ HEARD = """addEventListener("DOMContentLoaded", () => {
 });"""
 
 
-def test_an_upload_is_told_and_stopped(visit: Visit, service: Service) -> None:
+def test_upload_shows_progress_and_is_stopped(visit: Visit, service: Service) -> None:
     page = visit("/")
     expect(page.locator(".drop-kept")).to_have_text(
         "Stored until you delete it. Only people with the link can see it. Privacy"
@@ -37,7 +34,6 @@ def test_an_upload_is_told_and_stopped(visit: Visit, service: Service) -> None:
     expect(sending).to_contain_text(re.compile(r"Sending large\.stl: \d+ %, \d\.\d MB of 8\.0 MB"))
     bar = sending.get_by_role("progressbar", name="Sending large.stl")
     assert 0.0 < float(bar.get_attribute("value") or 0.0) < 1.0
-    keep(page, "waiting-upload")
     assert findings(page) == {}
     sending.get_by_role("button", name="Stop").click()
     expect(page.locator("#drop-message")).to_have_text("Stopped")
@@ -51,11 +47,10 @@ def test_an_upload_is_told_and_stopped(visit: Visit, service: Service) -> None:
     assert not left
     page.locator(".foot a[href='/privacy']").click()
     expect(page.locator("h1")).to_have_text("Privacy")
-    keep(page, "privacy")
 
 
 @pytest.mark.long
-def test_what_is_left_and_a_movie_that_is_stopped(visit: Visit, service: Service) -> None:
+def test_time_left_is_shown_and_movie_is_stopped(visit: Visit, service: Service) -> None:
     for seed in ("31", "32"):  # what like folds take is known then
         service.wait_over(service.fold(shape="wrench-24", seed=seed)["id"])
     ahead = service.fold(shape="mallet-80", seed="31")
@@ -81,7 +76,6 @@ def test_what_is_left_and_a_movie_that_is_stopped(visit: Visit, service: Service
     state = page.locator(".movie-state").first
     expect(state).to_have_text(re.compile("Picture [0-9]+ of 600"))
     stop = page.locator("#panel-downloads").get_by_role("button", name="Stop")
-    keep(page, "waiting-movie")
     assert findings(page) == {}
     stop.click()
     expect(state).to_have_text("Stopped")
