@@ -17,8 +17,10 @@ OUTPUT = ROOT / "out" / "texts.md"
 AREAS = (
     "web/templates/**/*.html",
     "web/static/js/**/*.js",
+    "words/**/*.py",
     "server/pages/**/*.py",
     "server/**/*.py",
+    "cli/**/*.py",
     "planner/**/*.py",
     "foldback_client/**/*.py",
     "web/**/*.py",

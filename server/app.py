@@ -22,8 +22,8 @@ from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.files.exports import Exports
 from server.files.pictures import Pictures
+from server.files.preview_reports import PreviewReports
 from server.files.preview_scenes import PreviewScenes
-from server.files.previews import Previews
 from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
 from server.http import problems
@@ -72,6 +72,7 @@ from server.settings import Settings
 from server.store.estimates import Estimates
 from server.store.folds import Store
 from server.store.leases import Leases
+from server.store.previews import Previews
 from server.store.stats import Stats
 from web.timeline.views import TimelineViews
 
@@ -198,7 +199,7 @@ async def _warm_up(context: Context) -> None:
 
 def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Context:
     store = Store(settings)
-    previews = Previews(settings, store.folders.storage)
+    previews = Previews(settings, store)
     leases = Leases.of(settings, store)
     artifacts = _artifacts(settings, store)
     awaited = ChildLimits.of(settings, awaited=True)
@@ -214,6 +215,8 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     gallery = Gallery()
     if settings.finished_folds and not settings.read_only:
         import_finished(settings, store, gallery)
+    if not settings.read_only:
+        previews.start_sweeping()
     return Context(
         settings=settings,
         store=store,
@@ -234,8 +237,10 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         uploads=Uploads(settings),
         fork_server=fork_server,
         reader=_reader(settings, awaited, fork_server),
-        preparer=_preparer(settings, awaited, fork_server),
         previews=previews,
+        preview_reports=PreviewReports(
+            settings, previews, _preparer(settings, awaited, fork_server)
+        ),
         preview_scenes=PreviewScenes(previews),
         artifacts=artifacts,
         exports=Exports(store, artifacts),
@@ -261,7 +266,8 @@ def _close(context: Context, *, shared: bool) -> None:
     own_fork_server = None if shared else context.fork_server
     for part in (
         context.reader,
-        context.preparer,
+        context.preview_reports,
+        context.previews,
         context.trajectories,
         context.pictures,
         own_fork_server,

@@ -6,16 +6,24 @@ of the preview page and the table in docs/api.md are made of these descriptions.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from functools import cache
+from hashlib import sha256
 from types import NoneType
-from typing import Any, Final, Literal, TypeVar, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar, get_args, get_type_hints
 
 from planner.errors import InputError
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 T = TypeVar("T")
 OPTION_KEY: Final = "option"
+OPTIONS_KEY_CHARS: Final = 24
+"""Number of hexadecimal digits of a key of options: 96 bits of a SHA-256. With fewer digits
+different options share a key, and thus a result, more often. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,6 +161,12 @@ def option(default: T, described: Option) -> T:
 
 
 @cache
+def key_of_options(options: DataclassInstance) -> str:
+    """Return a key that is the same for the same values of all fields."""
+    text = json.dumps(asdict(options), sort_keys=True)
+    return sha256(text.encode()).hexdigest()[:OPTIONS_KEY_CHARS]
+
+
 def options_of(request: type[Any]) -> dict[str, Option]:
     """Return the options of a class of requests by name: its own, then those that it inherits."""
     hints = get_type_hints(request)

@@ -6,13 +6,11 @@ refusals from here. A new option is one more field.
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass, replace
-from hashlib import sha256
 from typing import TYPE_CHECKING, Final
 
 from planner.errors import InputError
-from planner.parameters.option import Option, option
+from planner.parameters.option import Option, key_of_options, option
 from planner.parameters.parameters import (
     AUTO,
     BASELINE,
@@ -69,8 +67,7 @@ class PreviewRequest(PathOptions):
     @property
     def key(self) -> str:
         """Return a key that is the same for the same options."""
-        text = json.dumps(asdict(self), sort_keys=True)
-        return sha256(text.encode()).hexdigest()[:24]
+        return key_of_options(self)
 
     def check(self) -> None:
         """Refuse what no fold can have either.

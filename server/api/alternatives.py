@@ -15,7 +15,8 @@ from planner.errors import UNREADABLE
 from planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLANS_DIR
 from planner.files import json_of
 from planner.pipeline.preference import COMPUTING
-from server.store.shown import RUNNING_STATUSES, Found
+from server.store.shown import Found
+from words.fold import RUNNING_STATUSES
 
 MAX_ATTEMPT_DIGITS: Final = 3
 """Maximum number of digits of the number in an address that selects one of a fold's attempts (plans

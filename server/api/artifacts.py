@@ -20,7 +20,7 @@ from server.errors import Conflict, NotFound, Unusable
 from server.http.client_address import address_of
 from server.http.downloads import download
 from server.store.folds import FoldRow
-from server.store.shown import has_motion
+from words.fold import has_motion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -15,8 +15,8 @@ from server.errors import TooMany
 from server.files.artifacts import Artifacts
 from server.files.exports import Exports
 from server.files.pictures import Pictures
+from server.files.preview_reports import PreviewReports
 from server.files.preview_scenes import PreviewScenes
-from server.files.previews import Previews
 from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
 from server.http.client_address import address_of
@@ -33,6 +33,7 @@ from server.settings import Settings
 from server.store.estimates import Estimates
 from server.store.folds import Store
 from server.store.leases import Leases
+from server.store.previews import Previews
 
 if TYPE_CHECKING:
     from web.timeline.views import TimelineViews
@@ -48,8 +49,8 @@ class Context:
     waits: FrameWaits
     fork_server: ForkServer | None
     reader: Reader
-    preparer: Reader
     previews: Previews
+    preview_reports: PreviewReports
     preview_scenes: PreviewScenes
     artifacts: Artifacts
     pictures: Pictures

@@ -26,12 +26,12 @@ from server.http.compression import Asset
 from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from server.http.response_cache import mark
 from server.store.folds import NoSuchFoldError
-from server.store.shown import RUNNING_STATUSES, ShownFold
 from web.timeline.frame_batch import cached_batch
 from web.timeline.metrics import FIGURES, cached_figures
 from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.scene_bundle import bundle_of
+from words.fold import RUNNING_STATUSES, ShownFold
 
 router = APIRouter(include_in_schema=False)
 

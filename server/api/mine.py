@@ -24,9 +24,9 @@ from server.api.schemas import (
 )
 from server.errors import Malformed
 from server.jobs.movies import MovieState
-from server.store.owned import folds_made, forget_preview, hand_over_all, previews_made
+from server.store.owned import folds_made, hand_over_all
 from server.store.owner import Claim, Owner
-from server.store.shown import ShownFold, shown_name
+from words.fold import ShownFold, shown_name
 
 router = APIRouter(prefix="/api/mine", tags=["mine"])
 MAX_FOLDS_PER_PAGE: Final = 100
@@ -90,7 +90,6 @@ def get_my_folds(
 def get_my_previews(context: Here, owner: ListingOwner) -> PreviewsMade:
     """List the previews uploaded with this token, with their latest options."""
     keep_s = context.settings.preview_keep_s
-    rows = previews_made(context.store, owner, keep_s=keep_s)
     return PreviewsMade(
         previews=[
             PreviewMade(
@@ -103,8 +102,7 @@ def get_my_previews(context: Here, owner: ListingOwner) -> PreviewsMade:
                 page=f"/previews/{row.id}{'?' if row.query else ''}{row.query}",
                 drawing=f"/previews/{row.id}/drawing.svg?key={row.key}",
             )
-            for row in rows
-            if context.previews.there(row.id)
+            for row in context.previews.owned(owner)
         ]
     )
 
@@ -117,9 +115,8 @@ def get_my_previews(context: Here, owner: ListingOwner) -> PreviewsMade:
 )
 def delete_my_preview(context: Here, owner: ListingOwner, preview_id: str) -> Response:
     """Delete an upload and its previews. Folds made from it stay."""
-    if not forget_preview(context.store, preview_id, owner):
+    if not context.previews.remove(preview_id, owner):
         raise not_owner("This token does not belong to this preview.")
-    context.previews.remove(preview_id)
     return Response(status_code=204)
 
 

@@ -22,8 +22,8 @@ from server.store.estimates import Expected, plain_fold
 from server.store.folds import FoldRow, Store
 from server.store.leases import Preparing
 from server.store.owner import MAX_TOKEN_CHARS, MIN_TOKEN_CHARS
-from server.store.shown import ShownFold
 from server.store.tables import REQUESTED_COLUMNS
+from words.fold import ShownFold
 
 SMOOTHING_MESSAGE: Final = "smoothing"
 """Progress message of the stage ``explode`` if a fold only smooths an existing plan; web pages name

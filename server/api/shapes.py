@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-import time
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from typing import Annotated, Any, Final
@@ -17,15 +16,15 @@ from fastapi.responses import Response
 
 from planner.parameters.option import options_of
 from planner.pipeline.request import FoldRequest, PreviewRequest
+from server.api.context import Context
 from server.api.folds import Here, problems
 from server.api.forms import field, form_of
 from server.api.owners import OptionalOwner
 from server.api.schemas import MAX_FOLD_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
 from server.api.source import GalleryShape, Origin, Uploaded, id_field, open_source, validate
 from server.errors import NotFound, Unusable
-from server.store.owned import note_preview
-from server.store.owner import Owner
-from server.store.tables import PreviewRow
+from server.files.preview_reports import Asker
+from server.store.previews import PreviewView
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
 DISCONNECT_POLL_S: Final = 0.1
@@ -84,30 +83,25 @@ async def post_preview(
 
     With a token, the preview is listed in `GET /api/mine/previews`.
     """
-    settings, (options, full) = context.settings, form
-    bounded(options, settings.max_modules)
-    visitor = context.visitor(request)
+    options, full = form
+    bounded(options, context.settings.max_modules)
 
-    def reported(gone: Callable[[], bool]) -> Preview:
+    def reported(asker: Asker) -> Preview:
         known = origin.preview
         if known is None or origin != Origin(preview=known):
             with (
                 open_source(context, origin, FoldRequest()) as (stream, source),
                 context.uploads.stored(stream, source.request.filename) as upload,
             ):
-                known = context.previews.add(upload, visitor)
-        report = context.previews.report(
-            known, options, context.preparer, visitor=visitor, gone=gone
-        )
+                known = context.preview_reports.add(upload, asker.visitor, owner)
+        report = context.preview_reports.report(known, options, asker)
         if owner is not None:
-            row = preview_row(known, owner, options, report)
-            keep_s = settings.preview_keep_s
-            note_preview(context.store, row, sent=known != origin.preview, keep_s=keep_s)
+            context.previews.note_view(known, owner, viewed(options, report))
         times = ExpectedTimes.of(report, options.world, context.estimates.total_s)
         return Preview.of(known, options.key, report, times, full=full)
 
-    async with leaving(request) as gone:
-        return await run_in_threadpool(reported, gone)
+    async with asking(request, context) as asker:
+        return await run_in_threadpool(reported, asker)
 
 
 @router.post(
@@ -129,16 +123,8 @@ async def post_offers(
     """
     options = replace(options, seed=seed)
     bounded(options, context.settings.max_modules)
-    visitor = context.visitor(request)
-    async with leaving(request) as gone:
-        found = await run_in_threadpool(
-            context.previews.offers,
-            preview,
-            options,
-            context.preparer,
-            visitor=visitor,
-            gone=gone,
-        )
+    async with asking(request, context) as asker:
+        found = await run_in_threadpool(context.preview_reports.offers, preview, options, asker)
     return TableOffers.model_validate(found)
 
 
@@ -156,31 +142,24 @@ def bounded(options: PreviewRequest, max_modules: int) -> None:
     validate(options)
 
 
-def preview_row(
-    preview_id: str, owner: Owner, options: PreviewRequest, report: dict[str, Any]
-) -> PreviewRow:
-    """Return a preview's row for its list, as its owner accesses it now."""
-    now = time.time()
+def viewed(options: PreviewRequest, report: dict[str, Any]) -> PreviewView:
+    """Return what an owner's list says of a preview with these options."""
     asked = {**options.changed(), **({"seed": options.seed} if options.seed else {})}
     if options.start is not None:
         asked["start"] = ",".join(map(str, options.start))
     told = {k: "true" if v is True else v for k, v in asked.items()}
-    return PreviewRow(
-        id=preview_id,
-        owner=owner.digest,
+    return PreviewView(
         name=str(report["name"])[:MAX_FOLD_NAME],
         modules=int(report["modules"]),
         module=str(report["module"]),
         key=options.key,
         query=urlencode(told, safe=","),
-        created_at=now,
-        seen_at=now,
     )
 
 
 @asynccontextmanager
-async def leaving(request: Request) -> AsyncGenerator[Callable[[], bool]]:
-    """Yield a function that returns True once the client has disconnected."""
+async def asking(request: Request, context: Context) -> AsyncGenerator[Asker]:
+    """Yield the client that waits for a report, and watch whether it disconnects."""
     gone = threading.Event()
 
     async def watch() -> None:
@@ -190,7 +169,7 @@ async def leaving(request: Request) -> AsyncGenerator[Callable[[], bool]]:
 
     watching = asyncio.create_task(watch())
     try:
-        yield gone.is_set
+        yield Asker(visitor=context.visitor(request), gone=gone.is_set)
     finally:
         watching.cancel()
 

@@ -12,8 +12,9 @@ from typing import Annotated, Any, BinaryIO, Final
 
 from fastapi import File, Form, UploadFile
 
+from planner.chain.module import CUBE
 from planner.errors import InputError
-from planner.file_names import INPUT, REQUEST
+from planner.file_names import INPUT, PREPARED, REQUEST
 from planner.files import json_of
 from planner.names import clean_name
 from planner.pathfinding.options import PathOptions
@@ -24,6 +25,8 @@ from server.api.base_folds import BaseFold, finished_base, stored_base
 from server.api.context import Context
 from server.api.schemas import MAX_FOLD_NAME
 from server.errors import NotFound, Unusable
+from server.files.preview_reports import read_report
+from server.store.previews import NoSuchPreviewError
 from server.store.tables import FoldRow
 
 MESH_SUFFIXES: Final = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
@@ -167,7 +170,7 @@ def _opened(context: Context, origin: Origin) -> tuple[BinaryIO, str | None]:
     if origin.file is not None:
         return origin.file.file, clean_filename(origin.file.filename)
     if origin.preview is not None:
-        return context.previews.upload(origin.preview)
+        return _opened_preview(context, origin.preview)
     if (earlier := origin.smooth or origin.fold) is not None:
         context.store.fold(earlier)
         return stored_input(context.store.directory(earlier))
@@ -182,6 +185,15 @@ def _opened(context: Context, origin: Origin) -> tuple[BinaryIO, str | None]:
     return BytesIO(found.data), found.filename
 
 
+def _opened_preview(context: Context, preview_id: str) -> tuple[BinaryIO, str | None]:
+    """Return the open upload of a preview and its name."""
+    path = context.previews.directory(preview_id) / INPUT
+    try:
+        return open(path, "rb"), context.previews.row(preview_id).filename
+    except FileNotFoundError as error:  # deleted this very moment
+        raise NoSuchPreviewError(preview_id) from error
+
+
 def _of_gallery(source: Source, shape: str) -> Source:
     """Complete the source of a gallery shape, whose path suits no table."""
     on_table = source.request.world == "table"
@@ -191,11 +203,12 @@ def _of_gallery(source: Source, shape: str) -> Source:
 
 def _of_preview(context: Context, source: Source, preview_id: str) -> Source:
     """Complete the source of a preview by the cells and chains that it has found."""
-    options = PreviewRequest.of_fold(source.request)
+    place = context.previews.place(preview_id, PreviewRequest.of_fold(source.request).key)
+    report, prepared = read_report(place), place / PREPARED
     return replace(
         source,
-        cells=context.previews.cells(preview_id, options),
-        prepared=context.previews.prepared(preview_id, options),
+        cells=report["cells"] if report is not None and report["module"] == CUBE.name else None,
+        prepared=prepared if prepared.is_file() else None,
     )
 
 

@@ -33,8 +33,9 @@ from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from server.pages import fold, share, static
-from server.store.shown import Found, ShownFold
+from server.store.shown import Found
 from web.timeline.views import TimelineViews
+from words.fold import ShownFold
 
 PLAYED_FOLD_ID: Final = "fold"
 

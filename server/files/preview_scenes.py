@@ -6,15 +6,9 @@ import asyncio
 from pathlib import Path
 from typing import Final
 
-from server.files.previews import (
-    OFFERS_FILE,
-    OPTIONS_KEY,
-    NoSuchPreviewError,
-    Previews,
-    cells_of_repair,
-    read_report,
-)
+from server.files.preview_reports import OFFERS_FILE, OPTIONS_KEY, cells_of_repair, read_report
 from server.limits.single_flight import SingleFlight
+from server.store.previews import NoSuchPreviewError, Previews
 from web.timeline.cache import Cache
 from web.viser.preview_scene import preview_scene_of
 

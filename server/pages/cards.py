@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections import Counter
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
-from planner.parameters.parameters import FLOATING, WORLD_CHOICES
-from planner.pathfinding.options import MODULE_CHOICES
-from server.store.shown import ShownFold, shown_name
+from words.fold import ShownFold, shown_name
+from words.gallery import (
+    CARD_STATUS_LABELS,
+    CHAIN_LABELS,
+    TAG_LABELS,
+    WORLD_LABELS,
+    method_of,
+    module_count,
+    rest_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,40 +25,9 @@ if TYPE_CHECKING:
     from planner.readers.gallery import Gallery
     from server.store.folds import FoldRow, Store
 
-TAG_LABELS: Final = {
-    "tool": "Tools",
-    "animal": "Animals",
-    "thing": "Things",
-    "building": "Buildings",
-    "letter": "Letters",
-    "hollow": "Hollow",
-    "furniture": "Furniture",
-    "vehicle": "Vehicles",
-    "kitchen": "Kitchen",
-    "solid": "Solids",
-    "ring": "Rings",
-    "number": "Numbers",
-    "sign": "Signs",
-    "plant": "Plants",
-    "paper": "From the paper",
-}
 TETRAHEDRA_TAG: Final = "tetrahedra"
 """Tag of gallery shapes whose chains consist of tetrahedra. The list of tags omits it, as the
 gallery has a separate choice between kinds of modules."""
-CHAIN_LABELS: Final = {name: choice.label for name, choice in MODULE_CHOICES.items()}
-MODULE_PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
-MAX_ZERO_TORQUE_WP: Final = 0.05
-"""Joint torque below which gallery cards say that a fold on a table needs no motor torque, in w·p
-(module weight × pitch). A larger value hides small torques. Chosen."""
-WORLD_LABELS: Final = {
-    name: choice.label for name, choice in WORLD_CHOICES.items() if name != FLOATING
-}
-CARD_STATUS_LABELS: Final = {
-    "verified": "Verified",
-    "running": "Running",
-    "failed": "Failed",
-    "new": "Not folded yet",
-}
 _CARD_STATUSES: Final = {
     "verified": "verified",
     "running": "running",
@@ -103,17 +78,12 @@ class Card:
     @property
     def rests(self) -> str | None:
         """Requirement for folding on a table, in words; the torque is rounded up."""
-        if self.rests_within is None:
-            return None
-        if self.rests_within < MAX_ZERO_TORQUE_WP:
-            return "Can be folded on a table (needs no motor torque)"
-        times = f"{math.ceil(10 * self.rests_within) / 10:.1f}"
-        return f"Can be folded on a table (needs {times}× a module's weight × width)"
+        return rest_of(self.rests_within)
 
     @property
     def count(self) -> str:
         """The number of modules in words."""
-        return f"{self.modules} {MODULE_PLURALS.get(self.module, self.module)}"
+        return module_count(self.modules, self.module)
 
     @property
     def words(self) -> str:
@@ -129,7 +99,7 @@ class FoldStatus:
     Attributes:
         status: One of ``CARD_STATUS_LABELS``.
         fold: The id of its fold; None when there is none to see.
-        method: Method of that fold in words, see ``method_words``; empty for the usual one.
+        method: Method of that fold in words, see ``method_of``; empty for the usual one.
     """
 
     status: str = "new"
@@ -223,16 +193,6 @@ def included_folds(store: Store) -> list[ShownFold]:
     return [ShownFold.of(row) for row in sorted(rows, key=lambda row: (row.modules, row.name))]
 
 
-METHOD_LABELS: Final = {"direct": "direct servoing", "paper": "published method"}
-"""Labels on a fold's card for presets of planner settings other than the default preset."""
-
-
-def method_words(row: FoldRow | ShownFold) -> str:
-    """Return how a card names a fold that is not by the default method or not in zero gravity."""
-    where = "on a table" if row.world == "table" else ""
-    return ", ".join(filter(None, (METHOD_LABELS.get(row.preset, ""), where)))
-
-
 def fold_statuses(store: Store) -> dict[str, FoldStatus]:
     """Return the status of each folded shape; the best of several folds counts."""
     best: dict[str, FoldRow] = {}
@@ -247,6 +207,8 @@ def fold_statuses(store: Store) -> dict[str, FoldStatus]:
         if row.shape not in best or rank(row) < rank(best[row.shape]):
             best[row.shape] = row
     return {
-        shape: FoldStatus(status=_CARD_STATUSES[row.status], fold=row.id, method=method_words(row))
+        shape: FoldStatus(
+            status=_CARD_STATUSES[row.status], fold=row.id, method=method_of(row.preset, row.world)
+        )
         for shape, row in best.items()
     }

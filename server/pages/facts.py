@@ -10,7 +10,6 @@ import numpy as np
 
 from planner.certificate.figures import (
     CertificateFigures,
-    Fault,
     FoldSummary,
 )
 from planner.certificate.verdict import summary_told_honestly, told_honestly
@@ -28,64 +27,50 @@ from planner.robot import MAX_SMOOTHED_ANGLES
 from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
 from server.errors import MOTION_FILES, damage_words
-from server.jobs.progress import STAGES
-from server.pages.failures import (
-    AttemptWords,
-    Failure,
-    attempts,
-    count_from_one,
-    failure,
-    reason_for_people,
-)
-from server.pages.properties import (
-    Properties,
-    properties,
-)
 from server.pages.table_check import ruled_out_on_table
 from server.store.estimates import Expected, expected_of_cost, plain_fold
 from server.store.fold_files import frames_promised
-from server.store.shown import RUNNING_STATUSES, Found, ShownFold, has_motion
+from server.store.shown import Found
 from server.store.tables import request_of
 from words import certificate as certificate_words
 from words.certificate import TableWords
-from words.choice import PREFERENCE_WORDS, Choice, choice_of, superlative
-from words.messages import message_for_people
-from words.quantities import PRESET_LABELS, sentence
-from words.settings import in_a_line
+from words.choice import Choice, choice_of
+from words.failures import AttemptWords, Failure, attempts, failure
+from words.fold import RUNNING_STATUSES, ShownFold, has_motion
+from words.properties import Properties, properties
 from words.smoothing import BeforeAfter, smoothing_note, smoothing_rows
+from words.suggestions import (
+    AGAIN_LABELS,
+    FLOATING_FOLD,
+    OTHER_PRESETS,
+    PUBLISHED_CHANGED,
+    RECORDED,
+    Button,
+    another_seed,
+    on_a_table,
+    preferring,
+    published,
+)
+from words.verdict import (
+    COVER_LOADING,
+    COVER_WAITING,
+    NO_DOWNLOADS,
+    NO_DOWNLOADS_YET,
+    VIEW_FILES,
+    Problem,
+    Verdict,
+    damage_of,
+    origin_of,
+    preset_of,
+    problem_of,
+    verdict_of,
+)
 
 SHOWN_FILES: Final = (TIMELINE, CHAIN, CERTIFICATE, ATTEMPTS)
 """Files that the page of a fold needs; the page reports those that are damaged."""
-VIEW_DOWNLOADS: Final = (
-    ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
-    ("recording.viser", "Recording", ".viser: for the viser client"),
-)
-OTHER_PRESETS: Final = (
-    ("default", "Reverse explosion", "The default method"),
-    (
-        "direct",
-        "Direct servoing",
-        "Drives every joint straight to its target (fails for most shapes)",
-    ),
-)
-"""Presets, besides the published one, that a fold may be compared with: name, label and hint."""
 
 Form = dict[str, str | int | float]
 """Fields of a form that asks for a fold."""
-
-
-class Verdict(TypedDict):
-    """Result of a fold in words, and its colour."""
-
-    tone: str
-    text: str
-
-
-class Problem(TypedDict):
-    """Why there is no plan, or none that is verified."""
-
-    heading: str
-    text: str
 
 
 class Suggestion(TypedDict):
@@ -173,8 +158,6 @@ def fold_facts(
     damaged = [] if running else damaged_among(directory, SHOWN_FILES)
     done = row.status in ("verified", "failed")
     certificate = _certificate(directory, summary, damaged)
-    where = "" if row.world == FLOATING else ", on a table"
-    problem = _problem(row, summary)
     choice = choice_of(directory, preference_named(row.prefer), playable=api) if done else None
     there = api and done and (directory / PLAN).is_file()
     facts: FoldFacts = {
@@ -182,10 +165,10 @@ def fold_facts(
         "name": row.title,
         "status": row.status,
         "running": running and api,
-        "preset": f"{PRESET_LABELS.get(row.preset, row.preset)}{where}{in_a_line(row.settings)}",
-        "verdict": _verdict(row, summary, certificate, choice),
-        "cover": "Loading the view" if not running else "Waiting for the first frame",
-        "problem": problem,
+        "preset": preset_of(row),
+        "verdict": verdict_of(row, summary, certificate, choice),
+        "cover": COVER_WAITING if running else COVER_LOADING,
+        "problem": problem_of(row, summary),
         "failure": failure(row, summary),
         "attempts": attempts(directory) if not running else [],
         "choice": choice,
@@ -201,15 +184,13 @@ def fold_facts(
         "compare": _compare(found, expected) if api and not running else [],
         "embed": f"/embed/{row.id}" if embed else None,
         "kept": kept,
-        "made": _made(summary),
+        "made": origin_of(summary),
         "movies": api and not running and frames_promised(directory) > 0,
         "robot": api and row.status == "verified",
         "files": [] if running else _files(found),
         "properties": properties(row, summary, certificate, directory),
         "downloads": _downloads(row, summary) if there else [],
-        "downloads_hint": "You can download the plan when the fold is finished."
-        if running
-        else "Nothing to download here.",
+        "downloads_hint": NO_DOWNLOADS_YET if running else NO_DOWNLOADS,
     }
     return _with_damage(facts, damaged) if damaged else facts
 
@@ -236,7 +217,7 @@ def _files(found: Found) -> list[Download]:
         return []
     return [
         {"href": f"/folds/{found.row.id}/{name}", "label": label, "hint": hint}
-        for name, label, hint in VIEW_DOWNLOADS
+        for name, label, hint in VIEW_FILES
     ]
 
 
@@ -246,11 +227,7 @@ def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
     changed: FoldFacts = {
         **facts,
         "verdict": {"tone": "bad", "text": heading},
-        "problem": {
-            "heading": heading,
-            "text": f"Damaged files: {', '.join(damaged)}. No motion can be shown. The operator of "
-            "this service can restore the files from a backup.",
-        },
+        "problem": damage_of(heading, damaged),
     }
     if any(name in MOTION_FILES for name in damaged):
         changed["frames"] = 0
@@ -258,55 +235,6 @@ def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
         changed["refoldable"] = changed["smoothable"] = changed["comparable"] = False
         changed["files"], changed["downloads"], changed["compare"] = [], [], []
     return changed
-
-
-def _made(summary: FoldSummary) -> str | None:
-    """Return the origin of a fold that came with the package; None for any other."""
-    if (included := summary.get("included")) is None:
-        return None
-    return f"Included with foldback, computed with version {included['version']}"
-
-
-def _verdict(
-    row: ShownFold, summary: FoldSummary, certificate: CertificateFigures, choice: Choice | None
-) -> Verdict:
-    modules = f"{row.modules} modules" if row.modules else None
-    if row.status == "verified":
-        strategy = (summary.get("explosion") or {}).get("strategy")
-        told = certificate_words.headline(certificate) or "verified"
-        best = choice and superlative(choice["prefer"], len(choice["plans"]))
-        parts = [sentence(told), certificate_words.baseline(strategy), best, modules]
-        return {"tone": "good", "text": " · ".join(p for p in parts if p)}
-    if row.status == "failed":
-        reason = reason_for_people(
-            summary.get("reason") or (row.error or {}).get("detail") or "", summary
-        )
-        parts = ["Not verified", sentence(reason).removesuffix("."), modules]
-        return {"tone": "bad", "text": " · ".join(p for p in parts if p)}
-    if row.status == "cancelled":
-        return {"tone": "off", "text": "Cancelled before it finished"}
-    if row.status == "running" and row.stage == STAGES[-1]:  # its plan is checked
-        told = certificate_words.headline(certificate)
-        if told.startswith("verified"):
-            return {"tone": "good", "text": " · ".join(p for p in (sentence(told), modules) if p)}
-    word = "In the queue" if row.status == "queued" else "Computing"
-    return {"tone": "busy", "text": " · ".join(p for p in (word, modules) if p)}
-
-
-def _problem(row: ShownFold, summary: FoldSummary) -> Problem | None:
-    error = row.error or Fault()
-    if row.status == "failed":
-        text = str(error.get("detail") or summary.get("reason") or "No reason was recorded.")
-        where = count_from_one(error.get("where") or "")
-        text = message_for_people(reason_for_people(text, summary))
-        if where and where not in text:
-            text = f"{sentence(where)}: {text}"
-        judged = error.get("code", "not-verified") == "not-verified" and "certificate" in summary
-        heading = "This plan could not be verified" if judged else "This fold could not be computed"
-        return {"heading": heading, "text": text}
-    if row.status == "cancelled":
-        return {"heading": "This fold was cancelled", "text": "Cancelled before it finished."}
-    return None
 
 
 def _published(row: ShownFold) -> Form:
@@ -326,16 +254,16 @@ def _again(row: ShownFold) -> Suggestion | None:
     """Return the label and the form of the button that tries a failed fold again."""
     request, plain = request_of(row), FoldRequest()
     if row.status == "cancelled":
-        return {"text": "Fold again", "form": _form(row, request, "preset")}
+        return {"text": AGAIN_LABELS["same"], "form": _form(row, request, "preset")}
     if row.status != "failed" or row.stage == "read":  # such an input fails again
         return None
     if row.preset != plain.preset:
-        text, other = "Try with the default preset", replace(request, preset="default", settings="")
+        change, other = "preset", replace(request, preset="default", settings="")
     elif row.module_size is not None and row.module_size > plain.parameters().module_size:
-        text, other = "Try the default module size", replace(request, module_size=None)
+        change, other = "module_size", replace(request, module_size=None)
     else:
-        text, other = "Try another seed", replace(request, seed=_next_seed(row))
-    return {"text": text, "form": _form(row, other, "preset")}
+        change, other = "seed", replace(request, seed=_next_seed(row))
+    return {"text": AGAIN_LABELS[change], "form": _form(row, other, "preset")}
 
 
 def _next_seed(row: ShownFold) -> int:
@@ -349,19 +277,14 @@ def _compare(found: Found, expected: Expected) -> list[Suggestion]:
     plain = FoldRequest(seed=row.seed, module_size=row.module_size)
     seed = _next_seed(row)
     same = replace(request_of(row), strategy=plain.strategy, prefer=plain.prefer, seed=seed)
-    another: Suggestion = {
-        "text": "Another seed",
-        "hint": f"Seed {seed}",
-        "form": _form(row, same, "preset"),
-    }
+    another = _suggestion(another_seed(seed), _form(row, same, "preset"))
     if row.smooths:
-        before = found.recorded
-        text, hint = "Before smoothing", "The original plan"
-        return [{"text": text, "hint": hint, "id": before}, another] if before else [another]
+        if (before := found.recorded) is None:
+            return [another]
+        return [{"text": RECORDED.text, "hint": RECORDED.hint, "id": before}, another]
     if row.world != FLOATING:
         floating = replace(plain, settings=_floating_settings(row.settings))
-        text, hint = "In zero gravity", "The same fold without a table"
-        return [{"text": text, "hint": hint, "form": _form(row, floating, "settings")}, another]
+        return [_suggestion(FLOATING_FOLD, _form(row, floating, "settings")), another]
     return [*_other_methods(found, plain, expected), another]
 
 
@@ -373,33 +296,28 @@ def _other_methods(found: Found, plain: FoldRequest, expected: Expected) -> list
     row = found.row
     cube = FoldRequest(module=row.module)
 
-    def takes(request: FoldRequest) -> str:
-        return _about(expected(plain_fold(row.modules, request)))
+    def takes_s(request: FoldRequest) -> float:
+        return expected(plain_fold(row.modules, request))
 
     others: list[Suggestion] = []
     if _may_rest(row) and not ruled_out_on_table(result(found.directory, CHAIN)):
-        hint = f"With gravity, takes {takes(FoldRequest(world='table'))}"
-        form = _form(row, replace(plain, world="table"))
-        others.append({"text": "On a table", "hint": hint, "form": form})
+        button = on_a_table(takes_s(FoldRequest(world="table")))
+        others.append(_suggestion(button, _form(row, replace(plain, world="table"))))
     if row.preset == plain.preset:
         unlike: Preference = "time" if row.prefer == COMPUTING else COMPUTING
-        hint = f"Takes {takes(replace(cube, prefer=unlike))}"
-        form = _form(row, replace(plain, prefer=unlike), "prefer")
-        others.append({"text": PREFERENCE_WORDS[unlike], "hint": hint, "form": form})
-    for preset, text, hint in OTHER_PRESETS:
+        button = preferring(unlike, takes_s(replace(cube, prefer=unlike)))
+        others.append(_suggestion(button, _form(row, replace(plain, prefer=unlike), "prefer")))
+    for preset, button in OTHER_PRESETS.items():
         if (preset, "") != (row.preset, row.settings):
-            form = _form(row, replace(plain, preset=preset), "preset")
-            others.append({"text": text, "hint": hint, "form": form})
-    published: Suggestion = {
-        "text": "Published method",
-        "hint": f"Takes {takes(replace(cube, preset='paper'))}",
-        "form": _form(row, replace(plain, preset="paper")),
-        "settable": "may",
-    }
-    if (row.preset, row.settings) == ("paper", ""):
-        published["text"], published["hint"] = "Published method, changed", "With your own settings"
-        published["settable"] = "must"
-    return [*others, published]
+            others.append(_suggestion(button, _form(row, replace(plain, preset=preset), "preset")))
+    by_paper = (row.preset, row.settings) == ("paper", "")
+    button = PUBLISHED_CHANGED if by_paper else published(takes_s(replace(cube, preset="paper")))
+    last = _suggestion(button, _form(row, replace(plain, preset="paper")))
+    return [*others, {**last, "settable": "must" if by_paper else "may"}]
+
+
+def _suggestion(button: Button, form: Form) -> Suggestion:
+    return {"text": button.text, "hint": button.hint, "form": form}
 
 
 def _may_rest(row: ShownFold) -> bool:
@@ -424,14 +342,6 @@ def _on_table(row: ShownFold, directory: Path) -> TableRecord | None:
             return TableRecord.of(arrays)
     except UNREADABLE:
         return None
-
-
-def _about(seconds: float) -> str:
-    """Return a time that is not known exactly: ``about a minute``."""
-    minutes = round(seconds / 60)
-    if minutes > 1:
-        return f"about {minutes} minutes"
-    return "about a minute" if seconds >= 45 else "less than a minute"
 
 
 def _smoothable(row: ShownFold, summary: FoldSummary) -> bool:

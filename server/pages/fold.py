@@ -21,13 +21,15 @@ from server.api.finding import find_now, viewing_of
 from server.http.response_cache import mark
 from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import origin_of, page, script_json
-from server.pages.privacy import who_and_how_long
+from server.pages.privacy import visibility
 from server.pages.problem_page import not_found_page
 from server.store.estimates import expected_of_cost
-from server.store.shown import RUNNING_STATUSES, Found
+from server.store.shown import Found
 from web.pictures.isometric import isometric_svg
 from web.pictures.isometric_modules import chain_svg
 from web.pictures.picture_view import PictureView
+from words.fold import RUNNING_STATUSES
+from words.missing import NO_FOLD
 
 router = APIRouter(include_in_schema=False)
 
@@ -46,8 +48,7 @@ def _fold_page(request: Request, fold_id: str) -> Response:
     found = find_now(request, fold_id)
     if found is None:
         return not_found_page(
-            "Fold not found",
-            "The link may be incomplete, or the fold has been deleted.",
+            *NO_FOLD,
             service=viewing_of(request).settings is not None,
         )
     mark(request, found.row)
@@ -112,7 +113,7 @@ def _facts(request: Request, found: Found) -> FoldFacts:
     viewing = viewing_of(request)
     settings = viewing.settings
     embed = settings is not None and bool(settings.embed_origins)
-    kept = None if settings is None else who_and_how_long(settings, found.row)
+    kept = None if settings is None else visibility(settings, found.row)
     estimates = viewing.estimates
     return fold_facts(
         found,

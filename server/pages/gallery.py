@@ -15,21 +15,17 @@ from server.api.source import Origin
 from server.errors import ServiceError
 from server.http.problems import Problem
 from server.pages.cards import (
-    CARD_STATUS_LABELS,
-    CHAIN_LABELS,
-    MODULE_PLURALS,
-    WORLD_LABELS,
     FoldStatus,
     GalleryFilter,
     cards,
     fold_statuses,
     included_folds,
     kinds,
-    method_words,
 )
 from server.pages.page import origin_of, page
 from server.pages.problem_page import not_found_page
 from server.store.owner import Claim
+from words.gallery import CARD_STATUS_LABELS, CHAIN_LABELS, MODULE_PLURALS, WORLD_LABELS, method_of
 from words.messages import message_for_people
 
 router = APIRouter(include_in_schema=False)
@@ -55,7 +51,7 @@ async def gallery_page(request: Request) -> Response:
         statuses=CARD_STATUS_LABELS,
         where=WORLD_LABELS,
         plurals=MODULE_PLURALS,
-        method_words=method_words,
+        method_of=method_of,
         finished=await asyncio.to_thread(included_folds, context.store),
     )
 

@@ -16,7 +16,7 @@ from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from server.pages.cards import cards, selected
 from server.pages.page import origin_of, page, templates
 from server.pages.pictures import picture_answer
-from server.pages.privacy import who_and_how_long
+from server.pages.privacy import visibility
 from server.pages.problem_page import DRAWN_CELLS
 from server.pages.shape_drawings import chain_of, drawing_of
 from server.store.folds import Store
@@ -46,7 +46,7 @@ async def landing(request: Request) -> Response:
         shapes=selected(context.gallery),
         count=len(cards(context.gallery)),
         featured=featured,
-        kept=who_and_how_long(context.settings),
+        kept=visibility(context.settings),
         origin=origin_of(request),
         preparing=await asyncio.to_thread(context.leases.preparing),
         read_only=READ_ONLY_WORDS if context.settings.read_only else None,

@@ -27,20 +27,16 @@ from server.http.security import INDEXED_HEADERS
 from server.pages.fold import drawing_in
 from server.processes.children import ChildError
 from server.store.fold_files import EXPORTS_DIR
-from server.store.shown import RUNNING_STATUSES, Found
+from server.store.shown import Found
 from web.pictures.picture_view import MAX_SHORT_FORM_LENGTH, SHORT_FORM_PATTERN
+from words.fold import RUNNING_STATUSES
+from words.verdict import COMPUTING_VERDICT, PICTURE_VERDICTS
 
 router = APIRouter(include_in_schema=False)
 
 CARD_PREFIX: Final = "card"
 """Prefix of the names of files that cache a fold's preview picture; older pictures are found by it
 and deleted."""
-VERDICTS: Final = {
-    "verified": ("Verified", "good"),
-    "failed": ("Not verified", "bad"),
-    "cancelled": ("Cancelled", "off"),
-}
-"""Text and colour class of the verdict in a fold's preview picture, by the fold's status."""
 FINAL_PICTURE_AGE_S: Final = 86400
 """Time for which browsers may cache the preview picture of a finished fold, in s. A larger value
 needs fewer requests, and shows a new name of the fold later. Chosen."""
@@ -153,7 +149,7 @@ async def _picture_of_view(request: Request, found: Found, view: str) -> Respons
 
 def caption_of(title: str, status: str) -> dict[str, str]:
     """Return what a picture says of a fold: its name, and in a few words how it ended."""
-    verdict, tone = VERDICTS.get(status, ("Computing", "busy"))
+    verdict, tone = PICTURE_VERDICTS.get(status, COMPUTING_VERDICT)
     return {"name": title, "verdict": verdict, "tone": tone}
 
 

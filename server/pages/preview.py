@@ -12,19 +12,15 @@ from fastapi.responses import HTMLResponse, Response
 
 from planner.pathfinding.options import MAX_TABLE_MODULES
 from server.api.context import context_of
-from server.files.previews import (
-    OPTIONS_KEY,
-    NoSuchPreviewError,
-    Previews,
-    cells_of_repair,
-    read_report,
-)
+from server.files.preview_reports import OPTIONS_KEY, cells_of_repair, read_report
 from server.http.client_address import address_of
 from server.http.downloads import BINARY_MEDIA_TYPE
 from server.pages.page import page, script_addresses, script_json
 from server.pages.problem_page import not_found_page
-from server.store.shown import shown_name
+from server.store.previews import NoSuchPreviewError, Previews
 from web.pictures.preview_drawing import preview_svg
+from words.fold import shown_name
+from words.missing import NO_PREVIEW
 
 router = APIRouter(include_in_schema=False)
 
@@ -36,11 +32,10 @@ async def preview_page(request: Request, preview_id: str) -> Response:
     """Return the page of a preview."""
     context = context_of(request)
     try:
-        filename = await asyncio.to_thread(context.previews.filename, preview_id)
+        filename = (await asyncio.to_thread(context.previews.row, preview_id)).filename
     except NoSuchPreviewError:
         return not_found_page(
-            "This preview has expired",
-            "Previews are stored for a limited time. Upload the file again to get a new one.",
+            *NO_PREVIEW,
         )
     name = shown_name((filename or "shape").rpartition(".")[0] or filename or "shape")
     facts: dict[str, object] = {

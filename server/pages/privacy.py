@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
@@ -11,13 +9,10 @@ from server.api.context import context_of
 from server.jobs.housekeeping import CANCELLED_FOLD_S, MIN_UNUSED_S
 from server.pages.page import page
 from server.settings import Settings
-from server.store.shown import ShownFold
+from words.fold import ShownFold
+from words.lifetime import kept_words, time_words, who_and_how_long
 
 router = APIRouter(include_in_schema=False)
-
-TIME_UNITS: Final = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
-LINK_ONLY: Final = "Only people with the link can see it."
-PUBLIC_FOLD: Final = "Gallery fold: everyone can see it, and it won't expire."
 
 
 @router.get("/privacy", response_class=HTMLResponse)
@@ -27,8 +22,8 @@ async def privacy(request: Request) -> Response:
     return page(
         "privacy.html",
         listed=True,
-        kept=kept_words(settings),
-        room=settings.storage_bytes is not None or settings.storage_of_visitor_bytes is not None,
+        kept=kept(settings),
+        room=_limited(settings),
         fresh=time_words(MIN_UNUSED_S),
         preview=time_words(settings.preview_keep_s),
         cancelled=time_words(CANCELLED_FOLD_S),
@@ -37,35 +32,15 @@ async def privacy(request: Request) -> Response:
     )
 
 
-def kept_words(settings: Settings) -> str:
+def kept(settings: Settings) -> str:
     """Return a sentence that states for how long a fold is stored."""
-    if settings.keep_days is not None:
-        return f"Stored for {time_words(86400.0 * settings.keep_days)} after it was last viewed."
-    if settings.storage_bytes is not None or settings.storage_of_visitor_bytes is not None:
-        return (
-            "Stored while there is space; the folds that have gone unviewed for longest are "
-            "deleted first."
-        )
-    return "Stored until you delete it."
+    return kept_words(settings.keep_days, limited=_limited(settings))
 
 
-def who_and_how_long(settings: Settings, fold: ShownFold | None = None) -> str:
+def visibility(settings: Settings, fold: ShownFold | None = None) -> str:
     """Return who can see a fold and how long it is stored; without a fold, for the next one."""
-    if fold is not None and fold.public:
-        return PUBLIC_FOLD
-    if fold is not None and fold.pinned:
-        kept = "Stored permanently."
-    elif fold is not None and fold.status == "cancelled":
-        kept = f"Cancelled: its files will be deleted within {time_words(CANCELLED_FOLD_S)}."
-    else:
-        kept = kept_words(settings)
-    return f"{kept} {LINK_ONLY}"
+    return who_and_how_long(fold, kept(settings), cancelled_s=CANCELLED_FOLD_S)
 
 
-def time_words(seconds: float) -> str:
-    """Return a time in its largest unit that leaves no rest of more than a tenth: ``30 days``."""
-    for length, name in TIME_UNITS:
-        count = round(seconds / length)
-        if count and abs(count * length - seconds) <= 0.1 * seconds:
-            return f"{count} {name}{'' if count == 1 else 's'}"
-    return f"{seconds:g} seconds"
+def _limited(settings: Settings) -> bool:
+    return settings.storage_bytes is not None or settings.storage_of_visitor_bytes is not None

@@ -28,13 +28,15 @@ from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import page, policy_of_pages, rendered, script_json
 from server.pages.problem_page import not_found_page
 from server.store.folds import NoSuchFoldError
-from server.store.shown import RUNNING_STATUSES, Found
+from server.store.shown import Found
 from web.pictures.table_top import TableTop
 from web.timeline.metrics import FIGURES, curves_of, table_forces
 from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.recording import recording_of
 from web.viser.standalone import standalone_html, standalone_scripts
+from words.fold import RUNNING_STATUSES
+from words.missing import NO_FOLD, NO_PAIR
 
 router = APIRouter(include_in_schema=False)
 SHARED_FOLD_ID: Final = r"^[A-Za-z0-9_-]{1,64}$"
@@ -57,8 +59,7 @@ async def embedded(request: Request, fold_id: str) -> Response:
     found = await find_fold(request, fold_id)
     if found is None:
         answer = not_found_page(
-            "Fold not found",
-            "The link may be incomplete, or the fold has been deleted.",
+            *NO_FOLD,
             service=viewing_of(request).settings is not None,
         )
     else:
@@ -80,8 +81,7 @@ async def compare(
     sides = [await find_fold(request, fold_id) for fold_id in (a, b)]
     if None in sides:
         return not_found_page(
-            "One of these folds was not found",
-            "The link may be incomplete, or the fold has been deleted.",
+            *NO_PAIR,
             service=viewing_of(request).settings is not None,
         )
     facts = [await asyncio.to_thread(fold_facts, side) for side in sides if side is not None]

@@ -31,7 +31,7 @@ from server.limits.fair_queue import (
 from server.settings import Settings
 from server.store.fold_files import Folders, NoSuchFoldError
 from server.store.owner import Owner, owned_by
-from server.store.shown import Found, ShownFold
+from server.store.shown import Found
 from server.store.tables import (
     ENDED,
     CounterRow,
@@ -42,6 +42,7 @@ from server.store.tables import (
     migrate,
     request_of,
 )
+from words.fold import ShownFold
 
 __all__ = ["FoldRow", "NoSuchFoldError", "Store", "new_id", "rows_of"]
 

@@ -244,25 +244,6 @@ class Storage:
         with self._storage_errors():
             return [file.name for file in self._list(key)]
 
-    def ages(self, key: str) -> dict[str, tuple[float, int]]:
-        """Return the last change and the size of everything under a key.
-
-        Returns:
-            By name: when it last changed, in seconds since 1970, and its bytes.
-
-        Raises:
-            StorageError: When the storage does not answer.
-        """
-        found: dict[str, tuple[float, int]] = {}
-        with self._storage_errors():
-            for batch in self._obstore.list(self._store, f"{key}/"):
-                for meta in batch:
-                    name = str(meta["path"]).removeprefix(f"{key}/").partition("/")[0]
-                    changed, size = found.get(name, (0.0, 0))
-                    newest = max(changed, meta["last_modified"].timestamp())
-                    found[name] = (newest, size + int(meta["size"]))
-        return found
-
     def close(self) -> None:
         """End its threads."""
         self._threads.shutdown(wait=False, cancel_futures=True)

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from typing import Final
 
 import sqlalchemy as sa
-from sqlalchemy.exc import SQLAlchemyError
 
 from server.store.folds import Store, rows_of
 from server.store.owner import Owner, owned_by
 from server.store.tables import FoldRow, MovieRow, PreviewRow
-
-MAX_LISTED_PREVIEWS: Final = 50
-"""Maximum number of previews in the list of an owner's previews; older ones are left out. A larger
-value makes the list slower. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,46 +94,3 @@ def hand_over_all(store: Store, owner: Owner, heir: Owner) -> int:
             theirs = sa.update(rows).where(owned_by(owner, column))
             session.execute(theirs.values({column: heir.digest}))
     return moved
-
-
-def note_preview(store: Store, preview: PreviewRow, *, sent: bool, keep_s: float) -> None:
-    """Record an owner's access to a preview; another's upload gets no new owner.
-
-    No harm is done when it fails: the preview is there all the same.
-
-    Args:
-        store: The rows.
-        preview: Current row of the preview.
-        sent: True if its owner has just sent the upload.
-        keep_s: Notes that are older than so many seconds are forgotten.
-    """
-    old = sa.delete(PreviewRow).where(PreviewRow.seen_at < time.time() - keep_s)
-    names = ("name", "modules", "module", "key", "query", "seen_at")
-    with suppress(SQLAlchemyError), store.changing() as session:
-        session.execute(old)
-        if sent:
-            session.add(preview)
-        else:
-            own = owned_by(Owner(preview.owner), PreviewRow.owner)
-            now = {name: getattr(preview, name) for name in names}
-            known = sa.update(PreviewRow).where(PreviewRow.id == preview.id, own)
-            session.execute(known.values(**now))
-
-
-def previews_made(store: Store, owner: Owner, *, keep_s: float) -> Sequence[PreviewRow]:
-    """Return the previews of an owner, the last viewed first."""
-    wanted = (
-        sa.select(PreviewRow)
-        .where(owned_by(owner, PreviewRow.owner), PreviewRow.seen_at > time.time() - keep_s)
-        .order_by(PreviewRow.seen_at.desc(), PreviewRow.id)
-        .limit(MAX_LISTED_PREVIEWS)
-    )
-    with store.reading() as session:
-        return session.scalars(wanted).all()
-
-
-def forget_preview(store: Store, preview_id: str, owner: Owner) -> bool:
-    """Remove a preview from its owner's list; False if it is not in that list."""
-    own = (PreviewRow.id == preview_id, owned_by(owner, PreviewRow.owner))
-    with store.changing() as session:
-        return bool(rows_of(session.execute(sa.delete(PreviewRow).where(*own))))

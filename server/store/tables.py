@@ -19,7 +19,7 @@ from planner.pipeline.request import FoldRequest
 
 if TYPE_CHECKING:
     from server.settings import Settings
-    from server.store.shown import ShownFold
+    from words.fold import ShownFold
 
 
 class Base(DeclarativeBase):
@@ -212,23 +212,45 @@ def movie_file(job: str) -> str:
 
 
 class PreviewRow(Base):
-    """A preview in the list of its upload's owner, with the options last viewed.
+    """An upload under preview, with the options that its owner viewed last.
 
-    ``owner`` is the hash of his token; ``key`` stands for the options, which are the ``query`` of
-    the page's address. Its files may be gone before: see ``server/files/previews.py``.
+    ``visitor`` has sent it. ``owner`` is the hash of his token, None without one; the preview is in
+    his list once he has viewed it with some options. ``key`` stands for these, which are the
+    ``query`` of the page's address; it is empty before. ``bytes`` are those of the upload;
+    ``seen_at`` is when somebody last viewed it.
     """
 
     __tablename__ = "previews"
 
     id: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
-    owner: Mapped[str] = mapped_column(sa.String(64), index=True)
-    name: Mapped[str] = mapped_column(sa.String(200))
-    modules: Mapped[int]
-    module: Mapped[str] = mapped_column(sa.String(32))
-    key: Mapped[str] = mapped_column(sa.String(32))
-    query: Mapped[str] = mapped_column(sa.String(300))
+    visitor: Mapped[str] = mapped_column(sa.String(64))
+    owner: Mapped[str | None] = mapped_column(sa.String(64), index=True)
+    filename: Mapped[str | None] = mapped_column(sa.String(200))
+    bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
     created_at: Mapped[float]
-    seen_at: Mapped[float] = mapped_column(index=True)
+    seen_at: Mapped[float]
+    name: Mapped[str] = mapped_column(sa.String(200), default="")
+    modules: Mapped[int] = mapped_column(default=0)
+    module: Mapped[str] = mapped_column(sa.String(32), default="")
+    key: Mapped[str] = mapped_column(sa.String(32), default="")
+    query: Mapped[str] = mapped_column(sa.String(300), default="")
+
+
+class ReportRow(Base):
+    """A set of options for which a preview was requested, under the ``key`` of the options.
+
+    It is ``foreign`` if another visitor than that of the upload requested it; ``bytes`` are those
+    of its files, also where it has failed.
+    """
+
+    __tablename__ = "preview_reports"
+
+    preview_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("previews.id", ondelete="CASCADE"), primary_key=True
+    )
+    key: Mapped[str] = mapped_column(sa.String(32), primary_key=True)
+    foreign: Mapped[bool]
+    bytes: Mapped[int] = mapped_column(sa.BigInteger)
 
 
 class CounterRow(Base):

@@ -124,7 +124,11 @@ class ServiceHere(Service):
         """Those that were forked for it, by what they call themselves."""
         app: Any = self._server.config.app
         context = app.state.context
-        pools = (context.reader._pool, context.preparer._pool, context.trajectories._pool)
+        pools = (
+            context.reader._pool,
+            context.preview_reports._reader._pool,
+            context.trajectories._pool,
+        )
         mine = {child.pid for pool in pools for child in pool._children._all}
         forked = psutil.Process(FORKS.pid).children()
         return [c for c in forked if c.pid in mine and module in c.cmdline()]

@@ -29,7 +29,6 @@ from planner.chain.path import Path as CellPath
 from planner.chain.rotations import matrix_from_wxyz
 from planner.errors import InputError
 from planner.motion.timeline import chain_from_attributes
-from server.pages.failures import count_from_one
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
@@ -46,6 +45,7 @@ from web.timeline.window_columns import (
     windows_of,
 )
 from web.viser.scene_bundle import bundle_of
+from words.failures import count_from_one
 from words.quantities import number, si
 
 ROOT = Path(__file__).parents[2]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Final, Literal, Self
 
 from planner.errors import InputError
+from planner.parameters.option import key_of_options
 
 Format = Literal["mp4", "gif"]
 Theme = Literal["light", "dark"]
@@ -95,8 +94,7 @@ class Movie:
     @property
     def key(self) -> str:
         """Return a key that is the same for the same options."""
-        text = json.dumps(asdict(self), sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:24]
+        return key_of_options(self)
 
     def check(self) -> None:
         """Check the bounds.

@@ -19,8 +19,8 @@ import pytest
 from planner.motion.motion import Motion
 from planner.motion.timeline import TimelineWriter
 from server.cli.play import create_player_app, row_of
-from server.pages.failures import failure
 from tests.planner.peels import snake
+from words.failures import failure
 
 CHAIN = snake((2, 2, 3))
 KNOT = {"kind": "knot", "modules": [5, 6], "words": "its path is knotted"}

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from typing import Any
 
-from server.files.stored_previews import UPLOAD_FILE
 from server.store.folds import new_id
 from server.store.owner import Owner, new_token
 from server.store.tables import FoldRow, MovieRow, PreviewRow
@@ -101,9 +99,10 @@ class Thing:
     def _add_preview(self) -> None:
         directory = self._application.context.settings.previews_dir / self.fold_id
         directory.mkdir()
-        (directory / UPLOAD_FILE).write_text(json.dumps({"filename": None, "visitor": "somebody"}))
+        (directory / "input").write_bytes(b"")
         row = PreviewRow(
             id=self.fold_id,
+            visitor="somebody",
             owner=self.owner("owner").digest,
             name="a shape",
             modules=16,

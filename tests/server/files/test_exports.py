@@ -28,12 +28,13 @@ from server.files.exports import Exports
 from server.pages.facts import fold_facts
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError, Store
-from server.store.shown import Found, ShownFold
+from server.store.shown import Found
 from server.store.tables import FoldRow
 from tests.server.cli.test_command_line import foldback
 from tests.server.rows import SOMEBODY
 from tests.server.service import SNAKE, Service
 from tests.server.store.test_rows import row
+from words.fold import ShownFold
 
 NAMES = [export.name for export in EXPORTS]
 

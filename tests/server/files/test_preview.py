@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import io
 import json
 import shutil
 import struct
@@ -19,10 +18,11 @@ import pytest
 
 from server.errors import Unavailable
 from server.files.preview_scenes import MAX_PENDING_SCENES, SCENES_AT_ONCE, PreviewScenes
-from server.files.previews import NoSuchPreviewError, Previews
-from server.files.uploads import Uploads
 from server.settings import Settings
+from server.store.folds import Store
 from server.store.owner import new_token
+from server.store.previews import NoSuchPreviewError, Previews
+from server.store.tables import PreviewRow
 from tests.server.service import PATIENCE_S, SNAKE, Service
 from web.pictures.isometric import isometric_svg
 from web.timeline.columns import decode
@@ -187,15 +187,15 @@ def test_what_came_of_it_is_shown_in_3d(desk: Service, module: str) -> None:
 
 
 def test_scenes_are_made_a_few_at_once_and_each_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    settings = Settings(data_dir=tmp_path)
-    previews = Previews(settings)
+    previews = Previews(Settings(data_dir=tmp_path), store)
     scenes = PreviewScenes(previews)
-    uploads = Uploads(settings)
-    with uploads.stored(io.BytesIO(b""), "thing.bin") as upload:
-        preview_id = previews.add(upload, "a")
-    uploads.close()
+    preview_id = "thing"
+    (tmp_path / "upload").mkdir()
+    (tmp_path / "upload" / "input").write_bytes(b"")
+    row = PreviewRow(id=preview_id, visitor="a", created_at=time.time(), seen_at=time.time())
+    previews.add(row, tmp_path / "upload")
     keys = [f"{k:024x}" for k in range(MAX_PENDING_SCENES + 1)]
     for key in keys[:-1]:
         place = previews.directory(preview_id) / key

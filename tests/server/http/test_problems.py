@@ -7,8 +7,8 @@ import json
 import pytest
 
 from server.errors import ServiceError, TooMany, Unidentified, WebsocketNeeded
-from server.files.previews import NoSuchPreviewError
 from server.http.problems import HTTP_STATUSES, Problem, response_of
+from server.store.previews import NoSuchPreviewError
 
 
 def test_every_error_has_a_status() -> None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 import sqlalchemy as sa
 
+from server.settings import Settings
 from server.store.folds import Store
-from server.store.owned import change_fold, folds_made, forget_preview, previews_made
+from server.store.owned import change_fold, folds_made
 from server.store.owner import Owner, new_token
+from server.store.previews import Previews
 from tests.server.http.test_threats_strangers import NAMES, PAGE
 from tests.server.rows import new_owner
 from tests.server.service import SNAKE, Service, bearer
@@ -109,7 +112,7 @@ def test_the_page_is_the_same_for_all_and_no_search_engine_s(desk: Service) -> N
         assert "noindex" in page.headers["x-robots-tag"]
 
 
-def test_the_database_is_asked_for_hashes_alone(store: Store) -> None:
+def test_the_database_is_asked_for_hashes_alone(store: Store, tmp_path: Path) -> None:
     token, asked = new_token(), []
 
     @sa.event.listens_for(store._engine, "before_cursor_execute")
@@ -118,8 +121,9 @@ def test_the_database_is_asked_for_hashes_alone(store: Store) -> None:
 
     owner = Owner.from_token(token)
     folds_made(store, owner, before=None, limit=1)
-    previews_made(store, owner, keep_s=1.0)
-    forget_preview(store, "x", owner)
+    previews = Previews(Settings(data_dir=tmp_path), store)
+    previews.owned(owner)
+    previews.remove("x", owner)
     change_fold(store, "x", owner, name="a", heir=new_owner())
     assert len(asked) >= 4 and not [query for query in asked if token in query]
 

@@ -8,21 +8,19 @@ import pytest
 
 from planner.readers.gallery import Gallery
 from server.pages.cards import (
-    CHAIN_LABELS,
     FEATURED_SHAPES,
-    TAG_LABELS,
     Card,
     FoldStatus,
     GalleryFilter,
     cards,
     fold_statuses,
     kinds,
-    method_words,
     selected,
 )
 from server.store.folds import Store
-from tests.server.rows import SOMEBODY, a_fold
+from tests.server.rows import SOMEBODY
 from tests.server.store.test_rows import row
+from words.gallery import CHAIN_LABELS, TAG_LABELS, method_of
 
 HEART = Card(
     name="heart", title="Heart", module="cube", modules=216, tags=("sign",), rests_within=1.94
@@ -124,4 +122,4 @@ def test_cards_say_within_what_a_shape_rests_on_a_table() -> None:
     ],
 )
 def test_card_of_an_unusual_fold_says_its_method(preset: str, world: str, words: str) -> None:
-    assert method_words(a_fold("one", preset=preset, world=world)) == words
+    assert method_of(preset, world) == words

@@ -22,16 +22,17 @@ from planner.parameters.published import PaperExplosionParameters
 from server.api.schemas import Fold
 from server.jobs.remaining import EtaEstimator
 from server.pages.facts import fold_facts
-from server.pages.properties import used_parameters
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.leases import Leases
-from server.store.shown import Found, ShownFold
+from server.store.shown import Found
 from server.store.worker_identity import WorkerIdentities
 from tests.server.rows import SOMEBODY, a_fold
 from tests.server.service import SNAKE, Service
 from tests.web.conftest import unfolding
 from words import quantities
+from words.fold import ShownFold
+from words.properties import used_parameters
 from words.quantities import length_m, number, parameters, quantity
 
 

@@ -12,10 +12,11 @@ from fastapi import FastAPI
 from pydantic import ValidationError
 
 from server.pages import privacy
-from server.pages.privacy import time_words, who_and_how_long
+from server.pages.privacy import visibility
 from server.settings import MIB_BYTES, Settings
-from server.store.shown import ShownFold
 from tests.server.rows import a_fold
+from words.fold import ShownFold
+from words.lifetime import PUBLIC_FOLD, time_words
 
 
 def words(**settings: object) -> str:
@@ -55,16 +56,16 @@ def test_each_fold_says_what_becomes_of_it() -> None:
         for public, pinned in ((False, False), (True, False), (False, True))
     )
     who = "Only people with the link can see it."
-    assert who_and_how_long(settings) == who_and_how_long(settings, mine)
-    assert who_and_how_long(settings, mine) == (f"Stored for 1 day after it was last viewed. {who}")
-    assert who_and_how_long(settings, shared) == privacy.PUBLIC_FOLD
-    assert who_and_how_long(settings, pinned) == f"Stored permanently. {who}"
+    assert visibility(settings) == visibility(settings, mine)
+    assert visibility(settings, mine) == (f"Stored for 1 day after it was last viewed. {who}")
+    assert visibility(settings, shared) == PUBLIC_FOLD
+    assert visibility(settings, pinned) == f"Stored permanently. {who}"
     cancelled = ShownFold.of(a_fold("a", status="cancelled"))
-    assert who_and_how_long(settings, cancelled) == (
+    assert visibility(settings, cancelled) == (
         f"Cancelled: its files will be deleted within 1 hour. {who}"
     )
     for bound in ("storage_bytes", "storage_of_visitor_bytes"):
-        told = who_and_how_long(Settings.model_validate({bound: MIB_BYTES}))
+        told = visibility(Settings.model_validate({bound: MIB_BYTES}))
         assert told.startswith("Stored while there is space;")
 
 

@@ -11,8 +11,8 @@ from typing import Any, get_args
 import numpy as np
 
 from planner.motion.stuck_figures import KnotFigures, SpentKind
-from server.pages.failures import FAILURE_HEADINGS, attempts, failure
-from server.pages.knot_drawing import KnotDrawing, drawing_of
+from web.pictures.knot_drawing import KnotDrawing, drawing_of
+from words.failures import FAILURE_HEADINGS, attempts, failure
 
 KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted."}
 

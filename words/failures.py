@@ -21,8 +21,8 @@ from planner.errors import DamagedError
 from planner.file_names import ATTEMPTS
 from planner.motion.stuck_figures import BlockFigures, EvidenceFigures
 from planner.verification.integrity import check
-from server.pages.knot_drawing import KnotDrawing, drawing_of
-from server.store.shown import ShownFold
+from web.pictures.knot_drawing import KnotDrawing, drawing_of
+from words.fold import ShownFold
 from words.quantities import STRATEGY_LABELS, quantity, sentence
 
 FAILURE_HEADINGS: Final = {

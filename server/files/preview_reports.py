@@ -1,0 +1,195 @@
+"""Preview reports: what comes of an upload with some options, computed once on request."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from planner.errors import InputError
+from planner.file_names import REQUEST
+from planner.files import json_of
+from planner.parameters.option import OPTIONS_KEY_CHARS
+from planner.pipeline.request import PreviewRequest
+from server.errors import ServiceError, TooMany, TooSlow, Unavailable, Unusable
+from server.files.uploads import Upload
+from server.limits.disk_space import check_space
+from server.processes.children import ChildError, Reader
+from server.settings import Settings
+from server.store.folds import new_id
+from server.store.owner import Owner
+from server.store.previews import NoSuchPreviewError, Previews
+from server.store.tables import PreviewRow
+
+OPTIONS_KEY: Final = re.compile(f"[0-9a-f]{{{OPTIONS_KEY_CHARS}}}")
+MAX_OPTION_SETS: Final = 400
+"""Maximum number of sets of options for which previews of one upload are stored. The uploader and
+all other visitors together each have this number; further sets are refused. A larger value lets one
+upload occupy more of the disk. Chosen."""
+OFFERS_FILE: Final = "offers.json"
+"""Name of the file, in the directory of a report, with the variants of the shape that can fold on
+a table."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asker:
+    """Client that waits for a report.
+
+    Attributes:
+        visitor: Its pseudonym.
+        gone: Asked often whether it has disconnected.
+    """
+
+    visitor: str
+    gone: Callable[[], bool] = lambda: False
+
+
+class PreviewReports:
+    """See the module's description. Safe to use from many threads.
+
+    Args:
+        settings: The settings.
+        previews: The uploads.
+        reader: Processes that compute reports.
+    """
+
+    def __init__(self, settings: Settings, previews: Previews, reader: Reader) -> None:
+        self._settings = settings
+        self._previews = previews
+        self._reader = reader
+
+    def close(self) -> None:
+        """End the processes."""
+        self._reader.close()
+
+    def add(self, upload: Upload, visitor: str, owner: Owner | None = None) -> str:
+        """Store a visitor's upload; return its id, which cannot be guessed.
+
+        Raises:
+            NoRoom: When the disk has no room for it.
+            StorageError: When the storage does not answer.
+        """
+        now = time.time()
+        row = PreviewRow(
+            id=new_id(),
+            visitor=visitor,
+            owner=owner and owner.digest,
+            filename=upload.filename,
+            created_at=now,
+            seen_at=now,
+        )
+        self._previews.add(row, upload.directory)
+        return row.id
+
+    def report(self, preview_id: str, options: PreviewRequest, asker: Asker) -> dict[str, Any]:
+        """Return the report of an upload with these options; it is computed once.
+
+        Args:
+            preview_id: The upload's.
+            options: Options that turn it into a path.
+            asker: Client that requests it.
+
+        Raises:
+            NoSuchPreviewError: When there is no such upload.
+            ServiceError: When it cannot be used, took too long, or too many wait.
+        """
+        row = self._previews.row(preview_id)
+        place = self._previews.place(preview_id, options.key)
+        self._previews.touch(row)
+        if (known := read_report(place)) is not None:
+            return known
+        foreign = asker.visitor != row.visitor
+        if self._previews.reports(preview_id, foreign=foreign) >= MAX_OPTION_SETS:
+            raise TooMany(
+                "too-many-previews",
+                "Too many previews of this file; send the file again.",
+                retry_after_s=60,
+            )
+        check_space(self._settings.previews_dir, self._settings.min_free_disk_bytes)
+        request = {"filename": row.filename, **options.to_json()}
+        request["time_limit_s"] = self._settings.preview_search_seconds
+        place.mkdir(exist_ok=True)
+        (place / REQUEST).write_text(json.dumps(request))
+        try:
+            self._compute("preview", place, asker)
+        finally:
+            self._previews.keep_report(place, foreign=foreign)
+        found = read_report(place)
+        if found is None and asker.gone():
+            raise Unavailable("gone", "The preview was cancelled, because its client disconnected.")
+        if found is None:
+            raise NoSuchPreviewError(preview_id)
+        return found
+
+    def offers(self, preview_id: str, options: PreviewRequest, asker: Asker) -> dict[str, Any]:
+        """Return versions of an upload that can fold on a table; searched once.
+
+        There are none for a world without gravity, and for a shape that has a path as it is.
+
+        Args:
+            preview_id: The upload's.
+            options: The options of the preview that found no path.
+            asker: Client that requests them; once it has left, the search ends.
+
+        Raises:
+            NoSuchPreviewError: When there is no such upload.
+            ServiceError: When it cannot be used, took too long, or too many wait.
+        """
+        report = self.report(preview_id, options, asker)
+        if options.world != "table" or report["has_path"]:
+            return {"offers": []}
+        place = self._previews.place(preview_id, options.key)
+        if known := json_of(place / OFFERS_FILE):
+            return known
+        try:
+            self._compute("offers", place, asker)
+        except TooSlow:
+            if not (place / OFFERS_FILE).is_file():
+                raise
+        found = json_of(place / OFFERS_FILE)
+        if not found:
+            raise Unavailable("gone", "The search was cancelled, because its client disconnected.")
+        foreign = asker.visitor != self._previews.row(preview_id).visitor
+        self._previews.keep_report(place, foreign=foreign)
+        return found
+
+    def _compute(self, task: str, place: Path, asker: Asker) -> None:
+        """Run a task of the processes in the directory of a report.
+
+        Raises:
+            ServiceError: When the upload cannot be used, or too many wait.
+            TooSlow: When it took too long.
+        """
+        try:
+            self._reader.call(task, place, visitor=asker.visitor, cancelled=asker.gone)
+        except InputError as error:
+            raise Unusable.of(error) from None
+        except ChildError as error:
+            raise _problem(error, self._settings.preview_seconds) from None
+
+
+def read_report(place: Path) -> dict[str, Any] | None:
+    """Return the report in a directory of options, if it exists."""
+    return json_of(place / "report.json") or None
+
+
+def cells_of_repair(place: Path) -> list[list[int]]:
+    """Return the cells that the repair among the offers in a directory of options adds."""
+    offers = json_of(place / OFFERS_FILE).get("offers", [])
+    return next((offer["added"] for offer in offers if offer["added"]), [])
+
+
+def _problem(error: ChildError, seconds: float) -> ServiceError:
+    if error.code == "time-limit":
+        return TooSlow(
+            "preview-too-slow",
+            f"no path was found within {seconds:g} s, the time limit of a preview; use fewer "
+            "modules, or the method 'blocks'.",
+        )
+    if error.code == "no-start":
+        return Unavailable(error.code, error.detail)
+    return Unusable("unreadable", f"reading the file failed: {error.detail}")

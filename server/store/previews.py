@@ -1,0 +1,434 @@
+"""Previews: uploads that nobody has folded yet, stored for a day or while there is room.
+
+Rows name their visitors and sizes. Each upload has a directory, with one below it for each set of
+options: what they were (``request.json``) and what came of them (``report.json``). With an object
+store the directories are copies, which all web processes fetch from there.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import shutil
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Final
+
+import sqlalchemy as sa
+from sqlalchemy.exc import IntegrityError, SQLAlchemyError
+
+from planner.file_names import INPUT
+from server.errors import NoSuch, not_stored
+from server.settings import Settings
+from server.store.folds import Store, new_id, rows_of
+from server.store.object_store import StorageError
+from server.store.owner import Owner, owned_by
+from server.store.tables import PreviewRow, ReportRow
+
+PREVIEWS_KEY: Final = "previews"
+SWEEPING_THREAD: Final = "preview-sweep"
+MAX_LISTED_PREVIEWS: Final = 50
+"""Maximum number of previews in the list of an owner's previews; older ones are left out. A larger
+value makes the list slower. Chosen."""
+MAX_PREVIEW_ACCESS_AGE_S: Final = 60.0
+"""Maximum age of a preview's stored time of the last access when it is used again, in s, but at
+most an eighth of its lifetime. A smaller value writes to the database more often; with a larger one
+unused previews are ordered less accurately. Chosen."""
+PREVIEW_SWEEP_S: Final = 60.0
+"""Maximum time between two deletions of expired previews, in s. With a larger value expired
+previews occupy the disk for longer. Chosen."""
+PREVIEW_SWEEP_BYTES: Final = 16 * 2**20
+"""Number of newly written bytes of uploads and previews after which expired previews are deleted,
+at most an eighth of the limit for all previews. With a larger value the limit is exceeded further
+in between. Chosen."""
+STORED_SWEEP_S: Final = 600.0
+"""Minimum time between two searches of the object store for previews without a row, in s. With a
+larger value such files occupy storage for longer; a smaller value lists the store more often.
+Chosen."""
+MIN_LOST_AGE_S: Final = 600.0
+"""Minimum age of a preview without files, or of files that are being fetched, before a sweep
+deletes them, in s. A smaller value may delete an upload that is being stored. Chosen."""
+UNREAD_UPLOAD_S: Final = 60.0
+"""Time for which a new upload without a preview is not deleted by a sweep, in s, as it may still be
+read. A smaller value may delete uploads during reading. Chosen."""
+MAX_PROTECTED_UPLOADS: Final = 4
+"""Maximum number of one visitor's newest uploads that sweeps do not delete while they are being
+read. With a larger value a flood of uploads could exceed the limit of the disk. Chosen."""
+STAT_BLOCK_BYTES: Final = 512
+"""Size of the blocks that ``st_blocks`` of a file's status counts, in bytes (POSIX)."""
+log = logging.getLogger("foldback.web")
+
+
+class NoSuchPreviewError(NoSuch):
+    """There is no preview with this id, or not any more."""
+
+    def __init__(self, preview_id: str) -> None:
+        super().__init__(
+            "no-such-preview", "This preview does not exist or has expired; send the file again."
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreviewView:
+    """Shape of a preview as its owner viewed it last; the columns of ``PreviewRow``."""
+
+    name: str
+    modules: int
+    module: str
+    key: str
+    query: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreviewSize:
+    """Size of a stored preview.
+
+    Attributes:
+        id: The preview's.
+        visitor: Visitor that sent the upload.
+        seen_at: Time of the last access, s since 1970.
+        own: Bytes of the upload and of the reports that its visitor requested.
+        foreign: Bytes of the reports that others requested.
+        protected: True if a sweep must not delete it.
+    """
+
+    id: str
+    visitor: str
+    seen_at: float
+    own: int
+    foreign: int = 0
+    protected: bool = False
+
+
+class Previews:
+    """See the module's description. Safe to use from many threads.
+
+    Args:
+        settings: The settings.
+        store: The rows of the service, and its object store.
+    """
+
+    def __init__(self, settings: Settings, store: Store) -> None:
+        self._settings = settings
+        self._store = store
+        self._storage = store.folders.storage
+        self._root = settings.previews_dir
+        if not settings.read_only:
+            self._root.mkdir(parents=True, exist_ok=True)
+        self._sweep_bytes = min(PREVIEW_SWEEP_BYTES, settings.previews_bytes // 8)
+        self._written = 0
+        self._searched = -STORED_SWEEP_S
+        self._sweep_due = threading.Event()
+        self._closed = False
+
+    def close(self) -> None:
+        """End the sweeps."""
+        self._closed = True
+        self._sweep_due.set()
+
+    # Uploads
+
+    def add(self, row: PreviewRow, directory: Path) -> None:
+        """Move the directory of an upload here.
+
+        Raises:
+            NoRoom: When the disk has no room for it.
+            StorageError: When the storage does not answer.
+        """
+        row.bytes = blocks_of(directory)
+        with self._store.changing() as session:
+            session.add(row)
+        try:
+            os.rename(directory, self._root / row.id)
+            self._keep(row.id)
+        except BaseException as error:
+            self._forget(PreviewRow.id == row.id)
+            if isinstance(error, OSError):
+                raise not_stored("upload", error) from error
+            raise
+        self._note_written(row.bytes)
+
+    def row(self, preview_id: str) -> PreviewRow:
+        """Return the row of a preview; ids are checked before they become a path.
+
+        Raises:
+            NoSuchPreviewError: When there is none.
+        """
+        if not (preview_id.isascii() and preview_id.isalnum() and len(preview_id) <= 32):
+            raise NoSuchPreviewError(preview_id)
+        with self._store.reading() as session:
+            row = session.get(PreviewRow, preview_id)
+        if row is None:
+            raise NoSuchPreviewError(preview_id)
+        return row
+
+    def directory(self, preview_id: str) -> Path:
+        """Return the directory of an upload.
+
+        Raises:
+            NoSuchPreviewError: When there is none.
+            StorageError: When it is stored elsewhere and the storage does not answer.
+        """
+        directory = self._root / self.row(preview_id).id
+        if not (directory / INPUT).is_file():
+            self._fetch_upload(directory)
+        if not (directory / INPUT).is_file():
+            raise NoSuchPreviewError(preview_id)
+        return directory
+
+    def touch(self, row: PreviewRow) -> None:
+        """Record an access to a preview, at a coarse resolution; errors are ignored."""
+        now = time.time()
+        most_s = min(MAX_PREVIEW_ACCESS_AGE_S, self._settings.preview_keep_s / 8)
+        if abs(now - row.seen_at) > most_s:
+            seen = sa.update(PreviewRow).where(PreviewRow.id == row.id).values(seen_at=now)
+            with suppress(SQLAlchemyError), self._store.changing() as session:
+                session.execute(seen)
+
+    # Reports
+
+    def place(self, preview_id: str, key: str) -> Path:
+        """Return the directory for an upload's report with some options, which may be missing.
+
+        Raises:
+            NoSuchPreviewError: When there is no such upload.
+            StorageError: When it is stored elsewhere and the storage does not answer.
+        """
+        place = self.directory(preview_id) / key
+        if self._storage is not None and not (place / "report.json").is_file():
+            self._storage.fetch(f"{PREVIEWS_KEY}/{preview_id}/{key}", place)
+        return place
+
+    def reports(self, preview_id: str, *, foreign: bool) -> int:
+        """Return the number of an upload's reports that strangers, or its visitor, requested."""
+        count = sa.select(sa.func.count()).where(
+            ReportRow.preview_id == preview_id, ReportRow.foreign.is_(foreign)
+        )
+        with self._store.reading() as session:
+            return session.scalar(count) or 0
+
+    def keep_report(self, place: Path, *, foreign: bool) -> None:
+        """Store what has been written to the directory of a report.
+
+        If the storage does not answer, other processes compute the report again.
+
+        Args:
+            place: The directory.
+            foreign: True if another visitor than that of the upload requested the report.
+        """
+        preview_id, key, size = place.parent.name, place.name, blocks_of(place)
+        row = ReportRow(preview_id=preview_id, key=key, foreign=foreign, bytes=size)
+        with suppress(IntegrityError), self._store.changing() as session:
+            session.merge(row)
+        try:
+            self._keep(f"{preview_id}/{key}")
+        except StorageError as error:
+            log.warning("a preview's report could not be stored: %s", error)
+        self._note_written(size)
+
+    # Lists of owners
+
+    def note_view(self, preview_id: str, owner: Owner, view: PreviewView) -> None:
+        """Record an owner's view of its own preview; errors of the database are ignored."""
+        own = sa.update(PreviewRow).where(
+            PreviewRow.id == preview_id, owned_by(owner, PreviewRow.owner)
+        )
+        with suppress(SQLAlchemyError), self._store.changing() as session:
+            session.execute(own.values(**asdict(view), seen_at=time.time()))
+
+    def owned(self, owner: Owner) -> Sequence[PreviewRow]:
+        """Return the previews that an owner has viewed, the last viewed first."""
+        wanted = (
+            sa.select(PreviewRow)
+            .where(owned_by(owner, PreviewRow.owner), PreviewRow.key != "")
+            .where(PreviewRow.seen_at > time.time() - self._settings.preview_keep_s)
+            .order_by(PreviewRow.seen_at.desc(), PreviewRow.id)
+            .limit(MAX_LISTED_PREVIEWS)
+        )
+        with self._store.reading() as session:
+            return session.scalars(wanted).all()
+
+    def remove(self, preview_id: str, owner: Owner) -> bool:
+        """Delete an owner's preview; the next sweep deletes its files. False if it is another's."""
+        gone = self._forget(PreviewRow.id == preview_id, owned_by(owner, PreviewRow.owner))
+        if gone:
+            self._searched = -STORED_SWEEP_S
+            self._sweep_due.set()
+        return gone
+
+    # Sweeps
+
+    def start_sweeping(self) -> None:
+        """Sweep in a thread of its own, from time to time and after much was written."""
+        threading.Thread(target=self._sweep_when_due, name=SWEEPING_THREAD, daemon=True).start()
+
+    def sweep(self) -> None:
+        """Delete previews that are expired or too many, and files that belong to none.
+
+        Raises:
+            OSError: When the directory cannot be read.
+            SQLAlchemyError: When the database does not answer.
+            StorageError: When the storage does not answer.
+        """
+        for preview in superfluous(self._sizes(), self._settings, now=time.time()):
+            unused = (PreviewRow.id == preview.id, PreviewRow.seen_at == preview.seen_at)
+            if self._forget(*unused) and self._storage is not None:
+                self._storage.remove(f"{PREVIEWS_KEY}/{preview.id}")
+        stored = [entry.name for entry in os.scandir(self._root) if _is_settled(entry)]
+        for name in set(stored) - self._ids():
+            shutil.rmtree(self._root / name, ignore_errors=True)
+        if self._storage is not None:
+            now = time.monotonic()
+            if now - self._searched < STORED_SWEEP_S:
+                return
+            self._searched = now
+            stored = self._storage.below(PREVIEWS_KEY)
+            for name in set(stored) - self._ids():
+                self._storage.remove(f"{PREVIEWS_KEY}/{name}")
+        for lost in self._ids(before=time.time() - MIN_LOST_AGE_S) - set(stored):
+            self._forget(PreviewRow.id == lost)
+
+    def _sweep_when_due(self) -> None:
+        while not self._closed:
+            self._sweep_due.clear()
+            self._written = 0
+            try:
+                self.sweep()
+            except (OSError, StorageError, SQLAlchemyError) as error:
+                log.warning("old previews could not be deleted: %s", error)
+            self._sweep_due.wait(PREVIEW_SWEEP_S)
+
+    def _sizes(self) -> list[PreviewSize]:
+        """Return the sizes of all previews, the newest first."""
+        own, foreign = (
+            sa.func.coalesce(
+                sa.func.sum(ReportRow.bytes).filter(ReportRow.foreign.is_(of_others)), 0
+            )
+            for of_others in (False, True)
+        )
+        query = (
+            sa.select(PreviewRow, own, foreign, sa.func.count(ReportRow.key))
+            .outerjoin(ReportRow, ReportRow.preview_id == PreviewRow.id)
+            .group_by(PreviewRow.id)
+            .order_by(PreviewRow.created_at.desc())
+        )
+        with self._store.reading() as session:
+            found = session.execute(query).all()
+        sizes: list[PreviewSize] = []
+        unread: Counter[str] = Counter()
+        since = time.time() - UNREAD_UPLOAD_S
+        for row, of_visitor, of_others, reports in found:
+            being_read = reports == 0 and row.created_at > since
+            unread[row.visitor] += being_read
+            sizes.append(
+                PreviewSize(
+                    id=row.id,
+                    visitor=row.visitor,
+                    seen_at=row.seen_at,
+                    own=row.bytes + int(of_visitor),
+                    foreign=int(of_others),
+                    protected=being_read and unread[row.visitor] <= MAX_PROTECTED_UPLOADS,
+                )
+            )
+        return sizes
+
+    def _ids(self, *, before: float | None = None) -> set[str]:
+        """Return the ids of all previews, or of those that were sent before a time."""
+        query = sa.select(PreviewRow.id)
+        if before is not None:
+            query = query.where(PreviewRow.created_at < before)
+        with self._store.reading() as session:
+            return set(session.scalars(query))
+
+    def _forget(self, *which: sa.ColumnElement[bool]) -> bool:
+        """Delete the row of a preview; True if there was one."""
+        with self._store.changing() as session:
+            return bool(rows_of(session.execute(sa.delete(PreviewRow).where(*which))))
+
+    def _note_written(self, size: int) -> None:
+        self._written += size  # a number that another thread overwrites delays a sweep at most
+        if self._written >= self._sweep_bytes:
+            self._sweep_due.set()
+
+    def _keep(self, name: str) -> None:
+        """Copy a directory to the object store, if there is one."""
+        if self._storage is not None:
+            key = f"{PREVIEWS_KEY}/{name}"
+            try:
+                self._storage.keep(key, self._root / name)
+            finally:
+                self._storage.forget(key)
+
+    def _fetch_upload(self, directory: Path) -> None:
+        """Fetch an upload and its reports from the object store, whole or not at all."""
+        if self._storage is None:
+            return
+        aside = directory.with_name(f".{directory.name}.{new_id()}")
+        try:
+            if self._storage.fetch(f"{PREVIEWS_KEY}/{directory.name}", aside):
+                with suppress(OSError):  # another request was quicker
+                    aside.rename(directory)
+        finally:
+            shutil.rmtree(aside, ignore_errors=True)
+
+
+def superfluous(
+    previews: Iterable[PreviewSize], settings: Settings, *, now: float
+) -> list[PreviewSize]:
+    """Return the previews to delete: expired ones, and the oldest of visitors with too many.
+
+    If all together exceed a limit, the visitor with the most loses the oldest ones first.
+
+    Args:
+        previews: All previews.
+        settings: Settings with the limits.
+        now: Time of the clock, s since 1970.
+    """
+    oldest_first = sorted(previews, key=lambda preview: preview.seen_at)
+    sizes: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
+    for preview in oldest_first:
+        sizes[preview.visitor] += preview.own
+        counts[preview.visitor] += 1
+    gone: list[PreviewSize] = []
+    kept: dict[str, list[PreviewSize]] = {}
+
+    def go(preview: PreviewSize) -> None:
+        gone.append(preview)
+        sizes[preview.visitor] -= preview.own
+        counts[preview.visitor] -= 1
+
+    for preview in oldest_first:
+        old = now - preview.seen_at > settings.preview_keep_s
+        too_many = counts[preview.visitor] > settings.most_previews_of_visitor
+        if old or too_many or sizes[preview.visitor] > settings.previews_of_visitor_bytes:
+            go(preview)
+        else:
+            kept.setdefault(preview.visitor, []).append(preview)
+    total = sum(map(len, kept.values()))
+    total_bytes = sum(each.own + each.foreign for previews in kept.values() for each in previews)
+    while kept and (total_bytes > settings.previews_bytes or total > settings.most_previews):
+        weights = sizes if total_bytes > settings.previews_bytes else counts
+        most = max(kept, key=lambda name: weights[name])
+        oldest = kept[most].pop(0)
+        total_bytes, total = total_bytes - oldest.own - oldest.foreign, total - 1
+        go(oldest)
+        if not kept[most]:
+            del kept[most]
+    return [preview for preview in gone if not preview.protected]
+
+
+def blocks_of(directory: Path) -> int:
+    """Return the bytes of the disk blocks that a directory and its files occupy."""
+    paths = (directory, *directory.rglob("*"))
+    return sum(path.lstat().st_blocks for path in paths) * STAT_BLOCK_BYTES
+
+
+def _is_settled(entry: os.DirEntry[str]) -> bool:
+    """Return False for files that are just being fetched."""
+    return not entry.name.startswith(".") or entry.stat().st_mtime < time.time() - MIN_LOST_AGE_S

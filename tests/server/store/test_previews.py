@@ -1,0 +1,292 @@
+"""Previews: their limits, sweeps and copies in an object store, on both databases."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
+from dataclasses import fields
+from io import BytesIO
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+import sqlalchemy as sa
+
+from planner.pipeline.request import PreviewRequest
+from server.errors import TooMany, Unusable
+from server.files.preview_reports import MAX_OPTION_SETS, Asker, PreviewReports
+from server.files.uploads import Uploads
+from server.processes.children import ChildError, Reader
+from server.settings import Settings
+from server.store import previews as previews_module
+from server.store.folds import Store
+from server.store.previews import (
+    MAX_PROTECTED_UPLOADS,
+    MIN_LOST_AGE_S,
+    NoSuchPreviewError,
+    Previews,
+    PreviewSize,
+    PreviewView,
+    superfluous,
+)
+from server.store.tables import PreviewRow
+from tests.server.bucket import Bucket
+from tests.server.postgres import DATABASES
+from tests.server.rows import new_owner
+
+MIB = 2**20
+CUP = PreviewView(name="Cup", modules=16, module="cube", key="0" * 24, query="seed=1")
+
+
+class Desk:
+    """Previews of one web process, whose reports are empty."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.store = Store(settings)
+        self.previews = Previews(settings, self.store)
+        self.uploads = Uploads(settings)
+        reader = cast("Reader", SimpleNamespace(call=self._compute))
+        self.reports = PreviewReports(settings, self.previews, reader)
+
+    def close(self) -> None:
+        self.uploads.close()
+        self.store.close()
+
+    def add(self, visitor: str = "owner", *, size: int = 2, **more: Any) -> str:
+        with self.uploads.stored(BytesIO(bytes(size)), "thing.stl") as upload:
+            return self.reports.add(upload, visitor, **more)
+
+    def report(self, preview_id: str, seed: int = 0, visitor: str = "owner") -> None:
+        self.reports.report(preview_id, PreviewRequest(seed=seed), Asker(visitor=visitor))
+
+    def age(self, preview_id: str, seconds: float) -> None:
+        """Make a preview older, whose upload was read then."""
+        then = time.time() - seconds
+        older = sa.update(PreviewRow).where(PreviewRow.id == preview_id)
+        with self.store.changing() as session:
+            session.execute(older.values(created_at=then, seen_at=then))
+
+    @property
+    def names(self) -> set[str]:
+        return {path.name for path in self.settings.previews_dir.iterdir()}
+
+    def exists(self, preview_id: str) -> bool:
+        with suppress(NoSuchPreviewError):
+            return self.previews.directory(preview_id).is_dir()
+        return False
+
+    @staticmethod
+    def _compute(_task: str, place: Path, **_: object) -> None:
+        if '"seed": 666' in (place / "request.json").read_text():
+            raise ChildError("crashed", "It crashed.")
+        (place / "report.json").write_text('{"cells": []}')
+
+
+@pytest.fixture(params=DATABASES)
+def desk_with(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[..., Desk]]:
+    """Makes a desk with some settings."""
+    made: list[Desk] = []
+    url = None
+    if request.param != "sqlite":
+        url = request.getfixturevalue("postgres").database()
+
+    def make(name: str = "here", **settings: Any) -> Desk:
+        chosen = Settings(data_dir=tmp_path / name, database_url=url, **settings)
+        made.append(Desk(chosen))
+        return made[-1]
+
+    yield make
+    for desk in made:
+        desk.close()
+
+
+def size(name: str, seen_at: float, mib: int, visitor: str) -> PreviewSize:
+    return PreviewSize(id=name, seen_at=seen_at, own=mib * MIB, visitor=visitor)
+
+
+def deleted(settings: Settings, sizes: list[PreviewSize], now: float) -> list[str]:
+    return sorted(preview.id for preview in superfluous(sizes, settings, now=now))
+
+
+def test_superfluous_with_large_previews_returns_the_oldest_of_the_largest_visitor(
+    tmp_path: Path,
+) -> None:
+    settings = Settings(
+        data_dir=tmp_path,
+        previews_bytes=10 * MIB,
+        previews_of_visitor_bytes=6 * MIB,
+        preview_keep_s=100.0,
+    )
+    stored = [size("old", 1.0, 1, "c"), size("first", 110.0, 2, "a")]
+    stored += [size(f"b{k}", 120.0 + k, 2, "b") for k in range(3)]
+    assert deleted(settings, stored, 150.0) == ["old"]
+    above_own_limit = [*stored, size("b3", 130.0, 2, "b")]
+    assert deleted(settings, above_own_limit, 150.0) == ["b0", "old"]
+    above_total = [*stored, size("d", 130.0, 4, "d")]
+    assert deleted(settings, above_total, 150.0) == ["b0", "old"]
+
+
+def test_superfluous_with_many_small_previews_returns_the_oldest_of_the_largest_number(
+    tmp_path: Path,
+) -> None:
+    settings = Settings(data_dir=tmp_path, most_previews=5, most_previews_of_visitor=4)
+    stored = [size("a", 1.0, 0, "a"), *(size(f"c{k}", 9.0 + k, 0, "c") for k in range(2))]
+    stored += [size(f"b{k}", 2.0 + k, 0, "b") for k in range(6)]
+    assert deleted(settings, stored, 20.0) == ["b0", "b1", "b2", "b3"]
+
+
+def test_reports_of_strangers_leave_the_uploader_its_own(desk_with: Callable[..., Desk]) -> None:
+    desk = desk_with()
+    preview_id = desk.add()
+    for seed in range(MAX_OPTION_SETS):
+        desk.report(preview_id, seed, "stranger")
+    with pytest.raises(TooMany):
+        desk.report(preview_id, 1000, "another")
+    desk.report(preview_id, 1001)
+    (stored,) = desk.previews._sizes()
+    assert stored.own < 64 * 1024 < MAX_OPTION_SETS * 4096 <= stored.foreign
+
+
+def test_reports_that_fail_count_once(desk_with: Callable[..., Desk]) -> None:
+    desk = desk_with()
+    preview_id = desk.add()
+    for _ in range(2):
+        with pytest.raises(Unusable):
+            desk.report(preview_id, 666)
+    assert desk.previews.reports(preview_id, foreign=False) == 1
+
+
+def test_remove_leaves_the_files_to_the_sweep(desk_with: Callable[..., Desk]) -> None:
+    desk, owner = desk_with(), new_owner()
+    preview_id = desk.add(owner=owner)
+    assert not desk.previews.remove(preview_id, new_owner())
+    assert desk.previews.remove(preview_id, owner)
+    assert not desk.exists(preview_id)
+    assert desk.names == {preview_id}
+    desk.previews.sweep()
+    assert not desk.names
+
+
+def test_sweep_deletes_expired_previews_and_measures_no_files(
+    desk_with: Callable[..., Desk], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk = desk_with(preview_keep_s=1000.0)
+    old, new = desk.add(), desk.add()
+    monkeypatch.setattr(previews_module, "blocks_of", None)
+    assert all(stored.own >= 4096 for stored in desk.previews._sizes())  # a file of two bytes
+    desk.age(old, 1001.0)
+    desk.previews.sweep()
+    assert desk.names == {new}
+
+
+def test_sweep_deletes_files_without_a_row_and_rows_without_files(
+    desk_with: Callable[..., Desk],
+) -> None:
+    desk = desk_with()
+    for name in ("of-an-earlier-version", ".being-fetched"):
+        (desk.settings.previews_dir / name).mkdir()
+    kept, lost, new = desk.add(), desk.add(), desk.add()
+    for preview_id in (lost, new):
+        (desk.previews.directory(preview_id) / "input").parent.rename(
+            desk.settings.root / preview_id
+        )
+    desk.age(lost, MIN_LOST_AGE_S + 1)
+    desk.previews.sweep()
+    assert desk.names == {kept, ".being-fetched"}
+    assert desk.previews._ids() == {kept, new}
+
+
+def test_sweep_leaves_the_newest_uploads_until_they_are_read(
+    desk_with: Callable[..., Desk],
+) -> None:
+    desk = desk_with(most_previews=1)
+    uploads = [desk.add() for _ in range(MAX_PROTECTED_UPLOADS + 1)]
+    desk.previews.sweep()
+    assert desk.names == set(uploads[1:])
+    for preview_id in uploads[1:]:
+        desk.report(preview_id)
+    desk.previews.sweep()
+    assert len(desk.names) == 1
+
+
+def test_flood_of_previews_leaves_those_of_others(desk_with: Callable[..., Desk]) -> None:
+    desk = desk_with(previews_bytes=8 * MIB)
+    mine = desk.add("a", size=MIB)
+    flood = [desk.add("b", size=MIB) for _ in range(12)]
+    desk.previews.sweep()
+    assert desk.exists(mine) and not desk.exists(flood[0])
+
+
+def test_list_of_owner_has_what_it_viewed_last(desk_with: Callable[..., Desk]) -> None:
+    desk, owner = desk_with(), new_owner()
+    first, second, _unseen = (desk.add(owner=owner) for _ in range(3))
+    for preview_id in (second, first):
+        desk.previews.note_view(preview_id, owner, CUP)
+    desk.previews.note_view(second, new_owner(), CUP)
+    listed = desk.previews.owned(owner)
+    assert [row.id for row in listed] == [first, second]
+    assert (listed[0].query, listed[0].modules) == (CUP.query, CUP.modules)
+
+
+def test_key_differs_for_each_option() -> None:
+    others = [
+        PreviewRequest(module="tetrahedron"),
+        PreviewRequest(modules=64),
+        PreviewRequest(method="exact"),
+        PreviewRequest(repair=True),
+        PreviewRequest(ends="surface"),
+        PreviewRequest(as_voxels=True),
+        PreviewRequest(start=(0, 0, 0)),
+        PreviewRequest(seed=1),
+        PreviewRequest(path=False),
+        PreviewRequest(world="table"),
+    ]
+    assert len(others) == len(fields(PreviewRequest))
+    assert len({options.key for options in (PreviewRequest(), *others)}) == len(others) + 1
+
+
+@pytest.mark.parametrize("preview_id", ["", "..", "a/b", "a\x00", "é", "a" * 33, "nosuchpreview"])
+def test_row_of_unknown_id_raises(preview_id: str, tmp_path: Path) -> None:
+    with (
+        closing(Desk(Settings(data_dir=tmp_path))) as desk,
+        pytest.raises(NoSuchPreviewError),
+    ):
+        desk.previews.row(preview_id)
+
+
+@pytest.mark.processes
+def test_previews_in_an_object_store_are_fetched_and_deleted_everywhere(
+    bucket: Bucket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in bucket.environment.items():
+        monkeypatch.setenv(name, value)
+    shared = {
+        "storage_url": bucket.bucket(),
+        "database_url": f"sqlite:///{tmp_path / 'rows.db'}",
+    }
+    here, there = (Desk(Settings(data_dir=tmp_path / name, **shared)) for name in ("a", "b"))
+    with closing(here), closing(there):
+        small, large, owner = here.add(), here.add(size=600_000), new_owner()
+        here.report(large)
+        assert (there.previews.directory(large) / "input").stat().st_size == 600_000
+        key = PreviewRequest(seed=3).key
+        here.report(large, 3)
+        assert (there.previews.place(large, key) / "report.json").read_text() == '{"cells": []}'
+        mine = there.add(owner=owner)
+        assert here.exists(mine)
+        storage = here.store.folders.storage
+        assert storage is not None
+        (tmp_path / "stray").mkdir()
+        (tmp_path / "stray" / "input").write_bytes(b"")
+        storage.keep("previews/stray", tmp_path / "stray")
+        there.previews.remove(mine, owner)
+        there.previews.sweep()  # whatever has no row
+        assert set(storage.below("previews")) == {small, large}
+        here.age(large, 2 * here.settings.preview_keep_s)
+        here.previews.sweep()
+        there.previews.sweep()
+        assert set(storage.below("previews")) == here.names == {small}
+        assert large not in there.names and not there.exists(large)

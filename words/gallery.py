@@ -1,0 +1,68 @@
+"""The gallery in words: kinds of shapes, their status, and what they need to rest on a table."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from planner.parameters.parameters import FLOATING, WORLD_CHOICES
+from planner.pathfinding.options import MODULE_CHOICES
+
+TAG_LABELS: Final = {
+    "tool": "Tools",
+    "animal": "Animals",
+    "thing": "Things",
+    "building": "Buildings",
+    "letter": "Letters",
+    "hollow": "Hollow",
+    "furniture": "Furniture",
+    "vehicle": "Vehicles",
+    "kitchen": "Kitchen",
+    "solid": "Solids",
+    "ring": "Rings",
+    "number": "Numbers",
+    "sign": "Signs",
+    "plant": "Plants",
+    "paper": "From the paper",
+}
+CHAIN_LABELS: Final = {name: choice.label for name, choice in MODULE_CHOICES.items()}
+MODULE_PLURALS: Final = {"cube": "modules", "tetrahedron": "tetrahedra"}
+WORLD_LABELS: Final = {
+    name: choice.label for name, choice in WORLD_CHOICES.items() if name != FLOATING
+}
+CARD_STATUS_LABELS: Final = {
+    "verified": "Verified",
+    "running": "Running",
+    "failed": "Failed",
+    "new": "Not folded yet",
+}
+METHOD_LABELS: Final = {"direct": "direct servoing", "paper": "published method"}
+"""Labels on a fold's card for presets of planner settings other than the default preset."""
+MAX_ZERO_TORQUE_WP: Final = 0.05
+"""Joint torque below which gallery cards say that a fold on a table needs no motor torque, in w·p
+(module weight × pitch). A larger value hides small torques. Chosen."""
+
+
+def module_count(modules: int, module: str) -> str:
+    """Return a number of modules with their kind."""
+    return f"{modules} {MODULE_PLURALS.get(module, module)}"
+
+
+def rest_of(torque_wp: float | None) -> str | None:
+    """Return the requirement for folding on a table; the torque is rounded up.
+
+    Args:
+        torque_wp: Torque within which a shape rests on a table, in w·p; None if unknown.
+    """
+    if torque_wp is None:
+        return None
+    if torque_wp < MAX_ZERO_TORQUE_WP:
+        return "Can be folded on a table (needs no motor torque)"
+    times = f"{math.ceil(10 * torque_wp) / 10:.1f}"
+    return f"Can be folded on a table (needs {times}× a module's weight × width)"
+
+
+def method_of(preset: str, world: str) -> str:
+    """Return the name of a fold that is not by the default method or not in zero gravity."""
+    where = "on a table" if world == "table" else ""
+    return ", ".join(filter(None, (METHOD_LABELS.get(preset, ""), where)))

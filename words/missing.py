@@ -1,0 +1,21 @@
+"""Pages of what is not there: their headings and explanations."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+
+class Missing(NamedTuple):
+    """Heading and explanation of a page in place of something that is not there."""
+
+    heading: str
+    explanation: str
+
+
+GONE: Final = "The link may be incomplete, or the fold has been deleted."
+NO_FOLD: Final = Missing("Fold not found", GONE)
+NO_PAIR: Final = Missing("One of these folds was not found", GONE)
+NO_PREVIEW: Final = Missing(
+    "This preview has expired",
+    "Previews are stored for a limited time. Upload the file again to get a new one.",
+)

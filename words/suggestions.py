@@ -1,0 +1,62 @@
+"""Suggestions: the buttons that request another fold like a given one, or show it."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from planner.pipeline.preference import Preference
+from words.choice import PREFERENCE_WORDS
+
+
+class Button(NamedTuple):
+    """Text of a button, and the hint beside it."""
+
+    text: str
+    hint: str = ""
+
+
+AGAIN_LABELS: Final = {
+    "same": "Fold again",
+    "preset": "Try with the default preset",
+    "module_size": "Try the default module size",
+    "seed": "Try another seed",
+}
+"""Buttons that try a failed or cancelled fold again, by what changes."""
+RECORDED: Final = Button("Before smoothing", "The original plan")
+FLOATING_FOLD: Final = Button("In zero gravity", "The same fold without a table")
+PUBLISHED_CHANGED: Final = Button("Published method, changed", "With your own settings")
+OTHER_PRESETS: Final = {
+    "default": Button("Reverse explosion", "The default method"),
+    "direct": Button(
+        "Direct servoing", "Drives every joint straight to its target (fails for most shapes)"
+    ),
+}
+"""Presets, besides the published one, that a fold may be compared with."""
+
+
+def another_seed(seed: int) -> Button:
+    """Return the button for the same fold with another seed."""
+    return Button("Another seed", f"Seed {seed}")
+
+
+def on_a_table(seconds: float) -> Button:
+    """Return the button for a fold on a table that takes so many seconds."""
+    return Button("On a table", f"With gravity, takes {about(seconds)}")
+
+
+def preferring(preference: Preference, seconds: float) -> Button:
+    """Return the button for a fold with another preference that takes so many seconds."""
+    return Button(PREFERENCE_WORDS[preference], f"Takes {about(seconds)}")
+
+
+def published(seconds: float) -> Button:
+    """Return the button for a fold by the published method that takes so many seconds."""
+    return Button("Published method", f"Takes {about(seconds)}")
+
+
+def about(seconds: float) -> str:
+    """Return a time that is not known exactly: ``about a minute``."""
+    minutes = round(seconds / 60)
+    if minutes > 1:
+        return f"about {minutes} minutes"
+    return "about a minute" if seconds >= 45 else "less than a minute"

@@ -1,0 +1,117 @@
+"""The verdict on a fold in words, and why there is no plan, or none that is verified."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final, TypedDict
+
+from planner.certificate.figures import CertificateFigures, Fault, FoldSummary
+from planner.parameters.parameters import FLOATING
+from planner.progress import STAGES
+from words import certificate as certificate_words
+from words.choice import Choice, superlative
+from words.failures import count_from_one, reason_for_people
+from words.fold import ShownFold
+from words.messages import message_for_people
+from words.quantities import PRESET_LABELS, sentence
+from words.settings import in_a_line
+
+COVER_LOADING: Final = "Loading the view"
+COVER_WAITING: Final = "Waiting for the first frame"
+NO_DOWNLOADS: Final = "Nothing to download here."
+NO_DOWNLOADS_YET: Final = "You can download the plan when the fold is finished."
+CANCELLED: Final = "Cancelled before it finished"
+VIEW_FILES: Final = (
+    ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
+    ("recording.viser", "Recording", ".viser: for the viser client"),
+)
+"""Files that show a fold's motion: name, label and hint."""
+
+PICTURE_VERDICTS: Final = {
+    "verified": ("Verified", "good"),
+    "failed": ("Not verified", "bad"),
+    "cancelled": ("Cancelled", "off"),
+}
+"""Text and colour class of the verdict in a fold's preview picture, by the fold's status."""
+COMPUTING_VERDICT: Final = ("Computing", "busy")
+
+
+class Verdict(TypedDict):
+    """Result of a fold in words, and its colour."""
+
+    tone: str
+    text: str
+
+
+class Problem(TypedDict):
+    """Why there is no plan, or none that is verified."""
+
+    heading: str
+    text: str
+
+
+def verdict_of(
+    row: ShownFold, summary: FoldSummary, certificate: CertificateFigures, choice: Choice | None
+) -> Verdict:
+    """Return the verdict on a fold, or how far it is."""
+    modules = f"{row.modules} modules" if row.modules else None
+    if row.status == "verified":
+        strategy = (summary.get("explosion") or {}).get("strategy")
+        told = certificate_words.headline(certificate) or "verified"
+        best = choice and superlative(choice["prefer"], len(choice["plans"]))
+        baseline = certificate_words.baseline(strategy)
+        return _verdict("good", sentence(told), baseline, best, modules)
+    if row.status == "failed":
+        detail = summary.get("reason") or (row.error or {}).get("detail") or ""
+        reason = sentence(reason_for_people(detail, summary)).removesuffix(".")
+        return _verdict("bad", "Not verified", reason, modules)
+    if row.status == "cancelled":
+        return _verdict("off", CANCELLED)
+    if row.status == "running" and row.stage == STAGES[-1]:  # its plan is checked
+        told = certificate_words.headline(certificate)
+        if told.startswith("verified"):
+            return _verdict("good", sentence(told), modules)
+    return _verdict("busy", "In the queue" if row.status == "queued" else "Computing", modules)
+
+
+def _verdict(tone: str, *parts: str | None) -> Verdict:
+    return {"tone": tone, "text": " · ".join(part for part in parts if part)}
+
+
+def problem_of(row: ShownFold, summary: FoldSummary) -> Problem | None:
+    """Return why a fold failed or was cancelled; None for others."""
+    error = row.error or Fault()
+    if row.status == "failed":
+        text = str(error.get("detail") or summary.get("reason") or "No reason was recorded.")
+        where = count_from_one(error.get("where") or "")
+        text = message_for_people(reason_for_people(text, summary))
+        if where and where not in text:
+            text = f"{sentence(where)}: {text}"
+        judged = error.get("code", "not-verified") == "not-verified" and "certificate" in summary
+        heading = "This plan could not be verified" if judged else "This fold could not be computed"
+        return {"heading": heading, "text": text}
+    if row.status == "cancelled":
+        return {"heading": "This fold was cancelled", "text": f"{CANCELLED}."}
+    return None
+
+
+def damage_of(heading: str, files: Iterable[str]) -> Problem:
+    """Return what a page says of damaged files."""
+    return {
+        "heading": heading,
+        "text": f"Damaged files: {', '.join(files)}. No motion can be shown. The operator of "
+        "this service can restore the files from a backup.",
+    }
+
+
+def preset_of(row: ShownFold) -> str:
+    """Return the preset of a fold with its world and its changed settings."""
+    where = "" if row.world == FLOATING else ", on a table"
+    return f"{PRESET_LABELS.get(row.preset, row.preset)}{where}{in_a_line(row.settings)}"
+
+
+def origin_of(summary: FoldSummary) -> str | None:
+    """Return the origin of a fold that came with the package; None for any other."""
+    if (included := summary.get("included")) is None:
+        return None
+    return f"Included with foldback, computed with version {included['version']}"
