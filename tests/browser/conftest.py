@@ -196,6 +196,8 @@ def visit(service: Service) -> Iterator[Visit]:
         yield visit
 
 
+WIDTH = "document.documentElement.scrollWidth"
+"""Width that the content of a page needs."""
 NO_WEBGL = "HTMLCanvasElement.prototype.getContext = () => null"
 NO_VIEW = """{
   const { prototype } = HTMLIFrameElement;
@@ -216,6 +218,18 @@ def choose(page: Page, name: str, data: bytes) -> None:
     )
 
 
+def answered(page: Page) -> None:
+    """Wait until the figures of a preview are those of what was asked for last."""
+    page.locator("body:not(.busy-now)").wait_for()
+
+
+def previewed(page: Page, name: str, data: bytes) -> None:
+    """Choose a file and wait until its preview is there."""
+    choose(page, name, data)
+    page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
+    answered(page)
+
+
 def path_file(cells: object) -> bytes:
     """Return the file of a path."""
     return json.dumps({"format": "foldback-path/1", "cells": cells}).encode()
@@ -225,6 +239,13 @@ def opened_fold(page: Page) -> str:
     """Return the id of the fold whose page is opened by what was done last."""
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
     return page.url.rpartition("/")[2]
+
+
+def with_view(page: Page) -> Page:
+    """Wait until a fold's page has all frames and its 3D view shows one."""
+    page.locator("#sketch.gone").wait_for(state="attached")
+    page.wait_for_function("() => window.foldback.timeline.complete")
+    return page
 
 
 def cancel_fold(page: Page, service: Service) -> None:

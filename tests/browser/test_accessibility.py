@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
 from server.store.owner import new_token
-from tests.browser.conftest import Visit
+from tests.browser.conftest import Visit, answered, previewed
 from tests.server.files.test_preview import CROSS, stl, voxels
 from tests.server.service import SNAKE, Service, bearer, owner
 
@@ -42,21 +41,13 @@ def findings(page: Page) -> dict[str, list[str]]:
     return found
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        "/",
-        "/gallery",
-        "/gallery?q=nothing-is-called-this",
-        "/shapes/new",
-        "/benchmarks",
-        "/privacy",
-        "/paper",
-        "/my-folds",
-        "/folds/nosuchfold",
-        "/previews/nosuchpreview",
-    ],
+PAGES = (
+    *("/", "/gallery", "/gallery?q=nothing-is-called-this", "/shapes/new", "/benchmarks"),
+    *("/privacy", "/paper", "/my-folds", "/folds/nosuchfold", "/previews/nosuchpreview"),
 )
+
+
+@pytest.mark.parametrize("path", PAGES)
 def test_pages_without_a_fold_are_accessible(visit: Visit, path: str) -> None:
     assert findings(visit(path)) == {}
 
@@ -143,18 +134,14 @@ def test_landing_is_accessible(visit: Visit) -> None:
 
 def test_preview_is_accessible(visit: Visit) -> None:
     page = visit("/", view=False)
-    page.locator("#file").set_input_files(
-        {"name": "brick.stl", "mimeType": "application/octet-stream", "buffer": stl()}
-    )
-    page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
-    page.locator("body:not(.busy-now)").wait_for()
+    previewed(page, "brick.stl", stl())
     page.locator("#cover.drawn, #cover.gone").wait_for(state="attached")
     page.locator(".more > summary").click()
     page.locator("#preset").select_option("paper")
     page.locator("#paper-settings > summary").click()
     floating = findings(page)
     page.locator("[name=world][value=table]").check(force=True)
-    page.locator("body:not(.busy-now)").wait_for()
+    answered(page)
     expect(page.locator("#table-settings")).to_be_visible()
     assert (floating, findings(page)) == ({}, {})
 

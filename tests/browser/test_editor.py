@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import Visit, cancel_fold, choose, opened_fold
+from tests.browser.conftest import WIDTH, Visit, cancel_fold, choose, opened_fold
 from tests.server.files.test_preview import stl
 from tests.server.service import SPIRAL, Service
 
@@ -85,14 +85,6 @@ def test_tools_files_and_a_drawn_path(visit: Visit, service: Service) -> None:
     page.mouse.up()
     expect(page.locator(".grid .on")).to_have_count(12)
     page.locator('[data-both="1"]').click()
-    page.locator('[data-x="2"][data-y="2"]').focus()
-    page.keyboard.press("f")
-    page.keyboard.press("Space")  # around both, to the edge
-    expect(page.locator(".grid .on")).to_have_count(100)
-    page.keyboard.press("Control+z")
-    page.keyboard.press("b")
-    page.keyboard.press("Space")
-    page.keyboard.press("Escape")
     page.locator("#undo").click()
     expect(page.locator(".grid .on")).to_have_count(0)
 
@@ -137,23 +129,7 @@ def test_tools_files_and_a_drawn_path(visit: Visit, service: Service) -> None:
     page.locator("#clear").click()
     page.locator("#name").fill("spiral")
 
-    # More than the service folds is said before it is sent.
-    page.locator("#size").select_option("32")
-    page.locator('[data-tool="box"]').click()
-    page.locator('[data-x="0"][data-y="0"]').click()
-    for _ in range(15):
-        page.keyboard.press("PageUp")
-    page.locator('[data-x="31"][data-y="31"]').click()
-    expect(count).to_have_text(
-        "131\u2009072 modules are too many (at most 12\u2009000). Paint fewer cells."
-    )
-    expect(page.locator("#fold")).to_be_disabled()
-    page.locator("#undo").click()
-    page.locator("#size").select_option("10")
-
     # A path is drawn with the keyboard and checked as it grows.
-    for _ in range(15):
-        page.keyboard.press("PageDown")
     page.locator('[data-x="5"][data-y="5"]').focus()
     page.keyboard.press("d")
     expect(page.locator('[name="exact"][value="path"]')).to_be_checked()
@@ -205,7 +181,7 @@ def test_path_by_touch_is_completed_and_cut(visit: Visit) -> None:
     expect(page.locator("#message")).to_have_text("")
     page.locator('[data-x="2"][data-y="2"]').tap()  # back again
     expect(count).to_contain_text("1 of 16 cells")
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert page.evaluate(WIDTH) <= 390
     assert page.evaluate("getComputedStyle(document.getElementById('grid')).touchAction") == (
         "pinch-zoom"
     )

@@ -30,6 +30,11 @@ def page(service: Service, wrench: str) -> Iterator[Page]:
 
 
 @pytest.fixture(scope="module")
+def figures(service: Service, wrench: str) -> Figures:
+    return Figures.load(service.directory(wrench) / "figures.zarr")
+
+
+@pytest.fixture(scope="module")
 def frames(service: Service, wrench: str) -> Motion:
     frames = Timeline.open(service.directory(wrench) / "timeline.zarr").frames()
     assert not frames.is_windowed
@@ -173,8 +178,7 @@ def test_module_is_chosen_by_number_and_along_the_chain(page: Page) -> None:
     expect(page.locator("#panel-module")).to_contain_text("type its number")
 
 
-def test_plots_are_read_and_scrubbed_by_keyboard(page: Page, service: Service, wrench: str) -> None:
-    figures = Figures.load(service.directory(wrench) / "figures.zarr")
+def test_plots_are_read_and_scrubbed_by_keyboard(page: Page, figures: Figures) -> None:
     if not page.locator("#tab-plots").is_visible():
         page.locator("#details").click()
     page.locator("#tab-plots").click()
@@ -191,6 +195,74 @@ def test_plots_are_read_and_scrubbed_by_keyboard(page: Page, service: Service, w
     table = np.genfromtxt(download.value.path(), delimiter=",", names=True)
     assert table.dtype.names == ("frame", "min_clearance")
     np.testing.assert_allclose(table["min_clearance"], figures.min_clearance, rtol=1e-6)
+
+
+def test_plots_show_figures_and_seek(page: Page, figures: Figures) -> None:
+    if not page.locator("#tab-plots").is_visible():
+        page.locator("#details").click()
+    page.locator("#tab-plots").click()
+    plots = page.locator(".plot")
+    expect(plots).to_have_count(4)
+    seek(page, 40)
+    least = plots.filter(has_text="Least clearance").locator("b")
+    expect(least).to_have_text(f"{float(f'{figures.min_clearance[40]:.2g}'):g} pitch")
+    box = plots.nth(0).locator("svg").bounding_box()
+    page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 20)
+    assert shown_frame(page) == pytest.approx(0.75 * (len(figures) - 1), abs=3)
+    page.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 20)
+    where = plots.nth(0).locator(".plot-where")
+    expect(where).to_contain_text(re.compile(r"^frame \d+, [\d.]+ s$"))
+    assert shown_frame(page) > 0.5 * len(figures), "a reading moves nothing"
+    larger = page.get_by_role("button", name="Larger view of least clearance")
+    larger.click()
+    large = page.locator("dialog.plot-dialog .plot svg[role=slider]")
+    before = shown_frame(page)
+    large.press("ArrowLeft")
+    expect(large).to_have_attribute("aria-valuenow", str(before))
+    page.keyboard.press("Escape")
+    expect(large).to_have_count(0)
+    expect(plots).to_have_count(4)
+    expect(larger).to_be_focused()
+
+
+def test_jumps_seek_the_worst_frames(page: Page, figures: Figures) -> None:
+    page.locator("#jump option[value=straight]").wait_for(state="attached")
+    page.wait_for_function("() => !document.querySelector('#colour-by option[disabled]')")
+    for where, worst in (
+        ("max_error_rad", np.nanargmax(figures.max_error_rad)),
+        ("min_clearance", np.nanargmin(figures.min_clearance)),
+        ("peak_torque_nm", np.nanargmax(figures.peak_torque_nm)),
+    ):
+        page.locator("#jump").select_option(where)
+        expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {worst + 1} of"))
+
+
+def test_folded_slider_seeks_by_share(page: Page, frames: Motion) -> None:
+    first = int(np.flatnonzero(frames.phase == 1)[0])
+    page.locator("#jump").select_option("straight")
+    expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {first + 1} of"))
+    expect(page.locator("#r-folded")).to_have_text("0 %")
+    slider = page.locator("#folded")
+    slider.evaluate("(s) => { s.value = 50; s.dispatchEvent(new Event('input')); }")
+    middle = shown_frame(page)
+    assert first < middle < len(frames) - 1
+    goal = np.abs(frames.joint_angles_rad[-1])
+    reached = np.clip(frames.joint_angles_rad * np.sign(frames.joint_angles_rad[-1]), 0, goal)
+    share = reached.sum(axis=1) / goal.sum()
+    assert share[middle] == pytest.approx(0.5, abs=0.01)
+    expect(page.locator("#r-folded")).to_have_text("50 %")
+
+
+def test_module_panel_names_the_nearest_module(page: Page, figures: Figures) -> None:
+    frame = len(figures) - 1
+    seek(page, frame)
+    page.evaluate("() => window.foldback.player.send({ do: 'select', module: 5 })")
+    nearest = page.locator("#panel-module [data-of=nearest]")
+    expect(nearest).to_contain_text(f"Module {figures.nearest[frame, 5] + 1}, ")
+    expect(nearest).to_contain_text(f"{figures.clearance[frame, 5]:.2g} pitch")
+    nearest.locator("button").click()
+    number = figures.nearest[frame, 5] + 1
+    expect(page.locator("#panel-module h2")).to_contain_text(f"Module {number} of ")
 
 
 def test_folded_slider_and_bar_fit_a_phone(page: Page) -> None:

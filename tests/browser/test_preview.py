@@ -10,14 +10,18 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import NO_WEBGL, Visit, cancel_fold, choose, opened_fold, picture
+from tests.browser.conftest import (
+    NO_WEBGL,
+    WIDTH,
+    Visit,
+    answered,
+    cancel_fold,
+    opened_fold,
+    picture,
+    previewed,
+)
 from tests.server.files.test_preview import CROSS, box, stl, voxels
 from tests.server.service import Service
-
-
-def answered(page: Page) -> None:
-    """Waits until the figures are those of what was asked for last."""
-    page.locator("body:not(.busy-now)").wait_for()
 
 
 def settled(page: Page) -> None:
@@ -58,9 +62,7 @@ def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, vi
     expect(page.locator(".drop-title")).to_have_text(
         "Drop an STL mesh, a voxel model, a path or a chain"
     )
-    choose(page, "brick.stl", stl())
-    page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
-    answered(page)
+    previewed(page, "brick.stl", stl())
     expect(page.locator("#name")).to_have_text("brick")
     expect(page.locator("#verdict")).to_have_text(
         re.compile(r"\d+ modules · matches your model: \d+ %")
@@ -165,13 +167,11 @@ def test_preview_recovers_when_its_scene_fails_or_is_busy(
 
 def test_missing_path_is_explained_repaired_and_unrepaired(visit: Visit) -> None:
     page = visit("/", width=390, height=844, has_touch=True, view=False)
-    choose(page, "cross.json", voxels(CROSS, name="Cross"))
-    page.wait_for_url(re.compile("/previews/"))
-    answered(page)
+    previewed(page, "cross.json", voxels(CROSS, name="Cross"))
     expect(page.locator("#trouble")).to_be_visible()
     expect(page.locator("#problems li").first).not_to_be_empty()
     expect(page.locator("#fold")).to_be_disabled()
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert page.evaluate(WIDTH) <= 390
     page.locator("#repairs .button.primary").tap()
     expect(page.locator("#repaired")).to_be_visible()
     expect(page.locator("#fold")).to_be_enabled()
@@ -182,8 +182,7 @@ def test_missing_path_is_explained_repaired_and_unrepaired(visit: Visit) -> None
 @pytest.mark.long
 def test_separate_cells_are_offered_only_repairs_that_help(visit: Visit) -> None:
     page = visit("/", width=1440, height=900, view=False)
-    choose(page, "apart.json", voxels([[0, 0, 0], [1, 0, 0], [2, 0, 0], [9, 0, 0]]))
-    page.wait_for_url(re.compile("/previews/"))
+    previewed(page, "apart.json", voxels([[0, 0, 0], [1, 0, 0], [2, 0, 0], [9, 0, 0]]))
     expect(page.locator("#problems li").first).to_contain_text("2 parts")
     expect(page.locator("#repairs .button")).to_have_count(1)
     expect(page.locator("#repairs")).not_to_contain_text("Use blocks")
@@ -194,8 +193,7 @@ def test_separate_cells_are_offered_only_repairs_that_help(visit: Visit) -> None
 @pytest.mark.long
 def test_cells_in_no_order_are_shown_as_voxels(visit: Visit, service: Service) -> None:
     page = visit("/", width=960, height=640, view=False)
-    choose(page, "cells.json", json.dumps(box(4, 3, 2)[::-2] + box(4, 3, 2)[::2]).encode())
-    page.wait_for_url(re.compile("/previews/"))
+    previewed(page, "cells.json", json.dumps(box(4, 3, 2)[::-2] + box(4, 3, 2)[::2]).encode())
     expect(page.locator("#verdict")).to_have_text("24 modules")
     expect(page.locator("#unordered")).to_have_text(
         "Read as voxels, because cells 2 and 3 are not neighbours."

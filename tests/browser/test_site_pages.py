@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import Visit
+from tests.browser.conftest import WIDTH, Visit
 from tests.server.service import Service
 
 
@@ -80,7 +80,7 @@ def test_gallery_fits_each_width(visit: Visit) -> None:
     page = visit("/gallery", width=1440, height=900)
     for width in (1440, 820, 390):
         page.set_viewport_size({"width": width, "height": 900})
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate(WIDTH) <= width
 
 
 FRAME = "() => foldback.player.shown?.frame"
@@ -138,7 +138,7 @@ def test_first_paper_film_plays_while_visible(visit: Visit) -> None:
     page.wait_for_function("() => !foldback.player.is.playing")
     page.locator("h1").scroll_into_view_if_needed()
     page.wait_for_function("() => foldback.player.is.playing")
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert page.evaluate(WIDTH) <= 390
 
 
 def test_paper_without_scripts_shows_stills_and_tables(visit: Visit) -> None:
@@ -168,4 +168,4 @@ def test_api_page_loads_nothing_from_other_origins(visit: Visit) -> None:
         page.set_viewport_size({"width": width, "height": 844})
         page.emulate_media(color_scheme=scheme)
         page.wait_for_function(DARK, arg=scheme == "dark")
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate(WIDTH) <= width

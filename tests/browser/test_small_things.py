@@ -7,7 +7,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.conftest import Visit
+from tests.browser.conftest import WIDTH, Visit, choose, opened_fold
 from tests.server.service import Service, owner
 
 pytestmark = pytest.mark.long
@@ -33,13 +33,7 @@ def test_escape_closes_the_details_and_restores_focus(visit: Visit, wrench: str)
 
 def test_messages_are_sentences(visit: Visit) -> None:
     page = visit("/")
-    page.locator("#file").set_input_files(
-        {
-            "name": "bad.json",
-            "mimeType": "application/json",
-            "buffer": b"[[0, 0, 0], [1, 0",
-        }
-    )
+    choose(page, "bad.json", b"[[0, 0, 0], [1, 0")
     message = page.locator("#drop-message[data-tone=bad]")
     expect(message).to_contain_text(re.compile("[a-z]"))
     assert message.inner_text()[0].isupper()
@@ -52,23 +46,25 @@ def test_messages_are_sentences(visit: Visit) -> None:
     expect(message).to_be_in_viewport()
 
 
-def test_failed_baseline_offers_the_default_preset(visit: Visit, service: Service) -> None:
-    page = visit("/")
+NOTE_COVERS = """addEventListener("DOMContentLoaded", () => {
+  const cover = document.getElementById("cover");
+  if (!cover) return;
+  window.covers = [];
+  const note = () => window.covers.push(document.getElementById("cover-button").hidden);
+  note();
+  new MutationObserver(note).observe(
+    cover, { subtree: true, childList: true, attributes: true });
+});"""
+"""Notes whether the cover of a fold ever offers anything."""
+
+
+def test_failed_baseline_offers_the_default_preset(visit: Visit) -> None:
+    page = visit("/", script=NOTE_COVERS)
     page.locator("details.options > summary").click()
     page.locator("#preset").select_option(label="Direct servoing (usually fails)")
     page.locator("[data-shape=wrench-80]").click()
-    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    opened_fold(page)
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "bad")
-    # From now on every text that the cover ever shows is noted.
-    page.add_init_script(
-        """addEventListener("DOMContentLoaded", () => {
-          window.covers = [];
-          const note = () => window.covers.push(document.getElementById("cover-button").hidden);
-          note();
-          new MutationObserver(note).observe(
-            document.getElementById("cover"), { subtree: true, childList: true, attributes: true });
-        });"""
-    )
     page.reload()
     page.locator("#sketch.gone").wait_for(state="attached")
     assert page.evaluate("window.covers.every((hidden) => hidden)")
@@ -121,12 +117,13 @@ def test_cancelling_is_shown_until_it_is_done(visit: Visit, service: Service) ->
     expect(page.locator("#verdict")).to_have_text("Cancelled before it finished")
     assert set(page.evaluate("window.said")) == {"Cancelling…", "Cancelled before it finished"}
     expect(page.get_by_role("button", name="Fold again")).to_be_visible()
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    expect(page.locator("#stuck")).to_be_hidden()
+    assert page.locator("#jump option[value=stuck]").get_attribute("hidden") is not None
+    assert page.evaluate(WIDTH) <= 390
 
 
-@pytest.mark.parametrize("width", [390, 1280])
-def test_benchmarks_are_shown(visit: Visit, width: int) -> None:
-    page = visit("/", width=width, height=844)
+def test_benchmarks_are_shown(visit: Visit) -> None:
+    page = visit("/", width=390, height=844, view=False)
     page.locator(".foot a[href='/benchmarks']").click()
     expect(page.locator("h1")).to_have_text("Benchmarks")
     shown = page.locator(".telling-picture img")
@@ -134,4 +131,4 @@ def test_benchmarks_are_shown(visit: Visit, width: int) -> None:
     assert shown.evaluate("(image) => image.naturalWidth") > 700
     box = shown.bounding_box()
     assert box and box["width"] >= 780  # its words are large enough; a phone scrolls it
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.evaluate(WIDTH) <= 390

@@ -10,9 +10,8 @@ import pytest
 import trimesh
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import Visit, choose, opened_fold, picture
-from tests.browser.test_failures import opened
-from tests.browser.test_preview import answered, settled
+from tests.browser.conftest import Visit, answered, opened_fold, picture, previewed, with_view
+from tests.browser.test_preview import settled
 from tests.server.api.test_table import SLAB, voxels
 from tests.server.files.test_preview import voxels as cells_as_file
 from tests.server.service import Service
@@ -29,9 +28,7 @@ def colour_by(page: Page, name: str) -> np.ndarray:
 @pytest.mark.long
 def test_upload_folds_on_a_table(visit: Visit, service: Service) -> None:
     page = visit("/", width=1000, height=620)
-    choose(page, "box.npy", voxels(2, 2, 2))
-    page.wait_for_url(re.compile("/previews/"))
-    answered(page)
+    previewed(page, "box.npy", voxels(2, 2, 2))
     page.locator("[name=world][value=table]").check(force=True)
     answered(page)
     expect(page).to_have_url(re.compile("world=table"))
@@ -53,7 +50,7 @@ def test_upload_folds_on_a_table(visit: Visit, service: Service) -> None:
         re.compile(r"^Stays on .* at most [\d.]+ w·p \([\d.]+ [nµm]?N·m\), frictionless$")
     )
 
-    page = opened(visit(f"/folds/{fold}#frame=100000", width=1000, height=620))
+    page = with_view(visit(f"/folds/{fold}#frame=100000", width=1000, height=620))
     seen = picture(page)
     assert (np.abs(seen - TABLE).max(axis=-1) < 14).mean() > 0.2
     torques = colour_by(page, "joint_torque")
@@ -83,9 +80,7 @@ def test_upload_folds_on_a_table(visit: Visit, service: Service) -> None:
 
 def test_slab_without_a_path_is_repaired_on_a_click(visit: Visit) -> None:
     page = visit("/", view=False)
-    choose(page, "slab.json", cells_as_file(SLAB))
-    page.wait_for_url(re.compile("/previews/"))
-    answered(page)
+    previewed(page, "slab.json", cells_as_file(SLAB))
     page.locator("[name=world][value=table]").check(force=True)
     add = page.get_by_role("button", name=re.compile(r"^Add \d cells?: \d+ modules"))
     expect(add).to_be_visible()
@@ -100,9 +95,7 @@ def test_slab_without_a_path_is_repaired_on_a_click(visit: Visit) -> None:
 def test_offers_of_a_mesh_without_a_path_on_a_table(visit: Visit) -> None:
     page = visit("/", width=1366, height=768)
     torus = trimesh.creation.torus(major_radius=10, minor_radius=4).export(file_type="stl")
-    choose(page, "torus.stl", cast("bytes", torus))
-    page.wait_for_url(re.compile("/previews/"))
-    answered(page)
+    previewed(page, "torus.stl", cast("bytes", torus))
     page.goto(page.url.partition("?")[0] + "?modules=160&world=table")
     settled(page)
     expect(page.locator("#odd-text")).to_contain_text("too many of")
@@ -117,12 +110,3 @@ def test_offers_of_a_mesh_without_a_path_on_a_table(visit: Visit) -> None:
     expect(page.locator("#fold")).to_have_text("Fold 96 modules", timeout=30_000)
     expect(page.locator("#long")).to_be_empty()
     expect(page.locator("#repaired")).to_contain_text("2×2×2")
-    page.goto(page.url.partition("?")[0] + "?modules=80&world=table")
-    add = page.get_by_role("button", name="Add 1 cell: 81 modules")
-    expect(add).to_be_visible()
-    expect(page.locator("#to-add")).to_be_visible()
-    expect(page.locator("#odd-cells")).to_be_hidden()
-    add.click()
-    expect(page.locator("#fold")).to_have_text("Fold 81 modules")
-    expect(page.locator("#were-added")).to_be_visible()
-    picture(page)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.conftest import Visit, choose, picture
+from tests.browser.conftest import Visit, picture, previewed
 from tests.browser.test_preview import settled
 from tests.server.files.test_preview import stl
 from tests.server.service import Service
@@ -41,8 +41,7 @@ def test_typed_chain_folds_and_names_a_wrong_character(visit: Visit, service: Se
 
 def test_mesh_is_previewed_as_tetrahedra(visit: Visit) -> None:
     page = visit("/", width=1440, height=900)
-    choose(page, "brick.stl", stl())
-    page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
+    previewed(page, "brick.stl", stl())
     settled(page)
     cubes = picture(page)
     page.locator('[name="module"][value="tetrahedron"]').check()
@@ -58,12 +57,3 @@ def test_mesh_is_previewed_as_tetrahedra(visit: Visit) -> None:
     page.reload()
     settled(page)
     expect(page.locator('[name="module"][value="tetrahedron"]')).to_be_checked()
-
-
-def test_gallery_shows_tetrahedra(visit: Visit) -> None:
-    page = visit("/gallery?type=tetrahedron", width=1440, height=900)
-    cards = page.locator("#cards li:not([hidden])")
-    expect(cards).to_have_count(10)
-    expect(cards.first).to_contain_text("tetrahedra")
-    cards.first.scroll_into_view_if_needed()
-    page.wait_for_timeout(600)

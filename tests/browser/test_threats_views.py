@@ -105,9 +105,9 @@ def recording() -> str:
     return "data:application/octet-stream;base64," + base64.b64encode(data).decode()
 
 
-def keeping(visit: Visit) -> Page:
+def keeping(visit: Visit, address: str = "/health") -> Page:
     """A page of a browser that keeps something to steal for our origin."""
-    page = visit("/health", **SMALL)
+    page = visit(address, **SMALL)
     page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
     return page
 
@@ -164,11 +164,11 @@ def harmless(frames: list[Frame], said: list[str]) -> None:
     assert not [words for words in said if MARK in words]
 
 
-@pytest.mark.parametrize("address", ["/view", "/embed/view"])
-def test_view_opened_directly_is_harmless(visit: Visit, address: str) -> None:
+def test_view_opened_directly_is_harmless(visit: Visit) -> None:
     page = keeping(visit)
-    said = hostile(page, address)
-    harmless([at_work(page.main_frame)], said)
+    for address in ("/view", "/embed/view"):
+        said = hostile(page, address)
+        harmless([at_work(page.main_frame)], said)
 
 
 @pytest.mark.parametrize(
@@ -210,8 +210,7 @@ def test_view_of_a_played_directory_is_harmless(
     visit: Visit, service: Service, wrench: str
 ) -> None:
     with playing(service.directory(wrench)) as address:
-        page = visit(urljoin(address, "/health"), **SMALL)
-        page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
+        page = keeping(visit, urljoin(address, "/health"))
         said = hostile(page, address)
         harmless(framed(page), said)
 
@@ -230,10 +229,8 @@ def test_view_in_a_downloaded_page_is_harmless(
 
 
 def test_view_plays_nothing_when_its_query_stays(visit: Visit) -> None:
-    page = visit("about:blank", **SMALL)
-    page.add_init_script(
-        "History.prototype.replaceState = () => { throw new DOMException('no', 'SecurityError'); }"
-    )
+    script = "History.prototype.replaceState = () => { throw new DOMException('no'); }"
+    page = visit("about:blank", script=script, **SMALL)
     said = hostile(page, "/view")
     frame = at_work(page.main_frame)
     assert "playbackPath" in frame.evaluate("() => location.search")
@@ -241,10 +238,8 @@ def test_view_plays_nothing_when_its_query_stays(visit: Visit) -> None:
 
 
 def test_view_accepts_one_port_and_only_from_its_page(visit: Visit) -> None:
-    page = visit("/shapes/new", **SMALL)
-    said: list[str] = []
-    page.on("console", lambda message: said.append(message.text))
-    page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
+    page = keeping(visit)
+    said = hostile(page, "/shapes/new")
     page.evaluate(
         """() => Promise.all([0, 1].map(() => new Promise((done) => {
           const view = document.createElement("iframe");

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+import time
 
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.conftest import Visit
+from tests.browser.conftest import Visit, choose
 from tests.browser.test_accessibility import findings
 from tests.server.service import Service, owner
 
@@ -22,14 +23,13 @@ HEARD = """addEventListener("DOMContentLoaded", () => {
 
 
 def test_upload_shows_progress_and_is_stopped(visit: Visit, service: Service) -> None:
-    page = visit("/")
+    page = visit("/", view=False)
     expect(page.locator(".drop-kept")).to_have_text(
         "Stored until you delete it. Only people with the link can see it. Privacy"
     )
-    page.context.new_cdp_session(page).send("Network.emulateNetworkConditions", SLOW)
-    page.locator("#file").set_input_files(
-        {"name": "large.stl", "mimeType": "model/stl", "buffer": bytes(8_000_000)}
-    )
+    network = page.context.new_cdp_session(page)
+    network.send("Network.emulateNetworkConditions", SLOW)
+    choose(page, "large.stl", bytes(8_000_000))
     sending = page.locator(".sending")
     expect(sending).to_contain_text(re.compile(r"Sending large\.stl: \d+ %, \d\.\d MB of 8\.0 MB"))
     bar = sending.get_by_role("progressbar", name="Sending large.stl")
@@ -38,13 +38,11 @@ def test_upload_shows_progress_and_is_stopped(visit: Visit, service: Service) ->
     sending.get_by_role("button", name="Stop").click()
     expect(page.locator("#drop-message")).to_have_text("Stopped")
     expect(sending).to_have_count(0)
-    left = {path.name for path in service.data_dir.glob("uploads/*/*")}
-    deadline = 100
-    while left and deadline:
+    deadline = time.monotonic() + 5.0
+    while any(service.data_dir.glob("uploads/*/*")):
+        assert time.monotonic() < deadline
         page.wait_for_timeout(50)
-        deadline -= 1
-        left = {path.name for path in service.data_dir.glob("uploads/*/*")}
-    assert not left
+    network.detach()
     page.locator(".foot a[href='/privacy']").click()
     expect(page.locator("h1")).to_have_text("Privacy")
 
@@ -55,9 +53,7 @@ def test_time_left_is_shown_and_movie_is_stopped(visit: Visit, service: Service)
         service.wait_over(service.fold(shape="wrench-24", seed=seed)["id"])
     ahead = service.fold(shape="mallet-80", seed="31")
     fold = service.fold(shape="wrench-80", seed="31")
-    page = visit("/shapes/new", view=False)
-    page.add_init_script(HEARD)
-    page.goto(f"/folds/{fold['id']}")
+    page = visit(f"/folds/{fold['id']}", view=False, script=HEARD)
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
     heard = page.evaluate("window.heard")
     left = re.compile("· (about [0-9]+ (s|min) left|a few seconds left|longer than usual)")
