@@ -102,10 +102,10 @@ class Chromium:
         context.set_offline(False)
         context.unroute_all()
         page.unroute_all()
+        page.goto("/health")  # a page of the same site, so that the process stays
         page.evaluate("() => { localStorage.clear(); sessionStorage.clear(); }")
         context.clear_cookies()
         page.mouse.move(0, 0)
-        page.goto("about:blank")
         self._tabs[view].append(page)
 
     def close(self) -> None:

@@ -58,7 +58,7 @@ def test_rename_transfer_and_delete_in_my_folds(visit: Visit, service: Service) 
     key = page.get_by_role("textbox", name="Your access key").input_value()
     assert key == key_of(page)
 
-    other = holding(visit, new_token(), width=390, height=844, has_touch=True)
+    other = holding(visit, new_token(), width=390, height=844)
     expect(other.get_by_text("Nothing here yet")).to_be_visible()
     refused = (("wrench", "This is not a key"), (new_token(), "No folds found for this key"))
     for text, said in refused:

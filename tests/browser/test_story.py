@@ -77,7 +77,7 @@ def test_running_fold_plays_from_its_start_to_the_finished_shape(
     opened_fold(page)
     page.wait_for_function("() => window.foldback?.player.playhead.frame > 9")
     release(page, verdict)
-    page.evaluate("foldback.player.send({ do: 'set', speed: 4 })")  # less to draw
+    page.evaluate("foldback.player.send({ do: 'set', speed: 6 })")  # less to draw
     page.wait_for_function(AT_LAST_FRAME)
     noted = page.evaluate("noted")
     frames = [frame for frame, *_ in noted["frames"]]
@@ -167,8 +167,9 @@ def test_compare_turns_both_sides_and_links_the_view(visit: Visit, wrench: str) 
 def test_embed_plays_by_itself_on_request(visit: Visit, wrench: str) -> None:
     page = visit(f"/embed/{wrench}?autoplay=1#frame=30", view=False, **MOVING)
     page.wait_for_function("() => window.foldback?.player.playhead.frame > 30")
-    page.goto(f"/embed/{wrench}?autoplay=0&controls=0")
+    page.goto(f"/embed/{wrench}?autoplay=0&controls=0&theme=light")
     page.wait_for_function("() => window.foldback?.player.shown")
     page.wait_for_timeout(200)
     assert page.evaluate(FRAME) == 0
     expect(page.locator("#bar")).to_be_hidden()
+    assert page.evaluate("document.documentElement.dataset.theme") == "light"

@@ -164,11 +164,11 @@ def harmless(frames: list[Frame], said: list[str]) -> None:
     assert not [words for words in said if MARK in words]
 
 
-def test_view_opened_directly_is_harmless(visit: Visit) -> None:
+@pytest.mark.parametrize("address", ["/view", pytest.param("/embed/view", marks=pytest.mark.long)])
+def test_view_opened_directly_is_harmless(visit: Visit, address: str) -> None:
     page = keeping(visit)
-    for address in ("/view", "/embed/view"):
-        said = hostile(page, address)
-        harmless([at_work(page.main_frame)], said)
+    said = hostile(page, address)
+    harmless([at_work(page.main_frame)], said)
 
 
 @pytest.mark.parametrize(
