@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from planner.parameters.settings import SETTINGS
-from tests.browser.conftest import Visit, cancel_fold
+from tests.browser.conftest import Visit, answered, cancel_fold
 from tests.server.service import STAIRS, Service
 
 
@@ -19,6 +19,7 @@ def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: S
         "/api/shapes/preview", files={"file": ("stairs.json", json.dumps(STAIRS[:5]))}
     ).json()
     page = visit(found["links"]["page"], width=390, height=844, view=False)
+    answered(page)
     settings = page.locator("#paper-settings")
     page.locator(".more > summary").click()
     expect(settings).to_be_hidden()
