@@ -20,7 +20,9 @@ from __future__ import annotations
 import importlib
 import math
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,7 +32,7 @@ from scipy.spatial import ConvexHull
 
 import foldback_check
 from planner.errors import InputError
-from planner.progress import Report, silent
+from planner.plan.differences import Differences
 
 PARTS_OF_PART: Final = 4
 """Number of equal steps in which the deviation is measured in a part; `SPREAD` and `REMAINDER` are
@@ -54,6 +56,7 @@ MISSING: Final = (
 
 Doubles = NDArray[np.float64]
 Indices = NDArray[np.int32]
+Pair = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +64,13 @@ class Contact:
     """Moment in frames at which modules come too close, and the pair, or None if none was found."""
 
     frame: float
-    modules: tuple[int, int] | None
+    modules: Pair | None
+
+    @property
+    def words(self) -> str:
+        """Plain English for the contact."""
+        pair = "modules" if self.modules is None else "modules {} and {}".format(*self.modules)
+        return f"{pair} come too close at frame {self.frame:.3f}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,6 +94,21 @@ class Opinion:
     deviation: float
     contacts: tuple[Contact, ...]
     seconds: float
+
+    @property
+    def words(self) -> str:
+        """Plain English for what was looked at."""
+        return (
+            f"{self.program} finds no modules within {self.clearance:.4f} pitches of each other "
+            f"({self.intervals} intervals in {self.parts} straight parts, off by at most "
+            f"{self.deviation:.1g} pitches; {self.seconds:.1f} s)"
+        )
+
+    @property
+    def problems(self) -> Differences:
+        """Plain English for its contacts."""
+        for contact in self.contacts:
+            yield f"plan.npz: {self.program}: {contact.words}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,8 +159,8 @@ class Vertices:
         q = angles.reshape(steps + 1, -1, len(module.names)).transpose(1, 2, 0)
         axes = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, steps + 1))
         x, turns = module.poses(q, np.zeros((3, steps + 1)), axes)
-        seen = x[..., None, :] + module.corners @ turns.swapaxes(-1, -2)
-        home = turns[self.middle]
+        seen = x[..., None, :] + module.corners @ turns  # rows of a turn are the module's axes
+        home = turns[self.middle].swapaxes(-1, -2)
         seen = (seen - x[self.middle, :, None]).transpose(1, 0, 2, 3).reshape(steps + 1, -1, 3)
         return seen @ home
 
@@ -161,7 +185,7 @@ class Vertices:
         module, cut = self.plan.module, self.middle * len(self.plan.module.names)
         sides = ((turned[:cut].sum(), self.middle), (turned[cut:].sum(), self.plan.count))
         return REMAINDER * max(
-            float(angle) ** 5 * (links * module.link + module.radius) for angle, links in sides
+            float(angle) ** 5 * float(links * module.link + module.radius) for angle, links in sides
         )
 
 
@@ -212,25 +236,31 @@ class _Detector:
             )
         )
 
-    def contact(self, first: Doubles, last: Doubles) -> tuple[float, tuple[int, int] | None]:
+    def contacts(self, ends: list[Doubles]) -> Iterator[tuple[float, Pair | None]]:
+        """Yield the moments in [0, 1] of an interval at which modules come too close, and them."""
+        for part, (first, last) in enumerate(pairwise(ends)):
+            if not self.free(first, last):
+                share, modules = self._nearest(first, last)
+                yield (part + share) / (len(ends) - 1), modules
+
+    def _nearest(self, first: Doubles, last: Doubles) -> tuple[float, Pair | None]:
         """Return the share of a part until the first contact, and its modules."""
         near = self.ipctk.Candidates()
         near.build(self.mesh, first, last, self.distance)
-        best: tuple[float, tuple[int, int] | None] = 1.0, None
+        hits: list[tuple[float, Pair]] = []
         for candidate in (*near.fv_candidates, *near.ee_candidates):
             ids = candidate.vertex_ids(self.mesh.edges, self.mesh.faces)
-            ids = [k for k in ids if k >= 0]
             ends = (vertices[ids].ravel() for vertices in (first, last))
             hit, moment = candidate.ccd(
                 *ends, min_distance=self.distance, narrow_phase_ccd=self.narrow
             )
-            if hit and (best[1] is None or moment < best[0]):
+            if hit:
                 one, other = sorted({k // self.corners for k in ids})
-                best = moment, (one, other)
-        return best
+                hits.append((moment, (one, other)))
+        return min(hits, default=(0.0, None))
 
 
-def ask_ipctk(plan: foldback_check.Plan, progress: Report = silent) -> Opinion:
+def ask_ipctk(plan: foldback_check.Plan) -> Opinion:
     """Let ipctk look for contacts in all intervals of a plan.
 
     Raises:
@@ -247,13 +277,11 @@ def ask_ipctk(plan: foldback_check.Plan, progress: Report = silent) -> Opinion:
         if frame == 0 and detector.overlaps(division.vertices[0]):
             contacts.append(Contact(frame=0.0, modules=None))
         ends = [np.asfortranarray(end) for end in division.vertices]
-        count = len(ends) - 1
-        for part in range(count):
-            if not detector.free(ends[part], ends[part + 1]):
-                share, modules = detector.contact(ends[part], ends[part + 1])
-                contacts.append(Contact(frame=frame + (part + share) / count, modules=modules))
-                break
-        parts, deviation = parts + count, max(deviation, division.deviation)
+        contact = next(detector.contacts(ends), None)
+        if contact is not None:
+            moment, modules = contact
+            contacts.append(Contact(frame=frame + moment, modules=modules))
+        parts, deviation = parts + len(ends) - 1, max(deviation, division.deviation)
     return Opinion(
         program=f"ipctk {detector.ipctk.__version__}",
         intervals=intervals,
@@ -265,6 +293,14 @@ def ask_ipctk(plan: foldback_check.Plan, progress: Report = silent) -> Opinion:
     )
 
 
-def open_plan(path: Path, size: float, claim: float) -> foldback_check.Plan:
-    """Open a plan's file as the checker does."""
-    return foldback_check.Plan(path, size, claim)
+def opinion_of(path: Path, size: float, claim: float) -> Opinion:
+    """Let ipctk look at a plan's file, with a module size and the clearance that is claimed for it.
+
+    Raises:
+        InputError: ``not-a-plan`` if it contradicts itself; ``no-ipctk`` if ipctk is missing.
+    """
+    try:
+        plan = foldback_check.Plan(path, size, claim)
+    except (foldback_check.NotProved, ValueError) as error:
+        raise InputError("not-a-plan", f"{path.name}: {error}") from error
+    return ask_ipctk(plan)
