@@ -64,10 +64,12 @@ function sides(V) {
   return { faces: directions([...planes.values()]), edges: directions(edges) };
 }
 
+const axisOf = (/** @type {number} */ k) => [0, 1, 2].map((x) => Number(x === k));
+
 /** Axes of a hinge as columns, the hinge itself the third. @param {Vector} axis */
 function frameOf(axis) {
   const most = axis.reduce((a, v, k) => (Math.abs(v) > Math.abs(axis[a]) ? k : a), 0);
-  const one = unit(cross(axis, [0, 1, 2].map((k) => Number(k === (most + 2) % 3))));
+  const one = unit(cross(axis, axisOf((most + 2) % 3)));
   return [one, cross(axis, one), axis];
 }
 
@@ -82,21 +84,12 @@ export class Module {
     this.radius = Math.max(...this.V.map(norm));
     this.half = [0, 1, 2].map((k) => Math.max(...this.V.map((v) => Math.abs(v[k]))));
     this.box = new Set(this.V.map(String)).size === 8 && this.V.length === 8 && this.V.every((v) => v.every((x, k) => Math.abs(x) === this.half[k]));
-    const { faces, edges } = sides(this.V);
-    this.faces = faces;
-    this.edges = edges;
+    this.sides = sides(this.V);
     this.link = (norm(told.anchor) + norm(told.offset)) * (1 + 1e-12);
     this.hinges = told.axes.length;
-    /** @type {Vector[][]} rows of the turns between hinges' frames */
-    this.between = [];
-    let before = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
-    for (const axis of told.axes) {
-      const frame = frameOf(axis);
-      this.between.push(before.map((a) => /** @type {Vector} */ (frame.map((b) => dot(a, b)))));
-      before = frame;
-    }
-    const turned = [0, 1, 2].map((k) => told.turn.map((row) => row[k]));
-    this.between.push(before.map((a) => /** @type {Vector} */ (turned.map((b) => dot(a, b)))));
+    const frames = [[0, 1, 2].map(axisOf), ...told.axes.map(frameOf), [0, 1, 2].map((k) => told.turn.map((row) => row[k]))];
+    /** Rows of the turns between hinges' frames. */
+    this.between = frames.slice(1).map((next, k) => frames[k].map((a) => next.map((b) => dot(a, b))));
     this.plain = this.between.flat(2).every((v) => v === 0 || Math.abs(v) === 1);
   }
 
@@ -104,7 +97,7 @@ export class Module {
   get sound() {
     const { turn, axes } = this.told;
     const same = turn.every((a, i) => turn.every((b, j) => Math.abs(dot(a, b) - Number(i === j)) < 8e-15));
-    return same && dot(turn[0], cross(turn[1], turn[2])) > 0 && axes.every((a) => Math.abs(norm(a) - 1) < 8e-15) && this.faces.length > 2;
+    return same && dot(turn[0], cross(turn[1], turn[2])) > 0 && axes.every((a) => Math.abs(norm(a) - 1) < 8e-15) && this.sides.faces.length > 2;
   }
 
   /** Least of (x, y, z) . corner over the corners. @type {(x: number, y: number, z: number) => number} */

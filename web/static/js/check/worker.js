@@ -6,7 +6,7 @@ import { Proof } from "./proof.js";
 /**
  * What to check: a plan as it claims to be, how large its modules may be, or what a hinge does that is off.
  * @typedef {{ href: string, way: "claim" | "size" | "hinge", module: number | null }} Asked
- * @typedef {{ frames: number, modules: number, kind: string, size: number, claim: number }} Claimed
+ * @typedef {{ frames: number, modules: number, size: number, claim: number }} Claimed
  * @typedef {{ is: "progress", frame: number, frames: number, tightest: Place | null }} Progress
  * @typedef {{ is: "proved", plan: Claimed, size: number, tightest: Place | null, touch: (Place & { size: number }) | null, joint: number, seconds: number }} Proved
  * @typedef {{ is: "refused", text: string, place: Place | null, frames: number, joint: number }} Refused
@@ -50,8 +50,8 @@ async function check({ href, way, module }) {
       told = performance.now();
       postMessage({ is: "progress", frame, frames, tightest: proof.tightest });
     }
-    const { n: modules, kind, size, claim } = plan;
-    postMessage({ is: "proved", plan: { frames, modules, kind, size, claim }, size: proof.size, tightest: proof.tightest, touch: proof.touch, joint, seconds: (performance.now() - began) / 1000 });
+    const { n: modules, size, claim } = plan;
+    postMessage({ is: "proved", plan: { frames, modules, size, claim }, size: proof.size, tightest: proof.tightest, touch: proof.touch, joint, seconds: (performance.now() - began) / 1000 });
   } catch (error) {
     const place = error instanceof NotProved ? error.place : null;
     postMessage({ is: "refused", text: error instanceof Error ? error.message : String(error), place, frames, joint });
