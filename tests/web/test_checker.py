@@ -57,7 +57,9 @@ def test_both_checkers_prove_the_same(plans: list[Path]) -> None:
         assert proof is not None, path
         assert found["proved"], found
         assert found["claim"] == proof.claim
-        assert found["least"] == pytest.approx(proof.least, rel=1e-4)
+        # The same intervals and pairs: every bound that is compared with the claim is the same.
+        assert (found["looks"], found["pairs"]) == (proof.looks, proof.pairs)
+        assert found["least"] == pytest.approx(proof.least, rel=1e-9)
         assert found["least"] >= found["claim"]
         assert found["frames"] >= len(proof.motion.first) - 1
 

@@ -7,7 +7,7 @@ async function verdict(path) {
   try {
     const proof = new Proof(await Plan.read(new Uint8Array(readFileSync(path))));
     const frames = [...proof.run()];
-    return { proved: true, claim: proof.claim, least: proof.least, tightest: proof.tightest, frames: frames.length };
+    return { proved: true, claim: proof.claim, least: proof.least, looks: proof.looks, pairs: proof.pairs, frames: frames.length };
   } catch (error) {
     if (!(error instanceof NotProved)) throw error;
     return { proved: false, text: error.message, place: error.place };
