@@ -22,6 +22,8 @@ export class Proof {
   least = Infinity;
   /** @type {Place | null} the tightest place so far */
   tightest = null;
+  /** @type {Place | null} where an interval was left open last */
+  open = null;
   /** @type {(Place & { size: number }) | null} which modules made all smaller last, and the size at which they touch */
   touch = null;
 
@@ -73,7 +75,7 @@ export class Proof {
 
   /** Ends the proof where halving does not help; or looks again with smaller modules. @param {number} t @param {number} w @param {number[]} left */
   stuck(t, w, left) {
-    const place = left.length ? this.place(left[0], left[1]) : null;
+    const place = left.length ? this.open : null;
     if (!this.grow || !place) throw new NotProved(`No proof around frame ${this.frame.toFixed(6)}.`, place);
     this.fit(place, this.size);
     this.look(t, w, left);
@@ -112,8 +114,11 @@ export class Proof {
         this.least = Math.min(this.least, bound);
         return true;
       }
-      if (this.best.gap >= this.claim) return false;
       const place = this.place(i, j);
+      if (place.gap >= this.claim) {
+        this.open = place;
+        return false;
+      }
       if (!this.grow) throw new NotProved(`Modules ${i} and ${j} are ${place.gap.toFixed(9)} apart at frame ${place.frame.toFixed(6)}, less than ${this.claim.toFixed(9)}.`, place);
       this.fit(place, this.best.fits);
     }

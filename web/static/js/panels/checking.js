@@ -50,7 +50,8 @@ const percentUp = (share) => `${(Math.ceil(10000 * share) / 100).toFixed(2)} %`;
  * @param {Asked["way"]} way
  * @param {Refused} said
  */
-function refusal(way, { text, place, joint }) {
+function refusal(way, { text, place, claim, joint }) {
+  if (place && place.gap >= claim) return `Not proved: it stays open whether ${pair(place)} are far enough apart.`;
   if (way === "hinge" && place) return `With the joint behind module ${whole(joint + 1)} off by 1°, ${pair(place)} touch.`;
   if (!place) return `Not proved: ${text}`;
   return `Not proved: ${pair(place)} come within ${percent(Math.max(place.gap, 0))} of a module width of each other.`;
@@ -77,7 +78,7 @@ export class Checking {
     this.seen = null;
     this.tries = element("div", { hidden: true }, element("h4", {}, "Try to break it"),
       element("p", { class: "line" }, button("button", "Larger modules", () => this.begin("size")), button("button", "Turn a hinge by 1°", () => this.begin("hinge"))),
-      element("p", { class: "hint" }, "Makes modules larger until the first two touch. Or turns a hinge of the selected module, or of any, by one degree more than planned."));
+      element("p", { class: "hint" }, "Makes modules larger until the first two touch. Or keeps a hinge of the selected module, or of any, one degree beside the plan."));
     this.open = element("details", { class: "assumptions", hidden: true }, element("summary", {}, "What is not claimed"), element("ul", {}, ...NOT_CLAIMED.map((said) => element("li", {}, said))));
     place.append(this.running, this.line, element("p", {}, this.where), this.open, this.tries);
     this.where.hidden = true;
