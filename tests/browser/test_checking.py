@@ -92,8 +92,9 @@ def test_either_of_two_folds_is_checked(visit: Visit, wrench: str) -> None:
     dialog = page.get_by_role("dialog")
     expect(dialog.get_by_role("status")).to_contain_text("Checked by this browser")
     keep(page, "checked-compared")
-    page.keyboard.press("Escape")
+    dialog.get_by_role("button", name="Tightest place").click()
     expect(dialog).to_have_count(0)
+    expect(page.locator("#r-phase")).to_have_text("Playback")
 
 
 def test_it_is_checked_on_a_phone(visit: Visit, wrench: str) -> None:

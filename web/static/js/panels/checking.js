@@ -62,9 +62,11 @@ export class Checking {
    * @param {HTMLElement} place
    * @param {import("../player/player.js").Player} player
    * @param {string} id of the fold
+   * @param {(frame: number) => void} [seek] shows a frame of its timeline
    */
-  constructor(place, player, id) {
+  constructor(place, player, id, seek = (frame) => { player.send({ do: "seek", frame }); }) {
     this.player = player;
+    this.seek = seek;
     this.href = `/api/folds/${id}/plan.npz`;
     this.onGo = () => {};
     /** @type {Worker | null} */
@@ -137,7 +139,7 @@ export class Checking {
     const { player, seen } = this;
     const frames = player.timeline.outline?.frames;
     if (!seen || !frames) return;
-    player.send({ do: "seek", frame: frames - seen.frames + seen.at.frame });
+    this.seek(frames - seen.frames + seen.at.frame);
     player.mark(seen.at.modules);
     player.lookAt(seen.at.modules);
     this.onGo();
@@ -148,13 +150,14 @@ export class Checking {
 /**
  * @param {import("../player/player.js").Player} player
  * @param {{ id: string, name: string }} fold
+ * @param {(frame: number) => void} [seek]
  */
-export function checkInDialog(player, { id, name }) {
+export function checkInDialog(player, { id, name }, seek) {
   const place = element("div", { id: "check" });
   const close = button("icon-button dialog-close", "", () => dialog.close(), { "aria-label": "Close", title: "Close" });
   close.append(svg("svg", { class: "icon" }, svg("use", { href: "#i-close" })));
   const dialog = element("dialog", { class: "dialog", "aria-labelledby": "check-title" }, close, element("h2", { id: "check-title" }, `Check ${name}`), place);
-  const checking = new Checking(place, player, id);
+  const checking = new Checking(place, player, id, seek);
   checking.onGo = () => dialog.close();
   dialog.onclose = () => { checking.end(); dialog.remove(); };
   document.body.append(dialog);
