@@ -251,3 +251,18 @@ def test_no_forged_plan_is_proved(plans: list[Path], tmp_path: Path) -> None:
         plan = foldback_check.Plan(told.path)
         assert proved_clearance(plan) >= found["claim"] - 1e-6, (told, found)
     assert refused >= FORGED / 2
+
+
+@pytest.mark.parametrize("change", [{"apart": 9}, {"apart": 0}, {"rigid_links": -1}])
+def test_a_module_of_ones_own_exempts_no_more(change: dict[str, Any], tmp_path: Path) -> None:
+    with np.load(PLANS["box-8-windows"]) as file:
+        f = {name: file[name] for name in file.files}
+    told = json.loads(str(f["plan"]))
+    geometry = json.loads(json.dumps(foldback_check.KNOWN["cube"])) | change
+    told["chain"]["module"], told["claim"] = "brick", {"module": geometry}
+    apart = geometry["apart"]
+    told["certificate"]["exempt_pairs"] = {"apart": apart, "count": (apart - 1) * 7}
+    f["plan"] = np.array(json.dumps(told))
+    np.savez(tmp_path / "own.npz", **f)
+    (found,) = verdicts([tmp_path / "own.npz"])
+    assert not found["proved"]

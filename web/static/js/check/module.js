@@ -95,7 +95,8 @@ export class Module {
 
   /** Whether the joint turns without stretching, and the corners span a solid. */
   get sound() {
-    const { turn, axes } = this.told;
+    const { turn, axes, rigid_links: rigid } = this.told;
+    if (!Number.isInteger(rigid) || rigid < 0) return false;
     const same = turn.every((a, i) => turn.every((b, j) => Math.abs(dot(a, b) - Number(i === j)) < 8e-15));
     return same && dot(turn[0], cross(turn[1], turn[2])) > 0 && axes.every((a) => Math.abs(norm(a) - 1) < 8e-15) && this.sides.faces.length > 2;
   }
