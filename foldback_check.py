@@ -1,548 +1,537 @@
-"""Prove from a plan file alone that a chain of modules folds without touching itself.
+"""Prove from a plan's file alone that a chain of modules folds without touching itself.
 
-    python foldback_check.py plan.npz [--cells path.json] [--size S] [--claim C] [--json]
+    python foldback_check.py plan.npz [--end shape.json] [--size S] [--claim C] [--json]
 
-Needs NumPy and nothing of foldback. The claim is that of docs/certificate.md: frames, hinges that turn evenly between
-them, modules of a given size, and a clearance that every pair of modules keeps *all the time*, apart from pairs that
-share a joint. Exit status: 0 proved, 1 not proved (with modules, moment and gap), 2 no readable plan.
+Needs NumPy, and nothing of foldback. docs/certificate.md states what is claimed: hinges turn evenly
+from frame to frame, and every pair of modules keeps a clearance *all the time*, apart from pairs
+that share a joint. Lengths are in pitches. Exits with 0: proved, 1: not proved, 2: no plan.
 
-MOTION.  Seen from module i, a point v of module j is y(t) = sum_m P_m(t) e_m + P(t) v: products of hinge turns (and
-constant turns), and constant links e_m. Each derivative brings down one hinge's rate and a cross product with a unit
-vector, so |y^(p)| <= S^p (L + |v|): S the sum of |rates| of the hinges between, L the length of the links between.
-INTERPOLATION.  For a unit n fixed in i, interpolating n.y at the p Chebyshev nodes of an interval of w frames is off by
-at most rem = c (w S)^p (L + r), c = 2 / (4^p p!), r the radius of a module. A polynomial is nowhere below its least
-Bernstein coefficient. So: the least coefficient over j's corners, less i's support along n, less rem, is a lower
-bound of the distance of the two modules during the whole interval. If it is below the claim, the interval is halved.
-The axis n may be chosen in any way: a bad one proves nothing, and cannot prove a falsehood. Same with i and j exchanged.
-CANDIDATES.  Modules whose centres are 2 r + claim apart are clear. From mid-interval on a centre moves at most
-D = min(Lambda max_k |x(t_k) - x(mid)| + c (w S)^p L, w S L / 2) as seen from a module held still (Lambda: Lebesgue
-constant of the nodes), a vector fixed in a module turns by at most D with L = 1, and two centres approach by no more
-than D + D or w S L / 2 of the hinges between them. Boxes about parts of the chain are compared, then boxes of halves.
-RIGID PAIRS.  Between which no hinge turns keep the distance that was proved before. In a windowed plan the modules before
-the moving part are as folded, those behind it straight: both shapes are proved once, with all their pairs.
-ROUNDING (u = 2^-53).  Angles are off by at most 4 u |step| + 2 u |angle|, NumPy's sine and cosine by 4 ulp: a, all told.
-A hinge mixes two columns of a rotation, each off by (2 a + 3 u), both by less than sqrt 2 times that; a constant turn
-whose entries are not 0 and +-1 adds 15 u. Turning keeps the Frobenius norm of older errors, so after m links a rotation
-is off by m e, e the sum for one link, a position by l m^2 (e/2 + 8 u), l the length of a link. Differences seen from
-another module, with corners: at most E0 = n (l n + 2 r) (2 e + 48 u) for n modules; Bernstein coefficients multiply by
-|B|, and B itself, axes and supports add 256 u: E = |B| (l n + 2 r) (n (2 e + 48 u) + 256 u) is taken off every bound.
-Products of 1 + (few n) u and sums of rates are covered by factors 1 + 1e-9 and by `slack`. For 160 cubes E is 1e-9.
+MOTION. Seen from module i, a point v of module j is y(t) = sum_m P_m(t) e_m + P(t) v, with products
+P_m of hinge rotations and constant links e_m. A derivative brings down one hinge's rate and a cross
+product with a unit vector, so |y^(p)| <= S^p (L + |v|): S is the sum of the |rates| of the hinges
+between i and j, L the length of the links between.
+AXIS. For a unit vector n fixed in i, interpolating n.y at the p Chebyshev nodes of w frames is off
+by at most rem = c (w S)^p (L + r), c = 2 / (4^p p!), with r the radius of a module. A polynomial is
+nowhere below its least Bernstein coefficient. So the least coefficient over all corners of j, less
+the support of i along n, less rem, bounds the distance of the modules from below for all the
+interval. Otherwise it is halved. The choice of n cannot make a bound wrong.
+CANDIDATES. Modules with centres 2 r + claim apart are clear. Seen from a module that is held still,
+a centre goes no farther from where it is in mid-interval than D = min(A max_k |x_k - x_mid| +
+c (w S)^p L, w S L / 2), A the Lebesgue constant of the nodes; a vector fixed in a module turns by
+no more than D with L = 1; two centres approach by at most D_i + D_j, and by w S L / 2 of the hinges
+between them. Boxes about parts of the chain are compared, then boxes about their halves, and so on.
+RIGID PAIRS, between which no hinge turns, keep the distance that was proved before. In a windowed
+plan the modules before the window are as folded, those behind it are straight: both shapes are
+proved once, with all their pairs.
+ROUNDING, u = 2^-53. An angle is off by 4 u |step| + 2 u |angle|, sine and cosine by 8 u more: a in
+all. A hinge mixes two columns of a rotation, each is off by 2 a + 3 u; a constant rotation whose
+entries are not 0, 1 or -1 adds 40 u. Rotating keeps the Frobenius norm of an error. So m links on a
+rotation is off by m e, with e the sum of one link, and a position by l m^2 (e/2 + 8 u), with l the
+length of a link. Points of j seen from i are off by n (l n + 2 r) (2 e + 48 u) for n modules.
+Bernstein coefficients multiply that by |B|; B itself, axes and supports add 256 u (l n + 2 r) |B|.
+The sum is `rounding`, taken off every bound; 1e-8 for 160 cubes. Sums of rates have `slack`, and
+factors near 1 are within 1e-9.
 """
 
 import argparse
 import hashlib
+import itertools
 import json
 import math
-import pathlib
 import sys
 import time
-import zipfile
 
 import numpy as np
 
 U = 2.0**-53
-ORDER = 5  # nodes of an interval; odd, so that one of them is its middle
-DEPTH = 14  # an interval is halved at most so many times
-BATCH = 300_000  # poses that are computed at once
-PAIRS = 20_000  # pairs that are looked at, at once
-CROWD = 200  # pairs for each moving module from which on an interval is halved unseen
-CUBE = dict(corners=[[x, y, z] for x in (-.5, .5) for y in (-.5, .5) for z in (-.5, .5)], anchor=[0, 0, 0], axes=[[0, 0, 1], [0, 1, 0]],
-            turn=np.eye(3).tolist(), offset=[1, 0, 0], rigid_links=1, apart=2, limit_rad=math.radians(92), hinges=["_z", "_y"])
-TETRAHEDRON = dict(corners=[[-.5, -1, 0], [-.5, 1, 0], [.5, 0, -1], [.5, 0, 1]], anchor=[.5, 0, 0], axes=[[0, 0, 1]],
-                   turn=[[1, 0, 0], [0, 0, -1], [0, 1, 0]], offset=[.5, 0, 0], rigid_links=0, apart=1, limit_rad=math.radians(90.85), hinges=[""])
-KNOWN = {"cube": CUBE, "tetrahedron": TETRAHEDRON}
+ORDER, MID = 5, 2  # nodes of an interval: odd, so that one of them is in the middle
+DEPTH = 14  # times that an interval between two frames is halved at most
+BATCH, PAIRS = 300_000, 20_000  # poses and pairs that are computed at once
+CROWD = 200  # pairs for each moving module above which an interval is halved before it is looked at
+ONE, H, T = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], math.sqrt(0.5), math.sqrt(1 / 3)
+CUBE = {
+    "corners": [[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)],
+    "faces": ONE, "edges": ONE, "anchor": [0.0, 0.0, 0.0], "offset": [1.0, 0.0, 0.0],
+    "turns": [ONE, [ONE[1], ONE[2], ONE[0]], [ONE[2], ONE[0], ONE[1]]],
+    "hinges": ["_z", "_y"], "rigid_links": 1, "apart": 2, "limit_rad": math.radians(92.0),
+}
+TETRAHEDRON = {
+    "corners": [[-0.5, -1.0, 0.0], [-0.5, 1.0, 0.0], [0.5, 0.0, -1.0], [0.5, 0.0, 1.0]],
+    "faces": [[-H, 0.0, H], [-H, 0.0, -H], [H, H, 0.0], [H, -H, 0.0]],
+    "edges": [ONE[1], ONE[2], *([T, y, z] for y in (-T, T) for z in (-T, T))],
+    "anchor": [0.5, 0.0, 0.0], "offset": [0.5, 0.0, 0.0],
+    "turns": [ONE, [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]],
+    "hinges": [""], "rigid_links": 0, "apart": 1, "limit_rad": math.radians(90.85),
+}
+MODULES = {"cube": CUBE, "tetrahedron": TETRAHEDRON}
 
 
 class NotProved(Exception):
-    """What could not be proved, and where."""
-
-
-class Unreadable(Exception):
-    """The file holds no plan."""
+    """Something that could not be proved, with the place."""
 
 
 def require(condition, message):
+    """Raise NotProved unless the condition holds."""
     if not condition:
         raise NotProved(message)
 
 
-# ------------------------------------------------------------------ modules
-def unit(v):
-    return v / np.linalg.norm(v, axis=-1, keepdims=True)
-
-
-def directions(vectors):
-    """Unit vectors without repeats, of opposite ones only one."""
-    found = []
-    for v in vectors:
-        if np.linalg.norm(v) > 1e-9 and not any(abs(unit(v) @ f) > 1 - 1e-9 for f in found):
-            found.append(unit(v))
-    return np.array(found)
-
-
 class Module:
-    """A convex module at its size, and the joint to the next one: pose' = pose anchor turn(axis, q)... turn offset."""
+    """A convex module at its size. From one to the next: anchor, turn, hinge, turn, ..., offset."""
 
     def __init__(self, told, size):
-        self.V = np.array(told["corners"], float) * size
-        self.radius = float(np.linalg.norm(self.V, axis=1).max())
-        self.half = np.abs(self.V).max(0)
-        self.box = len(self.V) == 8 and (np.abs(self.V) == self.half).all() and len(np.unique(self.V, axis=0)) == 8
-        planes = []  # corners on each face
-        for a in range(len(self.V)):
-            for b in range(a):
-                for c in range(b):
-                    normal = np.cross(self.V[a] - self.V[c], self.V[b] - self.V[c])
-                    level = (self.V - self.V[c]) @ normal
-                    flat = np.abs(level) < 1e-9
-                    if np.linalg.norm(normal) > 1e-9 and ((level <= 1e-9).all() or (level >= -1e-9).all()):
-                        planes.append((normal, frozenset(np.flatnonzero(flat).tolist())))
-        require(planes, "the module's corners span no solid")
-        self.faces = directions(p[0] for p in planes)
-        sets = {p[1] for p in planes}
-        self.edges = directions(self.V[a] - self.V[b] for a in range(len(self.V)) for b in range(a) if sum({a, b} <= s for s in sets) > 1)
-        self.anchor, self.offset = np.array(told["anchor"], float), np.array(told["offset"], float)
-        self.link = float(np.linalg.norm(self.anchor) + np.linalg.norm(self.offset)) * (1 + 1e-12)
-        turn, axes = np.array(told["turn"], float), np.array(told["axes"], float)
-        require(np.abs(turn @ turn.T - np.eye(3)).max() < 1e-15 * 8 and np.linalg.det(turn) > 0, "the joint's turn is no rotation")
-        require(np.abs(np.linalg.norm(axes, axis=1) - 1).max() < 1e-15 * 8, "a hinge axis is no unit vector")
-        frames = [np.eye(3)]  # each with a hinge axis as third column
-        for axis in axes:
-            one = unit(np.cross(axis, np.eye(3)[(np.abs(axis).argmax() + 2) % 3])) if np.count_nonzero(axis) > 1 else np.roll(np.eye(3), 1, 0)[np.abs(axis).argmax()]
-            frames.append(np.stack([one, np.cross(axis, one), axis], axis=1))
-        self.between = [frames[k].T @ frames[k + 1] for k in range(len(axes))] + [frames[-1].T @ turn]
-        self.plain = all(np.isin(m, (-1, 0, 1)).all() for m in self.between)
-        self.hinges, self.rigid, self.apart = len(axes), int(told["rigid_links"]), int(told["apart"])
-        self.limit, self.names = float(told["limit_rad"]), told["hinges"]
+        parts = ("corners", "faces", "edges", "anchor", "offset", "turns")
+        self.corners, self.faces, self.edges, self.anchor, self.offset, self.turns = (
+            np.array(told[part], float) for part in parts)
+        self.names, self.rigid, self.apart = told["hinges"], told["rigid_links"], told["apart"]
+        self.limit, square = told["limit_rad"], self.turns @ self.turns.swapaxes(1, 2)
+        solid = np.concatenate([self.corners.ravel(), self.anchor, self.offset])
+        require(np.abs(square - ONE).max() < 1e-15 and (np.linalg.det(self.turns) > 0).all() and
+                np.abs((self.faces**2).sum(1) - 1).max() < 1e-15 and np.isfinite(solid).all() and
+                self.apart in (1, 2) and self.rigid in (0, 1) and np.isfinite(self.edges).all() and
+                len(self.turns) == len(self.names) + 1, "a module that cannot be")
+        self.corners *= size
+        self.radius = np.linalg.norm(self.corners, axis=1).max() * (1 + 1e-12)
+        self.link = (np.linalg.norm(self.anchor) + np.linalg.norm(self.offset)) * (1 + 1e-12)
+        self.half = np.abs(self.corners).max(0)
+        box = itertools.product(*np.stack([-self.half, self.half], axis=1))
+        self.box = {*map(tuple, self.corners)} == {*box}
+        self.exact = np.isin(self.turns, (-1.0, 0.0, 1.0)).all()
 
     def least(self, v):
-        """Least of v . corner over the corners, (..., 3) to (...)."""
-        return -(np.abs(v) @ self.half) if self.box else (v @ self.V.T).min(-1)
+        """Return the least v . corner, (..., 3) to (...)."""
+        return -(np.abs(v) @ self.half) if self.box else (v @ self.corners.T).min(-1)
 
-    def poses(self, q, x, C):
-        """Centres (W+1, M, 3) and axes as rows (W+1, M, 3, 3) of (W, K, M) angles, the first at x (3, M), C (3, 3, M)."""
-        X, R = np.empty((len(q) + 1, *x.shape)), np.empty((len(q) + 1, *C.shape))
-        X[0], R[0] = x, C
-        cos, sin = np.cos(q), np.sin(q)
+    def poses(self, q, x, axes):
+        """Return centres (m+1, M, 3) and axes as rows (m+1, M, 3, 3) for angles (m, K, M)."""
+        X, R = np.empty((len(q) + 1, *x.shape)), np.empty((len(q) + 1, *axes.shape))
+        X[0], R[0], cos, sin = x, axes, np.cos(q), np.sin(q)
         for m in range(len(q)):
-            before, C = C, R[m + 1]
-            C[:] = before
-            for k, turn in enumerate(self.between):
-                if not np.array_equal(turn, np.eye(3)):
+            C = R[m + 1]
+            C[:] = R[m]
+            for k, turn in enumerate(self.turns):
+                if (turn != ONE).any():
                     C[:] = (turn.T @ C.reshape(3, -1)).reshape(C.shape)
-                if k < self.hinges:
+                if k < len(self.names):  # a hinge about the third axis
                     c, s, first = cos[m, k], sin[m, k], C[0].copy()
-                    C[0] = c * first + s * C[1]
-                    C[1] = c * C[1] - s * first
-            X[m + 1] = X[m] + sum(a * b for a, b in zip(self.anchor, before) if a) + sum(a * b for a, b in zip(self.offset, C) if a)
-        return np.ascontiguousarray(X.transpose(0, 2, 1)), np.ascontiguousarray(R.transpose(0, 3, 1, 2))
+                    C[0], C[1] = c * first + s * C[1], c * C[1] - s * first
+            X[m + 1] = X[m] + sum(a * v for a, v in zip(self.anchor, R[m], strict=True) if a)
+            X[m + 1] += sum(a * v for a, v in zip(self.offset, C, strict=True) if a)
+        return X.transpose(0, 2, 1).copy(), R.transpose(0, 3, 1, 2).copy()
+
+    def chain(self, angles):
+        """Return centres (n, 3) and axes (n, 3, 3) of a chain with these angles, a slot each."""
+        q = angles.reshape(-1, len(self.names), 1)
+        x, axes = self.poses(q, np.zeros((3, 1)), np.eye(3)[:, :, None])
+        return x[:, 0], axes[:, 0]
 
 
-# ------------------------------------------------------------------ plans
 class Motion:
-    """Angles of all hinges at each frame: those before a window as folded, those behind it 0. Slots count rigid links too."""
+    """Hinge angles at all frames: before the window as folded, in it `values`, behind it 0.
 
-    def __init__(self, module, n, first, offsets, values, folded, windowed):
-        pad = module.rigid * module.hinges
-        self.slots, self.windowed = (n - 1) * module.hinges, windowed
-        self.first, self.offsets, self.values = np.asarray(first, "i8") + pad * windowed, np.asarray(offsets, "i8"), values
-        self.folded = np.concatenate([np.zeros(pad), folded])
-        self.last = self.first + np.diff(self.offsets)
+    A slot is a hinge of the chain, or one that a rigid link would have.
+    """
 
-    def frame(self, k, low, high):
-        """Angles of the slots low to high, those beyond the chain 0."""
-        out, a, b = np.zeros(high - low), self.first[k], self.last[k]
-        core = max(min(a, high), low)
-        out[:core - low] = self.folded[low:core]
-        s, e = max(min(a, high), low), max(min(b, high), low)
-        out[s - low:e - low] = self.values[self.offsets[k] + s - a:self.offsets[k] + e - a]
+    def __init__(self, slots, first, offsets, values, folded):
+        self.slots, self.first, self.offsets = slots, np.asarray(first), np.asarray(offsets)
+        self.values, self.folded, self.last = values, folded, self.first + np.diff(self.offsets)
+        self.frames = len(self.first)
+        self.windowed = bool(self.first.any() or (self.last != slots).any())
+
+    def angles(self, frame, low, high):
+        """Return the angles of slots low to high; those beyond the chain are 0."""
+        a, b = (min(max(int(end[frame]), low), high) for end in (self.first, self.last))
+        begin = self.offsets[frame] - self.first[frame]
+        out = np.zeros(high - low)
+        out[: a - low] = self.folded[low:a]
+        out[a - low : b - low] = self.values[begin + a : begin + b]
         return out
 
 
-def whole(planes):
+def whole_numbers(planes):
+    """Return the whole numbers that four planes of bytes hold as zigzag codes."""
     codes = np.ascontiguousarray(planes.T).view("<u4").astype("i8").ravel()
     return (codes >> 1) ^ -(codes & 1)
 
 
-def window_values(told, first, offsets, folded, f):
-    """Angles of windowed frames; stored are changes since the frame before, a hinge that enters counts as folded or as 0."""
-    if "angle_planes" not in f:
-        return np.asarray(f["angles_rad"], float)
-    changes, step = whole(f["angle_planes"]), told["angles"]["step_rad"]
-    require(len(changes) == offsets[-1], "another number of angles than the windows need")
+def window_values(changes, step, first, offsets, folded):
+    """Return a windowed plan's angles from changes since the frame before."""
     at_rest = np.rint(folded / step).astype("i8")
-    now, out, low, high = np.zeros(len(folded), "i8"), np.empty(len(changes), "f4"), 0, 0
+    now, values, low, high = np.zeros(len(folded), "i8"), np.empty(len(changes), "f4"), 0, 0
     for k, a in enumerate(first):
         b = a + offsets[k + 1] - offsets[k]
-        if k:
-            now[a:min(low, b)], now[max(high, a):b] = at_rest[a:min(low, b)], 0
+        if k:  # a hinge that enters the window counts as folded before it, as straight behind it
+            now[a : min(low, b)], now[max(high, a) : b] = at_rest[a : min(low, b)], 0
+        now[a:b] += changes[offsets[k] : offsets[k + 1]]
+        values[offsets[k] : offsets[k + 1]] = now[a:b] * step
         low, high = a, b
-        now[a:b] += changes[offsets[k]:offsets[k + 1]]
-        out[offsets[k]:offsets[k + 1]] = now[a:b] * step
-    return out.astype(float)
+    return values
 
 
 class Plan:
-    """A plan file, checked against what it says of itself."""
+    """A plan's file, checked against what it says of itself.
+
+    Raises:
+        NotProved: It contradicts itself, or claims nothing.
+        ValueError: It cannot be read.
+    """
 
     def __init__(self, path, size=None, claim=None):
         try:
-            with np.load(path, allow_pickle=False) as file:
-                f = {name: file[name] for name in file.files}
-            self.told = told = json.loads(str(f["plan"]))
-            said, chain = told["certificate"], told["chain"]
+            with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            told = json.loads(str(arrays["plan"]))
+            chain, said = told["chain"], told["certificate"]
+            self.kind, self.count = str(chain["module"]), int(chain["modules"])
+            geometry = told.get("claim", {}).get("module", MODULES.get(self.kind))
+            require(geometry == MODULES.get(self.kind, geometry), f"{self.kind}s of another kind")
+            self.kind += "" if self.kind in MODULES else ", as the plan describes it"
             self.size = float(said["module_size"] if size is None else size)
-            geometry = told.get("claim", {}).get("module") or KNOWN[chain["module"]]
-            require(chain["module"] not in KNOWN or json.dumps(geometry) == json.dumps(KNOWN[chain["module"]]), f"another module than a {chain['module']}")
-            require(0 < self.size <= 1, f"a module size of {self.size:g}")
-            self.module, self.n = Module(geometry, self.size), int(chain["modules"])
+            require(0.0 < self.size <= 1.0, f"a module size of {self.size:g}")
+            self.module = Module(geometry, self.size)
             self.claim = float(said["clearance_bound"] or 0.0) if claim is None else claim
-            folded = np.array(chain["folded_rad"], float)
-            self.read(f, folded)
-        except (KeyError, TypeError, ValueError, OSError, zipfile.BadZipFile, EOFError) as error:
-            raise Unreadable(f"{path}: no readable plan ({type(error).__name__}: {error})") from error
-        self.agrees(f, said, folded)
+            self._read(arrays, told)
+            self._agree(arrays, told, said)
+        except NotProved:
+            raise
+        except Exception as error:  # whatever is wrong with it, nothing is proved
+            raise ValueError(f"{path}: {type(error).__name__}: {error}") from error
 
-    def read(self, f, folded):
-        m, n, told, J = self.module, self.n, self.told, len(folded)
-        require(n >= 2 and J == (n - 1 - m.rigid) * m.hinges, f"{J} hinges for {n} modules")
-        names = [f"joint_{i}{h}" for i in range(m.rigid, n - 1) for h in m.names]
-        require([str(name) for name in f["joint_names"]] == names, "other names of the hinges, or another order")
-        self.windowed = "first" in f
-        if self.windowed:
-            first, offsets = f["first"].astype("i8"), f["offsets"].astype("i8")
-            widths = np.diff(offsets)
-            require(len(widths) == len(first) and len(first) and offsets[0] == 0 and (widths >= 0).all() and (first >= 0).all()
-                    and (first + widths <= J).all(), "windows that do not lie within the chain")
-            values = window_values(told, first, offsets, folded, f)
-            require(len(values) == offsets[-1], "another number of angles than the windows need")
-            self.digest = (first, offsets, values)
+    def _read(self, arrays, told):
+        module, folded = self.module, np.array(told["chain"]["folded_rad"], float)
+        pad = module.rigid * len(module.names)
+        hinges, slots = len(folded), (self.count - 1) * len(module.names)
+        require(self.count > 1 and hinges == slots - pad, f"{hinges} hinges, {self.count} modules")
+        names = [f"joint_{k}{end}" for k in range(module.rigid, self.count - 1)
+                 for end in module.names]
+        require(arrays["joint_names"].tolist() == names, "other hinges, or in another order")
+        codes = whole_numbers(arrays["angle_planes"]) if "angle_planes" in arrays else None
+        step = told["angles"]["step_rad"] if codes is not None else 0.0
+        if "first" in arrays:
+            first, offsets = arrays["first"].astype("i8"), arrays["offsets"].astype("i8")
+            width = np.diff(offsets)
+            require(len(width) == len(first) > 0 == offsets[0] and width.min() >= 0 <= first.min()
+                    and (first + width).max() <= hinges, "windows that do not fit the chain")
+            values = (arrays["angles_rad"] if codes is None else
+                      window_values(codes, step, first, offsets, folded))
+            require(len(values) == offsets[-1], "more or fewer angles than the windows hold")
+            self.digest = _digest(first, offsets, values)
+            first += pad
         else:
-            q = f.get("joint_angles_rad")
+            q = arrays.get("joint_angles_rad")
             if q is None:
-                q = whole(f["angle_planes"]).reshape(told["angles"]["shape"])
+                q = codes.reshape(told["angles"]["shape"])
                 for _ in range(told["angles"]["differences"]):
                     q = q.cumsum(axis=0)
-                q = q * told["angles"]["step_rad"]
-            q = np.asarray(q, float)
-            require(q.ndim == 2 and q.shape[1] == J and len(q), f"angles of the shape {q.shape} for {J} hinges")
-            self.digest = (q,)
-            q = np.concatenate([np.zeros((len(q), m.rigid * m.hinges)), q], axis=1)
-            first, offsets, values = np.zeros(len(q), "i8"), np.arange(len(q) + 1) * q.shape[1], q.ravel()
-        self.motion, self.F = Motion(m, n, first, offsets, values, folded, self.windowed), len(first)
+                q = q * step
+            require(q.ndim == 2 and q.shape[1] == hinges and len(q), "angles of other hinges")
+            self.digest = _digest(q)
+            values = np.hstack([np.zeros((len(q), pad)), q]).ravel()
+            first, offsets = np.zeros(len(q), "i8"), np.arange(len(q) + 1) * slots
+        folded = np.concatenate([np.zeros(pad), folded])
+        self.motion = Motion(slots, first, offsets, values.astype(float), folded)
 
-    def agrees(self, f, said, folded):
-        m, motion = self.module, self.motion
-        require(str(said["verdict"]).startswith("verified"), f"the plan itself says: {said['verdict']}")
-        require(math.isfinite(self.claim) and self.claim > 0, "the plan claims no clearance")
-        exempt = said.get("exempt_pairs") or dict(apart=m.apart, count=(m.apart - 1) * (self.n - 1))
-        require((exempt["apart"], exempt["count"]) == (m.apart, (m.apart - 1) * (self.n - 1)), "other pairs are exempt than those that share a joint")
-        require(np.isfinite(motion.values).all() and np.isfinite(folded).all(), "angles that are not finite")
-        most = max(np.abs(motion.values).max(initial=0), np.abs(folded).max(initial=0))
-        require(most <= m.limit + 1e-6, f"a hinge turns to {math.degrees(most):.3f} degrees, beyond {math.degrees(m.limit):.2f}")
-        self.most = float(most)
-        times = f["time_s"]
-        require(len(times) == self.F and np.isfinite(times).all() and (np.diff(times) >= 0).all(), "times that do not rise from frame to frame")
-        begin = self.told.get("start")
-        start = np.zeros(len(folded)) if begin is None else np.array(begin["folded_rad"], float)
-        pad = m.rigid * m.hinges
-        require(len(start) == len(folded) and np.abs(motion.frame(0, pad, motion.slots) - start).max(initial=0) <= 1e-6,
-                "does not begin straight" if begin is None else "does not begin as it says")
-        require(np.abs(motion.frame(self.F - 1, pad, motion.slots) - folded).max(initial=0) <= 1e-6, "does not end folded")
-        self.sha256 = hashlib.sha256(b"".join(np.ascontiguousarray(a).astype(a.dtype.newbyteorder("<")).tobytes() for a in self.digest)).hexdigest()
-        told = self.told.get("claim", {}).get("angles_sha256", self.sha256)
-        require(told == self.sha256, "the angles are not those of the digest")
-
-
-# ------------------------------------------------------------------ candidates
-def levels(low, high):
-    """Centres and half sizes of boxes about 1, 2, 4, ... neighbours along axis 0."""
-    found = [((low + high) / 2, (high - low) / 2)]
-    while len(low) > 1:
-        if len(low) % 2:
-            low, high = np.concatenate([low, low[-1:]]), np.concatenate([high, high[-1:]])
-        low, high = np.minimum(low[::2], low[1::2]), np.maximum(high[::2], high[1::2])
-        found.append(((low + high) / 2, (high - low) / 2))
-    return found
+    def _agree(self, arrays, told, said):
+        module, motion, slots = self.module, self.motion, self.motion.slots
+        verdict, self.exempt = str(said["verdict"]), (module.apart - 1) * (self.count - 1)
+        require(verdict.startswith("verified"), f"the plan says of itself: {verdict}")
+        require(0.0 < self.claim < math.inf, "the plan claims no clearance")
+        exempt = said.get("exempt_pairs") or {"apart": module.apart, "count": self.exempt}
+        require(exempt["apart"] == module.apart and exempt["count"] == self.exempt, "exempt pairs")
+        require(said.get("frames") in (None, motion.frames), "more or fewer frames than certified")
+        require(np.isfinite(motion.values).all() and np.isfinite(motion.folded).all(), "no numbers")
+        self.largest = max(np.abs(v).max(initial=0.0) for v in (motion.values, motion.folded))
+        require(self.largest <= module.limit + 1e-6, f"a hinge at {self.largest:.6f} rad")
+        self.step = float(said.get("max_joint_step_rad") or math.inf)
+        times = arrays["time_s"]
+        require(len(times) == motion.frames and np.isfinite(times).all() and
+                (np.diff(times) >= 0.0).all(), "times that do not rise")
+        start = np.zeros(slots)
+        if told.get("start") is not None:
+            start[module.rigid * len(module.names) :] = told["start"]["folded_rad"]
+        ends = (start, "begin as it should"), (motion.folded, "end folded")
+        for frame, (angles, words) in zip((0, motion.frames - 1), ends, strict=True):
+            off = np.abs(motion.angles(frame, 0, slots) - angles).max()
+            require(off <= 1e-6, f"it does not {words}: a hinge is off by {off:.7f} rad")
+        stated = told.get("claim", {}).get("angles_sha256", self.digest)
+        require(stated == self.digest, "angles that do not have the digest which the plan states")
 
 
-def largest(values):
-    found = [values]
-    while len(values) > 1:
-        values = np.concatenate([values, values[-1:]]) if len(values) % 2 else values
-        values = np.maximum(values[::2], values[1::2])
-        found.append(values)
+def _digest(*arrays):
+    data = (a.astype(a.dtype.newbyteorder("<"), order="C").tobytes() for a in arrays)
+    return hashlib.sha256(b"".join(data)).hexdigest()
+
+
+def levels(x, way):
+    """Return (low, high, way) of boxes about 1, 2, 4, ... neighbours along axis 0."""
+    found = [(x, x, way)]
+    while len(found[-1][2]) > 1:
+        low, high, way = (np.concatenate([v, v[-1:]])[: len(v) + len(v) % 2] for v in found[-1])
+        found.append((np.minimum(low[::2], low[1::2]), np.maximum(high[::2], high[1::2]),
+                      np.maximum(way[::2], way[1::2])))
     return found
 
 
 class Batch:
-    """Some intervals: poses at their nodes, of the moving modules; modules before are at rest, those behind are straight."""
+    """Some intervals: poses of the moving modules at their nodes, and pairs that may come near."""
 
     def __init__(self, proof, items):
-        self.proof, self.items, m, motion, n = proof, items, proof.module, proof.motion, proof.n
-        self.k, self.t, self.w = k, t, w = [np.array([item[a] for item in items]) for a in range(3)]
-        after = np.minimum(k + 1, len(motion.first) - 1)
-        low, high = np.minimum(motion.first[k], motion.first[after]), np.maximum(motion.last[k], motion.last[after])
-        self.c = c = np.minimum(low // m.hinges, n - 2)
-        self.W = W = int(max((-(-high // m.hinges) - c).max(), 1))
-        ends = [[motion.frame(f, a * m.hinges, (a + W) * m.hinges) for a, f in zip(c, frames)] for frames in (k, after)]
-        q, step = np.array(ends[0]), np.array(ends[1]) - np.array(ends[0])
-        rates = np.abs(step).reshape(len(k), W, -1).sum(2) * w[:, None]
-        self.S = np.concatenate([np.zeros((len(k), 1)), rates.cumsum(1)], axis=1) * (1 + 1e-9)
-        self.slack = 4 * (W * m.hinges + 4) * U * self.S[:, -1]
-        self.turning = np.concatenate([np.zeros((len(k), 1), int), (rates > 0).cumsum(1)], axis=1)
-        at = t[:, None] + w[:, None] * proof.nodes
-        q = (q[:, None] + at[:, :, None] * step[:, None]).reshape(len(k) * ORDER, W, m.hinges).transpose(1, 2, 0)
-        base = np.repeat(c, ORDER)
-        x, C = m.poses(q, proof.core_x[base].T, proof.core_C[base].transpose(1, 2, 0))
-        self.x, self.C = x.reshape(W + 1, len(k), ORDER, 3), C.reshape(W + 1, len(k), ORDER, 3, 3)
-        self.fresh = k == 0
+        self.proof, motion, module = proof, proof.motion, proof.module
+        self.k, t, w = (np.array([item[a] for item in items]) for a in range(3))
+        frames, hinges = (self.k, np.minimum(self.k + 1, motion.frames - 1)), len(module.names)
+        low, high = motion.first[list(frames)].min(0), motion.last[list(frames)].max(0)
+        self.c = np.minimum(low // hinges, proof.count - 2)  # the last module before what moves
+        self.m = m = int(max((-(-high // hinges) - self.c).max(), 1))
+        q, end = (np.array([motion.angles(f, c * hinges, (c + m) * hinges)
+                            for c, f in zip(self.c, frame, strict=True)]) for frame in frames)
+        proof.step = max(proof.step, np.abs(end - q).max())
+        rate = np.abs(end - q).reshape(len(t), m, hinges).sum(2)
+        zero = np.zeros((len(t), 1))
+        self.turning = np.hstack([zero, (rate > 0.0).cumsum(1)])
+        self.S = np.hstack([zero, (rate * w[:, None]).cumsum(1)]) * (1 + 1e-9)
+        self.slack = 4 * (m * hinges + 4) * U * self.S[:, -1]
+        t = t[:, None] + w[:, None] * proof.nodes
+        self.middle = self.k + t[:, MID]
+        q = (q[:, None] + t[:, :, None] * (end - q)[:, None]).reshape(t.size, m, hinges)
+        base = np.repeat(self.c, ORDER) if motion.windowed else np.zeros(t.size, int)
+        x, axes = proof.folded[0][base].T, proof.folded[1][base].transpose(1, 2, 0)
+        x, axes = module.poses(q.transpose(1, 2, 0), x, axes)
+        self.x, self.axes = x.reshape(m + 1, *t.shape, 3), axes.reshape(m + 1, *t.shape, 3, 3)
 
-    def boxes(self):
-        """What is needed to find pairs: boxes about the moving modules, and how far they and the tail go."""
-        p, root, mid = self.proof, 0 if self.proof.motion.windowed else self.W // 2, ORDER // 2
-        seen = np.einsum("bkax,nbkx->nbka", self.C[root], self.x - self.x[root])
-        way = np.sqrt(((seen - seen[:, :, mid:mid + 1])**2).sum(3)).max(2)
-        turn = np.abs(self.S - self.S[:, root:root + 1]).T + self.slack
-        L = np.abs(np.arange(self.W + 1) - root)[:, None] * p.module.link
-        self.way = largest((np.minimum(p.lebesgue * way + p.c * turn**ORDER * L, .5 * turn * L) + p.E) * (1 + 1e-9))
-        C = np.einsum("bkax,bkcx->bkac", self.C[root], self.C[-1])
-        way = np.sqrt(((C - C[:, mid:mid + 1])**2).sum((2, 3))).max(1)
-        self.swing = (np.minimum(p.lebesgue * way + p.c * turn[-1]**ORDER, .5 * turn[-1]) + p.E) * (1 + 1e-9)
-        self.local = levels(self.x[:, :, mid], self.x[:, :, mid])
-        self.tail_x, self.tail_C = self.x[-1, :, mid], self.C[-1, :, mid]
-
-    def node(self, kind, level, i, b):
-        """Centre, half size, and way of a box about part of the chain; its first and last module."""
-        p, n = self.proof, self.proof.n
-        first, last = i << level, ((i + 1) << level) - 1
-        if kind == "core":
-            centre, half = p.core[level]
-            return centre[i], half[i], 0.0, first, np.minimum(last, self.c[b] - 1)
-        if kind == "local":
-            (centre, half), way = self.local[level], self.way[level]
-            return centre[i, b], half[i, b], way[i, b], self.c[b] + first, self.c[b] + np.minimum(last, self.W)
-        centre, half = p.tail[level]
-        C = self.tail_C[b]
-        way = self.way[0][-1, b] + p.tail_far[level][i] * self.swing[b]
-        begin = self.c[b] + self.W + 1
-        return self.tail_x[b] + np.einsum("qax,qa->qx", C, centre[i]), np.einsum("qax,qa->qx", np.abs(C), half[i]), way, begin + first, begin + last
-
-    def between(self, table, i, j, b):
-        return table[b, np.clip(j - self.c[b], 0, self.W)] - table[b, np.clip(i - self.c[b], 0, self.W)]
-
-    def near(self, one, two, tops, open_):
-        """Pairs (b, i, j), i before j, that may come too near; closes intervals with a crowd of them."""
-        p, n = self.proof, self.proof.n
-        b = np.flatnonzero(open_)
-        i = j = np.zeros(len(b), int)
-        li, lj = tops
-        while True:
-            ci, hi, wi, fi, ei = self.node(one, li, i, b)
-            cj, hj, wj, fj, ej = self.node(two, lj, j, b)
-            ej = np.minimum(ej, n - 1)
-            S = self.between(self.S, fi, ej, b) + self.slack[b]
-            gap = np.maximum(np.abs(ci - cj) - hi - hj, 0)
-            way = np.minimum(wi + wj, .5 * S * (ej - fi) * p.module.link) * (1 + 1e-9)
-            keep = (np.sqrt((gap * gap).sum(1)) < p.reach + way) & (ej - fi >= p.module.apart) & (fj < n) & (ei >= fi)
-            keep &= self.fresh[b] | (self.between(self.turning, fi, ej, b) > 0)
-            b, i, j = b[keep], i[keep], j[keep]
-            crowd = np.bincount(b, minlength=len(self.k)) > CROWD * (self.W + 10)
-            if crowd.any():
-                open_ &= ~crowd
-                keep = ~crowd[b]
-                b, i, j = b[keep], i[keep], j[keep]
-            if not li and not lj:
-                return b, self.node(one, 0, i, b)[3], self.node(two, 0, j, b)[3]
-            if li >= lj:
-                li -= 1
-                i = np.concatenate([2 * i, 2 * i + 1])
-                b, j = np.tile(b, 2), np.tile(j, 2)
-                keep = i < p.sizes(self, one)[li]
-            else:
-                lj -= 1
-                j = np.concatenate([2 * j, 2 * j + 1])
-                b, i = np.tile(b, 2), np.tile(i, 2)
-                keep = j < p.sizes(self, two)[lj]
-            b, i, j = b[keep], i[keep], j[keep]
+    def between(self, sums, i, j, b):
+        """Return the part of sums along the chain that belongs to hinges between i and j."""
+        return np.subtract(*(sums[b, np.clip(k - self.c[b], 0, self.m)] for k in (j, i)))
 
     def poses(self, modules, b):
-        """Centres (Q, p, 3) and axes (Q, p, 3, 3) of any modules."""
+        """Return centres (Q, p, 3) and axes as rows (Q, p, 3, 3) of modules."""
         at = modules - self.c[b]
-        inside = np.clip(at, 0, self.W)
-        x, C = self.x[inside, b], self.C[inside, b]
-        core, tail = np.flatnonzero(at < 0), np.flatnonzero(at > self.W)
-        x[core], C[core] = self.proof.core_x[modules[core], None], self.proof.core_C[modules[core], None]
-        xs, Cs = self.proof.straight_x[at[tail] - self.W], self.proof.straight_C[at[tail] - self.W]
-        x[tail] += np.einsum("qpax,qa->qpx", C[tail], xs)
-        C[tail] = np.einsum("qab,qpbx->qpax", Cs, C[tail])
-        return x, C
+        x, axes = (v[np.clip(at, 0, self.m), b] for v in (self.x, self.axes))
+        front, tail = np.flatnonzero(at < 0), np.flatnonzero(at > self.m)
+        x[front], axes[front] = (v[modules[front], None] for v in self.proof.folded)
+        offset, turn = (v[at[tail] - self.m] for v in self.proof.straight)
+        x[tail] += np.einsum("qpax,qa->qpx", axes[tail], offset)
+        axes[tail] = np.einsum("qab,qpbx->qpax", turn, axes[tail])
+        return x, axes
+
+    def ways(self):
+        """Return how far each module's centre may go from its place in mid-interval, (n, B)."""
+        proof, root = self.proof, 0 if self.proof.motion.windowed else self.m // 2
+        turn = np.abs(self.S - self.S[:, [root]]).T + self.slack
+        links = np.abs(np.arange(self.m + 1) - root)[:, None] * proof.module.link
+        seen = np.einsum("bkax,nbkx->nbka", self.axes[root], self.x - self.x[root])
+        way = proof.way(np.linalg.norm(seen - seen[:, :, [MID]], axis=3).max(2), turn, links)
+        last = np.einsum("bkax,bkcx->bkac", self.axes[root], self.axes[-1])
+        swing = proof.way(np.linalg.norm(last - last[:, [MID]], axis=(2, 3)).max(1), turn[-1], 1.0)
+        at = np.arange(proof.count)[:, None] - self.c
+        behind = np.maximum(at - self.m, 0) * proof.module.link * swing
+        return np.where(at < 0, 0.0, way[np.clip(at, 0, self.m), np.arange(len(self.c))] + behind)
+
+    def pairs(self, wanted):
+        """Return rows (b, i, j) of pairs that may come too near, and intervals with too many."""
+        proof, count, b = self.proof, self.proof.count, np.flatnonzero(wanted)
+        x, crowded = np.zeros((count, len(wanted), 3)), np.zeros(len(wanted), bool)
+        for s in b:
+            c, end = self.c[s], min(self.c[s] + self.m + 1, count)
+            x[:c, s], x[c:end, s] = proof.folded[0][:c], self.x[: end - c, s, MID]
+            tail = proof.straight[0][1 : count - end + 1] @ self.axes[-1, s, MID]
+            x[end:, s] = self.x[-1, s, MID] + tail
+        boxes = levels(x, self.ways()) if len(b) else []
+        i = j = np.zeros(len(b), int)
+        for level in reversed(range(len(boxes))):
+            low, high, way = boxes[level]
+            first, last = i << level, np.minimum((j + 1) << level, count) - 1
+            gap = np.maximum(np.maximum(low[j, b] - high[i, b], low[i, b] - high[j, b]), 0.0)
+            near = (self.between(self.S, first, last, b) + self.slack[b]) * (last - first) / 2
+            near = np.minimum(way[i, b] + way[j, b], near * proof.module.link) * (1 + 1e-9)
+            keep = (np.linalg.norm(gap, axis=1) < near + proof.reach) & ~crowded[b]
+            keep &= (self.k[b] == 0) | (self.between(self.turning, first, last, b) > 0)
+            keep &= last - first >= proof.module.apart
+            b, i, j = b[keep], i[keep], j[keep]
+            if level:  # the halves of both boxes
+                crowded |= np.bincount(b, minlength=len(crowded)) > CROWD * (self.m + 10)
+                half = np.arange(4)[:, None]
+                i, j, b = (2 * i + half // 2).ravel(), (2 * j + half % 2).ravel(), np.tile(b, 4)
+                keep = (i <= j) & (j < len(boxes[level - 1][2]))
+                b, i, j = b[keep], i[keep], j[keep]
+        return np.stack([b, i, j], axis=1)[~crowded[b]], crowded
 
 
-# ------------------------------------------------------------------ proof
 class Proof:
-    """The proof of one motion."""
+    """The proof that a motion keeps a clearance; what it came across is in its attributes."""
 
     def __init__(self, plan):
-        self.module, self.motion, self.n, self.claim = m, _, n, _ = plan.module, plan.motion, plan.n, plan.claim
-        p, grid = ORDER, np.linspace(0, 1, 20001)
-        self.nodes = np.sort((1 - np.cos((2 * np.arange(p) + 1) * np.pi / (2 * p))) / 2)
-        lagrange = [np.prod([(grid - s) / (t - s) for s in self.nodes if s != t], axis=0) for t in self.nodes]
-        self.lebesgue = float(np.abs(lagrange).sum(0).max()) * 1.001
-        self.B = np.linalg.inv([[math.comb(p - 1, k) * t**k * (1 - t)**(p - 1 - k) for k in range(p)] for t in self.nodes])
+        self.module, self.motion, self.count = module, _, n = plan.module, plan.motion, plan.count
+        self.claim, self.tightest, self.looks = plan.claim, (math.inf, 0.0, 0, 0), 0
+        self.step = 0.0
+        p, fine = ORDER, np.linspace(0.0, 1.0, 20001)
+        self.nodes = np.sort(1 - np.cos((2 * np.arange(p) + 1) * np.pi / (2 * p))) / 2
+        lagrange = [np.prod([(fine - s) / (t - s) for s in self.nodes if s != t], axis=0)
+                    for t in self.nodes]
+        self.lebesgue = np.abs(lagrange).sum(0).max() * 1.001
+        self.B = np.linalg.inv([[math.comb(p - 1, k) * t**k * (1 - t) ** (p - 1 - k)
+                                 for k in range(p)] for t in self.nodes])
         self.c = 2 / (4.0**p * math.factorial(p)) * (1 + 1e-9)
-        a = 4 * U * 2 * plan.most + 2 * U * plan.most + 4 * U
-        e = m.hinges * math.sqrt(2) * (2 * a + 3 * U) + (0 if m.plain else (m.hinges + 1) * 15 * U)
-        self.E = float(np.abs(self.B).sum(1).max()) * (m.link * n + 2 * m.radius) * (n * (2 * e + 48 * U) + 256 * U)
-        self.reach = 2 * m.radius + self.claim + self.E
-        self.least, self.gap, self.where, self.looks, self.pairs = math.inf, math.inf, None, 0, 0
+        a, hinges = (4 * 2 + 2) * plan.largest * U + 8 * U, len(module.names)
+        e = hinges * math.sqrt(2) * (2 * a + 3 * U) + (not module.exact) * (hinges + 1) * 40 * U
+        size = np.abs(self.B).sum(1).max() * (module.link * n + 2 * module.radius)
+        self.rounding = float(size * (n * (2 * e + 48 * U) + 256 * U))
+        self.reach = 2 * module.radius + self.claim + self.rounding
+        self.folded = self.straight = np.zeros((1, 3)), np.eye(3)[None]
+        motion, slots = plan.motion, plan.motion.slots
+        if motion.windowed:
+            shapes = motion.folded, np.zeros(slots)
+            for angles in shapes:
+                self.motion = Motion(slots, [0], [0, slots], angles, angles)
+                self._prove(1)
+            self.folded, self.straight = map(module.chain, shapes)
+            self.motion = motion
+        self._prove(max(1, motion.frames - 1))
+        require(self.step <= plan.step + 1e-9, f"a step of {self.step:.6f} rad, the plan says less")
 
-    def at_rest(self, slots):
-        """Centres and axes of the chain with these angles."""
-        x, C = self.module.poses(slots.reshape(self.n - 1, self.module.hinges, 1), np.zeros((3, 1)), np.eye(3)[:, :, None])
-        return x[:, 0], C[:, 0]
+    def way(self, seen, turn, links):
+        """Return how far points may go of which the nodes show so much (CANDIDATES)."""
+        most = np.minimum(self.lebesgue * seen + self.c * turn**ORDER * links, turn * links / 2)
+        return most * (1 + 1e-9) + self.rounding
 
-    def run(self, report=None):
-        moving = self.motion
-        self.core_x, self.core_C = self.straight_x, self.straight_C = np.zeros((1, 3)), np.eye(3)[None]
-        if moving.windowed:
-            shapes = [moving.folded, np.zeros(moving.slots)]
-            for slots in shapes:
-                self.motion = Motion(self.module, self.n, [0], [0, len(slots)], slots, slots[self.module.rigid * self.module.hinges:], False)
-                self.prove([(0, 0.0, 1.0, None)])
-            (self.core_x, self.core_C), (self.straight_x, self.straight_C) = map(self.at_rest, shapes)
-            self.core = levels(self.core_x, self.core_x)
-            tail = self.straight_x[1:]
-            self.tail, self.tail_far = levels(tail, tail), largest(np.linalg.norm(tail, axis=1) * (1 + 1e-9))
-            self.motion = moving
-        self.prove([(k, 0.0, 1.0, None) for k in range(max(1, len(moving.first) - 1))][::-1], report)
-        return self
-
-    def prove(self, todo, report=None):
-        m, motion = self.module, self.motion
+    def _prove(self, intervals):
+        todo = [(k, 0.0, 1.0, None) for k in range(intervals)][::-1]
+        motion, hinges = self.motion, len(self.module.names)
         while todo:
-            items, width = [], 1
-            while todo and len(items) < 2000:
-                k = todo[-1][0]
-                after = min(k + 1, len(motion.first) - 1)
-                width = max(width, (max(motion.last[k], motion.last[after]) - min(motion.first[k], motion.first[after])) // m.hinges + 2)
-                if items and (len(items) + 1) * width * ORDER > BATCH:
+            items, most = [], self.count // ORDER
+            while todo:
+                both = [todo[-1][0], min(todo[-1][0] + 1, motion.frames - 1)]
+                most = max(most, np.ptp([motion.first[both], motion.last[both]]) // hinges + 2)
+                if items and (len(items) + 1) * most * ORDER > BATCH:
                     break
                 items.append(todo.pop())
-            todo += self.look(items)
-            if report:
-                report(items[-1][0], self)
+            todo += self._halves(items)
 
-    def sizes(self, batch, kind):
-        return [len(c) for c, _ in {"core": lambda: self.core, "local": lambda: batch.local, "tail": lambda: self.tail}[kind]()]
-
-    def look(self, items):
-        batch = Batch(self, items)
-        self.looks += len(items)
-        open_ = np.array([item[3] is None for item in items])
-        found = [np.zeros((0, 3), int)]
-        unseen = np.zeros(len(items), bool)
-        if open_.any():
-            batch.boxes()
-            was = open_.copy()
-            kinds = [("local", "local")]
-            if self.motion.windowed:
-                kinds += [("core", "local"), ("core", "tail"), ("local", "tail")]
-            for one, two in kinds:
-                found.append(np.stack(batch.near(one, two, [len(self.sizes(batch, kind)) - 1 for kind in (one, two)], open_), axis=1))
-            unseen = was & ~open_
-        found += [np.column_stack([np.full(len(item[3]), s), item[3]]) for s, item in enumerate(items) if item[3] is not None]
-        found = np.concatenate(found)
-        found = found[~unseen[found[:, 0]]]
-        found = found[np.lexsort((found[:, 2], found[:, 1], found[:, 0]))]
-        left = np.concatenate([np.zeros((0, 3), int)] + [self.look_at(batch, found[s:s + PAIRS]) for s in range(0, len(found), PAIRS)])
-        halves = []
-        for s in np.flatnonzero(unseen | np.isin(np.arange(len(items)), left[:, 0]))[::-1]:
-            k, t, w, _ = items[s]
-            rest = None if unseen[s] else left[left[:, 0] == s, 1:]
-            if w <= 2.0**-DEPTH:
-                raise NotProved(f"no proof around frame {k + t:.6f}" + ("" if rest is None else f", modules {rest[0, 0]} and {rest[0, 1]}"))
+    def _halves(self, items):
+        """Return the halves of the intervals in which something is not proved."""
+        batch, known, halves = Batch(self, items), [item[3] for item in items], []
+        rows, crowded = batch.pairs([pairs is None for pairs in known])
+        again = [np.insert(v, 0, b, axis=1) for b, v in enumerate(known) if v is not None]
+        rows = np.concatenate([rows, *again])
+        parts = [self._left(batch, rows[s : s + PAIRS]) for s in range(0, len(rows), PAIRS)]
+        left, self.looks = np.concatenate([rows[:0], *parts]), self.looks + len(rows)
+        for b in np.union1d(np.flatnonzero(crowded), left[:, 0])[::-1]:
+            k, t, w, _ = items[b]
+            rest = None if crowded[b] else left[left[:, 0] == b, 1:]
+            pair = "" if rest is None else " between modules {} and {}".format(*rest[0])
+            require(w > 2.0**-DEPTH, f"no bound{pair} at frame {k + t:.5f}")
             halves += [(k, t + w / 2, w / 2, rest), (k, t, w / 2, rest)]
         return halves
 
-    def look_at(self, batch, found):
-        """Proves pairs (b, i, j) clear, and returns those that it cannot."""
-        m, (b, i, j), mid = self.module, found.T, ORDER // 2
-        rem = self.c * (batch.between(batch.S, i, j, b) + batch.slack[b])**ORDER * ((j - i) * m.link + m.radius)
-        lost = rem + self.E
-        (xi, Ci), (xj, Cj) = batch.poses(i, b), batch.poses(j, b)
-        y = np.matmul(Ci, (xj - xi)[..., None])[..., 0]
-        n = y[:, mid] / np.sqrt((y[:, mid]**2).sum(1)).clip(1e-300)[:, None]
-        bound = ((y * n[:, None]).sum(2) @ self.B.T).min(1) - 2 * m.radius - lost
+    def _left(self, batch, rows):
+        """Return the rows (b, i, j) whose modules are not proved clear."""
+        module, (b, i, j) = self.module, rows.T
+        turn = batch.between(batch.S, i, j, b) + batch.slack[b]
+        lost = self.c * turn**ORDER * ((j - i) * module.link + module.radius) + self.rounding
+        (xi, Ci), (xj, Cj) = (batch.poses(k, b) for k in (i, j))
+        y = np.einsum("qpax,qpx->qpa", Ci, xj - xi)
+        n = y[:, MID] / np.linalg.norm(y[:, MID], axis=1, keepdims=True).clip(1e-300)
+        bound = (np.einsum("qpa,qa->qp", y, n) @ self.B.T).min(1) - 2 * module.radius - lost
         rest = np.flatnonzero(bound < self.claim)
-        if len(rest):
-            y, G = y[rest], np.matmul(Ci[rest], Cj[rest].swapaxes(-1, -2))
-            bound[rest] = self.axes(y, G, n[rest], lost[rest], [(b[rest], i[rest], j[rest]), batch])
-        self.pairs += len(found)
-        good = bound >= self.claim
-        self.least = min(self.least, bound[good].min(initial=math.inf))
-        return found[~good]
+        y, n, turn = y[rest], n[rest, None], np.matmul(Ci[rest], Cj[rest].swapaxes(-1, -2))
+        faces = np.broadcast_to(module.faces, (len(rest), *module.faces.shape))
+        faces = [n, faces, np.einsum("qab,fb->qfa", turn[:, MID], module.faces)]
+        low, gaps = self._along(y, turn, np.concatenate(faces, axis=1), lost[rest])
+        some = np.flatnonzero(~(low >= self.claim))
+        edges = np.einsum("qab,eb->qea", turn[some, MID], module.edges)
+        edges = np.cross(module.edges[:, None], edges[:, None])
+        edges = edges.reshape(len(some), len(module.edges) ** 2, 3)
+        size = np.linalg.norm(edges, axis=2, keepdims=True)
+        edges = np.where(size > 1e-6, edges / size.clip(1e-6), n[some])
+        other = self._along(y[some], turn[some], edges, lost[rest[some]])
+        low[some], gaps[some] = np.maximum((low[some], gaps[some]), other)
+        bound[rest] = low
+        if len(rest) and gaps.min() < self.tightest[0]:
+            q = rest[gaps.argmin()]
+            self.tightest = float(gaps.min()), float(batch.middle[b[q]]), int(i[q]), int(j[q])
+            require(bound[q] >= self.claim or gaps.min() >= self.claim,
+                    "modules {2} and {3} are {0:.9f} apart at frame {1:.5f}".format(*self.tightest))
+        return rows[~(bound >= self.claim)]
 
-    def axes(self, y, G, centre, lost, where):
-        """Bounds along the axis that separates best in the middle: of faces and centres, and if it must be, of edges."""
-        m, mid = self.module, ORDER // 2
-        best, bound = np.full(len(y), -math.inf), np.full(len(y), -math.inf)
-        some = np.arange(len(y))
-        for edges in (False, True):
-            Y, M = y[some, mid], G[some, mid]
-            if edges:
-                u = np.cross(m.edges[None, :, None], np.einsum("qab,eb->qea", M, m.edges)[:, None]).reshape(len(some), -1, 3)
-                size = np.sqrt((u * u).sum(2, keepdims=True))
-                u = np.where(size > 1e-6, u / size.clip(1e-6), centre[some, None])
-            else:
-                u = np.concatenate([centre[:, None], np.broadcast_to(m.faces, (len(y), *m.faces.shape)), np.einsum("qab,fb->qfa", M, m.faces)], axis=1)
-            along = np.einsum("qfa,qa->qf", u, Y)
-            u = u * np.where(along < 0, -1.0, 1.0)[..., None]
-            gaps = np.abs(along) + m.least(-u) + m.least(np.matmul(u, M))
-            which = gaps.argmax(1)
-            every = np.arange(len(some))
-            best[some] = np.maximum(best[some], gaps[every, which])
-            n = u[every, which]
-            of_j = (which > len(m.faces)) & (not edges)
-            for turned in (False, True):
-                part = np.flatnonzero((of_j == turned) & (gaps[every, which] - lost[some] >= self.claim))
-                Yp, Gp, N = y[some[part]], G[some[part]], n[part]
-                if turned:  # seen from j
-                    N = -np.einsum("qab,qa->qb", M[part], N)
-                    Yp, Gp = -np.einsum("qpab,qpa->qpb", Gp, Yp), Gp.swapaxes(-1, -2)
-                line = np.concatenate([(Yp * N[:, None]).sum(2)[..., None], np.einsum("qa,qpab->qpb", N, Gp)], axis=2)
-                line = np.matmul(self.B, line)
-                low = (line[..., 0] + m.least(line[..., 1:])).min(1) + m.least(-N) - lost[some[part]]
-                bound[some[part]] = np.maximum(bound[some[part]], low)
-            some = np.flatnonzero(bound < self.claim)
-            if not len(some):
-                break
-        (b, i, j), batch = where
-        s = best.argmin()
-        if best[s] < self.gap:
-            self.gap, self.where = float(best[s]), (float(batch.k[b[s]] + batch.t[b[s]] + batch.w[b[s]] / 2), int(i[s]), int(j[s]))
-        s = np.where(bound < self.claim, best, math.inf).argmin()
-        if bound[s] < self.claim and best[s] < self.claim:
-            frame = float(batch.k[b[s]] + batch.t[b[s]] + batch.w[b[s]] / 2)
-            raise NotProved(f"modules {i[s]} and {j[s]} are {best[s]:.9f} apart at frame {frame:.6f}, less than {self.claim:.9f}")
-        return bound
+    def _along(self, y, turn, axes, lost):
+        """Return bounds along the axes with the largest gaps in mid-interval, and these gaps."""
+        module, bound = self.module, np.full(len(y), -np.inf)
+        along = np.einsum("qfa,qa->qf", axes, y[:, MID])
+        axes = np.where(along[..., None] < 0.0, -axes, axes)
+        gaps = np.abs(along) + module.least(-axes) + module.least(np.matmul(axes, turn[:, MID]))
+        n, gaps = axes[np.arange(len(y)), gaps.argmax(1)], gaps.max(1)
+        q = np.flatnonzero(gaps - lost >= self.claim)
+        lines = np.concatenate([y[q, :, :, None], turn[q]], axis=3)  # centre and axes of j
+        lines = np.matmul(self.B, np.einsum("qa,qpab->qpb", n[q], lines))  # Bernstein coefficients
+        least = (lines[..., 0] + module.least(lines[..., 1:])).min(1)
+        bound[q] = least + module.least(-n[q]) - lost[q]
+        return bound, gaps
+
+
+def check_end(plan, path):
+    """Require that the plan ends on the cells, or with the angles, of a path's or chain's file."""
+    with open(path, encoding="utf-8") as file:
+        told = json.load(file)
+    x, off = plan.module.chain(plan.motion.folded)[0], math.inf
+    cells = np.array(told.get("cells", ()), float)
+    for y in (cells, cells[::-1]) if cells.shape == x.shape else ():  # up to a rigid motion
+        u, _, v = np.linalg.svd((x - x.mean(0)).T @ (y - y.mean(0)))
+        turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+        off = min(off, np.abs((x - x.mean(0)) @ turn - (y - y.mean(0))).max())
+    angles = np.radians(told.get("joint_angles_deg", ()))
+    if len(angles) == len(plan.motion.folded):
+        off = np.abs(plan.motion.folded - angles).max()
+    require(off <= 1e-6, f"it does not end as {path} says: off by {off:.7f}")
+
+
+def check(path, size=None, claim=None, end=None):
+    """Return what was proved of a plan, or why it was not, as plain values.
+
+    Raises:
+        ValueError: The file cannot be read.
+    """
+    began, found = time.perf_counter(), {"verdict": "not proved"}
+    try:
+        plan = Plan(path, size, claim)
+        found |= {"modules": plan.count, "module": plan.kind, "size": plan.size,
+                  "exempt": plan.exempt, "frames": plan.motion.frames, "clearance": plan.claim,
+                  "angles_sha256": plan.digest}
+        if end:
+            check_end(plan, end)
+        proof = Proof(plan)
+        gap, frame, *pair = proof.tightest
+        found |= {"verdict": "proved", "rounding": proof.rounding, "looks": proof.looks,
+                  "tightest": {"gap": gap, "frame": frame, "modules": pair} if any(pair) else None}
+    except NotProved as error:
+        found["reason"] = str(error)
+    return found | {"seconds": round(time.perf_counter() - began, 3)}
 
 
 def main(arguments=None):
-    parser = argparse.ArgumentParser()
-    parser.add_argument("plan")
-    parser.add_argument("--size", type=float)
-    parser.add_argument("--claim", type=float)
-    o = parser.parse_args(arguments)
-    began = time.perf_counter()
-    plan = Plan(pathlib.Path(o.plan), o.size, o.claim)
+    """Check a plan and print the result."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("plan", help="plan.npz of a fold")
+    parser.add_argument("--end", help="file of the path or chain that the plan must end as")
+    parser.add_argument("--size", type=float, help="module size instead of the plan's")
+    parser.add_argument("--claim", type=float, help="clearance instead of the plan's, in pitches")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    options = parser.parse_args(arguments)
     try:
-        p = Proof(plan).run()
-    except NotProved as error:
-        print("not proved:", error, round(time.perf_counter() - began, 2))
-        return 1
-    print(dict(claim=p.claim, least=p.least, E=p.E, looks=p.looks, pairs=p.pairs, gap=p.gap, where=p.where, seconds=round(time.perf_counter() - began, 2)))
-    return 0
+        found = check(options.plan, options.size, options.claim, options.end)
+    except ValueError as error:
+        print(f"no plan: {error}", file=sys.stderr)
+        return 2
+    proved = found["verdict"] == "proved"
+    if options.json:
+        print(json.dumps(found))
+    elif proved:
+        print("proved: {modules} modules ({module}) of size {size:g}, {frames} frames.\n"
+              "They begin as the plan says and end folded. All the way, each pair stays at least "
+              "{clearance:.6f}\npitches apart, apart from {exempt} pairs that share a joint.\n"
+              "Rounding {rounding:.1e} pitches, {seconds:.1f} s.\n"
+              "SHA-256 of the angles: {angles_sha256}".format(**found))
+    else:
+        print(f"not proved: {found['reason']}")
+    return 0 if proved else 1
 
 
 if __name__ == "__main__":

@@ -14,13 +14,13 @@ from tests.case import case
 DRAWINGS = drawings()
 
 
-def test_each_file_is_made_the_same_again() -> None:
+def test_gallery_files_are_up_to_date() -> None:
     for shape in DRAWINGS:
         with case(shape.name):
             assert make(shape) == (HERE / "shapes" / f"{shape.name}.json").read_bytes()
 
 
-def test_each_file_visits_the_blocks_of_its_drawing_and_is_no_knot() -> None:
+def test_gallery_files_visit_the_blocks_of_their_drawings_unknotted() -> None:
     for shape in DRAWINGS:
         with case(shape.name):
             path = read((HERE / "shapes" / f"{shape.name}.json").read_bytes())
@@ -33,30 +33,22 @@ def test_each_file_visits_the_blocks_of_its_drawing_and_is_no_knot() -> None:
             assert knot_of(path.cells).verdict == "unknot"
 
 
-def test_there_are_more_than_fifty_shapes_of_many_kinds() -> None:
+def test_gallery_has_many_different_shapes() -> None:
     assert len(DRAWINGS) > 50
-    names = [shape.name for shape in DRAWINGS]
-    assert len(set(names)) == len(names)
-    assert len({shape.title for shape in DRAWINGS}) == len(names)
-    kinds = {tag for shape in DRAWINGS for tag in shape.tags}
-    assert {"tool", "letter", "animal", "furniture", "solid", "ring", "hollow"} <= kinds
-
-
-def test_every_heading_of_the_text_is_read() -> None:
     text = (HERE / "gallery.txt").read_text(encoding="utf-8")
     headings = re.findall(r"^([a-z0-9-]+): .*\(", text, flags=re.MULTILINE)
     assert headings == [shape.name for shape in drawn(text)]
-
-
-def test_no_two_shapes_are_the_same() -> None:
     placed = {
         frozenset(map(tuple, (cells - cells.min(axis=0)).tolist()))
         for cells in (np.array(list(shape.blocks)) for shape in DRAWINGS)
     }
-    assert len(placed) == len(DRAWINGS)
+    for different in (headings, [shape.title for shape in DRAWINGS], placed):
+        assert len(set(different)) == len(DRAWINGS)
+    kinds = {tag for shape in DRAWINGS for tag in shape.tags}
+    assert {"tool", "letter", "animal", "furniture", "solid", "ring", "hollow"} <= kinds
 
 
-def test_a_standing_shape_rises_and_a_lying_one_is_stacked() -> None:
+def test_standing_and_lying_drawings() -> None:
     assert standing(slices(["#.  ##", "##  .."])) == {(0, 0, 1), (0, 0, 0), (0, 1, 0)} | {
         (1, 0, 1),
         (1, 1, 1),

@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 
 from docs.make_reference import MODULES, ROOT, example, make, value_docstring
+from tests.case import case
 
 PUBLIC = [(name, public) for name in MODULES for public in import_module(name).__all__]
 
 
 @pytest.mark.slow
-def test_the_ten_lines_of_the_readme_run(
+def test_example_of_the_readme_runs(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code = example()
@@ -26,20 +27,22 @@ def test_the_ten_lines_of_the_readme_run(
     assert 0.0 < float(told[1]) <= float(told[2])
 
 
-@pytest.mark.parametrize(("module", "name"), PUBLIC)
-def test_every_public_name_says_what_it_is(module: str, name: str) -> None:
-    found = getattr(import_module(module), name)
-    if not (inspect.isclass(found) or inspect.isroutine(found)):
-        assert value_docstring(import_module(module), name)
-        return
-    assert inspect.getdoc(found)
-    for member, value in vars(found).items() if inspect.isclass(found) else ():
-        told = isinstance(value, property | classmethod | staticmethod) or inspect.isroutine(value)
-        assert member.startswith("_") or not told or inspect.getdoc(value), member
+def test_public_names_have_docstrings() -> None:
+    for module, name in PUBLIC:
+        found = getattr(import_module(module), name)
+        with case(f"{module}.{name}"):
+            if not (inspect.isclass(found) or inspect.isroutine(found)):
+                assert value_docstring(import_module(module), name)
+                continue
+            assert inspect.getdoc(found)
+            for member, value in vars(found).items() if inspect.isclass(found) else ():
+                kinds = property | classmethod | staticmethod
+                told = isinstance(value, kinds) or inspect.isroutine(value)
+                assert member.startswith("_") or not told or inspect.getdoc(value), member
 
 
 @pytest.mark.slow
-def test_the_reference_tells_of_every_public_name(tmp_path: Path) -> None:
+def test_reference_has_every_public_name(tmp_path: Path) -> None:
     make(tmp_path)  # a warning is an error here
     assert "planner.html" in (tmp_path / "index.html").read_text(encoding="utf-8")
     assert 'id="Show.__call__"' in (tmp_path / "web" / "viser.html").read_text(encoding="utf-8")

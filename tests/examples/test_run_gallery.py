@@ -5,20 +5,20 @@ from pathlib import Path
 import pytest
 
 from examples import run_gallery
-from examples.run_gallery import SHAPES, digest, fold_once, known, suited
+from examples.run_gallery import SHAPES, digest, known, suited
 
 pytestmark = pytest.mark.slow
 
 FILES = sorted(SHAPES.glob("*.json"))
 
 
-def test_every_shape_has_a_known_result_of_the_file_as_it_is() -> None:
+def test_stored_results_belong_to_the_shape_files() -> None:
     assert {file.stem: digest(file) for file in FILES} == {
         name: result["digest"] for name, result in known().items()
     }
 
 
-def test_every_shape_is_verified_and_nearly_all_at_once() -> None:
+def test_stored_results_are_verified_mostly_at_the_first_attempt() -> None:
     results = known()
     assert {result["verdict"] for result in results.values()} == {"verified (simulated)"}
     at_once = sum(result["attempts"] == 1 for result in results.values())
@@ -26,13 +26,7 @@ def test_every_shape_is_verified_and_nearly_all_at_once() -> None:
     assert all(result["clearance"] >= 0.0 for result in results.values())
 
 
-def test_a_known_result_comes_out_again() -> None:
-    result = fold_once(SHAPES / "letter-l.json", 0)
-    assert result["verdict"] == known()["letter-l"]["verdict"]
-    assert result["modules"] == known()["letter-l"]["modules"]
-
-
-def test_what_is_known_is_not_folded_again(
+def test_shapes_with_stored_results_are_not_folded_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     results = tmp_path / "results.json"
@@ -47,7 +41,7 @@ def test_what_is_known_is_not_folded_again(
     assert not capsys.readouterr().out
 
 
-def test_what_is_known_of_tables_is_of_the_files_as_they_are() -> None:
+def test_stored_results_on_tables_belong_to_the_shape_files() -> None:
     results = known("table")
     assert set(results) <= {file.stem for file in FILES if suited(file, "table")}
     for name, result in results.items():

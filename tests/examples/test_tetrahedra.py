@@ -10,12 +10,13 @@ from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
 from planner.readers import read
 from planner.readers.gallery import gallery
+from tests.case import case
 
 SHAPES = Path(make_tetrahedra.__file__).parent / "shapes"
 CHAINS = [shape for shape in gallery() if shape.module == TETRAHEDRON.name]
 
 
-def test_the_files_are_made_the_same_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tetrahedra_files_are_up_to_date(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(make_tetrahedra, "HERE", tmp_path)
     (tmp_path / "shapes").mkdir()
     make_tetrahedra.main()
@@ -25,11 +26,12 @@ def test_the_files_are_made_the_same_again(tmp_path: Path, monkeypatch: pytest.M
     assert len(there) == len(CHAINS) >= 10
 
 
-@pytest.mark.parametrize("shape", CHAINS, ids=[shape.name for shape in CHAINS])
-def test_each_is_a_folded_chain_on_the_lattice(shape) -> None:  # pyright: ignore
-    chain = read(shape.data, filename=shape.filename)
-    assert isinstance(chain, Chain)
-    assert len(chain) == shape.modules <= 400
-    twice = 2.0 * chain.folded_poses.positions
-    np.testing.assert_allclose(twice, np.rint(twice), atol=1e-9)
-    assert "tetrahedra" in shape.tags
+def test_tetrahedra_files_are_folded_chains_on_the_lattice() -> None:
+    for shape in CHAINS:
+        with case(shape.name):
+            chain = read(shape.data, filename=shape.filename)
+            assert isinstance(chain, Chain)
+            assert len(chain) == shape.modules <= 400
+            twice = 2.0 * chain.folded_poses.positions
+            np.testing.assert_allclose(twice, np.rint(twice), atol=1e-9)
+            assert "tetrahedra" in shape.tags

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.module import CUBE
 from planner.chain.path import Path
 from planner.motion.motion import Motion, Phase
 from planner.simulation.reduced import State, turned
@@ -58,19 +57,6 @@ def random_state(chain: Chain, seed: int, most: float = 0.3) -> State:
         rotation=random_rotation(rng),
         velocity=rng.normal(size=3),
         spin=rng.normal(size=3) * 0.3,
-    )
-
-
-def overlapping() -> Chain:
-    """A chain whose last module is folded into its first ones: no reader would let it in."""
-    angles = np.zeros(6)
-    angles[0::2] = np.pi / 2
-    return Chain(
-        name="overlapping",
-        module=CUBE,
-        folded_rad=angles,
-        folded_position=np.zeros(3),
-        folded_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
     )
 
 

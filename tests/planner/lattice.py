@@ -11,6 +11,11 @@ from numpy.typing import NDArray
 NEIGHBOURS = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 
+def box(*sides: int) -> list[tuple[int, ...]]:
+    """Return the cells of a box."""
+    return list(product(*map(range, sides)))
+
+
 def walk(turns: list[int]) -> NDArray[np.int64]:
     """A self-avoiding walk: each turn picks one of the free neighbours, until there is none."""
     cells = [(0, 0, 0)]

@@ -1,4 +1,4 @@
-"""Random changes to the files of a fold, one at a time, each undone afterwards."""
+"""Random changes to all copies of a value in a fold, digests included, each undone afterwards."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -15,12 +15,8 @@ import zarr
 
 from planner import checked_zarr
 from planner.checked_zarr import checksums_of, open_for_writing
-from planner.pipeline.manifest import FILE_CONTENT, write_manifest
-from planner.plan.plan import read_values
+from planner.pipeline.manifest import write_manifest
 
-JSON = ("plan.json", "certificate.json", "chain.json", "request.json", "attempts.json")
-JSON += ("candidates.json", "start.json")
-NPZ = ("plan.npz", "playback.npz", "record.npz", "start.npz", "recorded.npz")
 ZARR = ("timeline.zarr", "figures.zarr")
 SMALLEST = 1e-6
 """Numbers are changed by this part of themselves at least, which is more than any tolerance."""
@@ -41,21 +37,15 @@ class Change:
         kind: How.
         files: In which files.
         where: Where in them.
-        fields: By which names a manifest has what was changed, one for each file; none where that
-            depends on what was hit.
     """
 
     kind: str
     files: tuple[str, ...]
     where: str
-    fields: tuple[str, ...] = ()
 
     def told_in(self, problems: list[str]) -> bool:
-        """Whether problems name a file, and the field in it where that is known."""
-        names = self.files
-        if self.fields:
-            names = [f"{n}: {f}" for n, f in zip(self.files, self.fields, strict=True)]
-        return any(name in problem for problem in problems for name in names)
+        """Whether problems name a file."""
+        return any(name in problem for problem in problems for name in self.files)
 
 
 @dataclass
@@ -69,30 +59,26 @@ class Tampered:
         self.whole = {p: p.read_bytes() for p in self.place.rglob("*") if p.is_file()}
 
     @contextmanager
-    def changed(self, random: Random, *, sealed: bool = False) -> Iterator[Change | None]:
-        """A change at random; None when there was nothing to change.
-
-        Args:
-            random: Decides what.
-            sealed: Whether somebody has worked out the digests anew, and changes only what can be
-                found without them.
-        """
-        kinds = SEALED if sealed else KINDS
-        change = kinds[random.integers(len(kinds))](self.place, random)
-        if sealed and change is not None:
-            change = replace(change, fields=())
+    def changed(self, random: Random) -> Iterator[Change | None]:
+        """Make a change at random, with new digests; None when there was nothing to change."""
+        change = KINDS[random.integers(len(KINDS))](self.place, random)
+        if change is not None:
             for name in (name for name in change.files if name in ZARR):
                 reseal(self.place / name)
             write_manifest(self.place)
         try:
             yield change
         finally:
-            for path, data in self.whole.items():
-                if not path.exists() or path.read_bytes() != data:
-                    path.write_bytes(data)
-            for path in self.place.rglob("*"):
-                if path.is_file() and path not in self.whole:
-                    path.unlink()
+            self.restore()
+
+    def restore(self) -> None:
+        """Put all files back as they were."""
+        for path, data in self.whole.items():
+            if not path.exists() or path.read_bytes() != data:
+                path.write_bytes(data)
+        for path in self.place.rglob("*"):
+            if path.is_file() and path not in self.whole:
+                path.unlink()
 
 
 def leaves(value: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -146,43 +132,6 @@ def one_leaf(values: Any, random: Random) -> tuple[Any, ...]:
     return places[random.integers(len(places))]
 
 
-def some(names: tuple[str, ...], place: FilePath, random: Random) -> str:
-    """One of the files that are there."""
-    there = [name for name in names if (place / name).exists()]
-    return there[random.integers(len(there))]
-
-
-def json_leaf(place: FilePath, random: Random) -> Change | None:
-    name = some(JSON, place, random)
-    values = json.loads((place / name).read_bytes())
-    if not values:
-        return None
-    at = one_leaf(values, random)
-    set_leaf(values, at, other_value(get_leaf(values, at), random))
-    (place / name).write_text(json.dumps(values))
-    return Change("value in JSON", (name,), str(at), (field_of(values, at[0]),))
-
-
-def field_of(values: Any, key: Any) -> str:
-    """What a manifest calls a value in a JSON file."""
-    return str(key) if isinstance(values, dict) else FILE_CONTENT
-
-
-def json_field_gone(place: FilePath, random: Random) -> Change | None:
-    name = some(JSON, place, random)
-    values = json.loads((place / name).read_bytes())
-    if not isinstance(values, dict):
-        return None
-    key = [*values][random.integers(len(values))]
-    if random.random() < 0.5:
-        del values[key]
-    else:
-        values[f"{key}_too"] = 1
-    (place / name).write_text(json.dumps(values))
-    field = key if key not in values else f"{key}_too"
-    return Change("field gone or new in JSON", (name,), key, (field,))
-
-
 def changed_array(array: Any, random: Random) -> Any:
     """An array with another element."""
     array = np.array(array)
@@ -202,46 +151,54 @@ def changed_array(array: Any, random: Random) -> Any:
     return array
 
 
-def npz_array(place: FilePath, random: Random, names: tuple[str, ...] = NPZ) -> Change | None:
-    name = some(names, place, random)
-    with np.load(place / name, allow_pickle=False) as file:
+def edit_npz(path: FilePath, edit: Callable[[dict[str, Any], dict[str, Any]], None]) -> None:
+    """Change the arrays of a file, and what a plan has beside them."""
+    with np.load(path, allow_pickle=False) as file:
         arrays = dict(file)
-    key = [k for k, a in arrays.items() if a.size][
-        random.integers(sum(a.size > 0 for a in arrays.values()))
-    ]
-    if key == "plan":
-        values = json.loads(str(arrays["plan"]))
-        at = one_leaf(values, random)
-        set_leaf(values, at, other_value(get_leaf(values, at), random))
-        arrays["plan"] = np.array(json.dumps(values))
-        where, field = str(at), f"plan.{at[0]}"
-    else:
-        arrays[key] = changed_array(arrays[key], random)
-        where = field = key
-    np.savez_compressed(place / name, **arrays)
-    return Change("value in npz", (name,), where, (field,))
+    rest = json.loads(str(arrays["plan"])) if "plan" in arrays else {}
+    edit(arrays, rest)
+    if "plan" in arrays:
+        arrays["plan"] = np.array(json.dumps(rest))
+    np.savez_compressed(path, **arrays)
 
 
-def zarr_array(place: FilePath, random: Random, names: tuple[str, ...] = ZARR) -> Change | None:
-    name = some(names, place, random)
-    group = zarr.open_group(str(place / name), mode="r+")
+def stage_array(place: FilePath, random: Random) -> Change:
+    """Change a number in what one stage left."""
+    # The record of a refold or a smoothed plan stands nowhere else.
+    made = any((place / name).exists() for name in ("start.npz", "recorded.npz"))
+    there = ["playback.npz"] if made else ["playback.npz", "record.npz"]
+    there = [name for name in there if (place / name).exists()]
+    name = there[random.integers(len(there))]
+    hit = ""
+
+    def edit(arrays: dict[str, Any], rest: dict[str, Any]) -> None:
+        nonlocal hit
+        keys = [key for key, array in arrays.items() if array.size]
+        hit = keys[random.integers(len(keys))]
+        arrays[hit] = changed_array(arrays[hit], random)
+
+    edit_npz(place / name, edit)
+    return Change("value in npz", (name,), hit)
+
+
+def timeline_array(place: FilePath, random: Random) -> Change:
+    group = zarr.open_group(str(place / "timeline.zarr"), mode="r+")
     arrays = sorted(key for key, array in group.arrays() if array.size)
     key = arrays[random.integers(len(arrays))]
     array: Any = group[key]
     array[:] = changed_array(array[:], random)
-    return Change("value in zarr", (name,), key, (key,))
+    return Change("value in zarr", ("timeline.zarr",), key)
 
 
-def zarr_attribute(place: FilePath, random: Random, names: tuple[str, ...] = ZARR) -> Change | None:
-    name = some(names, place, random)
-    group = zarr.open_group(str(place / name), mode="r+")
+def timeline_attribute(place: FilePath, random: Random) -> Change | None:
+    group = zarr.open_group(str(place / "timeline.zarr"), mode="r+")
     values = group.attrs.asdict()
     at = one_leaf(values, random)
-    if at == ("id",) and names != ZARR:  # drawn at random, so that pages notice another timeline
+    if at == ("id",):  # drawn at random, so that pages notice another timeline
         return None
     set_leaf(values, at, other_value(get_leaf(values, at), random))
     group.attrs.put(values)
-    return Change("attribute in zarr", (name,), str(at), (f"attributes.{at[0]}",))
+    return Change("attribute in zarr", ("timeline.zarr",), str(at))
 
 
 NUMBER = re.compile(r'(?<=[" ])-?\d+(?:\.\d+)?(?:e-?\d+)?(?=[" ])')
@@ -287,69 +244,50 @@ def says_nothing(change: Change) -> bool:
     return base or where.startswith(("geom.mass", "joint.axis")) or ".quat[" in where
 
 
-def byte(place: FilePath, random: Random) -> Change | None:
-    paths = sorted(p for p in place.rglob("*") if p.is_file() and p.stat().st_size)
-    path = paths[random.integers(len(paths))]
-    data = bytearray(path.read_bytes())
-    data[random.integers(len(data))] ^= int(random.integers(1, 256))
-    path.write_bytes(data)
-    return Change("byte", (path.relative_to(place).parts[0],), str(path.relative_to(place)))
-
-
-def file_gone(place: FilePath, random: Random) -> Change | None:
-    paths = sorted(p for p in place.iterdir() if p.is_file())
-    path = paths[random.integers(len(paths))]
-    path.unlink()
-    return Change("file gone", (path.name,), "", ("it is missing",))
-
-
 FREE = ("versions", "smoothing")
 """Fields of a plan that stand nowhere else and cannot be worked out anew."""
-LOOSE = ("in_betweens", "clearance_bound")
+LOOSE = ("in_betweens", "clearance_bound", "seconds")
 """Figures of a certificate that may come out a little otherwise on another processor; so may the
-places that are closest. ``test_verification`` looks at these."""
+places that are closest. ``test_verify`` looks at these."""
 
 
-def both_forms(place: FilePath, random: Random, *, sealed: bool = False) -> Change | None:
-    """As somebody would who knows that there are copies, and changes them all."""
+def both_forms(place: FilePath, random: Random) -> Change | None:
+    """Change all copies of a value, as somebody would who knows of them."""
     text = json.loads((place / "plan.json").read_bytes())
-    fields = [key for key in text if not sealed or key not in FREE]
+    fields = [key for key in text if key not in FREE]
     key = fields[random.integers(len(fields))]
     at = one_leaf({key: text[key]}, random)
-    if sealed and key == "certificate":
-        free = (*LOOSE, "seconds", "min_clearance_")
-        if at[1] in free or (at[1].startswith(free[-1]) and "_at" in at[1]):
-            return None
+    if key == "certificate" and (
+        at[1] in LOOSE or (at[1].startswith("min_clearance_") and "_at" in at[1])
+    ):
+        return None
     old = get_leaf(text, at)
     new = other_value(old, random)
     if "angles" in key and isinstance(old, float):
         new = float(np.float32(old + 0.01))
     set_leaf(text, at, new)
     (place / "plan.json").write_text(json.dumps(text))
-    with np.load(place / "plan.npz", allow_pickle=False) as file:
-        arrays = dict(file)
-    rest = json.loads(str(arrays["plan"]))
-    if key in rest:
-        rest[key] = text[key]
-        arrays["plan"] = np.array(json.dumps(rest))
-    elif old is None or isinstance(new, type(old)):
-        kind = None if isinstance(old, str) else arrays[key].dtype
-        arrays[key] = np.array(text[key], dtype=kind)
-    np.savez_compressed(place / "plan.npz", **arrays)
+
+    def edit(arrays: dict[str, Any], rest: dict[str, Any]) -> None:
+        if key in rest:
+            rest[key] = text[key]
+        elif old is None or isinstance(new, type(old)):
+            kind = None if isinstance(old, str) else arrays[key].dtype
+            arrays[key] = np.array(text[key], dtype=kind)
+
+    edit_npz(place / "plan.npz", edit)
     for field_name, name in (("certificate", "certificate.json"), ("chain", "chain.json")):
         if key == field_name:
             (place / name).write_text(json.dumps(text[key]))
-    npz_field = f"plan.{key}" if key in rest else key
-    found = () if sealed else (npz_field, key)
-    return Change("all copies of a value", ("plan.npz", "plan.json"), str(at), found)
+    return Change("all copies of a value", ("plan.npz", "plan.json"), str(at))
 
 
 RESULTS = ("status", "kind", "steps", "torque_frames", "rms_position_error")
 """Of a playback, what follows from its frames."""
 
 
-def sealed_results(place: FilePath, random: Random) -> Change | None:
-    """A result of the playback or the explosion, in the stage's own file as well."""
+def results(place: FilePath, random: Random) -> Change | None:
+    """Change a result of the playback or the explosion, in the stage's own file as well."""
     part, name, keys = (
         ("playback", "playback.npz", RESULTS),
         ("explosion", "record.npz", ("status", "frames")),
@@ -364,21 +302,20 @@ def sealed_results(place: FilePath, random: Random) -> Change | None:
         new = "kinematic" if old == "dynamic" else "dynamic"
     text[part][key] = new
     (place / "plan.json").write_text(json.dumps(text))
-    for file_name in ("plan.npz", name):
-        with np.load(place / file_name, allow_pickle=False) as file:
-            arrays = dict(file)
+
+    def edit(arrays: dict[str, Any], rest: dict[str, Any]) -> None:
         if "plan" in arrays:
-            rest = json.loads(str(arrays["plan"]))
             rest[part] = text[part]
-            arrays["plan"] = np.array(json.dumps(rest))
         elif key in arrays:
             arrays[key] = np.array(new)
-        np.savez_compressed(place / file_name, **arrays)
+
+    for file_name in ("plan.npz", name):
+        edit_npz(place / file_name, edit)
     return Change("all copies of a result", ("plan.npz", name), f"{part}.{key}")
 
 
-def sealed_field_gone(place: FilePath, random: Random) -> Change | None:
-    """A field, everywhere; earlier versions had fewer, and are let off."""
+def field_gone(place: FilePath, random: Random) -> Change | None:
+    """Remove a field, everywhere; earlier versions had fewer, and are let off."""
     text = json.loads((place / "plan.json").read_bytes())
     within = ("", "certificate", "playback", "explosion")[random.integers(4)]
     held = text[within] if within else text
@@ -388,62 +325,22 @@ def sealed_field_gone(place: FilePath, random: Random) -> Change | None:
     key = keys[random.integers(len(keys))]
     del held[key]
     (place / "plan.json").write_text(json.dumps(text))
-    with np.load(place / "plan.npz", allow_pickle=False) as file:
-        arrays = dict(file)
-    rest = json.loads(str(arrays["plan"]))
-    if within:
-        rest[within] = held
-    else:
-        rest.pop(key, None)
-        arrays.pop(key, None)
-    arrays["plan"] = np.array(json.dumps(rest))
-    np.savez_compressed(place / "plan.npz", **arrays)
+
+    def edit(arrays: dict[str, Any], rest: dict[str, Any]) -> None:
+        if within:
+            rest[within] = held
+        else:
+            rest.pop(key, None)
+            arrays.pop(key, None)
+
+    edit_npz(place / "plan.npz", edit)
     (place / "certificate.json").write_text(json.dumps(text.get("certificate")))
     return Change("field gone everywhere", ("plan.npz", "plan.json"), f"{within}.{key}")
 
 
-def sealed_stage(place: FilePath, random: Random) -> Change | None:
-    """A number in what one stage left."""
-    # The record of a refold or a smoothed plan stands nowhere else.
-    made = any((place / name).exists() for name in ("start.npz", "recorded.npz"))
-    return npz_array(place, random, ("playback.npz",) if made else ("playback.npz", "record.npz"))
-
-
-def sealed_attribute(place: FilePath, random: Random) -> Change | None:
-    return zarr_attribute(place, random, ("timeline.zarr",))
-
-
-def sealed_both(place: FilePath, random: Random) -> Change | None:
-    return both_forms(place, random, sealed=True)
-
-
-def sealed_timeline(place: FilePath, random: Random) -> Change | None:
-    return zarr_array(place, random, ("timeline.zarr",))
-
-
 Kind = Callable[[FilePath, Random], Change | None]
 KINDS: tuple[Kind, ...] = (
-    json_leaf,
-    json_leaf,
-    json_field_gone,
-    npz_array,
-    npz_array,
-    zarr_array,
-    zarr_attribute,
-    model,
-    byte,
-    file_gone,
-    both_forms,
-)
-SEALED: tuple[Kind, ...] = (
-    sealed_both,
-    sealed_both,
-    sealed_results,
-    sealed_field_gone,
-    sealed_timeline,
-    sealed_attribute,
-    sealed_stage,
-    model,
+    *(both_forms, both_forms, results, field_gone),
+    *(timeline_array, timeline_attribute, stage_array, model),
 )
 """Not among them: figures.zarr, which the digests alone hold."""
-__all__ = ["Change", "Tampered", "read_values"]

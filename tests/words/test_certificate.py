@@ -51,7 +51,7 @@ FOLLOWED: dict[str, Any] = SIMULATED | {
 }
 
 
-def test_what_is_proved_stands_beside_what_was_seen_and_is_rounded_down() -> None:
+def test_headline_has_the_proved_clearance_rounded_down() -> None:
     assert headline(SIMULATED) == (
         "verified (simulated): modules stay at least 3.1 % of a module width apart"
     )
@@ -70,11 +70,11 @@ def test_what_is_proved_stands_beside_what_was_seen_and_is_rounded_down() -> Non
         (-2.0, "overlap by at most 200.0 %"),
     ],
 )
-def test_what_is_less_than_nothing_is_not_said_to_be_nothing(value: float, said: str) -> None:
+def test_negative_clearance_is_said_to_be_an_overlap(value: float, said: str) -> None:
     assert f"modules {said} of a" in str(clearance(SIMULATED | {"clearance_bound": value}))
 
 
-def test_what_was_not_simulated_has_no_figures_of_a_simulation() -> None:
+def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:
     said, followed = dict(rows(SIMULATED)), dict(rows(FOLLOWED))
     for label in (
         "Least clearance, simulated robots",
@@ -91,12 +91,12 @@ def test_what_was_not_simulated_has_no_figures_of_a_simulation() -> None:
     )
 
 
-def test_a_torque_is_a_peak_only_where_every_step_was_looked_at() -> None:
+def test_torque_is_called_peak_only_if_every_step_was_simulated() -> None:
     assert torque(SIMULATED) == ("Peak torque", "400 µN·m, simulated motors")
     assert torque(FOLLOWED) == ("Largest torque seen", "400 µN·m, checked at 1210 of 4036 frames")
 
 
-def test_linked_modules_are_named_with_what_a_real_one_lacks() -> None:
+def test_text_about_linked_modules() -> None:
     assert linked(SIMULATED) == (
         "Linked modules share a joint and are not checked against each other: full cubes would "
         "overlap by up to 0.30 pitch. Real modules need rounded edges: no material farther than "
@@ -128,7 +128,7 @@ def test_linked_modules_are_named_with_what_a_real_one_lacks() -> None:
         ),
     ],
 )
-def test_a_recording_that_overlaps_is_told(changes: dict[str, Any], said: str | None) -> None:
+def test_text_about_a_record_that_overlaps(changes: dict[str, Any], said: str | None) -> None:
     assert record(SIMULATED | changes, limit_rad=1.6057) == said
 
 
@@ -140,7 +140,7 @@ def test_a_recording_that_overlaps_is_told(changes: dict[str, Any], said: str | 
         (0.2, "clamped", "friction 0.2, clamped base", "the first module is clamped"),
     ],
 )
-def test_how_a_chain_is_held_is_told(friction: float, base: Base, words: str, held: str) -> None:
+def test_text_about_the_base_on_a_table(friction: float, base: Base, words: str, held: str) -> None:
     chain = line(7)
     found = table_certificate(chain, moving(chain, 1, -LIFTED), friction=friction, base=base)
     told = on_table({"table": found.as_dict()}, None)

@@ -58,7 +58,9 @@ def written(directory: Path, chosen: int, *tried: dict[str, Any]) -> Path:
         ("clearance", 0, "The first plan that worked is still the best after 11 s"),
     ],
 )
-def test_gain_and_cost_are_told(prefer: Preference, chosen: int, text: str, tmp_path: Path) -> None:
+def test_text_has_gain_and_cost_of_the_chosen_plan(
+    prefer: Preference, chosen: int, text: str, tmp_path: Path
+) -> None:
     choice = choice_of(written(tmp_path, chosen, *TRIED), prefer)
     assert choice["text"].startswith(text)
     assert choice["seconds"] == 100.0, "of those that are verified"
@@ -66,7 +68,7 @@ def test_gain_and_cost_are_told(prefer: Preference, chosen: int, text: str, tmp_
     assert superlative(prefer, len(choice["plans"])) is not None
 
 
-def test_each_plan_has_a_name_and_a_row(tmp_path: Path) -> None:
+def test_plans_have_labels_and_rows(tmp_path: Path) -> None:
     choice = choice_of(written(tmp_path, 3, *TRIED), "time")
     assert [plan["label"] for plan in choice["plans"]] == [
         *(
@@ -82,7 +84,7 @@ def test_each_plan_has_a_name_and_a_row(tmp_path: Path) -> None:
     assert all(len(plan["cells"]) == len(PLAN_COLUMNS) - 1 for plan in choice["plans"])
 
 
-def test_without_a_wish_or_a_plan_there_is_no_choice(tmp_path: Path) -> None:
+def test_no_choice_without_a_preference_or_a_plan(tmp_path: Path) -> None:
     assert choice_of(tmp_path, "time") is None
     assert choice_of(written(tmp_path, 0, *TRIED), "computing") is None
     assert choice_of(written(tmp_path, 9, TRIED[1], TRIED[4]), "time") is None
@@ -90,7 +92,7 @@ def test_without_a_wish_or_a_plan_there_is_no_choice(tmp_path: Path) -> None:
     assert set(PREFERENCE_WORDS) == set(PREFERENCES)
 
 
-def test_the_command_line_prints_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_line_prints_the_choice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     show_choice(choice_of(written(tmp_path, 3, *TRIED), "time"))
     lines = capsys.readouterr().out.splitlines()
     (chosen,) = (line for line in lines if line.startswith("→"))

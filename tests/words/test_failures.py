@@ -23,13 +23,13 @@ def row(
     return SimpleNamespace(status=status, error=error, stage=stage)
 
 
-def test_what_is_verified_or_goes_on_has_no_failure() -> None:
+def test_verified_and_running_folds_have_no_failure() -> None:
     for status in ("verified", "running", "queued"):
         assert failure(row(status), {"stuck": KNOT}) is None
     assert failure(row(), {}) is None
 
 
-def test_a_stuck_explosion_is_shown_at_its_end() -> None:
+def test_failure_of_a_stalled_explosion() -> None:
     assert failure(row(), {"stuck": KNOT, "certificate": {}}) == {
         "heading": "The chain is knotted",
         "text": "Its path is knotted.",
@@ -56,7 +56,7 @@ TREFOIL: KnotFigures = {
 }
 
 
-def test_a_knot_that_is_the_reason_is_drawn_with_a_gap_at_each_crossing() -> None:
+def test_knot_is_drawn_with_a_gap_at_each_crossing() -> None:
     stuck = {**KNOT, "evidence": TREFOIL}
     told = failure(row(), {"stuck": stuck})
     assert told is not None and told["heading"] == "The chain is knotted"
@@ -89,7 +89,7 @@ def _signs(drawn: KnotDrawing) -> list[int]:
     return signs
 
 
-def test_what_blocks_what_is_listed_and_a_budget_told_in_numbers() -> None:
+def test_failure_lists_blocks_and_budgets() -> None:
     turn = {"hinge": 7, "module": 4, "turned_rad": -0.0349, "modules": [4, 9], "overlap": 0.0123}
     move = {"direction": [0, -1, 0], "moved": 0.5, "modules": [5, 2], "overlap": 0.45}
     evidence = {"kind": "blocks", "turns": [turn], "moves": [move]}
@@ -108,7 +108,7 @@ def test_what_blocks_what_is_listed_and_a_budget_told_in_numbers() -> None:
     assert set(get_args(SpentKind)) <= FAILURE_HEADINGS.keys()
 
 
-def test_a_limit_says_what_was_exceeded_and_how_far_it_came() -> None:
+def test_failure_by_a_limit_names_the_limit_and_the_progress() -> None:
     stuck = {"kind": "stopped", "modules": [3, 8], "words": "the chain was still unfolding"}
     error = {"code": "time-limit", "detail": "the stage 'explode' took long.", "where": "explode"}
     told = failure(row(error=error), {"stuck": stuck})
@@ -120,7 +120,7 @@ def test_a_limit_says_what_was_exceeded_and_how_far_it_came() -> None:
     assert failure(row("cancelled"), {"stuck": stuck}) is None  # nothing stalled
 
 
-def test_an_overlap_is_shown_where_it_is_along_the_timeline() -> None:
+def test_failure_by_an_overlap_has_its_frame() -> None:
     place = {"frame": 12.5, "modules": [3, 7]}
     certificate = {
         "module_size": 1.0,
@@ -145,7 +145,7 @@ def test_an_overlap_is_shown_where_it_is_along_the_timeline() -> None:
         assert found is not None and found["frame"] == 12.5
 
 
-def test_a_playback_that_ends_elsewhere_says_so() -> None:
+def test_failure_of_a_playback_that_ends_elsewhere() -> None:
     summary = {
         "certificate": {"min_clearance": 0.1},
         "reason": "the playback ends 1 pitch (RMS) from the folded shape",
@@ -157,7 +157,7 @@ def test_a_playback_that_ends_elsewhere_says_so() -> None:
     assert beyond is not None and beyond["heading"] == "Not verified"
 
 
-def test_every_attempt_tells_how_it_was_made_and_how_it_ended(tmp_path: Path) -> None:
+def test_attempts_are_listed_with_strategy_and_outcome(tmp_path: Path) -> None:
     assert attempts(tmp_path) == []
     made = {"candidate": 0, "seed": 4, "strategy": "simultaneous", "steps": 8400}
     tried = [

@@ -21,7 +21,7 @@ def cli(*arguments: object) -> tuple[int, str]:
     return told.exit_code, told.output
 
 
-def test_what_is_changed_is_told_beside_what_it_was() -> None:
+def test_changed_settings_are_listed_with_their_defaults() -> None:
     settings = "damping=0.05,motor_max_force=12.5,radial_gain=0.2"
     assert changed("paper", settings) == [
         ("Radial force gain λ", "0.2 dyn, instead of 0.1"),
@@ -33,7 +33,7 @@ def test_what_is_changed_is_told_beside_what_it_was() -> None:
     assert (changed("default", ""), in_a_line("")) == ([], "")
 
 
-def test_the_command_line_lists_them() -> None:
+def test_command_line_lists_the_settings() -> None:
     code, told = cli("settings")
     assert code == 0
     for setting in SETTINGS:
@@ -48,7 +48,7 @@ def test_the_command_line_lists_them() -> None:
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_the_command_line_folds_and_refolds_with_them(tmp_path: Path) -> None:
+def test_command_line_folds_and_refolds_with_settings(tmp_path: Path) -> None:
     files = []
     for name, cells in (("a", STAIRS), ("b", [[y, x, z] for x, y, z in STAIRS])):
         files.append(tmp_path / f"{name}.json")

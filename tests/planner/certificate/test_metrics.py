@@ -100,7 +100,9 @@ def test_clearances_are_those_of_all_pairs(module: str, size: float) -> None:
 @pytest.mark.parametrize(
     "shape", ["wrench-24", pytest.param("tetra-cube-2", marks=pytest.mark.long)]
 )
-def test_the_certificate_and_the_figures_agree(shape: str, folded: Callable[..., Any]) -> None:
+def test_figures_agree_with_the_certificate(
+    shape: str, folded: Callable[..., Any], tmp_path: FilePath
+) -> None:
     fold = folded(shape)
     figures = Figures.load(fold.directory / "figures.zarr")
     frames = Timeline.open(fold.directory / "timeline.zarr").frames()
@@ -128,9 +130,19 @@ def test_the_certificate_and_the_figures_agree(shape: str, folded: Callable[...,
     assert np.abs(torques).max() == pytest.approx(certificate.peak_torque_nm, rel=0.35)
     most = certificate.hinges_moving_most
     assert figures.hinges_moving[frames.phase == 1].max() == pytest.approx(most, abs=2)
+    # Torques are those of the certificate's fold time.
+    slow = replace(certificate, fold_time_s=2.0 * certificate.fold_time_s)
+    for name in ("request.json", "timeline.zarr"):
+        (tmp_path / name).symlink_to(fold.directory / name)
+    slower = figures_of(tmp_path / "timeline.zarr", fold.parameters, slow)
+    np.testing.assert_allclose(slower.torque_nm, 0.25 * figures.torque_nm, rtol=1e-5)
+    # Without the certificate the speed is that of the frames, not of the plan.
+    alone = Curves.load(Workspace(tmp_path).write_figures())
+    np.testing.assert_array_equal(alone.min_clearance, figures.min_clearance)
+    np.testing.assert_allclose(alone.peak_torque_nm, figures.peak_torque_nm, rtol=0.02)
 
 
-def test_overlaps_of_a_fold_that_failed_are_negative(tmp_path: FilePath) -> None:
+def test_overlaps_have_negative_clearances(tmp_path: FilePath) -> None:
     chain = coil(16)
     angles = closing(chain, 30)
     timeline_of(tmp_path / "t", chain, ("playback", angles), error=0.1)
@@ -145,7 +157,7 @@ def test_overlaps_of_a_fold_that_failed_are_negative(tmp_path: FilePath) -> None
     assert (figures.max_error_rad == np.float32(0.1)).all()
 
 
-def test_a_stuck_explosion_has_clearances_and_no_torques(tmp_path: FilePath) -> None:
+def test_explosion_has_clearances_and_no_torques(tmp_path: FilePath) -> None:
     chain = coil(12)
     still = np.tile(chain.folded_rad, (5, 1))
     timeline_of(tmp_path / "t", chain, ("explosion", still), error=np.nan)
@@ -156,7 +168,7 @@ def test_a_stuck_explosion_has_clearances_and_no_torques(tmp_path: FilePath) -> 
     assert (figures.hinges_moving == 0).all()
 
 
-def test_chunks_leave_no_seam(tmp_path: FilePath) -> None:
+def test_figures_are_the_same_across_chunks(tmp_path: FilePath) -> None:
     # 300 frames are three chunks, and the playback begins within the first.
     chain = coil(8)
     angles = closing(chain, 260)
@@ -176,20 +188,8 @@ def test_chunks_leave_no_seam(tmp_path: FilePath) -> None:
     np.testing.assert_array_equal(figures.hinges_moving, moving)
 
 
-def test_torques_are_those_of_the_certificates_fold_time(
-    tmp_path: FilePath, folded: Callable[..., Any]
-) -> None:
-    fold = folded("wrench-24")
-    path = tmp_path / "timeline.zarr"
-    path.symlink_to(fold.directory / "timeline.zarr")
-    slow = replace(fold.plan.certificate, fold_time_s=2.0 * fold.plan.certificate.fold_time_s)
-    fast = figures_of(path, fold.parameters, fold.plan.certificate)
-    once = figures_of(path, fold.parameters, slow)
-    np.testing.assert_allclose(once.torque_nm, 0.25 * fast.torque_nm, rtol=1e-5)
-
-
 @pytest.mark.slow
-def test_what_is_saved_is_read_in_any_range(tmp_path: FilePath) -> None:
+def test_figures_are_read_in_any_range(tmp_path: FilePath) -> None:
     chain = coil(10)
     timeline_of(tmp_path / "t", chain, ("playback", closing(chain, 300)), error=0.0)
     figures = figures_of(tmp_path / "t", PARAMETERS)
@@ -209,7 +209,7 @@ def test_what_is_saved_is_read_in_any_range(tmp_path: FilePath) -> None:
             Figures.load(path, start, stop)
 
 
-def test_no_figures_are_no_figures(tmp_path: FilePath) -> None:
+def test_missing_figures_and_timelines_raise(tmp_path: FilePath) -> None:
     with pytest.raises(TimelineError, match="no figures at"):
         Figures.load(tmp_path / "nothing")
     with pytest.raises(TimelineError, match="no timeline at"):
@@ -222,7 +222,7 @@ def test_no_figures_are_no_figures(tmp_path: FilePath) -> None:
     assert Figures.load(tmp_path / "figures").clearance.shape == (0, 9)
 
 
-def test_frames_that_are_not_numbers_have_no_figures(tmp_path: FilePath) -> None:
+def test_frames_that_are_not_finite_have_no_figures(tmp_path: FilePath) -> None:
     chain = coil(9)
     angles = closing(chain, 12)
     angles[5, 3] = np.nan
@@ -232,16 +232,3 @@ def test_frames_that_are_not_numbers_have_no_figures(tmp_path: FilePath) -> None
     assert (figures.nearest[5] == -1).all()
     assert np.isfinite(figures.clearance[[4, 6]]).all()
     assert np.isnan(figures.torque_nm).all()
-
-
-def test_whoever_has_a_fold_without_figures_asks_for_them(
-    tmp_path: FilePath, folded: Callable[..., Any]
-) -> None:
-    fold = folded("wrench-24")
-    for name in ("request.json", "timeline.zarr"):
-        (tmp_path / name).symlink_to(fold.directory / name)
-    found = Curves.load(Workspace(tmp_path).write_figures())
-    made = Curves.load(fold.directory / "figures.zarr")
-    np.testing.assert_array_equal(found.min_clearance, made.min_clearance)
-    # Without the certificate the speed is that of the frames, not of the plan.
-    np.testing.assert_allclose(found.peak_torque_nm, made.peak_torque_nm, rtol=0.02)

@@ -12,15 +12,13 @@ import pytest
 from planner.chain.path import Path
 from planner.chain.rotations import aligned_distances
 from planner.exports import mjcf
-from planner.pathfinding.assembly import layered_snake
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
+from planner.plan.shape_files import write_chain
 from planner.readers import read
 from tests.planner.conftest import SHAPES
+from tests.planner.folds import made
 from tests.planner.outsider import Outsider, moment_at, moments
+from tests.planner.peels import snake
 from tests.planner.plans import changed
 
 pytestmark = pytest.mark.slow
@@ -65,9 +63,7 @@ def check(plan: Plan, xml: str) -> int:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_the_exported_model_agrees_with_the_certificate(
-    name: str, folded: Callable[..., Any]
-) -> None:
+def test_exported_model_agrees_with_the_certificate(name: str, folded: Callable[..., Any]) -> None:
     fold = folded(name)
     xml = (fold.directory / "model.xml").read_text()
     assert check(fold.plan, xml) == QUARTERS * (len(fold.plan.time_s) - 1) + 1
@@ -79,23 +75,19 @@ def test_the_exported_model_agrees_with_the_certificate(
         assert aligned_distances(positions, asked.cells.astype(float)).max() < POSES_WITHIN
 
 
-@pytest.mark.parametrize("sides", [(4, 4, 6), pytest.param((6, 6, 8), marks=pytest.mark.long)])
-def test_so_does_a_peeled_chain_in_pieces(
-    sides: tuple[int, int, int], tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+def test_peeled_chain_in_pieces_agrees_with_the_certificate(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mjcf, "MAX_TREE_MODULES", 64)
-    cells = [tuple(cell) for cell in layered_snake(sides).tolist()]
-    request = FoldRequest(strategy="peel", module_size=0.98)
-    Workspace(tmp_path).write_request(request, write_path(Path.from_cells(cells, name="box")))
-    run_stages(tmp_path)
-    plan = Plan.load(tmp_path / "plan.npz")
+    box = write_chain(snake((4, 4, 5)))
+    plan = made(tmp_path, box, strategy="peel", module_size=0.98)
     assert (plan.explosion or {})["strategy"] == "peel"
     xml = (tmp_path / "model.xml").read_text()
     assert xml.count("<freejoint") + xml.count('type="free"') > 1
     assert check(plan, xml) > QUARTERS * 50
 
 
-def test_the_replay_would_notice(folded: Callable[..., Any]) -> None:
+def test_replay_refutes_forged_plans_and_models(folded: Callable[..., Any]) -> None:
     """A frame in which modules pass through each other, and a model of larger modules."""
     fold = folded("wrench-24")
     xml = (fold.directory / "model.xml").read_text()

@@ -36,7 +36,7 @@ def moving(chain: Chain, hinge: int, most: float = LIFTED, low: float = 0.5) -> 
     )
 
 
-def test_what_swings_on_the_table_asks_nothing_without_friction() -> None:
+def test_swing_without_friction_needs_no_torque() -> None:
     chain = line(7)
     found = table_certificate(chain, moving(chain, 0))
     assert found.on_table and found.rests
@@ -45,7 +45,7 @@ def test_what_swings_on_the_table_asks_nothing_without_friction() -> None:
     assert found.clearance == pytest.approx(0.0, abs=1e-12)
 
 
-def test_friction_is_told_and_asks_something() -> None:
+def test_swing_with_friction_needs_torque() -> None:
     chain = line(7)
     found = table_certificate(chain, moving(chain, 0), friction=0.1)
     free = table_certificate(chain, moving(chain, 0), friction=0.1, base="free")
@@ -55,7 +55,7 @@ def test_friction_is_told_and_asks_something() -> None:
     assert 0.0 < free.torque < found.torque < 0.1 * sum(np.hypot(j, 0.5) for j in range(1, 6))
 
 
-def test_an_arm_that_is_lifted_asks_what_its_weight_does() -> None:
+def test_lifted_arm_needs_the_torque_of_its_weight() -> None:
     # Upwards is a negative angle about y. Five modules behind the hinge, all in the air but in the
     # first frame: cos a · 5 · 6 / 2.
     chain = line(7)
@@ -73,7 +73,7 @@ def test_an_arm_that_is_lifted_asks_what_its_weight_does() -> None:
     assert "expected at most 10 w·p" in refused.verdict
 
 
-def test_a_chain_that_would_tip_balances_in_no_way() -> None:
+def test_chain_that_tips_over_is_refused() -> None:
     chain = line(7)
     found = table_certificate(chain, moving(chain, 1, -LIFTED), base="free")
     assert found.unbalanced == (1, 2, 3, 4)
@@ -83,7 +83,7 @@ def test_a_chain_that_would_tip_balances_in_no_way() -> None:
     )
 
 
-def test_what_goes_into_the_table_is_refused() -> None:
+def test_chain_below_the_table_is_refused() -> None:
     chain = line(7)
     found = table_certificate(chain, moving(chain, 0, low=0.45))
     assert found.clearance == pytest.approx(-0.05)
@@ -92,7 +92,7 @@ def test_what_goes_into_the_table_is_refused() -> None:
     assert smaller.rests and smaller.clearance == pytest.approx(0.0, abs=1e-12)
 
 
-def test_frames_that_float_are_laid_down_and_never_rest() -> None:
+def test_floating_frames_are_put_down_and_refused() -> None:
     chain = coil(8)
     shares = np.linspace(0.0, 1.0, 40)
     angles = shares[:, None] * chain.folded_rad
@@ -115,7 +115,7 @@ def test_frames_that_float_are_laid_down_and_never_rest() -> None:
     assert as_windows.torques == pytest.approx(found.torques, rel=1e-3, abs=0.011)
 
 
-def test_it_is_read_back_as_it_was_written() -> None:
+def test_table_certificate_is_read_back() -> None:
     chain = line(7)
     for base in ("clamped", "free"):
         found = table_certificate(chain, moving(chain, 1, -LIFTED), base=base, friction=0.2)
@@ -137,16 +137,12 @@ def test_it_is_read_back_as_it_was_written() -> None:
         ({"base": "held"}, "base"),
     ],
 )
-def test_what_cannot_be_is_refused(wrong: dict, where: str) -> None:
+def test_frames_and_parameters_out_of_range_are_refused(wrong: dict, where: str) -> None:
     chain = line(4)
     with pytest.raises(InputError) as refused:
         table_certificate(chain, moving(chain, 0), **wrong)
     assert refused.value.code == "bad-table"
     assert refused.value.where == where
-
-
-def test_no_frames_and_none_that_are_numbers_are_refused() -> None:
-    chain = line(4)
     frames = moving(chain, 0)
     with pytest.raises(InputError, match="frames"):
         table_certificate(chain, frames[:0])

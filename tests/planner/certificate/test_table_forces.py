@@ -22,7 +22,7 @@ def forces(hinge: int) -> tuple[TableForces, float | None]:
     return kept[0], found.torque
 
 
-def test_the_table_bears_the_whole_weight_in_every_frame() -> None:
+def test_table_bears_the_whole_weight_in_every_frame() -> None:
     found, largest = forces(hinge=1)
     assert np.allclose(found.pressed.sum(axis=1), LENGTH, atol=1e-4)
     assert found.torques.shape == (len(found), len(line(LENGTH).folded_rad))
@@ -30,13 +30,13 @@ def test_the_table_bears_the_whole_weight_in_every_frame() -> None:
     assert found.torque.max() == pytest.approx(largest)
 
 
-def test_what_lies_flat_is_borne_where_it_lies() -> None:
+def test_flat_chain_is_borne_without_torque() -> None:
     found, _ = forces(hinge=0)
     assert np.allclose(found.torque, 0.0)
     assert (found.pressed >= -1e-6).all()
 
 
-def test_they_come_back_from_their_file(tmp_path: Path) -> None:
+def test_table_forces_are_read_back(tmp_path: Path) -> None:
     found, _ = forces(hinge=1)
     found.save(tmp_path / "table.npz")
     again = TableForces.load(tmp_path / "table.npz")
@@ -44,7 +44,7 @@ def test_they_come_back_from_their_file(tmp_path: Path) -> None:
         assert np.array_equal(getattr(again, name), getattr(found, name))
 
 
-def test_what_is_no_such_file_is_refused(tmp_path: Path) -> None:
+def test_invalid_files_of_table_forces_are_refused(tmp_path: Path) -> None:
     for content in (None, b"PK", b""):
         path = tmp_path / "table.npz"
         if content is not None:

@@ -51,7 +51,9 @@ def motion(
 
 
 @given(MODULES, st.integers(3, 14), st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
-def test_derivatives_are_differences(module: Module, count: int, seed: int, at: float) -> None:
+def test_derivatives_agree_with_differences(
+    module: Module, count: int, seed: int, at: float
+) -> None:
     angles, rates, root = motion(module, count, seed, 1.0, at)
     bodies = bodies_of(module, angles, rates, 0.1, root)
     tiny = 1e-4
@@ -90,7 +92,7 @@ def test_derivatives_are_differences(module: Module, count: int, seed: int, at: 
     st.sampled_from([0.5, 0.25, 0.03]),
     st.floats(0.0, 1.0),
 )
-def test_nothing_goes_farther_than_said(
+def test_motion_bounds_hold_for_all_corners(
     module: Module, count: int, seed: int, step: float, half: float, at: float
 ) -> None:
     angles, rates, root = motion(module, count, seed, step, at)
@@ -127,7 +129,7 @@ def test_nothing_goes_farther_than_said(
 
 
 @pytest.mark.parametrize("module", [CUBE, TETRAHEDRON], ids=lambda m: m.name)
-def test_a_rod_is_the_same_as_its_modules_one_by_one(module: Module) -> None:
+def test_rod_agrees_with_its_modules_one_by_one(module: Module) -> None:
     angles, rates, _ = motion(module, 12, 3, 0.1, 0.0)
     bent = len(module.joint_names(6))
     angles[bent:] = rates[bent:] = 0.0

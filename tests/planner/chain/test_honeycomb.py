@@ -40,7 +40,8 @@ def box(*sides: int) -> Ints:
     return np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, 3)
 
 
-def test_a_tetrahedron_of_the_honeycomb_is_the_module() -> None:
+def test_tetrahedron_of_the_honeycomb_is_the_module() -> None:
+    assert TETRAHEDRA_PER_RING * TETRAHEDRON.volume == pytest.approx(8.0)  # as a cube of side 2
     own = sorted(np.linalg.norm(a - b) for a in TETRAHEDRON.vertices for b in TETRAHEDRON.vertices)
     for pair in ring_pairs(ONE):
         found = corners(pair)
@@ -64,15 +65,7 @@ def test_cells_meet_every_node_an_even_number_of_times(pairs, count: int) -> Non
     assert all(sum(c % 2 for c in node) in (1, 2) for node in degrees)
 
 
-def test_rings_fill_as_much_as_their_cubes_and_none_lies_in_another() -> None:
-    # The volume of a cube of side 2 is 8; a large block of rings has that of its cubes.
-    assert TETRAHEDRA_PER_RING * TETRAHEDRON.volume == pytest.approx(8.0)
-    pairs = ring_pairs(box(3, 3, 3))
-    keys = {tuple(pair.sum(axis=0)) for pair in pairs.tolist() for pair in [np.array(pair)]}
-    assert len(keys) == 27 * TETRAHEDRA_PER_RING
-
-
-def test_a_dodecahedron_is_one() -> None:
+def test_dodecahedron_has_twelve_faces() -> None:
     found = np.concatenate([corners(pair) for pair in dodecahedron_pairs(ONE)])
     hull = ConvexHull(found)
     assert hull.volume == pytest.approx(TETRAHEDRA_PER_DODECAHEDRON * TETRAHEDRON.volume)
@@ -90,7 +83,7 @@ def test_a_dodecahedron_is_one() -> None:
     ],
     ids=["ring", "2x2x2", "bent", "dodecahedra"],
 )
-def test_the_folded_chain_fills_just_these_tetrahedra(pairs: Ints) -> None:
+def test_folded_chain_fills_the_tetrahedra_of_its_trail(pairs: Ints) -> None:
     chain = Chain.from_trail(Trail.from_nodes(opened(circuit(pairs), 5)))
     assert len(chain) == len(pairs)
     np.testing.assert_allclose(np.abs(np.rad2deg(chain.folded_rad)) % 90.0, 0.0, atol=1e-12)
@@ -103,29 +96,3 @@ def test_the_folded_chain_fills_just_these_tetrahedra(pairs: Ints) -> None:
     poses = chain.folded_poses
     full = closest(chain.module, poses.positions, poses.rotations, size=1.0)
     assert full.clearance == pytest.approx(0.0, abs=1e-9)  # face to face, none in another
-
-
-def test_the_ring_turns_as_rings_do() -> None:
-    chain = Chain.from_trail(Trail.from_nodes(opened(circuit(ring_pairs(ONE)), 0)))
-    signs = np.sign(chain.folded_rad).astype(int)
-    once = np.append(signs, -signs.sum())  # the twelfth is not a joint of the open chain
-    found = {
-        tuple(np.roll(s * once[::d], k)[:4]) for k in range(4) for s in (1, -1) for d in (1, -1)
-    }
-    assert (-1, -1, -1, 1) in found
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("side", "kept"), [(1, 0.334), pytest.param(2, 0.596, marks=pytest.mark.long)]
-)
-def test_small_solids_keep_less_of_their_form(side: int, kept: float) -> None:
-    """Intersection over union of a block of rings with its cubes; 4³ cells: 0.77, 6³: 0.85."""
-    rng = np.random.default_rng(0)
-    points = rng.uniform(-1.0, 2.0 * side + 3.0, (60_000, 3))
-    inside = np.zeros(len(points), dtype=bool)
-    for pair in ring_pairs(box(side, side, side)):
-        hull = ConvexHull(corners(pair))
-        inside |= (points @ hull.equations[:, :3].T + hull.equations[:, 3] <= 0.0).all(axis=1)
-    cube = ((points >= 1.0) & (points <= 1.0 + 2.0 * side)).all(axis=1)
-    assert (inside & cube).sum() / (inside | cube).sum() == pytest.approx(kept, abs=0.02)

@@ -11,18 +11,11 @@ from tests.planner.lattice import walks
 
 
 @given(walks())
-def test_every_self_avoiding_walk_is_a_path(cells: NDArray[np.int64]) -> None:
+def test_self_avoiding_walk_is_a_path(cells: NDArray[np.int64]) -> None:
     path = Path.from_cells(cells)
     np.testing.assert_array_equal(path.cells, cells)
     assert len(path) == len(cells)
     assert not path.cells.flags.writeable
-
-
-@given(walks())
-def test_a_path_stays_one_when_reversed_or_moved(cells: NDArray[np.int64]) -> None:
-    Path.from_cells(cells[::-1])
-    Path.from_cells(cells + [7, -300, 12])
-    Path.from_cells(cells.astype(np.float64))
 
 
 @pytest.mark.parametrize(
@@ -41,7 +34,7 @@ def test_a_path_stays_one_when_reversed_or_moved(cells: NDArray[np.int64]) -> No
         ([(0, 0, 0), (1, 1, 0), (2, 1, 0)], "not-adjacent", "cells 0 and 1"),
     ],
 )
-def test_what_is_no_path_is_refused_with_its_place(
+def test_invalid_paths_are_refused_with_their_place(
     cells: object, code: str, where: str | None
 ) -> None:
     with pytest.raises(InputError) as refusal:
@@ -50,14 +43,7 @@ def test_what_is_no_path_is_refused_with_its_place(
 
 
 @pytest.mark.parametrize("pitch_m", [0.0, -1.0, float("nan"), 2000.0])
-def test_a_pitch_must_be_a_sensible_length(pitch_m: float) -> None:
+def test_pitch_out_of_range_is_refused(pitch_m: float) -> None:
     with pytest.raises(InputError) as refusal:
         Path.from_cells([(0, 0, 0), (1, 0, 0), (2, 0, 0)], pitch_m=pitch_m)
     assert refusal.value.code == "bad-pitch"
-
-
-def test_the_callers_array_is_not_frozen_or_kept() -> None:
-    cells = np.array([(0, 0, 0), (1, 0, 0), (2, 0, 0)])
-    path = Path.from_cells(cells)
-    cells[0] = 9
-    assert path.cells[0].tolist() == [0, 0, 0]

@@ -9,8 +9,8 @@ from planner.simulation.model import Material, tree_spec
 from tests.planner.chains import line, random_angles
 
 
-@pytest.mark.parametrize("modules", [3, 4, 11, 12, 160])
-def test_a_straight_chain_hangs_on_its_root(modules: int) -> None:
+@pytest.mark.parametrize("modules", [3, 12])
+def test_torque_of_a_straight_chain(modules: int) -> None:
     # 1 + 2 + … of what lies beyond the root on its longer side.
     chain = line(modules)
     beyond = modules - 1 - chain.root
@@ -19,8 +19,8 @@ def test_a_straight_chain_hangs_on_its_root(modules: int) -> None:
     assert static_torque(chain, np.zeros_like(chain.folded_rad)) == pytest.approx(wanted)
 
 
-@pytest.mark.parametrize("modules", [5, 14, 25])
-def test_the_worst_direction_of_gravity_is_mujocos(modules: int) -> None:
+@pytest.mark.parametrize("modules", [5, 14])
+def test_torque_in_the_worst_direction_agrees_with_mujoco(modules: int) -> None:
     # Torques are linear in gravity: three directions tell all.
     chain = line(modules)
     rng = np.random.default_rng(modules)
@@ -40,7 +40,7 @@ def test_the_worst_direction_of_gravity_is_mujocos(modules: int) -> None:
         assert static_torque(chain, angles) == pytest.approx(worst, rel=1e-9)
 
 
-def test_hinge_frames_are_mujocos() -> None:
+def test_hinge_frames_agree_with_mujoco() -> None:
     chain = line(7)
     angles = random_angles(chain, np.random.default_rng(1))
     model = tree_spec(chain, Material()).compile()

@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
-from planner.chain.honeycomb import TETRAHEDRA_PER_RING, dodecahedron_pairs, ring_pairs
-from planner.chain.trail import Trail, hinge_axes
+from planner.chain.honeycomb import dodecahedron_pairs, ring_pairs
+from planner.chain.trail import Trail
 from planner.errors import InputError
 from planner.pathfinding.trails import circuit, free_cuts, opened
 
@@ -31,7 +30,7 @@ def polycubes(draw: st.DrawFn) -> Ints:
 
 
 @given(cells=polycubes())
-def test_any_joined_cells_have_a_circuit(cells: Ints) -> None:
+def test_joined_cells_have_a_circuit(cells: Ints) -> None:
     pairs = ring_pairs(cells)
     nodes = circuit(pairs)
     assert len(nodes) == len(pairs) + 1
@@ -41,7 +40,7 @@ def test_any_joined_cells_have_a_circuit(cells: Ints) -> None:
 
 
 @given(cells=polycubes())
-def test_where_four_meet_it_never_goes_straight_through(cells: Ints) -> None:
+def test_circuit_never_goes_straight_through_where_four_meet(cells: Ints) -> None:
     nodes = circuit(ring_pairs(cells))
     ring = nodes[:-1]
     _, inverse, counts = np.unique(ring, axis=0, return_inverse=True, return_counts=True)
@@ -51,7 +50,7 @@ def test_where_four_meet_it_never_goes_straight_through(cells: Ints) -> None:
     assert not straight[counts[inverse.reshape(-1)] == 2].any()
 
 
-def test_it_starts_where_it_is_cut() -> None:
+def test_opened_trail_starts_where_it_is_cut() -> None:
     nodes = circuit(ring_pairs(np.array([[0, 0, 0], [1, 0, 0]])))
     free = free_cuts(nodes)
     assert free.any()
@@ -61,13 +60,13 @@ def test_it_starts_where_it_is_cut() -> None:
     assert (trail.nodes == trail.nodes[0]).all(axis=1).sum() == 2  # its two ends, nobody else
 
 
-def test_cells_that_touch_at_no_hinge_are_told_apart() -> None:
+def test_separate_cells_have_no_circuit() -> None:
     with pytest.raises(InputError, match="in 2 parts") as refusal:
         circuit(ring_pairs(np.array([[0, 0, 0], [5, 0, 0]])))
     assert refusal.value.code == "no-trail"
 
 
-def test_an_odd_node_is_named() -> None:
+def test_odd_node_is_named() -> None:
     with pytest.raises(InputError, match="an odd number") as refusal:
         circuit(ring_pairs(np.zeros((1, 3), dtype=np.int64))[:-1])
     assert refusal.value.where.startswith("node (")
@@ -89,26 +88,7 @@ def test_bad_trails_are_refused_with_their_place(nodes, code: str, where: str | 
     assert refusal.value.where == where
 
 
-def test_hinges_lie_along_the_odd_or_the_even_coordinate() -> None:
-    nodes = np.array([[1, 0, 0], [0, 0, 3], [1, 1, 2], [2, 1, 5]])
-    np.testing.assert_array_equal(hinge_axes(nodes), [0, 2, 2, 0])
-
-
 def test_dodecahedra_side_by_side_have_one_circuit() -> None:
     centres = np.array([[0, 0, 0], [2, 2, 0], [4, 0, 0], [2, 0, 2]])
     nodes = circuit(dodecahedron_pairs(centres))
     assert len(Trail.from_nodes(nodes)) == 24 * len(centres)
-
-
-def test_the_first_chain_comes_back_from_its_angles() -> None:
-    chain = Chain.from_trail(
-        Trail.from_nodes(opened(circuit(ring_pairs(np.zeros((1, 3), dtype=np.int64))), 0))
-    )
-    again = Chain.from_angles(chain.module, chain.folded_rad)
-    one, two = chain.folded_poses.positions, again.folded_poses.positions
-    np.testing.assert_allclose(
-        np.linalg.norm(one[:, None] - one[None], axis=-1),
-        np.linalg.norm(two[:, None] - two[None], axis=-1),
-        atol=1e-9,
-    )
-    assert len(chain) == TETRAHEDRA_PER_RING

@@ -21,7 +21,7 @@ def poses_after(chain: Chain, state: State, seconds: float) -> tuple[np.ndarray,
 
 
 @pytest.mark.parametrize("modules", [3, 4, 10, 25])
-def test_velocities_are_how_fast_the_poses_change(modules: int) -> None:
+def test_velocities_are_the_derivatives_of_poses(modules: int) -> None:
     chain = line(modules)
     segments = Segments(chain, Material())
     state = random_state(chain, modules, most=1.5)
@@ -35,15 +35,3 @@ def test_velocities_are_how_fast_the_poses_change(modules: int) -> None:
     cross = np.einsum("nij,nkj->nik", rate, segments.rotations)
     spins = np.stack([cross[:, 2, 1], cross[:, 0, 2], cross[:, 1, 0]], axis=1)
     np.testing.assert_allclose(segments.spins, spins, atol=1e-7 * modules)
-
-
-def test_a_chain_that_turns_as_a_whole_is_a_rigid_body() -> None:
-    chain = line(9)
-    segments = Segments(chain, Material())
-    state = random_state(chain, 2, most=1.5)
-    state.rates[:] = 0.0
-    segments.place(state)
-    spin = state.rotation @ state.spin
-    arms = segments.positions - state.position
-    np.testing.assert_allclose(segments.velocities, state.velocity + np.cross(spin, arms))
-    np.testing.assert_allclose(segments.spins, np.broadcast_to(spin, (9, 3)))

@@ -33,22 +33,20 @@ def separation(
     )
 
 
-@pytest.mark.parametrize("distance", [1.5, 1.0001, 0.9, 0.2])
-def test_face_to_face(distance: float) -> None:
-    assert separation([distance, 0.2, -0.1], UPRIGHT, UPRIGHT) == pytest.approx(distance - 1.0)
-
-
-@pytest.mark.parametrize("distance", [2.0, 1.3, 1.1])
-def test_edge_to_face(distance: float) -> None:
-    wanted = distance - 0.5 - np.sqrt(0.5)
-    assert separation([distance, 0.0, 0.0], UPRIGHT, ON_EDGE) == pytest.approx(wanted)
-
-
-@pytest.mark.parametrize("distance", [2.0, 1.5, 1.35])
-def test_corner_to_face(distance: float) -> None:
+@pytest.mark.parametrize(
+    ("other", "half", "distances"),
+    [
+        (UPRIGHT, 0.5, (1.5, 1.0001, 0.9)),
+        (ON_EDGE, np.sqrt(0.5), (2.0, 1.3, 1.1)),
+        (ON_CORNER, np.sqrt(0.75), (2.0, 1.5, 1.35)),
+    ],
+    ids=["face", "edge", "corner"],
+)
+def test_separation_from_a_face(other: Array, half: float, distances: tuple[float, ...]) -> None:
     assert ON_CORNER @ np.array([1.0, 1.0, 1.0]) == pytest.approx([np.sqrt(3), 0.0, 0.0])
-    wanted = distance - 0.5 - np.sqrt(0.75)
-    assert separation([distance, 0.0, 0.0], UPRIGHT, ON_CORNER) == pytest.approx(wanted)
+    for distance in distances:
+        wanted = distance - 0.5 - half
+        assert separation([distance, 0.0, 0.0], UPRIGHT, other) == pytest.approx(wanted)
 
 
 @pytest.mark.parametrize("distance", [2.0, 1.5, 1.4])
@@ -82,7 +80,7 @@ def two_boxes(size: float) -> mujoco.MjModel:
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.3, 1.8), st.floats(0.5, 1.0))
-def test_the_sign_is_mujocos_and_the_value_never_more(
+def test_separation_has_the_sign_of_mujocos_distance_and_is_never_larger(
     seed: int, distance: float, size: float
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -105,7 +103,7 @@ def test_the_sign_is_mujocos_and_the_value_never_more(
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.1, 3.0))
-def test_who_is_first_where_and_how_turned_makes_no_difference(seed: int, factor: float) -> None:
+def test_separation_is_symmetric_and_invariant(seed: int, factor: float) -> None:
     rng = np.random.default_rng(seed)
     first, second, turn = (random_rotation(rng) for _ in range(3))
     gap = rng.normal(size=3)
@@ -118,7 +116,7 @@ def test_who_is_first_where_and_how_turned_makes_no_difference(seed: int, factor
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.5))
-def test_stopping_early_only_says_that_it_is_enough(seed: int, enough: float) -> None:
+def test_separation_beyond_enough_is_a_bound(seed: int, enough: float) -> None:
     rng = np.random.default_rng(seed)
     first, second, gap = random_rotation(rng), random_rotation(rng), rng.normal(size=3)
     whole = separation(gap, first, second)
@@ -129,24 +127,16 @@ def test_stopping_early_only_says_that_it_is_enough(seed: int, enough: float) ->
         assert whole >= enough
 
 
-@pytest.mark.parametrize("size", [0.6, 0.9, 0.95, 0.98])
-def test_a_folded_chain_has_the_gaps_of_its_lattice(size: float) -> None:
+@pytest.mark.parametrize("size", [0.6, 0.98, 1.1])
+def test_folded_chain_has_the_gaps_of_its_lattice(size: float) -> None:
     poses = coil(20).folded_poses
     place = closest(CUBE, poses.positions, poses.rotations, size=size)
     assert place.clearance == pytest.approx(1.0 - size, abs=1e-12)
     assert place.modules[1] - place.modules[0] >= 2
 
 
-def test_modules_larger_than_their_cells_overlap() -> None:
-    poses = coil(20).folded_poses
-    place = closest(CUBE, poses.positions, poses.rotations, size=1.1)
-    assert place.clearance == pytest.approx(-0.1)
-
-
-@pytest.mark.slow
-@pytest.mark.long
-def test_far_modules_are_told_apart_no_further() -> None:
+def test_clearance_of_far_modules_is_capped() -> None:
     positions = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]])
-    place = closest(CUBE, positions, np.broadcast_to(np.eye(3), (4, 3, 3)), size=0.5, enough=0.3)
+    place = closest(CUBE, positions, np.tile(np.eye(3), (4, 1, 1)), size=0.5, enough=0.3)
     assert place.clearance == 0.3
     assert place.modules is None

@@ -13,7 +13,6 @@ from planner.kernels.clearance import pair_separation
 from tests.planner.chains import coil, in_place, line
 
 Array = NDArray[np.float64]
-LONG_SIZES = [pytest.param(size, marks=pytest.mark.long) for size in (0.95, 0.99)]
 
 
 def turned(z: Array, y: Array) -> Array:
@@ -40,31 +39,17 @@ def relieved(size: float, count: int) -> Array:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [0.9, *LONG_SIZES])
+@pytest.mark.parametrize("size", [0.9, pytest.param(0.99, marks=pytest.mark.long)])
 def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range(size: float) -> None:
     points = relieved(size, 17)
     half = 0.5 * size
-    for rotation in whole_range(47):
+    for rotation in whole_range(33):
         seen = points @ rotation - CUBE.offset  # from the next cube, all of which is there
         assert not (np.abs(seen) < half - 1e-9).all(axis=1).any()
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("size", [0.9, *LONG_SIZES])
-def test_the_relief_takes_hardly_more_than_it_must(size: float) -> None:
-    side = (np.arange(24) + 0.5) / 24.0 - 0.5
-    points = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3) * size
-    cut = np.zeros(len(points), dtype=bool)
-    for rotation in whole_range(93):
-        cut |= (np.abs(points @ rotation - CUBE.offset) <= 0.5 * size).all(axis=1)
-    lacks = CUBE.reach(points) > CUBE.relief_radius(size)
-    assert not (cut & ~lacks).any()
-    assert (lacks & ~cut).mean() < 0.03
-    assert CUBE.relief_share(size) == pytest.approx(lacks.mean(), abs=0.01)
-
-
 @pytest.mark.parametrize("size", [0.9, 0.95, 0.99])
-def test_a_relieved_cube_keeps_its_joint_and_the_middles_of_its_faces(size: float) -> None:
+def test_relieved_cube_keeps_its_joint_and_the_centres_of_its_faces(size: float) -> None:
     rng = np.random.default_rng(0)
     ball = rng.normal(size=(2000, 3))
     ball *= 0.5 * size / np.linalg.norm(ball, axis=1)[:, None]
@@ -84,7 +69,7 @@ def overlap(rotation: Array, size: float) -> float:
     )
 
 
-def test_the_worst_overlap_is_found_and_bounded() -> None:
+def test_worst_overlap_is_found_and_bounded() -> None:
     chain = line(5)
     ends = np.zeros((4, len(chain.folded_rad)))
     ends[1, 2:4] = [0.8, 0.5]
@@ -102,7 +87,7 @@ def test_the_worst_overlap_is_found_and_bounded() -> None:
     assert deepest <= found.worst_overlap_bound
 
 
-def test_a_quarter_turn_overlaps_by_what_everybody_can_work_out() -> None:
+def test_overlap_of_a_quarter_turn() -> None:
     chain = line(3)
     plan = np.stack([np.linspace(0.0, np.pi / 2, 91), np.zeros(91)], axis=1)
     found = exempt_pairs(chain, [plan], size=0.95)
@@ -114,13 +99,7 @@ def test_a_quarter_turn_overlaps_by_what_everybody_can_work_out() -> None:
     assert found.worst_overlap <= coarse.worst_overlap_bound + 1e-9
 
 
-def test_where_nothing_was_looked_at_no_overlap_is_told() -> None:
-    found = exempt_pairs(line(4), (), size=0.95)
-    assert found.count and found.relief_radius is not None
-    assert (found.worst_overlap, found.worst_overlap_bound, found.worst_overlap_at) == (None,) * 3
-
-
-def test_windows_and_whole_frames_say_the_same() -> None:
+def test_worst_overlap_of_windows_and_frames_is_the_same() -> None:
     chain = coil(16)
     share = np.linspace(0.0, 1.0, 30)[:, None]
     angles = np.float32(chain.folded_rad) * np.clip(5.0 * share - np.arange(28) / 7.0, 0.0, 1.0)
@@ -131,15 +110,18 @@ def test_windows_and_whole_frames_say_the_same() -> None:
     assert windows.worst_overlap_at == whole.worst_overlap_at
 
 
-def test_all_tetrahedra_are_checked_against_each_other() -> None:
+def test_tetrahedra_have_no_exempt_pairs() -> None:
     chain = Chain.from_angles(TETRAHEDRON, np.zeros(4))
     found = exempt_pairs(chain, [np.zeros((2, 4))], size=0.95)
     assert (found.rule, found.count, found.worst_overlap_bound) == ("none", 0, 0.0)
     assert (found.relief_radius, found.relief_share) == (None, 0.0)
+    found = exempt_pairs(line(4), (), size=0.95)  # where no frame was looked at
+    assert found.count and found.relief_radius is not None
+    assert (found.worst_overlap, found.worst_overlap_bound, found.worst_overlap_at) == (None,) * 3
 
 
 @pytest.mark.parametrize(("module", "count"), [(CUBE, 9), (CUBE, 900), (TETRAHEDRON, 12)])
-def test_an_exported_model_excludes_exactly_the_exempt_pairs(module: Module, count: int) -> None:
+def test_exported_model_excludes_exactly_the_exempt_pairs(module: Module, count: int) -> None:
     row = Chain.from_angles(module, np.zeros(len(module.joint_names(count))))
     model = mujoco.MjModel.from_xml_string(mjcf(row, module_size=0.95))
     excluded = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -17,8 +16,9 @@ from planner.kernels.module import Lumps
 from planner.simulation.contacts import ContactFinder
 from planner.simulation.engine import Engine, build_chain_model
 from planner.simulation.model import Material, tree_spec
-from planner.simulation.reduced import State
+from planner.simulation.reduced import Acceleration, State
 from tests.planner.chains import coil, line, random_rotation, random_state
+from tests.planner.mujoco_tree import accelerate, solve_exactly
 
 Array = NDArray[np.float64]
 CHAINS = {
@@ -36,7 +36,7 @@ def random_lumps(seed: int) -> Lumps:
 
 
 def tree(chain: Chain, size: float, masses: Array, rotors: Array, lumps: Lumps) -> Any:
-    """One MuJoCo tree, its lumps bodies of their own; exact contacts."""
+    """Return one MuJoCo tree, its lumps bodies of their own."""
     spec = tree_spec(chain, Material(geom_size=size))
     for end, module in enumerate((0, len(chain) - 1)):
         if lumps.masses[end]:
@@ -52,27 +52,15 @@ def tree(chain: Chain, size: float, masses: Array, rotors: Array, lumps: Lumps) 
         model.body_inertia[body] *= mass
     for name, rotor in zip(chain.joint_names, rotors, strict=True):
         model.dof_armature[model.joint(name).dofadr[0]] = rotor
-    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
-    model.opt.iterations, model.opt.tolerance = 100, 0.0
-    return model
+    return solve_exactly(model)
 
 
-def accelerate_tree(model: Any, chain: Chain, state: State, torques: Array) -> tuple[Array, int]:
-    """(J + 6,) accelerations of the hinges and of the root, angular first, in the world."""
-    data: Any = mujoco.MjData(model)
-    data.joint("root").qpos[:] = [*state.position, *wxyz_from_matrix(state.rotation)]
-    data.joint("root").qvel[:] = [*state.velocity, *state.spin]
-    for j, name in enumerate(chain.joint_names):
-        data.joint(name).qpos[0], data.joint(name).qvel[0] = state.angles[j], state.rates[j]
-        data.qfrc_applied[model.joint(name).dofadr[0]] = torques[j]
-    mujoco.mj_forward(model, data)
-    root = data.joint("root").qacc
-    hinges = [data.joint(name).qacc[0] for name in chain.joint_names]
-    return np.concatenate([hinges, state.rotation @ root[3:], root[:3]]), int(data.ncon)
-
-
-def joined(accelerations: Accelerations) -> Array:
-    return np.concatenate([accelerations.qdd, accelerations.root])
+def check_same(found: Accelerations, state: State, expected: Acceleration) -> None:
+    """Compare accelerations; those of the engine's root are in the world, angular first."""
+    root = [*(state.rotation @ expected.angular), *expected.linear]
+    accelerations = np.array([*expected.hinges, *root])
+    within = 1e-9 * np.abs(accelerations).max()
+    np.testing.assert_allclose([*found.qdd, *found.root], accelerations, atol=within)
 
 
 @pytest.mark.parametrize("has_lumps", [False, True], ids=["modules", "lumps"])
@@ -94,11 +82,11 @@ def test_engine_of_a_free_chain_moves_as_one_tree(
     state = random_state(chain, 7, most=1.2)
     for _ in range(3):
         engine.place(state)
-        found = joined(engine.constrained(state, loads, None))
-        expected, contacts = accelerate_tree(mj_model, chain, state, torques)
-        assert contacts == 0
-        np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
-        state.rates += 1e-3 * found[:hinges]
+        found = engine.constrained(state, loads, None)
+        expected = accelerate(mj_model, chain, state, torques=torques)
+        assert expected.contacts == 0
+        check_same(found, state, expected)
+        state.rates += 1e-3 * found.qdd
         state.advance(1e-3)
 
 
@@ -120,10 +108,10 @@ def test_engine_in_contact_moves_as_one_tree(seed: int) -> None:
     finder.prepare(len(chain))
     contacts = finder.find(engine.positions, engine.rotations)
     loads = Loads(torques, rotors, np.zeros((len(chain), 3)), np.zeros(3))
-    found = joined(engine.constrained(state, loads, contacts))
+    found = engine.constrained(state, loads, contacts)
     mj_model = tree(chain, 1.0, masses, rotors, Lumps.none())
-    expected, count = accelerate_tree(mj_model, chain, state, torques)
-    assert count == len(contacts.points.depths) > 2
-    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+    expected = accelerate(mj_model, chain, state, torques=torques)
+    assert expected.contacts == len(contacts.points.depths) > 2
+    check_same(found, state, expected)
     twin = finder.copy().find(engine.positions, engine.rotations)
     np.testing.assert_array_equal(twin.points.points, contacts.points.points)

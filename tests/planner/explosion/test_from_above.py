@@ -22,14 +22,14 @@ def ends(headings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("round_and_round", [-2.5, -1.0, 1.0, 2.5])
-def test_turns_are_counted_past_full_ones(round_and_round: float) -> None:
+def test_headings_are_counted_past_full_turns(round_and_round: float) -> None:
     headings = 0.7 + np.linspace(0.0, 2.0 * np.pi * round_and_round, 60)
     turned = Above(UP).turned(line(headings), *ends(headings))
     assert len(turned) == len(headings)
     assert np.allclose(turned, headings - headings[0], atol=1e-9)
 
 
-def test_a_link_that_stands_is_turned_as_the_one_before() -> None:
+def test_upright_link_has_the_heading_of_the_one_before() -> None:
     flat = line(np.full(6, 0.0))
     riser = flat[-1] + np.arange(1, 5)[:, None] * UP
     onwards = riser[-1] + np.arange(1, 7)[:, None] * np.array([1.0, 0.0, 0.0])
@@ -37,22 +37,13 @@ def test_a_link_that_stands_is_turned_as_the_one_before() -> None:
     assert np.allclose(turned, 0.0)
 
 
-@pytest.mark.parametrize("axis", range(3))
-def test_angles_and_ways_are_each_other_whichever_way_is_up(axis: int) -> None:
-    above = Above(np.eye(3)[axis])
-    for angle in (-2.0, 0.0, 1.0, 3.0):
-        way = above.along(np.array(angle))
-        assert way[axis] == pytest.approx(0.0)
-        assert above.angle(way) == pytest.approx(angle)
-
-
-def test_the_nearer_way_round_is_taken_but_none_that_goes_far_round() -> None:
+def test_nearest_way_is_less_than_a_turn() -> None:
     assert nearest_way(3.0, counted=-3.0) == pytest.approx(3.0 - 2.0 * np.pi)
     assert nearest_way(3.0, counted=3.0) == pytest.approx(3.0)
     assert nearest_way(0.1, counted=7.0) == pytest.approx(0.1)
 
 
-def test_a_loop_is_told_from_a_spiral_that_does_not_close() -> None:
+def test_closed_loops_cross_themselves() -> None:
     way_round = np.linspace(0.0, 2.0 * np.pi, 13)
     loop = np.concatenate([np.zeros(8), way_round, np.zeros(8)])
     assert crosses_itself(line(loop)[:, :2])

@@ -14,7 +14,7 @@ from planner.motion.motion import Motion
 from planner.parameters.published import PaperExplosionParameters
 from planner.simulation.reduced import Acceleration, State
 from planner.simulation.segments import Segments
-from tests.planner.chains import coil, line
+from tests.planner.chains import coil
 
 Array = NDArray[np.float64]
 PAPER = PaperExplosionParameters()
@@ -22,7 +22,7 @@ PAPER = PaperExplosionParameters()
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_a_small_coil_comes_out_straight() -> None:
+def test_small_coil_comes_out_straight() -> None:
     chain = coil(12)
     parts: list[Motion] = []
     record = explode_as_published(chain, PAPER, sink=parts.append)
@@ -42,28 +42,18 @@ def test_a_small_coil_comes_out_straight() -> None:
     assert sweep(chain, frames.joint_angles_rad, size=0.9).clearance > 0.0
 
 
-def test_a_line_is_straight_at_once() -> None:
-    record = explode_as_published(line(8), PAPER)
-    assert record.status == "straight"
-    assert record.steps == 0
-
-
-@pytest.mark.parametrize("most", [0, 1, 250])
-def test_too_few_steps_end_as_data(most: int) -> None:
+def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:
     chain = coil(12)
-    record = explode_as_published(chain, replace(PAPER, max_steps=most))
-    assert record.status == "timeout"
-    assert record.steps == most
-    np.testing.assert_array_equal(record.frames.joint_angles_rad[0], chain.folded_rad)
-
-
-def test_cancelled() -> None:
-    record = explode_as_published(coil(12), PAPER, cancelled=lambda: True)
+    for most in (0, 1, 250):
+        record = explode_as_published(chain, replace(PAPER, max_steps=most))
+        assert (record.status, record.steps) == ("timeout", most)
+        np.testing.assert_array_equal(record.frames.joint_angles_rad[0], chain.folded_rad)
+    record = explode_as_published(chain, PAPER, cancelled=lambda: True)
     assert (record.status, record.steps) == ("cancelled", 0)
     assert len(record.frames) >= 1
 
 
-def test_bad_numbers_end_as_data(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_accelerations_that_are_not_finite_end_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     original = Segments.free_accelerations
     calls = 0
 
@@ -79,7 +69,7 @@ def test_bad_numbers_end_as_data(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.isfinite(record.frames.joint_angles_rad).all()
 
 
-def test_what_nothing_moves_is_given_up() -> None:
+def test_explosion_without_forces_stalls() -> None:
     still = replace(PAPER, radial_gain=0.0, repulsion_gain=0.0, spring=0.0)
     record = explode_as_published(coil(6), still)
     assert record.status == "stalled"

@@ -40,13 +40,6 @@ FRAMES = arrays_of.arrays(np.float64, SHAPES, elements=ANGLES)
 SPANS = st.tuples(st.integers(0, 4), st.integers(0, 4)).map(sorted)
 
 
-def test_straight_and_folded_are_whole_steps() -> None:
-    exact = np.array([0.0, np.pi / 2, -np.pi / 2])
-    np.testing.assert_array_equal(snapped(exact), exact)
-    single = exact.astype(np.float32)
-    np.testing.assert_array_equal(snapped(single).astype(np.float32), single)
-
-
 @given(FRAMES)
 def test_angles_are_read_as_they_were_written(angles: NDArray[np.float64]) -> None:
     near = snapped(angles)
@@ -60,7 +53,7 @@ def test_angles_are_read_as_they_were_written(angles: NDArray[np.float64]) -> No
     np.testing.assert_array_equal((steps * PLAN_STEP_RAD).astype(np.float32), single)
 
 
-def test_what_is_not_in_whole_steps_is_not_rounded() -> None:
+def test_angles_not_in_whole_steps_are_not_rounded() -> None:
     for spoilt in (1e-7, np.nan, np.inf, 8.0):
         assert frame_planes(np.array([[0.0, spoilt]])) is None
     angles = np.random.default_rng(0).normal(size=(600, 500))
@@ -104,9 +97,7 @@ def big(*, windowed: bool) -> Plan:
 
 @pytest.mark.parametrize("windowed", [False, True])
 @pytest.mark.parametrize("suffix", ["json", "npz"])
-def test_a_large_plan_is_written_in_steps_and_read_back_exactly(
-    windowed: bool, suffix: str, tmp_path: FilePath
-) -> None:
+def test_large_plan_is_read_back_exactly(windowed: bool, suffix: str, tmp_path: FilePath) -> None:
     plan = big(windowed=windowed)
     path = tmp_path / f"plan.{suffix}"
     plan.save_json(path) if suffix == "json" else plan.save_npz(path)
@@ -122,7 +113,7 @@ def test_a_large_plan_is_written_in_steps_and_read_back_exactly(
         np.testing.assert_array_equal(read.angles_rad, plan.motion.angles_rad)
 
 
-def test_an_outsider_reads_both_forms_with_numpy_alone() -> None:
+def test_documented_recipe_reads_both_forms_with_numpy_alone() -> None:
     """As docs/robot.md tells it."""
     plan = big(windowed=False)
 

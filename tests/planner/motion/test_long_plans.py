@@ -29,20 +29,18 @@ from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.parameters.parameters import Parameters, preset
-from planner.pathfinding.assembly import layered_snake
-from planner.pathfinding.candidates import find_paths
 from planner.pathfinding.lattice import neighbours
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage, run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan import plan as plan_module
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
+from planner.plan.shape_files import write_chain
 from planner.playback.playback import Playback
-from planner.shapes.shape import Shape
 from planner.verification.replay import replay
 from planner.verification.verify import verify
 from tests.planner.chains import in_place, line
+from tests.planner.folds import asked
 from tests.planner.peels import peel, snake
 from tests.planner.tampering import reseal
 
@@ -53,11 +51,8 @@ BOX = (4, 4, 6)
 def made(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """A box that was peeled, with all its files."""
     place = tmp_path_factory.mktemp("peeled")
-    cells = [tuple(cell) for cell in layered_snake(BOX).tolist()]
-    path = Path.from_cells(cells, name="box-96")
-    request = FoldRequest(strategy="peel", settings="simulated_modules=50")
-    Workspace(place).write_request(request, write_path(path))
-    run_stages(place)
+    settings = "simulated_modules=50"
+    run_stages(asked(place, write_chain(snake(BOX)), strategy="peel", settings=settings))
     return place
 
 
@@ -78,7 +73,7 @@ def simulated(made: FilePath, tmp_path_factory: pytest.TempPathFactory) -> FileP
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_a_simulated_plan_of_windows_is_verified_with_its_robots(simulated: FilePath) -> None:
+def test_simulated_plan_of_windows_is_verified_with_its_robots(simulated: FilePath) -> None:
     plan = Plan.load(simulated / "plan.npz")
     assert plan.certificate.verdict == "verified (simulated)"
     assert plan.motion.is_windowed
@@ -99,19 +94,11 @@ def test_a_simulated_plan_of_windows_is_verified_with_its_robots(simulated: File
     dense = timeline.frames(first + 40, first + 41)
     off = np.abs(dense.joint_angles_rad - plan.part(40, 41).joint_angles_rad)
     np.testing.assert_allclose(dense.joint_error_rad, off, atol=1e-7)
-
-
-@pytest.mark.long
-@pytest.mark.slow
-def test_windows_without_errors_of_their_own_do_not_pass_for_simulated(
-    simulated: FilePath, tmp_path: FilePath
-) -> None:
-    place = tmp_path / "forged"
-    shutil.copytree(simulated, place)
-    array: Any = zarr.open_array(str(place / "timeline.zarr" / "errors_rad"), mode="r+")
+    # Windows without errors of their own do not pass for simulated ones.
+    array: Any = zarr.open_array(str(simulated / "timeline.zarr" / "errors_rad"), mode="r+")
     array[-50:] = 0.5 * array[-50:]
-    reseal(place / "timeline.zarr")
-    assert "timeline.zarr errors_rad" in "\n".join(verify(place).problems)
+    reseal(simulated / "timeline.zarr")
+    assert "timeline.zarr errors_rad" in "\n".join(verify(simulated).problems)
 
 
 def windows_of(plan: Plan) -> Motion:
@@ -120,7 +107,7 @@ def windows_of(plan: Plan) -> Motion:
 
 
 @pytest.mark.slow
-def test_it_is_verified_and_says_how_it_was_made(made: FilePath, plan: Plan) -> None:
+def test_peeled_plan_is_verified_and_read_back(made: FilePath, plan: Plan) -> None:
     assert plan.certificate.verdict == "verified (kinematics only)"
     assert plan.explosion is not None and plan.explosion["strategy"] == "peel"
     assert plan.playback is not None and plan.playback["kind"] == "kinematic"
@@ -131,9 +118,26 @@ def test_it_is_verified_and_says_how_it_was_made(made: FilePath, plan: Plan) -> 
     ends = plan.part(0, 1), plan.part(len(plan.motion) - 1, len(plan.motion))
     np.testing.assert_array_equal(ends[0].joint_angles_rad, 0.0)
     np.testing.assert_allclose(ends[1].joint_angles_rad[0], plan.chain.folded_rad, atol=1e-7)
+    keys = keys_of(plan)
+    assert [key.name for key in keys] == ["at_0", "at_25", "at_50", "at_75", "at_100"]
+    np.testing.assert_allclose(keys[-1].angles_rad, plan.chain.folded_rad, atol=1e-7)
+    bent = [np.abs(key.angles_rad).sum() for key in keys]
+    assert bent == sorted(bent)
+    np.testing.assert_array_equal(plan.unfolding().folding_rad[0], 0.0)
+    told = json.loads((made / "plan.json").read_bytes())
+    assert (told["format"], told["motion"]) == ("foldback-plan/3", "windows")
+    assert "joint_angles_rad" not in told
+    again = Plan.load(made / "plan.json")
+    for name, values in again.motion.columns().items():
+        np.testing.assert_allclose(values, plan.motion.columns()[name], rtol=0, atol=1e-11)
+    found = verify(made)
+    assert found.problems == ()
+    assert found.certificate.min_clearance == plan.certificate.min_clearance
+    assert found.replay is not None and found.replay.overlap == 0.0
+    assert found.replay.frames == 2 * len(plan.time_s) - 1
 
 
-def test_time_passes_as_the_hinges_turn(plan: Plan) -> None:
+def test_speed_of_the_hinges_is_even(plan: Plan) -> None:
     windows = windows_of(plan)
     steps, moving = windows.steps(plan.chain, fraction=0.1)
     angles = windows.angles(plan.chain)
@@ -150,7 +154,7 @@ def test_time_passes_as_the_hinges_turn(plan: Plan) -> None:
     assert speeds[0] < 0.5 * usual and speeds[-1] < 0.5 * usual
 
 
-def test_the_timeline_tells_all_of_it(made: FilePath, plan: Plan) -> None:
+def test_timeline_holds_the_windows_of_record_and_playback(made: FilePath, plan: Plan) -> None:
     timeline = Timeline.open(made / "timeline.zarr")
     assert timeline.windowed and timeline.status == "complete"
     assert timeline.chain.folded_rad.tolist() == plan.chain.folded_rad.tolist()
@@ -170,7 +174,7 @@ def test_the_timeline_tells_all_of_it(made: FilePath, plan: Plan) -> None:
         )
 
 
-def test_a_timeline_of_windows_takes_nothing_else(tmp_path: FilePath) -> None:
+def test_timeline_takes_one_layout_only(tmp_path: FilePath) -> None:
     chain = snake((3, 3, 3))
     moving = peel(chain, width=8, step=2.0)
     with TimelineWriter.create(tmp_path / "a", chain, windowed=True) as writer:
@@ -199,15 +203,6 @@ def test_a_timeline_of_windows_takes_nothing_else(tmp_path: FilePath) -> None:
     np.testing.assert_array_equal(again.windows().angles(chain), expected.angles(chain))
 
 
-def test_both_forms_of_the_plan_hold_the_same(made: FilePath, plan: Plan) -> None:
-    told = json.loads((made / "plan.json").read_bytes())
-    assert (told["format"], told["motion"]) == ("foldback-plan/3", "windows")
-    assert "joint_angles_rad" not in told
-    again = Plan.load(made / "plan.json")
-    for name, values in again.motion.columns().items():
-        np.testing.assert_allclose(values, plan.motion.columns()[name], rtol=0, atol=1e-11)
-
-
 @pytest.mark.parametrize(
     "change",
     [
@@ -219,7 +214,7 @@ def test_both_forms_of_the_plan_hold_the_same(made: FilePath, plan: Plan) -> Non
     ],
     ids=str,
 )
-def test_windows_that_are_none_are_refused(
+def test_plan_with_invalid_windows_is_refused(
     change: dict[str, Any], made: FilePath, tmp_path: FilePath
 ) -> None:
     told = json.loads((made / "plan.json").read_bytes())
@@ -229,15 +224,7 @@ def test_windows_that_are_none_are_refused(
     assert refused.value.code == "not-a-plan"
 
 
-def test_it_is_verified_again_from_its_files(made: FilePath, plan: Plan) -> None:
-    found = verify(made)
-    assert found.problems == ()
-    assert found.certificate.min_clearance == plan.certificate.min_clearance
-    assert found.replay is not None and found.replay.overlap == 0.0
-    assert found.replay.frames == 2 * len(plan.time_s) - 1
-
-
-def test_a_forged_window_is_found(made: FilePath, plan: Plan, tmp_path: FilePath) -> None:
+def test_forged_window_is_found(made: FilePath, plan: Plan, tmp_path: FilePath) -> None:
     place = tmp_path / "forged"
     shutil.copytree(made, place)
     windows = windows_of(plan)
@@ -272,7 +259,7 @@ def test_a_forged_window_is_found(made: FilePath, plan: Plan, tmp_path: FilePath
     ],
     ids=str,
 )
-def test_a_certificate_is_not_given_to_what_cannot_be_looked_at(
+def test_certify_refuses_windows_that_are_not_finite_or_out_of_range(
     change: dict[str, Any], words: str, made: FilePath, plan: Plan
 ) -> None:
     playback = Playback.load(made / "playback.npz")
@@ -286,14 +273,7 @@ def test_a_certificate_is_not_given_to_what_cannot_be_looked_at(
     assert verdict.startswith("failed") and words in verdict
 
 
-def test_half_a_plan_is_no_plan(made: FilePath, plan: Plan) -> None:
-    playback = Playback.load(made / "playback.npz")
-    for part, words in ((slice(0, -3), "does not end folded"), (slice(3, None), "start straight")):
-        some = replace(playback, frames=playback.frames[part])
-        assert words in certify(plan.chain, None, some, Parameters()).verdict
-
-
-def test_curves_are_those_of_all_figures(made: FilePath, plan: Plan) -> None:
+def test_curves_agree_with_the_certificate(made: FilePath, plan: Plan) -> None:
     curves = Curves.load(made / "figures.zarr")
     with pytest.raises(TimelineError):
         Figures.load(made / "figures.zarr")
@@ -311,7 +291,7 @@ def test_curves_are_those_of_all_figures(made: FilePath, plan: Plan) -> None:
     )
 
 
-def test_torques_are_those_of_the_motion(plan: Plan) -> None:
+def test_inverse_dynamics_of_a_sine(plan: Plan) -> None:
     """A hinge that swings as a sine: the same torques as from its derivatives."""
     chain = plan.chain
     time_s = np.linspace(0.0, 2.0, 801)
@@ -327,7 +307,7 @@ def test_torques_are_those_of_the_motion(plan: Plan) -> None:
     assert inverse_dynamics(chain, frames[:2]).peak == 0.0
 
 
-def test_what_needs_all_angles_says_when_they_are_too_many(
+def test_exports_of_all_angles_refuse_too_long_plans(
     plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     frames = plan.whole()
@@ -342,7 +322,7 @@ def test_what_needs_all_angles_says_when_they_are_too_many(
 
 
 @pytest.mark.slow
-def test_a_long_chain_is_cut_into_trees_that_continue_each_other() -> None:
+def test_model_of_a_long_chain_is_cut_into_connected_trees() -> None:
     chain = snake((9, 10, 11))
     text = mjcf(chain, module_size=0.95)
     model = mujoco.MjModel.from_xml_string(text)
@@ -370,7 +350,7 @@ def test_a_long_chain_is_cut_into_trees_that_continue_each_other() -> None:
         assert np.abs(data.efc_pos[: data.ne]).max() < 1e-9
 
 
-def test_pieces_are_long_enough_to_have_a_hinge() -> None:
+def test_each_tree_of_a_long_chain_has_a_hinge() -> None:
     for count in (
         MODULES_PER_TREE,
         MODULES_PER_TREE + 1,
@@ -386,19 +366,6 @@ def test_pieces_are_long_enough_to_have_a_hinge() -> None:
         assert len(turned) == len(angles) + 7 * len(starts)
 
 
-def test_keys_are_on_the_way(plan: Plan) -> None:
-    keys = keys_of(plan)
-    assert [key.name for key in keys] == ["at_0", "at_25", "at_50", "at_75", "at_100"]
-    np.testing.assert_allclose(keys[-1].angles_rad, plan.chain.folded_rad, atol=1e-7)
-    bent = [np.abs(key.angles_rad).sum() for key in keys]
-    assert bent == sorted(bent)
-
-
-def test_it_can_be_the_beginning_of_another_fold(plan: Plan) -> None:
-    way = plan.unfolding()
-    np.testing.assert_array_equal(way.folding_rad[0], 0.0)
-
-
 def ways(chain: Chain, wish: str, name: str = "default", *, refolds: bool = False) -> Any:
     return strategies_for(chain, replace(preset(name), strategy=wish), refolds=refolds)
 
@@ -411,7 +378,7 @@ def shaken_up(sides: tuple[int, int, int]) -> Chain:
     return Chain.from_path(Path.from_cells([tuple(c) for c in cells[order].tolist()], name="box"))
 
 
-def test_the_strategy_suits_chain_and_preset() -> None:
+def test_strategies_by_chain_and_preset() -> None:
     small, large = snake((3, 3, 3)), snake((10, 10, 10))
     bent = Chain.from_angles(small.module, np.full(6, 0.3))
     assert ways(small, "auto") == ("simultaneous", "peel")
@@ -430,7 +397,7 @@ def test_the_strategy_suits_chain_and_preset() -> None:
     assert ways(line(6000), "auto", refolds=True)[0] == "simultaneous"
 
 
-def test_a_strategy_that_cannot_be_had_is_refused(tmp_path: FilePath) -> None:
+def test_unsuitable_strategy_is_refused(tmp_path: FilePath) -> None:
     small = snake((3, 3, 3))
     bent = Chain.from_angles(small.module, np.full(6, 0.3))
     for chain, wish, name, refolds in (
@@ -446,32 +413,5 @@ def test_a_strategy_that_cannot_be_had_is_refused(tmp_path: FilePath) -> None:
         FoldRequest(strategy="fastest").check()
     assert (refused.value.code, refused.value.where) == ("unknown-strategy", "strategy")
     # It is said when the input is read, before anything is computed.
-    cells = [tuple(cell) for cell in layered_snake((2, 2, 2)).tolist()]
-    path = write_path(Path.from_cells(cells, name="box"))
-    Workspace(tmp_path).write_request(FoldRequest(strategy="blocks", preset="paper"), path)
     with pytest.raises(InputError, match="expected one of: auto, simultaneous"):
-        run_stage("read", tmp_path)
-
-
-@pytest.mark.long
-@pytest.mark.slow
-def test_a_box_can_be_laid_joint_by_joint(tmp_path: FilePath) -> None:
-    """Row by row, layer by layer: what is straight swings where nothing lies yet."""
-    path = Path.from_cells([tuple(c) for c in layered_snake((6, 7, 8)).tolist()], name="box")
-    Workspace(tmp_path).write_request(
-        FoldRequest(strategy="one-by-one", module_size=0.98), write_path(path)
-    )
-    assert run_stages(tmp_path)["status"] == "verified"
-    plan = Plan.load(tmp_path / "plan.npz")
-    assert plan.certificate.hinges_moving_most == 1
-    assert plan.certificate.min_clearance == pytest.approx(0.02)
-    assert verify(tmp_path).problems == ()
-
-
-def test_a_baseline_that_fails_is_not_tried_again(tmp_path: FilePath) -> None:
-    cube = Shape.from_cells(np.argwhere(np.ones((4, 4, 4), dtype=bool)))
-    path = find_paths(cube, method="blocks", candidates=1).paths[0]
-    Workspace(tmp_path).write_request(FoldRequest(strategy="one-by-one"), write_path(path))
-    summary = run_stages(tmp_path)
-    assert summary["status"] == "failed" and "overlap" in summary["reason"]
-    assert len(Plan.load(tmp_path / "plan.npz").attempts) == 1
+        run_stage("read", asked(tmp_path, strategy="blocks", preset="paper"))

@@ -39,7 +39,7 @@ def frames_of(chain: Chain) -> Motion:
     )
 
 
-def test_frames_come_back_as_they_were(chain: Chain) -> None:
+def test_windows_become_the_same_frames_again(chain: Chain) -> None:
     frames = frames_of(chain)
     windows = frames.windowed(chain)
     again = windows.dense(chain)
@@ -51,7 +51,7 @@ def test_frames_come_back_as_they_were(chain: Chain) -> None:
     np.testing.assert_array_equal(again.time_s, frames.time_s)
 
 
-def test_only_what_is_neither_folded_nor_straight_is_held(chain: Chain) -> None:
+def test_windows_hold_hinges_that_are_neither_folded_nor_straight(chain: Chain) -> None:
     windows = frames_of(chain).windowed(chain)
     count = len(chain.folded_rad)
     # Hinges that are 0 when folded may be either; windows begin behind all that are folded.
@@ -62,7 +62,7 @@ def test_only_what_is_neither_folded_nor_straight_is_held(chain: Chain) -> None:
     assert (windows.first[4], windows.last[4]) == (straight, straight)
 
 
-def test_some_of_them_and_all_in_a_row(chain: Chain) -> None:
+def test_slices_of_windows_are_joined(chain: Chain) -> None:
     windows = frames_of(chain).windowed(chain)
     parts = [windows[:2], windows[2:3], windows[np.array([3, 4])]]
     joined = Motion.joined(parts)
@@ -99,7 +99,7 @@ def test_joint_errors_are_those_of_the_windows(chain: Chain) -> None:
     assert np.isnan(windows.joint_errors(chain)).all()
 
 
-def test_a_dense_motion_copies_no_angles(chain: Chain) -> None:
+def test_dense_motion_copies_no_angles(chain: Chain) -> None:
     angles = np.zeros((4, len(chain.folded_rad)))
     motion = Motion.from_angles(angles)
     assert not motion.is_windowed and motion.layout == "frames"
@@ -119,14 +119,6 @@ def test_layouts_are_not_mixed(chain: Chain) -> None:
     assert not dense.passes_as(windows)
     assert windows.in_layout_of(dense, chain).layout == "frames"
     assert windows.in_layout_of(windows, chain) is windows
-
-
-def test_columns_of_either_layout_make_the_same_motion(chain: Chain) -> None:
-    for motion in (frames_of(chain), frames_of(chain).windowed(chain)):
-        again = Motion.from_columns(motion.columns())
-        assert again.layout == motion.layout and again.passes_as(motion)
-        moved = motion.with_columns(time_s=motion.time_s + 1.0)
-        assert moved.time_s[0] == 1.0 and moved.errors_rad is None
 
 
 def test_steps_are_the_same_in_either_layout(chain: Chain) -> None:

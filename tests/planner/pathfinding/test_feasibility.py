@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,13 +10,9 @@ from planner.pathfinding.exact import exact_path
 from planner.pathfinding.feasibility import Repair, apply_repair, feasibility
 from planner.shapes.shape import Shape
 from tests.conftest import examples
-from tests.planner.lattice import NEIGHBOURS
+from tests.planner.lattice import NEIGHBOURS, box
 
 Cell = tuple[int, int, int]
-
-
-def box(*sides: int) -> list[tuple[int, ...]]:
-    return list(product(*map(range, sides)))
 
 
 CROSS = [(0, 0, 0), *NEIGHBOURS, *((2 * x, 2 * y, 2 * z) for x, y, z in NEIGHBOURS)]
@@ -32,7 +26,7 @@ LOPSIDED = [(x, 0, 0) for x in range(9)] + [(7, 1, 0), (7, -1, 0)]
     "cells",
     [box(3, 3, 3), box(2, 2, 2) + [(x + 2, y, z) for x, y, z in box(2, 2, 2)], box(1, 1, 3)],
 )
-def test_what_has_a_path_is_feasible(cells: list[Cell]) -> None:
+def test_shape_with_a_path_is_feasible(cells: list[Cell]) -> None:
     found = feasibility(Shape.from_cells(cells))
     assert found.feasible is True
     assert found.problems == () and found.repairs == ()
@@ -48,7 +42,7 @@ def test_what_has_a_path_is_feasible(cells: list[Cell]) -> None:
         (LOPSIDED, {"dead-ends", "cut-cells"}),
     ],
 )
-def test_what_has_none_is_explained_and_can_be_repaired(cells: list[Cell], codes: set[str]) -> None:
+def test_shape_without_a_path_is_explained_and_repaired(cells: list[Cell], codes: set[str]) -> None:
     shape = Shape.from_cells(cells)
     found = feasibility(shape)
     assert found.feasible is False
@@ -60,21 +54,18 @@ def test_what_has_none_is_explained_and_can_be_repaired(cells: list[Cell], codes
         assert find_paths(mended, candidates=1).paths, repair.detail
 
 
-def test_the_smallest_repair_comes_first_and_doubling_last() -> None:
+def test_separate_parts_are_bridged_or_dropped() -> None:
     found = feasibility(Shape.from_cells(APART)).repairs
     changed = [len(repair.add) + len(repair.drop) for repair in found[:-1]]
     assert changed == sorted(changed)
     assert [repair.doubled for repair in found] == [False] * (len(found) - 1) + [True]
-
-
-def test_parts_are_bridged_or_the_largest_is_kept() -> None:
-    bridge, keep, _ = feasibility(Shape.from_cells(APART)).repairs
+    bridge, keep, _ = found
     assert (len(bridge.add), bridge.drop) == (2, ())
     assert (keep.add, len(keep.drop)) == ((), 8)
     assert all(repair.add == () for repair in feasibility(Shape.from_cells(FAR_APART)).repairs)
 
 
-def test_parity_is_mended_with_as_few_cells_as_can_be() -> None:
+def test_parity_is_repaired_with_the_fewest_cells() -> None:
     # A cell more or less changes the excess by one, and one may be left.
     shape = Shape.from_cells(CHECKERED)
     excess = abs(int((1 - 2 * (shape.cells.sum(axis=1) % 2)).sum()))
@@ -82,7 +73,7 @@ def test_parity_is_mended_with_as_few_cells_as_can_be() -> None:
     assert len(first.add) + len(first.drop) == excess - 1
 
 
-def test_a_repair_is_applied() -> None:
+def test_apply_repair() -> None:
     shape = Shape.from_cells([(0, 0, 0), (1, 0, 0), (5, 0, 0)], name="odd", pitch_m=0.02)
     mended = apply_repair(shape, Repair(detail="", add=((2, 0, 0),), drop=((5, 0, 0),)))
     assert mended.cells.tolist() == [[0, 0, 0], [1, 0, 0], [2, 0, 0]]
@@ -92,7 +83,7 @@ def test_a_repair_is_applied() -> None:
     assert twice.pitch_m == 0.01
 
 
-def test_a_subtle_one_is_proved_by_the_solver() -> None:
+def test_missing_path_is_proved_by_the_solver() -> None:
     cells = [
         (-1, 0, 0),
         (-1, 1, 0),
@@ -117,8 +108,8 @@ def test_a_subtle_one_is_proved_by_the_solver() -> None:
         max_size=30,
     )
 )
-@examples(one_of=6)
-def test_every_repair_that_is_offered_works(cells: set[Cell]) -> None:
+@examples(one_of=10)
+def test_offered_repairs_have_paths(cells: set[Cell]) -> None:
     shape = Shape.from_cells(sorted(cells))
     found = feasibility(shape, time_limit_s=0.2)
     assert found.feasible is not False or found.problems

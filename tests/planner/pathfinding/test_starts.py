@@ -16,17 +16,16 @@ def cells_of(chain: Chain) -> list[list[int]]:
     return np.rint(chain.folded_poses.positions).astype(int).tolist()
 
 
-@pytest.mark.parametrize("at", range(6))
-def test_a_ring_is_cut_anywhere(at: int) -> None:
-    x, y, z = RING[at]
-    chain, why = started(Chain.from_path(Path.from_cells(RING)), (x, y, z))
-    found = cells_of(chain)
-    assert why == ""
-    assert found[0] == RING[at]
-    assert sorted(found) == sorted(RING)
+def test_ring_is_cut_anywhere() -> None:
+    for x, y, z in RING:
+        chain, why = started(Chain.from_path(Path.from_cells(RING)), (x, y, z))
+        found = cells_of(chain)
+        assert why == ""
+        assert found[0] == [x, y, z]
+        assert sorted(found) == sorted(RING)
 
 
-def test_another_path_begins_at_either_end() -> None:
+def test_open_path_begins_at_either_end() -> None:
     chain = Chain.from_path(Path.from_cells(HOOK))
     assert started(chain, None) == (chain, "")
     assert cells_of(started(chain, (0, 0, 0))[0]) == HOOK

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,13 +12,10 @@ from planner.pathfinding.lattice import spread, surface
 from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
 from planner.shapes.shape import Shape
+from tests.planner.lattice import box
 from tests.planner.pathfinding.test_knots import OVERHAND, walk
 
 Ints = NDArray[np.int64]
-
-
-def box(*sides: int) -> list[tuple[int, ...]]:
-    return list(product(*map(range, sides)))
 
 
 BENT = Shape.from_cells(box(6, 2, 2) + box(2, 6, 2), name="bent")  # 2×2×2 blocks
@@ -33,7 +28,7 @@ STEP = Shape.from_cells(box(4, 2, 2) + [(x + 1, y, z + 2) for x, y, z in box(2, 
 @pytest.mark.parametrize(
     ("shape", "made_by"), [(BOX, "snake"), (BENT, "blocks"), (STEP, "blocks"), (PLATE, "exact")]
 )
-def test_the_method_is_chosen_by_the_shape(shape: Shape, made_by: str) -> None:
+def test_method_is_chosen_by_the_shape(shape: Shape, made_by: str) -> None:
     search = find_paths(shape)
     assert search.method == made_by
     assert 1 <= len(search.paths) <= 4
@@ -60,36 +55,22 @@ def test_large_shapes_are_peeled(shape: Shape) -> None:
     assert begun.paths and tuple(begun.paths[0].cells[0]) == start
 
 
-def test_an_order_of_assembly_may_be_asked_for_and_may_not_be_there() -> None:
+def test_method_assembly_works_for_boxes_and_blocks_only() -> None:
     assert find_paths(BENT, method="assembly").method == "assembly"
     none = find_paths(PLATE, method="assembly")
     assert none.paths == () and "neither a box nor" in none.reason
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "shape", [BOX, *(pytest.param(s, marks=pytest.mark.long) for s in (BENT, PLATE))]
-)
-def test_the_same_seed_gives_the_same_candidates(shape: Shape) -> None:
-    one, same = (find_paths(shape, seed=3, method="exact") for _ in range(2))
-    assert len(one.paths) == len(same.paths)
+def test_seed_decides_the_candidates() -> None:
+    one, same = (find_paths(BOX, seed=3, method="exact") for _ in range(2))
     for a, b in zip(one.paths, same.paths, strict=True):
         assert np.array_equal(a.cells, b.cells)
-
-
-def test_another_seed_gives_other_candidates() -> None:
     one, other = (find_paths(BENT, seed=seed).paths[-1].cells for seed in (1, 2))
     assert not np.array_equal(one, other)
 
 
-@pytest.mark.parametrize("method", ["blocks", "exact"])
-def test_the_candidate_whose_neighbours_are_closest_comes_first(method: str) -> None:
-    spreads = [spread(path.cells) for path in find_paths(BENT, method=method).paths]
-    assert spreads == sorted(spreads)
-
-
-@pytest.mark.slow
-def test_a_knotted_candidate_comes_last() -> None:
+def test_candidates_are_ranked_by_knot_and_then_by_spread() -> None:
     overhand = walk(OVERHAND)
     assert knot_of(overhand).verdict == "knotted"
     winding = snake_path((5, 5, 4))
@@ -98,14 +79,13 @@ def test_a_knotted_candidate_comes_last() -> None:
 
 
 @pytest.mark.parametrize("method", ["auto", "exact"])
-@pytest.mark.parametrize(
-    "shape", [BENT, *(pytest.param(s, marks=pytest.mark.long) for s in (BOX, PLATE))]
-)
-def test_ends_lie_on_the_surface_when_asked_for(shape: Shape, method: str) -> None:
-    search = find_paths(shape, method=method, ends="surface")
+def test_ends_lie_on_the_surface_when_asked_for(method: str) -> None:
+    search = find_paths(BENT, method=method, ends="surface")
     assert search.paths
     for path in search.paths:
         assert surface(path.cells)[[0, -1]].all()
+    spreads = [spread(path.cells) for path in search.paths]
+    assert spreads == sorted(spreads)  # those with the closest neighbours come first
 
 
 @pytest.mark.parametrize(
@@ -118,7 +98,7 @@ def test_ends_lie_on_the_surface_when_asked_for(shape: Shape, method: str) -> No
         (PLATE, "exact", (0, 3, 1)),
     ],
 )
-def test_a_path_begins_where_it_is_told_to(
+def test_path_begins_where_it_is_asked_to(
     shape: Shape, method: str, start: tuple[int, int, int]
 ) -> None:
     search = find_paths(shape, method=method, start=start)
@@ -127,13 +107,17 @@ def test_a_path_begins_where_it_is_told_to(
         assert tuple(path.cells[0]) == start
 
 
+PARTS = Shape.from_cells(box(2, 2, 2) + [(x + 4, y, z) for x, y, z in box(2, 2, 2)])
+
+
 @pytest.mark.parametrize(
     ("shape", "method", "word"),
     [
         (PLATE, "blocks", "2×2×2"),
         (BENT, "snake", "box"),
         (Shape.from_cells([(0, 0, 0), (1, 0, 0), (5, 0, 0)]), "auto", "parts"),
-        (Shape.from_cells(box(2, 2, 2) + [(9, 0, 0)] * 1), "exact", "parts"),
+        (Shape.from_cells([*box(2, 2, 2), (9, 0, 0)]), "exact", "parts"),
+        *((PARTS, method, "parts") for method in ("auto", "blocks")),
     ],
 )
 def test_no_path_is_explained(shape: Shape, method: str, word: str) -> None:
@@ -142,14 +126,7 @@ def test_no_path_is_explained(shape: Shape, method: str, word: str) -> None:
     assert word in search.reason
 
 
-def test_disconnected_blocks_are_explained() -> None:
-    parts = Shape.from_cells(box(2, 2, 2) + [(x + 4, y, z) for x, y, z in box(2, 2, 2)])
-    for method in ("auto", "blocks"):
-        search = find_paths(parts, method=method)
-        assert search.paths == () and "parts" in search.reason
-
-
-def test_options_that_are_none_are_refused() -> None:
+def test_options_out_of_range_are_refused() -> None:
     assert tuple(PATH_METHODS) == ("auto", "blocks", "exact", "snake")
     with pytest.raises(InputError, match="expected one of: auto, blocks, exact, snake"):
         find_paths(BOX, method="magic")

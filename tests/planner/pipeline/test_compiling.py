@@ -66,7 +66,7 @@ def test_lock_file_is_for_its_user_alone_and_a_link_is_not_followed(tmp_path: Pa
     assert (tmp_path / "elsewhere").read_text() == "whole"
 
 
-def test_kernels_without_a_way_in_from_python_are_imported_by_kernels_only() -> None:
+def test_inner_kernels_are_imported_by_kernels_only() -> None:
     called = [
         f"{path.relative_to(ROOT)}: {node.module}.{name.name}"
         for top in ("planner", "server", "web", "tests", "examples")

@@ -16,12 +16,11 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import Explode, next_step
 from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain
 from planner.verification.verify import verify
+from tests.planner.folds import asked, same_motion, timeless
 from tests.planner.peels import snake
-from tests.planner.pipeline.test_parallel import same_motion, timeless
 
 ALL = ("simultaneous", "blocks", "peel")
 FIGURES = PlanFigures(
@@ -64,7 +63,7 @@ def tried_of(
     return tried
 
 
-def test_with_least_computing_the_first_verified_plan_is_the_end() -> None:
+def test_first_verified_plan_ends_a_search_for_least_computing() -> None:
     for portfolio in (choice("computing"), RetryPolicy(strategies=(ALL,), seed=5)):
         assert [each.trial for each in tried_of(portfolio)] == [Trial(0, 5, "simultaneous")]
 
@@ -85,7 +84,7 @@ def test_other_strategies_and_paths_come_first_then_smoothings() -> None:
     ]
 
 
-def test_what_is_refused_is_smoothed_less_and_a_limit_ends_it() -> None:
+def test_refused_smoothings_are_softened_up_to_a_limit() -> None:
     def come_to(trial: Trial) -> Attempt:
         return refused(trial) if trial.smooths is not None else verified(trial)
 
@@ -98,7 +97,7 @@ def test_what_is_refused_is_smoothed_less_and_a_limit_ends_it() -> None:
     assert len(set(tried)) == len(tried)
 
 
-def test_long_motions_are_not_smoothed_and_dear_tries_not_made() -> None:
+def test_long_motions_are_not_smoothed_and_expensive_attempts_not_made() -> None:
     assert not [a for a in tried_of(choice("time", most_frames=99)) if a.trial.smooths is not None]
     # Blocks are two dozen at most, however long the chain is.
     for modules, others in ((4000, ["blocks", "peel"]), (9600, ["peel"])):
@@ -108,13 +107,13 @@ def test_long_motions_are_not_smoothed_and_dear_tries_not_made() -> None:
         assert dear[0] > 300.0 > sum(dear[1:])
 
 
-def test_until_one_is_verified_it_is_tried_as_without_a_wish() -> None:
+def test_preference_changes_nothing_before_a_verified_plan() -> None:
     tried = tried_of(choice("clearance", paths=2), refused)
     plain = tried_of(replace(choice("clearance", paths=2), improvements=None), refused)
     assert [each.trial for each in tried] == [each.trial for each in plain]
 
 
-def test_a_smoothing_is_never_begun_early() -> None:
+def test_smoothings_are_not_in_the_lookahead() -> None:
     portfolio = choice("time")
     tried = [verified(Trial(0, 5, name)) for name in ALL]
     ahead = portfolio.lookahead(tried[:1], Trial(0, 5, "blocks"))
@@ -125,7 +124,7 @@ def test_a_smoothing_is_never_begun_early() -> None:
 @pytest.mark.parametrize(
     ("prefer", "best"), [("computing", 0), ("time", 1), ("torque", 2), ("clearance", 3)]
 )
-def test_the_best_by_each_wish(prefer: Preference, best: int) -> None:
+def test_best_plan_by_each_preference(prefer: Preference, best: int) -> None:
     """A slow plan needs little torque; in the same time as the others it may need most."""
     trial = Trial(0, 5, "peel")
     tried = [
@@ -141,7 +140,7 @@ def test_the_best_by_each_wish(prefer: Preference, best: int) -> None:
     assert best_of([refused(trial)], prefer) is None
 
 
-def test_what_has_one_plan_leaves_no_choice() -> None:
+def test_preference_is_refused_where_there_is_one_plan() -> None:
     with pytest.raises(InputError, match="got the preference 'speed', expected one of: computing"):
         FoldRequest.of(prefer="speed").check()
     for other in ({"preset": "paper"}, {"smooth": True}, {"strategy": "one-by-one"}):
@@ -153,13 +152,11 @@ def test_what_has_one_plan_leaves_no_choice() -> None:
 
 
 @pytest.mark.long
-def test_the_quickest_is_taken_whatever_the_number_of_workers(tmp_path: FilePath) -> None:
+def test_quickest_plan_is_the_same_for_any_number_of_workers(tmp_path: FilePath) -> None:
     chain = snake((2, 2, 4))
     plans: list[Plan] = []
     for name, prefer, workers in (("plain", "computing", 1), ("1", "time", 1), ("2", "time", 2)):
-        place = tmp_path / name
-        place.mkdir()
-        Workspace(place).write_request(FoldRequest(prefer=prefer), write_chain(chain))
+        place = asked(tmp_path / name, write_chain(chain), prefer=prefer)
         run_stages(place, workers=workers)
         plans.append(Plan.load(place / "plan.npz"))
     plain, one, two = plans

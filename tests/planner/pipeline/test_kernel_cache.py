@@ -31,7 +31,7 @@ def imported(path: Path) -> set[Path]:
     }
 
 
-def test_sources_of_a_file_hold_all_that_it_imports_of_kernels_and_nothing_else_is_used() -> None:
+def test_sources_of_a_kernel_hold_all_its_imports() -> None:
     for path in FILES:
         with case(path.stem):
             assert path in sources(path)

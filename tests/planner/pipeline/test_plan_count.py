@@ -43,7 +43,7 @@ def test_count_after_a_refused_plan_goes_on() -> None:
     assert 2 < total <= len(rest) + 1
 
 
-def test_count_of_a_finer_playback_is_the_same() -> None:
+def test_count_of_plans_ignores_a_finer_playback() -> None:
     portfolio = choice("time")
     tried = tried_of(portfolio)[:2]
     finer = Attempt(trial=tried[-1].trial, status="straight", finer=REPEATED_PLAYBACK_REFINEMENT)

@@ -8,7 +8,6 @@ import pytest
 
 from planner.errors import InputError
 from planner.pathfinding.feasibility import feasibility
-from planner.pathfinding.fill_cubes import doubled
 from planner.pathfinding.options import PathOptions
 from planner.pipeline.prepare import prepare
 from planner.plan.shape_files import write_chain
@@ -27,23 +26,20 @@ def voxels(cells: Any) -> bytes:
     return json.dumps({"format": "foldback-voxels/1", "name": "v", "cells": cells}).encode()
 
 
-def test_a_path_is_taken_as_it_is() -> None:
-    prepared = prepare((SHAPES / "wrench-24.json").read_bytes(), "wrench-24.json")
-    report = prepared.report()
+def test_paths_and_chains_are_taken_as_they_are() -> None:
+    report = prepare((SHAPES / "wrench-24.json").read_bytes(), "wrench-24.json").report()
     assert (report["kind"], report["modules"], report["candidates"]) == ("path", 24, 1)
     assert report["cells"] == json.loads((SHAPES / "wrench-24.json").read_bytes())["cells"]
     assert report["knot"]["verdict"] == "unknot"
     assert report["feasibility"] is None
-
-
-def test_a_chain_is_taken_as_it_is() -> None:
     chain = coil(12)
     prepared = prepare(write_chain(chain), "coil.json", PathOptions(modules=40))
     np.testing.assert_allclose(prepared.chain.folded_rad, chain.folded_rad)
     assert "12 modules" in prepared.notes[0]
 
 
-def test_a_mesh_becomes_about_as_many_modules_as_asked_for() -> None:
+@pytest.mark.slow
+def test_mesh_becomes_different_chains_of_the_same_cells() -> None:
     prepared = prepare(CUBE_OBJ, "cube.obj", PathOptions(modules=64))
     report = prepared.report()
     assert (report["kind"], report["method"], report["modules"]) == ("mesh", "blocks", 64)
@@ -55,10 +51,6 @@ def test_a_mesh_becomes_about_as_many_modules_as_asked_for() -> None:
     mesh = np.array(report["mesh"]["vertices"])
     np.testing.assert_allclose(mesh.min(axis=0), cells.min(axis=0) - 0.5, atol=0.26)
     np.testing.assert_allclose(mesh.max(axis=0), cells.max(axis=0) + 0.5, atol=0.26)
-
-
-def test_candidates_differ_and_fill_the_same_cells() -> None:
-    prepared = prepare(CUBE_OBJ, "cube.obj", PathOptions(modules=64))
     assert len(prepared.chains) >= 2
     filled = [
         {tuple(cell) for cell in np.rint(chain.folded_poses.positions).astype(int).tolist()}
@@ -67,9 +59,14 @@ def test_candidates_differ_and_fill_the_same_cells() -> None:
     assert all(cells == filled[0] for cells in filled)
     angles = {chain.folded_rad.tobytes() for chain in prepared.chains}
     assert len(angles) == len(prepared.chains)
+    start = report["cells"][14]
+    begun = prepare(CUBE_OBJ, "cube.obj", PathOptions(modules=64, start=tuple(start)))
+    starts = [chain.folded_poses.positions[0].tolist() for chain in begun.chains]
+    assert starts == [start] * len(begun.chains)
+    assert begun.not_started == ""
 
 
-def test_voxels_without_a_path_say_why_and_are_repaired_on_request() -> None:
+def test_voxels_without_a_path_are_repaired_or_doubled_on_request() -> None:
     # A plus: five cells, four of them dead ends.
     plus = [[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]
     prepared = prepare(voxels(plus), "plus.json")
@@ -83,21 +80,8 @@ def test_voxels_without_a_path_say_why_and_are_repaired_on_request() -> None:
     repaired = prepare(voxels(plus), "plus.json", PathOptions(repair=True))
     assert repaired.chains
     assert any(note.startswith("Repaired") for note in repaired.notes)
-
-
-def test_blocks_double_voxels_that_are_not_doubled() -> None:
-    plus = [[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]
-    prepared = prepare(voxels(plus), "plus.json", PathOptions(method="blocks"))
-    assert len(prepared.chain) == 40
-    assert prepared.chain.pitch_m == pytest.approx(0.005)
-
-
-def test_doubling_keeps_the_volume() -> None:
-    shape = Shape.from_cells([[0, 0, 0], [1, 0, 0]], pitch_m=0.01)
-    twice = doubled(shape)
-    assert len(twice.cells) == 16
-    assert twice.cells.min() == 0
-    assert twice.cells.max(axis=0).tolist() == [3, 1, 1]
+    blocks = prepare(voxels(plus), "plus.json", PathOptions(method="blocks")).chain
+    assert (len(blocks), blocks.pitch_m) == (40, pytest.approx(0.005))
 
 
 @pytest.mark.parametrize(
@@ -109,13 +93,13 @@ def test_doubling_keeps_the_volume() -> None:
         (PathOptions(ends="loose"), "unknown-ends"),
     ],
 )
-def test_options_that_cannot_be_had_are_refused(options: PathOptions, code: str) -> None:
+def test_options_out_of_range_are_refused(options: PathOptions, code: str) -> None:
     with pytest.raises(InputError) as refused:
         prepare(CUBE_OBJ, "cube.obj", options)
     assert refused.value.code == code
 
 
-def test_cells_in_no_order_are_a_path_only_for_those_who_say_so() -> None:
+def test_cells_in_no_order_are_read_as_voxels_on_request_only() -> None:
     cells = [[0, 0, 0], [0, 0, 1], [1, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 1], [1, 0, 1], [0, 1, 1]]
     with pytest.raises(InputError, match="voxels"):
         prepare(json.dumps(cells).encode(), "cells.json")
@@ -123,16 +107,7 @@ def test_cells_in_no_order_are_a_path_only_for_those_who_say_so() -> None:
     assert (prepared.kind, len(prepared.chain)) == ("voxels", 8)
 
 
-@pytest.mark.slow
-def test_paths_begin_in_the_cell_that_is_asked_for() -> None:
-    for cell in prepare(CUBE_OBJ, "cube.obj", PathOptions(modules=64)).report()["cells"][::7]:
-        prepared = prepare(CUBE_OBJ, "cube.obj", PathOptions(modules=64, start=tuple(cell)))
-        starts = [chain.folded_poses.positions[0].tolist() for chain in prepared.chains]
-        assert starts == [cell] * len(prepared.chains)
-        assert prepared.not_started == ""
-
-
-def test_where_no_path_begins_another_is_kept_and_it_says_so() -> None:
+def test_start_without_a_path_keeps_another_path_and_says_so() -> None:
     cells = np.argwhere(np.ones((3, 3, 3))).tolist()
     prepared = prepare(voxels(cells), "box.json", PathOptions(start=(1, 0, 0)))
     assert "colour" in prepared.not_started
@@ -147,7 +122,7 @@ def test_where_no_path_begins_another_is_kept_and_it_says_so() -> None:
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_a_repair_never_makes_eight_times_the_modules_unless_so_many_are_wanted() -> None:
+def test_repair_multiplies_the_modules_by_eight_only_if_so_many_are_asked_for() -> None:
     # A comb: each tooth is a dead end, and nothing small helps.
     comb = [[x, 0, 0] for x in range(17)] + [[x, y, 0] for x in range(0, 17, 2) for y in (1, 2)]
     shape = Shape.from_cells(comb)

@@ -23,7 +23,7 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import Parameters
 from planner.parameters.playback import PlaybackParameters
-from planner.pipeline.fold import fold, refold
+from planner.pipeline.fold import refold
 from planner.pipeline.manifest import write_manifest
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
@@ -31,11 +31,12 @@ from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback, play_back
 from planner.playback.unfolding import check_fits
-from planner.progress import STAGES, Progress
+from planner.progress import STAGES
 from planner.readers import read
 from planner.verification.verify import verify
 from tests.planner.chains import line
 from tests.planner.conftest import SHAPES, Folded
+from tests.planner.folds import same_motion
 from tests.planner.plans import changed
 
 UNFOLDING = PHASES.index("unfolding")
@@ -74,14 +75,8 @@ def straight(plan: Plan) -> int:
     return int((plan.phase == UNFOLDING).sum())
 
 
-def judged(directory: FilePath, **changes: Any) -> Certificate:
-    """The certificate of a refold whose playback says something else."""
-    plan, playback = Plan.load(directory / "plan.npz"), Playback.load(directory / "playback.npz")
-    return certify(plan.chain, None, replace(playback, **changes), Parameters(), start=plan.start)
-
-
 @pytest.mark.slow
-def test_a_refold_is_verified_with_both_shapes_named(plan: Plan) -> None:
+def test_refold_is_verified_from_shape_to_shape(plan: Plan, made: FilePath, wrench: Folded) -> None:
     assert plan.certificate.verdict == "verified (simulated)"
     assert (plan.start.name, plan.chain.name) == ("wrench-24", "mallet-24")
     assert plan.summary()["refold"] == {
@@ -91,23 +86,25 @@ def test_a_refold_is_verified_with_both_shapes_named(plan: Plan) -> None:
         "frames": len(plan.time_s),
     }
     json.dumps(plan.summary(), allow_nan=False)
-
-
-@pytest.mark.slow
-def test_it_begins_in_the_cells_of_one_shape_and_ends_as_the_other(
-    plan: Plan, wrench: Folded
-) -> None:
     angles = plan.joint_angles_rad
     np.testing.assert_allclose(angles[0], wrench.chain.folded_rad, atol=1e-9, rtol=0)
     np.testing.assert_allclose(angles[-1], plan.chain.folded_rad, atol=1e-9, rtol=0)
-    first = plan.chain.poses(angles[0], plan.root_position[0], plan.root_wxyz[0])
-    np.testing.assert_allclose(
-        first.positions, wrench.chain.folded_poses.positions, atol=1e-9, rtol=0
-    )
-    np.testing.assert_allclose(first.positions, np.round(first.positions), atol=1e-9, rtol=0)
+    first = plan.chain.poses(angles[0], plan.root_position[0], plan.root_wxyz[0]).positions
+    for cells in (wrench.chain.folded_poses.positions, np.round(first)):
+        np.testing.assert_allclose(first, cells, atol=1e-9, rtol=0)
+    timeline = Timeline.open(made / "timeline.zarr")
+    assert timeline.status == "complete"
+    np.testing.assert_array_equal(timeline.frames().phase, plan.phase)
+    np.testing.assert_array_equal(timeline.frames().root_position, plan.root_position)
+    again = Plan.load(made / "plan.json")
+    np.testing.assert_array_equal(again.phase, plan.phase)
+    np.testing.assert_array_equal(again.start.folded_rad, plan.start.folded_rad)
+    lines = export_named("csv").write(plan).decode().splitlines()[1:]
+    assert [line.split(",")[1] for line in lines] == [PHASES[k] for k in plan.phase]
+    assert set(np.unique(plan.phase)) == {UNFOLDING, PHASES.index("playback")}
 
 
-def test_it_is_straight_in_between_and_nothing_jumps(plan: Plan, made: FilePath) -> None:
+def test_refold_is_straight_in_between_and_nothing_jumps(plan: Plan, made: FilePath) -> None:
     k = straight(plan)
     np.testing.assert_allclose(plan.joint_angles_rad[k - 1 : k + 1], 0.0, atol=1e-9, rtol=0)
     assert (np.diff(plan.time_s) > 0.0).all()
@@ -121,7 +118,7 @@ def test_it_is_straight_in_between_and_nothing_jumps(plan: Plan, made: FilePath)
         assert speeds[k - 1] <= np.median(speeds)
 
 
-def test_the_first_half_is_the_other_plan_backwards(plan: Plan, wrench: Folded) -> None:
+def test_first_half_is_the_other_plan_backwards(plan: Plan, wrench: Folded) -> None:
     there = wrench.plan.joint_angles_rad
     back = plan.joint_angles_rad[: straight(plan)]
     # Each configuration on the way back is near to one of the way there.
@@ -132,7 +129,7 @@ def test_the_first_half_is_the_other_plan_backwards(plan: Plan, wrench: Folded) 
     )
 
 
-def test_it_floats_without_momentum(plan: Plan) -> None:
+def test_refold_floats_without_momentum(plan: Plan) -> None:
     """A chain that turned a little about its length would spin ever faster as it gets straight."""
     modules = plan.chain.poses(plan.joint_angles_rad, plan.root_position, plan.root_wxyz)
     centres = modules.positions.mean(axis=1)
@@ -144,43 +141,24 @@ def test_it_floats_without_momentum(plan: Plan) -> None:
         np.testing.assert_allclose(values[k], values[k - 1], atol=1e-3)
 
 
-def test_errors_torque_and_time_are_of_both_halves(plan: Plan, wrench: Folded) -> None:
+def test_errors_torques_and_time_are_of_both_halves(
+    plan: Plan, made: FilePath, wrench: Folded, tmp_path: FilePath
+) -> None:
     assert np.isfinite(plan.max_error_rad).all()
     assert plan.max_error_rad[: straight(plan)].max() > 0.0
-    assert plan.playback["kind"] == "dynamic"
     alone, both = wrench.plan.certificate, plan.certificate
     assert both.peak_torque_nm > 0.9 * alone.peak_torque_nm
-    assert (both.fold_time_s or 0.0) > 1.5 * (alone.fold_time_s or np.inf) * 0.9
-
-
-def test_figures_of_torques_are_of_both_halves_too(
-    plan: Plan, made: FilePath, tmp_path: FilePath
-) -> None:
-    figures = Figures.load(made / "figures.zarr")
-    peaks = figures.peak_torque_nm
+    assert (both.fold_time_s or 0.0) > 1.35 * (alone.fold_time_s or np.inf)
+    peaks = Figures.load(made / "figures.zarr").peak_torque_nm
     assert np.isfinite(peaks).all()
     # The certificate saw every step, the figures see frames: close, not the same.
-    assert peaks.max() == pytest.approx(plan.certificate.peak_torque_nm, rel=0.35)
+    assert peaks.max() == pytest.approx(both.peak_torque_nm, rel=0.35)
     # Without the certificate the same comes of the frames' own speed.
     write_figures(made / "timeline.zarr", tmp_path / "alone", Parameters())
     np.testing.assert_allclose(Figures.load(tmp_path / "alone").peak_torque_nm, peaks, rtol=0.05)
 
 
-def test_a_table_tells_both_phases(plan: Plan) -> None:
-    lines = export_named("csv").write(plan).decode().splitlines()[1:]
-    phases = [line.split(",")[1] for line in lines]
-    assert phases == [PHASES[k] for k in plan.phase]
-    assert set(phases) == {"unfolding", "playback"}
-
-
-def test_the_timeline_goes_from_shape_to_shape(plan: Plan, made: FilePath) -> None:
-    timeline = Timeline.open(made / "timeline.zarr")
-    assert timeline.status == "complete"
-    np.testing.assert_array_equal(timeline.frames().phase, plan.phase)
-    np.testing.assert_array_equal(timeline.frames().root_position, plan.root_position)
-
-
-def test_of_files_that_are_gone_only_that_is_told(copy: FilePath) -> None:
+def test_verify_names_missing_files(copy: FilePath) -> None:
     gone = ("start.json", "start.npz", "record.npz", "playback.npz", "certificate.json")
     for name in gone:
         (copy / name).unlink()
@@ -194,83 +172,62 @@ def test_of_files_that_are_gone_only_that_is_told(copy: FilePath) -> None:
     assert found.replay.pose_difference < 1e-9
 
 
-def test_both_forms_of_the_plan_say_the_same(made: FilePath, plan: Plan) -> None:
-    again = Plan.load(made / "plan.json")
-    np.testing.assert_array_equal(again.phase, plan.phase)
-    np.testing.assert_array_equal(again.start.folded_rad, plan.start.folded_rad)
-    assert json.loads((made / "plan.json").read_text())["phase"][0] == "unfolding"
-
-
-def tampered(directory: FilePath, **changes: Any) -> tuple[str, ...]:
-    plan = changed(Plan.load(directory / "plan.npz"), **changes)
-    plan.save_npz(directory / "plan.npz")
-    plan.save_json(directory / "plan.json")
-    return verify(directory).problems
-
-
 @pytest.mark.slow
-def test_another_beginning_is_noticed(copy: FilePath, plan: Plan) -> None:
-    assert "does not start folded as mallet-24" in "".join(tampered(copy, start=plan.chain))
-    assert tampered(copy, start=None)
-    assert "do not have the same modules" in "".join(tampered(copy, start=line(24 + 1)))
+def test_verify_finds_another_start_or_motion_of_a_refold(copy: FilePath, plan: Plan) -> None:
+    k = straight(plan)
 
+    def tampered(**changes: Any) -> str:
+        forged = changed(plan, **changes)
+        forged.save_npz(copy / "plan.npz")
+        forged.save_json(copy / "plan.json")
+        return "\n".join(verify(copy).problems)
 
-def test_a_plan_that_leaves_straight_out_is_refused(copy: FilePath, plan: Plan) -> None:
-    angles = plan.joint_angles_rad.copy()
-    angles[straight(plan)] = 0.01
-    assert "does not become straight" in "".join(tampered(copy, joint_angles_rad=angles))
+    def with_row(row: int, values: Any) -> str:
+        angles = plan.joint_angles_rad.copy()
+        angles[row] = values
+        return tampered(joint_angles_rad=angles)
 
-
-def test_phases_that_are_not_the_timelines_are_refused(copy: FilePath, plan: Plan) -> None:
+    assert "does not start folded as mallet-24" in tampered(start=plan.chain)
+    assert tampered(start=None)
+    assert "do not have the same modules" in tampered(start=line(24 + 1))
+    assert "does not become straight" in with_row(k, 0.01)
+    for row in (k // 2, k + k // 2):
+        problems = with_row(row, np.tile([np.pi / 2, 0.0], 22))
+        assert "in the plan, modules" in problems
+        assert "MuJoCo finds an overlap" in problems
     phase = plan.phase.copy()
-    phase[straight(plan)] = UNFOLDING
+    phase[k] = UNFOLDING
     with pytest.raises(InputError, match="phases"):
-        tampered(copy, phase=phase)
-
-
-def test_forms_that_begin_differently_are_noticed(copy: FilePath, plan: Plan) -> None:
+        tampered(phase=phase)
+    plan.save_npz(copy / "plan.npz")
     replace(plan, start=plan.chain).save_json(copy / "plan.json")
     assert "plan.json and plan.npz differ in plan.start.name" in verify(copy).problems[0]
 
 
-@pytest.mark.parametrize("half", ["unfolding", "folding"])
-def test_an_overlap_in_either_half_is_found(half: str, copy: FilePath, plan: Plan) -> None:
-    angles = plan.joint_angles_rad.copy()
-    k = straight(plan)
-    angles[k // 2 if half == "unfolding" else k + k // 2] = np.tile([np.pi / 2, 0.0], 22)
-    problems = tampered(copy, joint_angles_rad=angles)
-    assert any("in the plan, modules" in problem for problem in problems)
-    assert any("MuJoCo finds an overlap" in problem for problem in problems)
+def test_certify_refuses_simulations_that_start_elsewhere_or_miss_straight(
+    made: FilePath, plan: Plan
+) -> None:
+    playback = Playback.load(made / "playback.npz")
+    frames = playback.frames
 
+    def verdict(start: Chain | None = plan.start, **columns: Any) -> str:
+        other = replace(playback, frames=frames.with_columns(**columns))
+        return certify(plan.chain, None, other, Parameters(), start=start).verdict
 
-def test_a_simulation_that_began_elsewhere_is_refused(made: FilePath) -> None:
-    assert judged(made).verdict == "verified (simulated)"
-    frames = Playback.load(made / "playback.npz").frames
+    assert verdict() == "verified (simulated)"
     moved = frames.root_position.copy()
     moved[0, 1] += 0.01
     late = np.vstack([frames.joint_angles_rad[1:2], frames.joint_angles_rad[1:]])
-    for other in (
-        frames.with_columns(root_position=moved),
-        frames.with_columns(joint_angles_rad=late),
-    ):
-        assert "does not start folded as wrench-24" in judged(made, frames=other).verdict
-
-
-def test_a_refold_is_no_plain_fold(made: FilePath, plan: Plan) -> None:
-    found = certify(plan.chain, None, Playback.load(made / "playback.npz"), Parameters())
-    assert "out of order" in found.verdict
-
-
-def test_a_simulation_that_missed_straight_is_refused(made: FilePath, plan: Plan) -> None:
-    frames = Playback.load(made / "playback.npz").frames
+    assert "does not start folded as wrench-24" in verdict(root_position=moved)
+    assert "does not start folded as wrench-24" in verdict(joint_angles_rad=late)
     angles = frames.joint_angles_rad.copy()
     angles[straight(plan)] = 0.05
-    other = frames.with_columns(joint_angles_rad=angles)
-    assert "from straight" in judged(made, frames=other).verdict
+    assert "from straight" in verdict(joint_angles_rad=angles)
+    assert "out of order" in verdict(start=None)
 
 
 @pytest.mark.slow
-def test_it_goes_on_from_a_refold(plan: Plan, wrench: Folded) -> None:
+def test_refold_of_a_refold(plan: Plan, wrench: Folded) -> None:
     way = plan.unfolding()
     assert way.chain.name == "mallet-24"
     assert way.time_s[0] == 0.0
@@ -281,33 +238,19 @@ def test_it_goes_on_from_a_refold(plan: Plan, wrench: Folded) -> None:
     np.testing.assert_allclose(back.joint_angles_rad[-1], wrench.chain.folded_rad, atol=1e-9)
 
 
-@pytest.mark.slow
-@pytest.mark.long
-def test_tetrahedra_refold_too(tmp_path: FilePath) -> None:
-    zigzag = ["0", "-", "-", "+", "0", "+", "+", "-", "0", "-", "+"]
-    signs = {"-": -np.pi / 2, "0": 0.0, "+": np.pi / 2}
-    module = shape("tetra-ring").module
-    bent = Chain.from_angles(module, np.array([signs[s] for s in zigzag]), name="zigzag")
-    ring = fold(shape("tetra-ring"))
-    assert ring.verified
-    found = refold(ring, bent, directory=tmp_path)
-    assert found.certificate.verdict == "verified (simulated)"
-    np.testing.assert_allclose(found.joint_angles_rad[-1], bent.folded_rad, atol=1e-9)
-    assert verify(tmp_path).verified
-
-
-def test_a_shape_of_another_chain_is_refused_before_anything_is_computed(
-    wrench: Folded, tmp_path: FilePath
-) -> None:
+def test_refold_is_refused_before_anything_is_computed(wrench: Folded, tmp_path: FilePath) -> None:
     with pytest.raises(InputError, match="got a shape of 64 cubes, expected one of 24") as refused:
         refold(wrench.plan, shape("mallet-64"), directory=tmp_path)
     assert refused.value.code == "refold-differs"
     assert not (tmp_path / "timeline.zarr").exists()
     with pytest.raises(InputError, match="24 tetrahedra"):
         check_fits(wrench.chain, "tetrahedron", 24)
+    with pytest.raises(InputError, match="does not start straight and end folded") as refused:
+        replace(wrench.plan, motion=wrench.plan.motion[:-3]).unfolding()
+    assert refused.value.code == "refold-not-folded"
 
 
-def test_it_stays_the_chain_that_it_is(wrench: Folded, tmp_path: FilePath) -> None:
+def test_refold_keeps_the_pitch_of_its_chain(wrench: Folded, tmp_path: FilePath) -> None:
     larger = replace(wrench.plan, chain=replace(wrench.chain, pitch_m=0.05))
     Workspace(tmp_path).write_start(larger)
     Workspace(tmp_path).write_request(
@@ -316,25 +259,11 @@ def test_it_stays_the_chain_that_it_is(wrench: Folded, tmp_path: FilePath) -> No
     assert run_stage("read", tmp_path)["pitch_m"] == 0.05
 
 
-def test_a_plan_that_does_not_lead_to_its_shape_is_no_beginning(wrench: Folded) -> None:
-    plan = wrench.plan
-    with pytest.raises(InputError, match="does not start straight and end folded") as refused:
-        replace(plan, motion=plan.motion[:-3]).unfolding()
-    assert refused.value.code == "refold-not-folded"
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "again_from", ["play_back", pytest.param("certify", marks=pytest.mark.long)]
-)
-def test_a_stage_that_is_run_again_comes_to_the_same(
-    again_from: str, copy: FilePath, plan: Plan
-) -> None:
-    for stage in STAGES[STAGES.index(again_from) :]:
+def test_stages_of_a_refold_run_again_give_the_same_plan(copy: FilePath, plan: Plan) -> None:
+    for stage in STAGES[STAGES.index("play_back") :]:
         run_stage(stage, copy)
-    again = Plan.load(copy / "plan.npz")
-    np.testing.assert_array_equal(again.joint_angles_rad, plan.joint_angles_rad)
-    np.testing.assert_array_equal(again.root_position, plan.root_position)
+    same_motion(Plan.load(copy / "plan.npz").motion, plan.motion)
     np.testing.assert_array_equal(Timeline.open(copy / "timeline.zarr").frames().phase, plan.phase)
 
 
@@ -355,7 +284,7 @@ def refuse(monkeypatch: pytest.MonkeyPatch, frame: float) -> None:
 
 
 @pytest.mark.slow
-def test_other_paths_are_tried_for_the_second_half_only(
+def test_other_paths_are_tried_for_an_overlap_in_the_second_half_only(
     copy: FilePath, plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refuse(monkeypatch, straight(plan) + 3.0)
@@ -367,7 +296,7 @@ def test_other_paths_are_tried_for_the_second_half_only(
     assert run_stage("certify", copy)["again"] is None
 
 
-def test_a_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, plan: Plan) -> None:
+def test_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, plan: Plan) -> None:
     way = wrench.plan.unfolding()
     told: list[Motion] = []
     found = play_back(
@@ -388,21 +317,3 @@ def test_a_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, 
         frames.joint_angles_rad, frames.root_position, frames.root_wxyz
     ).positions.mean(axis=1)
     np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=1e-9)
-
-
-def test_progress_goes_on_through_both_halves(
-    wrench: Folded, made: FilePath, plan: Plan, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("planner.playback.run.PROGRESS_PERIOD_S", 0.0)
-    told: list[Progress] = []
-    play_back(
-        plan.chain,
-        Record.load(made / "record.npz"),
-        PlaybackParameters(),
-        unfolding=wrench.plan.unfolding(),
-        progress=told.append,
-    )
-    fractions = [p.fraction for p in told]
-    assert fractions == sorted(fractions)
-    # One robot after the other.
-    assert [*dict.fromkeys(p.message for p in told)] == ["unfolding", "folding"]

@@ -50,6 +50,7 @@ REFUSED = replace(PLAYED, verdict="failed: modules 1 and 9 overlap")
 BETWEEN = replace(REFUSED, between=True)
 AGAIN = replace(BETWEEN, finer=REPEATED_PLAYBACK_REFINEMENT)
 VERIFIED = replace(PLAYED, verdict="verified (simulated)", figures=FIGURES)
+FINER = PlayBack(REPEATED_PLAYBACK_REFINEMENT)
 STALLED = Attempt(trial=FIRST, status="stalled")
 SHOWN = replace(STALLED, played=True)
 JUDGED = replace(SHOWN, verdict="failed: the explosion stalled")
@@ -74,26 +75,14 @@ NOTHING = Attempt(trial=FIRST, status="none")
         (POLICY, [VERIFIED], None),
         (MORE, [VERIFIED], Explode(PEELED)),
         (POLICY, [REFUSED], Explode(SECOND)),
-        (POLICY, [BETWEEN], PlayBack(REPEATED_PLAYBACK_REFINEMENT)),
-        (
-            POLICY,
-            [BETWEEN, replace(STRAIGHT, finer=REPEATED_PLAYBACK_REFINEMENT)],
-            PlayBack(REPEATED_PLAYBACK_REFINEMENT),
-        ),
+        (POLICY, [BETWEEN], FINER),
+        (POLICY, [BETWEEN, replace(STRAIGHT, finer=REPEATED_PLAYBACK_REFINEMENT)], FINER),
         (POLICY, [BETWEEN, replace(PLAYED, finer=REPEATED_PLAYBACK_REFINEMENT)], Certify()),
         (POLICY, [BETWEEN, AGAIN], Explode(SECOND)),
         (POLICY, [replace(REFUSED, unfolding_overlaps=True)], None),
-        (
-            POLICY,
-            [replace(BETWEEN, unfolding_overlaps=True)],
-            PlayBack(REPEATED_PLAYBACK_REFINEMENT),
-        ),
+        (POLICY, [replace(BETWEEN, unfolding_overlaps=True)], FINER),
         (POLICY, [REFUSED] * MAX_REFUSED_EXPLOSIONS, None),
-        (
-            POLICY,
-            [BETWEEN] * (MAX_PLAYBACKS_BEFORE_VERIFIED - 1),
-            PlayBack(REPEATED_PLAYBACK_REFINEMENT),
-        ),
+        (POLICY, [BETWEEN] * (MAX_PLAYBACKS_BEFORE_VERIFIED - 1), FINER),
         (POLICY, [BETWEEN] * MAX_PLAYBACKS_BEFORE_VERIFIED, None),
         (PUBLISHED, [STALLED], Explode(PEELED)),
         (PUBLISHED, [REFUSED], None),
@@ -124,9 +113,7 @@ def test_next_step_of_a_history(
         ([JUDGED, STALLED], 0),
     ],
 )
-def test_explosions_that_are_run_again_go_on_after_the_last_verdict(
-    history: Sequence[Attempt], kept: int
-) -> None:
+def test_explosions_run_again_after_the_last_verdict(history: Sequence[Attempt], kept: int) -> None:
     assert before_explosion(history, POLICY) == tuple(history[:kept])
 
 
@@ -141,7 +128,7 @@ def test_explosions_that_are_run_again_go_on_after_the_last_verdict(
         ([BETWEEN, AGAIN], [BETWEEN, replace(STRAIGHT, finer=REPEATED_PLAYBACK_REFINEMENT)]),
     ],
 )
-def test_a_playback_that_is_run_again_has_no_verdict(
+def test_playback_run_again_has_no_verdict(
     history: Sequence[Attempt], before: Sequence[Attempt]
 ) -> None:
     found = before_playback(history, POLICY)
@@ -149,7 +136,7 @@ def test_a_playback_that_is_run_again_has_no_verdict(
     assert before_playback(found, POLICY) == found
 
 
-def test_the_choice_is_marked_at_the_latest_playback() -> None:
+def test_choice_is_marked_at_the_latest_playback() -> None:
     history = (BETWEEN, AGAIN, replace(VERIFIED, trial=PEELED))
     assert [latest_playback(history, number) for number in (0, 2)] == [1, 2]
     assert [each.chosen for each in with_choice(history, 0)] == [False, True, False]
@@ -166,7 +153,7 @@ def test_the_choice_is_marked_at_the_latest_playback() -> None:
         ({"preset": "direct"}, False),
     ],
 )
-def test_published_recipes_and_baselines_are_not_tried_again(
+def test_published_recipes_and_baselines_have_one_attempt(
     values: dict[str, Any], retries: bool
 ) -> None:
     candidates = Candidates((coil(8),), two_ended=False)

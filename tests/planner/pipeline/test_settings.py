@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from typing import Any
 
 import pytest
 
@@ -22,22 +23,8 @@ from planner.pipeline.request import FoldRequest
 PAPER = preset("paper")
 
 
-def test_the_published_figures_are_those_of_the_paper() -> None:
-    published = {s.name: value_of(s, PAPER) for s in SETTINGS if s.source == "published"}
-    assert published == {
-        "radial_gain": 0.1,
-        "repulsion_gain": 1.0,
-        "threshold": 0.15,
-        "damping": 0.1,
-        "friction": 0.1,
-        "step_s": 0.01,
-        "pitch_cm": 1.0,
-        "density_kg_m3": 2700.0,
-    }
-
-
 @pytest.mark.parametrize("setting", SETTINGS, ids=lambda setting: setting.name)
-def test_every_setting_reaches_its_parameters(setting: Setting) -> None:
+def test_each_setting_changes_its_parameter_alone(setting: Setting) -> None:
     least, most = setting.range
     value = least if least != value_of(setting, PAPER) else most
     changed = with_settings(PAPER, read_settings(f"{setting.name}={value}"))
@@ -51,14 +38,24 @@ def test_every_setting_reaches_its_parameters(setting: Setting) -> None:
     assert differing == {setting.name} & names
 
 
-def test_density_is_that_of_the_certificate_too() -> None:
-    assert with_settings(PAPER, {"density_kg_m3": 1000.0}).density_kg_m3 == 1000.0
-
-
-def test_settings_are_written_in_one_way() -> None:
+def test_settings_text_is_canonical() -> None:
     text = " step_s = 0.0050, motor_max_force=none,damping=.05 , "
     assert settings_text(text) == "damping=0.05,motor_max_force=none,step_s=0.005"
     assert settings_text("") == ""
+    text = settings_text("damping=0.1000000000000004", PAPER)
+    assert text == settings_text(text, PAPER) == ""
+
+
+def test_settings_reach_their_parameters_of_each_preset() -> None:
+    assert with_settings(PAPER, {"density_kg_m3": 1000.0}).density_kg_m3 == 1000.0
+    assert with_settings(preset("direct"), {"friction": 0.3}).playback.friction == 0.3
+    for name in ("default", "paper"):
+        changed = with_settings(preset(name), read_settings("simulated_modules=5000"))
+        assert changed.playback.dynamic_up_to == 5000
+    (step,) = (s for s in SETTINGS if s.name == "step_s")
+    assert value_of(step, PAPER) == 0.01
+    direct = replace(preset("direct").playback, step_s=0.005)
+    assert value_of(step, replace(preset("direct"), playback=direct)) == 0.005
 
 
 @pytest.mark.parametrize(
@@ -74,6 +71,7 @@ def test_settings_are_written_in_one_way() -> None:
         ("motor_max_force=0", "expected a number from 0.001 to 1e+08, or none"),
         ("steps_per_snapshot=1.5", "expected a whole number from 0 to 1000"),
         ("snapshot_interval=1e999", "expected a whole number from 1 to 1000"),
+        ("simulated_modules=1e9", "expected a whole number from 2 to 20000"),
         ("table_base=held", "got table_base = 'held', expected clamped or free"),
         ("table_base=1", "got table_base = '1', expected clamped or free"),
         ("table_base=", "got table_base = '', expected clamped or free"),
@@ -81,25 +79,29 @@ def test_settings_are_written_in_one_way() -> None:
         ("a" * 501, "got 501 characters of settings, expected at most 500"),
     ],
 )
-def test_what_cannot_be_set_is_refused(text: str, told: str) -> None:
+def test_read_settings_refuses_other_names_and_values(text: str, told: str) -> None:
     with pytest.raises(InputError) as refused:
         read_settings(text)
     assert refused.value.code == "bad-settings"
     assert told in refused.value.detail
 
 
-def test_a_preset_refuses_what_it_does_not_use() -> None:
-    with pytest.raises(InputError, match="radial_gain for the preset direct"):
-        with_settings(preset("direct"), {"radial_gain": 0.2})
-    assert with_settings(preset("direct"), {"friction": 0.3}).playback.friction == 0.3
-
-
-@pytest.mark.parametrize("name", ["default", "paper"])
-def test_longer_chains_are_simulated_on_wish(name: str) -> None:
-    changed = with_settings(preset(name), read_settings("simulated_modules=5000"))
-    assert changed.playback.dynamic_up_to == 5000
-    with pytest.raises(InputError, match="expected a whole number from 2 to 20000"):
-        read_settings("simulated_modules=1e9")
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        *(
+            ("direct", text, f"{text.partition('=')[0]} for the preset direct, which does not use")
+            for text in ("radial_gain=0.2", "threshold=0.1", "steps_per_snapshot=7", "spring=2")
+        ),
+        # Motors may not turn past their target.
+        ("paper", "motor_gain=100,step_s=0.02", "motor_gain · step_s = 2, expected at most 1"),
+    ],
+)
+def test_preset_refuses_settings_that_it_does_not_use_or_that_do_not_fit(
+    name: str, text: str, told: str
+) -> None:
+    with pytest.raises(InputError, match=told):
+        with_settings(preset(name), read_settings(text))
 
 
 @pytest.mark.parametrize(
@@ -111,7 +113,7 @@ def test_longer_chains_are_simulated_on_wish(name: str) -> None:
         ("default", "", ""),
     ],
 )
-def test_what_is_set_to_what_it_is_anyway_is_the_same_request(
+def test_settings_equal_to_the_preset_leave_the_request_as_it_is(
     name: str, given: str, kept: str
 ) -> None:
     assert FoldRequest(preset=name, settings=given).canonical() == FoldRequest(
@@ -119,15 +121,8 @@ def test_what_is_set_to_what_it_is_anyway_is_the_same_request(
     )
 
 
-def test_a_default_is_that_of_the_preset() -> None:
-    (step,) = (s for s in SETTINGS if s.name == "step_s")
-    assert value_of(step, PAPER) == 0.01
-    direct = replace(preset("direct").playback, step_s=0.005)
-    assert value_of(step, replace(preset("direct"), playback=direct)) == 0.005
-
-
 @pytest.mark.slow
-def test_folds_and_refolds_of_the_library_take_settings() -> None:
+def test_fold_and_refold_take_settings() -> None:
     cells = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0), (3, 1, 0), (3, 2, 0), (3, 3, 0), (4, 3, 0)]
     loud = "radial_gain=20,snapshot_interval=5"
     path, turned = Path.from_cells(cells), Path.from_cells([(y, x, z) for x, y, z in cells])
@@ -140,17 +135,25 @@ def test_folds_and_refolds_of_the_library_take_settings() -> None:
     assert refused.value.code == "bad-settings"
 
 
-@pytest.mark.parametrize("text", ["threshold=0.1", "steps_per_snapshot=7", "spring=2"])
-def test_direct_servoing_has_no_snapshots_to_set(text: str) -> None:
-    with pytest.raises(InputError, match="for the preset direct, which does not use it"):
-        with_settings(preset("direct"), read_settings(text))
-
-
-def test_motors_may_not_turn_past_their_target() -> None:
-    with pytest.raises(InputError, match=r"motor_gain · step_s = 2, expected at most 1"):
-        with_settings(PAPER, read_settings("motor_gain=100,step_s=0.02"))
-
-
-def test_a_text_is_the_same_when_it_is_written_again() -> None:
-    text = settings_text("damping=0.1000000000000004", PAPER)
-    assert text == settings_text(text, PAPER) == ""
+@pytest.mark.parametrize(
+    ("values", "code"),
+    [
+        ({"preset": "ours"}, "unknown-preset"),
+        ({"seed": -1}, "bad-seed"),
+        ({"seed": 2**63}, "bad-seed"),
+        ({"module_size": 0.01}, "bad-module-size"),
+        ({"module_size": 1.01}, "bad-module-size"),
+        ({"module_size": float("nan")}, "bad-module-size"),
+        ({"world": "moon"}, "unknown-world"),
+        ({"world": "table", "preset": "paper"}, "unsuited-world"),
+        ({"world": "table", "module": "tetrahedron"}, "unsuited-world"),
+        ({"world": "table", "strategy": "blocks"}, "unsuited-world"),
+        ({"world": "table", "refold": True}, "unsuited-world"),
+        ({"settings": "table_torque=4"}, "bad-settings"),
+        ({"settings": "table_base=free"}, "bad-settings"),
+    ],
+)
+def test_request_out_of_range_is_refused(values: dict[str, Any], code: str) -> None:
+    with pytest.raises(InputError) as refused:
+        FoldRequest(**values).check()
+    assert refused.value.code == code

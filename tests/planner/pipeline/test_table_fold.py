@@ -14,59 +14,55 @@ import pytest
 from examples.run_gallery import SHAPES
 from planner.certificate.table_forces import TableForces
 from planner.errors import InputError
+from planner.parameters.explosion import TableParameters
 from planner.parameters.parameters import Parameters
 from planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.verification.own_parameters import own_parameters
 from planner.verification.verify import verify
+from tests.planner.folds import made
 
-CELLS = [[x, y, z] for z in range(2) for y in range(2) for x in range(2)]
+CELLS = json.dumps([[x, y, z] for z in range(2) for y in range(2) for x in range(2)]).encode()
 ON_TABLE = FoldRequest(world="table", as_voxels=True)
 RUBBING = "table_friction=0.1"
 
 
-def test_a_box_folds_on_a_table_within_what_its_certificate_says(tmp_path: Path) -> None:
-    Workspace(tmp_path).write_request(ON_TABLE, json.dumps(CELLS).encode())
-    run_stages(tmp_path)
-    plan = Plan.load(tmp_path / "plan.json")
-    table = plan.certificate.table
+def problems(directory: Path, plan: Plan, **changed: Any) -> str:
+    """Return what a verification says of a changed plan."""
+    replace(plan, **changed).save_npz(directory / "plan.npz")
+    return " ".join(verify(directory).problems)
+
+
+def test_box_folds_on_a_table_within_the_torques_of_its_certificate(tmp_path: Path) -> None:
+    plan = made(tmp_path, CELLS, world="table", as_voxels=True)
+    table, motion = plan.certificate.table, plan.motion
     assert plan.certificate.verdict.startswith("verified (simulated)"), plan.certificate.verdict
     assert table.rests
     assert table.on_table
     assert table.torque <= Parameters().table.most_torque
-    assert len(table.torques) == len(plan.motion)
+    assert len(table.torques) == len(motion)
     # Motors are limited by what the record asks, which the plan's curve leaves by a little.
     allowed = 1.05 * TABLE_MOTOR_RESERVE * max(table.torque, MIN_SIZING_TORQUE_WP)
     assert plan.certificate.peak_torque_nm <= allowed * table.unit_nm
     assert any("No friction" in words for words in table.assumptions)
-    assert len(TableForces.load(tmp_path / "table.npz")) == len(plan.motion)
+    assert len(TableForces.load(tmp_path / "table.npz")) == len(motion)
     assert verify(tmp_path).verified, verify(tmp_path).problems
     reworded = replace(plan.certificate, table=replace(table, assumptions=("No friction.",)))
-    replace(plan, certificate=reworded).save_npz(tmp_path / "plan.npz")
-    assert "plan.npz certificate" not in " ".join(verify(tmp_path).problems)
+    assert "plan.npz certificate" not in problems(tmp_path, plan, certificate=reworded)
     forged = replace(plan.certificate, table=replace(table, torque=0.5 * table.torque))
-    replace(plan, certificate=forged).save_npz(tmp_path / "plan.npz")
-    assert "plan.npz certificate.table" in " ".join(verify(tmp_path).problems)
-    assert not plan.motion.is_windowed
-    lifted = plan.motion.with_columns(root_position=plan.motion.root_position + [0.0, 0.0, 0.01])
-    replace(plan, motion=lifted).save_npz(tmp_path / "plan.npz")
-    assert "whose first module is clamped" in " ".join(verify(tmp_path).problems)
+    assert "plan.npz certificate.table" in problems(tmp_path, plan, certificate=forged)
+    assert not motion.is_windowed
+    lifted = motion.with_columns(root_position=motion.root_position + [0.0, 0.0, 0.01])
+    assert "whose first module is clamped" in problems(tmp_path, plan, motion=lifted)
     hurried = {**plan.playback, "steps": plan.playback["steps"] // 2}
-    replace(plan, playback=hurried).save_npz(tmp_path / "plan.npz")
-    assert "playback.steps" in " ".join(verify(tmp_path).problems)
+    assert "playback.steps" in problems(tmp_path, plan, playback=hurried)
 
 
 @pytest.mark.long
-def test_with_friction_a_chain_lies_free_and_its_plan_drifts_as_it_does(tmp_path: Path) -> None:
-    Workspace(tmp_path).write_request(
-        replace(ON_TABLE, settings=RUBBING), json.dumps(CELLS).encode()
-    )
-    run_stages(tmp_path)
-    plan = Plan.load(tmp_path / "plan.npz")
+def test_plan_with_friction_has_a_free_base_and_its_drift(tmp_path: Path) -> None:
+    plan = made(tmp_path, CELLS, world="table", as_voxels=True, settings=RUBBING)
     table, motion = plan.certificate.table, plan.motion
     assert plan.certificate.verdict.startswith("verified (simulated)"), plan.certificate.verdict
     assert (table.base, table.friction) == ("free", 0.1)
@@ -75,74 +71,39 @@ def test_with_friction_a_chain_lies_free_and_its_plan_drifts_as_it_does(tmp_path
     held = motion.clamped(plan.chain)
     assert np.abs(motion.root_position - held.root_position).max() > 0.05
     assert verify(tmp_path).verified, verify(tmp_path).problems
-
-    def refused(**changed: Any) -> str:
-        replace(plan, **changed).save_npz(tmp_path / "plan.npz")
-        return " ".join(verify(tmp_path).problems)
-
     table_parameters = {**plan.parameters["table"], "base": "clamped"}
-    told = refused(parameters={**plan.parameters, "table": table_parameters})
+    told = problems(tmp_path, plan, parameters={**plan.parameters, "table": table_parameters})
     assert "plan.npz root_position of a chain whose first module is clamped" in told
     assert "timeline.zarr root_position of a chain whose first module is clamped" in told
-    assert "that drifts like the playback" in refused(motion=held)
     lifted = motion.with_columns(root_position=motion.root_position + [0.0, 0.0, 0.01])
-    assert "that drifts like the playback" in refused(motion=lifted)
+    for other in (held, lifted):
+        assert "that drifts like the playback" in problems(tmp_path, plan, motion=other)
 
 
-@pytest.mark.parametrize(
-    ("told", "base", "held"),
-    [
+def test_base_of_a_plan_is_read_from_its_parameters() -> None:
+    def table_of(table: dict[str, object]) -> TableParameters:
+        told = SimpleNamespace(parameters={"world": "table", "table": table}, preset="default")
+        return own_parameters(cast("Plan", told), None).table
+
+    for told, base, held in (
         ({"friction": 0.1}, "clamped", True),  # as before there was a choice
         ({"friction": 0.0, "clamped": True}, "free", True),
         ({"friction": 0.1, "base": "free"}, "free", False),
         ({"friction": 0.0, "base": "clamped"}, "clamped", True),
-    ],
-)
-def test_how_a_plan_was_held_is_read_from_its_parameters(
-    told: dict[str, object], base: str, held: bool
-) -> None:
-    table = own_parameters(plan_told(told), None).table
-    assert (table.base, table.held) == (base, held)
-
-
-def test_a_plan_that_is_held_in_no_known_way_is_refused() -> None:
+    ):
+        assert (table_of(told).base, table_of(told).held) == (base, held), told
     with pytest.raises(InputError, match=r"'held' in parameters\.table\.base"):
-        own_parameters(plan_told({"friction": 0.1, "base": "held"}), None)
+        table_of({"friction": 0.1, "base": "held"})
 
 
-def plan_told(table: dict[str, object]) -> Plan:
-    """What is read of a plan's parameters."""
-    parameters = {"world": "table", "table": table}
-    return cast("Plan", SimpleNamespace(parameters=parameters, preset="default"))
-
-
-def test_what_lies_flat_is_verified_again_from_its_files(tmp_path: Path) -> None:
+def test_flat_shape_on_a_table_is_verified_from_its_files(tmp_path: Path) -> None:
     """Its hinges turn by less than they are folded by from the moment in which they are free."""
     cells = [[x, y, 0] for x in range(3) for y in range(3)]
-    Workspace(tmp_path).write_request(ON_TABLE, json.dumps(cells).encode())
-    run_stages(tmp_path)
+    made(tmp_path, json.dumps(cells).encode(), world="table", as_voxels=True)
     assert verify(tmp_path).verified, verify(tmp_path).problems
 
 
-@pytest.mark.parametrize(
-    ("request_", "code"),
-    [
-        (FoldRequest(world="moon"), "unknown-world"),  # pyright: ignore[reportArgumentType]
-        (FoldRequest(world="table", preset="paper"), "unsuited-world"),
-        (FoldRequest(world="table", module="tetrahedron"), "unsuited-world"),
-        (FoldRequest(world="table", strategy="blocks"), "unsuited-world"),
-        (FoldRequest(world="table", refold=True), "unsuited-world"),
-        (FoldRequest(settings="table_torque=4"), "bad-settings"),
-        (FoldRequest(settings="table_base=free"), "bad-settings"),
-    ],
-)
-def test_what_a_table_cannot_have_is_refused(request_: FoldRequest, code: str) -> None:
-    with pytest.raises(InputError) as error:
-        request_.check()
-    assert error.value.code == code
-
-
-def test_settings_of_the_table_reach_the_explosion() -> None:
+def test_settings_of_a_table_are_its_parameters() -> None:
     asked = FoldRequest(
         world="table", settings="table_torque=4, table_friction=0.1, table_base=clamped"
     )
@@ -153,14 +114,11 @@ def test_settings_of_the_table_reach_the_explosion() -> None:
     assert same == FoldRequest(world="table")
 
 
-def test_a_shape_without_a_path_for_a_table_is_told_why() -> None:
+def test_shape_without_a_path_for_a_table_is_refused_with_the_reason() -> None:
     shape = (SHAPES / "wrench-24.json").read_bytes()
-    made = prepare(shape, "wrench-24.json", ON_TABLE.path_options())
+    prepared = prepare(shape, "wrench-24.json", ON_TABLE.path_options())
     with pytest.raises(InputError, match="turns back directly above itself"):
-        _ = made.chain
-
-
-def test_a_path_that_goes_down_is_refused() -> None:
+        _ = prepared.chain
     path = [[0, 0, 1], [1, 0, 1], [2, 0, 1], [2, 0, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 1, 0]]
     with pytest.raises(InputError) as error:
         prepare(json.dumps(path).encode(), None, FoldRequest(world="table").path_options())

@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 
 from planner.chain.chain import Chain
-from planner.chain.path import Path
 from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
 from planner.pipeline.attempt import Attempt, Trial
-from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
-from planner.plan.shape_files import write_path
+from tests.planner.folds import asked
 from tests.planner.peels import snake
 
 CHAIN = snake((2, 2, 3))
@@ -47,49 +45,46 @@ def attempted(directory: FilePath, chain: Chain, share: float) -> None:
     recorded(workspace.begin(len(known), chain).timeline, chain, share)
 
 
-def test_it_tells_which_modules_are_still_bent(tmp_path: FilePath) -> None:
-    recorded(tmp_path / "timeline.zarr", CHAIN, 0.8)
+def bent(chain: Chain) -> list[int]:
+    """Return the numbers of the modules between bent joints."""
+    bends = np.abs(chain.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
+    return (np.flatnonzero(bends) + 1).tolist()
+
+
+@pytest.mark.parametrize(
+    ("phase", "share", "named"),
+    [
+        ("explosion", 0.8, True),
+        ("explosion", 0.3, True),  # slight bends count where there are no others
+        ("explosion", 1e-3, False),
+        ("playback", 0.0, True),
+        ("unfolding", 1.0, True),  # bends of the other shape have to become straight first, too
+    ],
+)
+def test_unfinished_fold_names_the_modules_that_are_not_there_yet(
+    phase: str, share: float, named: bool, tmp_path: FilePath
+) -> None:
+    recorded(tmp_path / "timeline.zarr", CHAIN, share, phase)
     stuck = Workspace(tmp_path).settle()["stuck"]
-    bends = np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
-    assert stuck["modules"] == (np.flatnonzero(bends) + 1).tolist()
-    assert stuck["kind"] == "stopped" and "still unfolding" in stuck["words"]
+    assert stuck["modules"] == (bent(CHAIN) if named else [])
+    assert stuck["kind"] == "stopped"
+    assert phase != "explosion" or "still unfolding" in stuck["words"]
 
 
-def test_slight_bends_count_where_there_are_no_others(tmp_path: FilePath) -> None:
-    recorded(tmp_path / "timeline.zarr", CHAIN, 0.3)
-    assert Workspace(tmp_path).settle()["stuck"]["modules"]
-    recorded(tmp_path / "timeline.zarr", CHAIN, 1e-3)
-    assert Workspace(tmp_path).settle()["stuck"]["modules"] == []
-
-
-def test_of_a_playback_it_tells_what_is_not_folded_yet(tmp_path: FilePath) -> None:
-    recorded(tmp_path / "timeline.zarr", CHAIN, 0.0, "playback")
-    turns = np.flatnonzero(np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0) + 1
-    assert Workspace(tmp_path).settle()["stuck"]["modules"] == turns.tolist()
-
-
-def test_of_an_unfolding_it_tells_what_is_not_straight_yet(tmp_path: FilePath) -> None:
-    """What is bent as the other shape is has to become straight first, too."""
-    recorded(tmp_path / "timeline.zarr", CHAIN, 1.0, "unfolding")
-    turns = np.flatnonzero(np.abs(CHAIN.folded_rad).reshape(-1, 2).max(axis=1) > 1.0) + 1
-    assert Workspace(tmp_path).settle()["stuck"]["modules"] == turns.tolist()
-
-
-def test_who_only_looks_changes_nothing(tmp_path: FilePath) -> None:
+def test_stopped_where_changes_no_file(tmp_path: FilePath) -> None:
     attempted(tmp_path, CHAIN, 0.3)
     attempted(tmp_path, OTHER, 0.8)
     there = sorted(tmp_path.rglob("*"))
-    bends = np.abs(OTHER.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
-    assert (
-        Workspace(tmp_path).stopped_where()["stuck"]["modules"]
-        == (np.flatnonzero(bends) + 1).tolist()
-    )
+    assert Workspace(tmp_path).stopped_where()["stuck"]["modules"] == bent(OTHER)
     assert sorted(tmp_path.rglob("*")) == there
     assert Workspace(tmp_path / "nothing").stopped_where() == {}
+    assert Workspace(tmp_path / "nothing").settle() == {}
+    TimelineWriter.create(tmp_path / "empty" / "timeline.zarr", CHAIN).close("failed")
+    assert Workspace(tmp_path / "empty").settle() == {}
 
 
 @pytest.mark.parametrize(("left", "kept"), [(0.3, OTHER), (0.9, CHAIN)])
-def test_the_explosion_that_came_farthest_stays(
+def test_settle_keeps_the_explosion_that_came_farthest(
     left: float, kept: Chain, tmp_path: FilePath
 ) -> None:
     attempted(tmp_path, OTHER, left)
@@ -104,17 +99,8 @@ def test_the_explosion_that_came_farthest_stays(
     }
 
 
-def test_without_a_frame_there_is_nothing_to_tell(tmp_path: FilePath) -> None:
-    assert Workspace(tmp_path).settle() == {}
-    TimelineWriter.create(tmp_path / "timeline.zarr", CHAIN).close("failed")
-    assert Workspace(tmp_path).settle() == {}
-
-
-def test_what_was_tried_is_known_while_the_next_is_under_way(tmp_path: FilePath) -> None:
-    cells = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (1, 0, 1)]
-    Workspace(tmp_path).write_request(
-        FoldRequest(), write_path(Path.from_cells(cells, name="hook"))
-    )
+def test_history_names_the_attempt_under_way(tmp_path: FilePath) -> None:
+    asked(tmp_path)
     run_stage("read", tmp_path)
     seen: list[object] = []
 

@@ -25,41 +25,51 @@ IMPORTS = """
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 import trimesh
-from planner.plan.shape_files import write_path
-from planner.pathfinding.assembly import layered_snake
-from planner.pipeline.workspace import Workspace
 from planner.chain.path import Path
-from planner.plan.plan import Plan
-from planner.pipeline.request import FoldRequest
+from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.fold import smooth_plan
-from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
+from planner.plan.shape_files import write_path
+from tests.planner.folds import made
 """
 WORK = """
+def folded(data, **options):
+    with TemporaryDirectory() as place:
+        plan = made(FilePath(place), data, **options)
+        assert plan.verified, options
+        return plan
+
 few = write_path(Path.from_cells(layered_snake((2, 2, 3)), name="few"))
 path = write_path(Path.from_cells(layered_snake((4, 4, 4)), name="box"))
-for strategy in ("simultaneous", "peel", "blocks"):
-    with TemporaryDirectory() as place:
-        Workspace(FilePath(place)).write_request(FoldRequest(strategy=strategy), path)
-        assert run_stages(FilePath(place))["status"] == "verified", strategy
-        if strategy == "simultaneous":
-            assert smooth_plan(Plan.load(FilePath(place) / "plan.npz")).verified
+assert smooth_plan(folded(path, strategy="simultaneous")).verified
+for options in ({"strategy": "peel"}, {"strategy": "blocks"}):
+    folded(path, **options)
 for options in ({"preset": "paper"}, {"strategy": "one-by-one"}):
-    with TemporaryDirectory() as place:
-        Workspace(FilePath(place)).write_request(FoldRequest(**options), few)
-        assert run_stages(FilePath(place))["status"] == "verified", options
+    folded(few, **options)
 box = trimesh.creation.box((2, 2, 3))
 turned = box.copy()
 turned.faces[3] = turned.faces[3][::-1]
 for solid, module in ((box, "tetrahedron"), (turned, "cube")):
-    with TemporaryDirectory() as place:
-        request = FoldRequest(module=module, modules=24)
-        Workspace(FilePath(place)).write_request(request, solid.export(file_type="off").encode())
-        assert run_stages(FilePath(place))["status"] == "verified", module
+    folded(solid.export(file_type="off").encode(), module=module, modules=24)
 """
 
 
-FIRST_WORD = """
+def run(script: str, *arguments: FilePath, kernels: FilePath) -> str:
+    """Run a script that has compiled no kernel yet, and return its output."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(kernels)}
+    answer = subprocess.run(
+        [sys.executable, "-c", script, *map(str, arguments)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert answer.stderr == ""
+    return answer.stdout.strip()
+
+
+def test_warm_up_reports_that_it_compiles_from_the_beginning(tmp_path: FilePath) -> None:
+    script = """
 import os
 from planner.pipeline.warm_up import warm_up
 
@@ -69,20 +79,42 @@ def end(progress):
 
 warm_up(end)
 """
+    assert run(script, kernels=tmp_path) == COMPILING
 
 
-def test_that_it_compiles_is_told_when_it_begins(tmp_path: FilePath) -> None:
-    answer = subprocess.run(
-        [sys.executable, "-c", FIRST_WORD],
-        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (answer.stdout.strip(), answer.stderr) == (COMPILING, "")
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
+def test_process_beside_ends_when_its_parent_is_killed(tmp_path: FilePath) -> None:
+    script = """
+import os, signal, sys
+from pathlib import Path
+from planner.pipeline.compiling import beside
+print(beside("all", Path(sys.argv[1])).pid, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    # It has minutes of work.
+    number = int(run(script, tmp_path, kernels=tmp_path / "kernels"))
+    with suppress(psutil.NoSuchProcess):
+        orphan = psutil.Process(number)
+        try:
+            orphan.wait(PATIENCE_S)
+        finally:
+            orphan.kill()
 
 
-def test_who_wants_to_fold_soon_leaves_the_rest_to_a_process_beside(
+@pytest.mark.long
+def test_first_kernels_have_the_bytecode_that_fractions_are_shown_of(tmp_path: FilePath) -> None:
+    script = """
+import sys
+from pathlib import Path
+from planner.pipeline.warm_up import warm_up
+
+warm_up(soon=True, directory=Path(sys.argv[1]))
+"""
+    run(script, tmp_path, kernels=tmp_path / "kernels")
+    assert (tmp_path / FIRST_LOCK).stat().st_size == pytest.approx(FIRST_KERNELS_BYTES, rel=0.2)
+
+
+def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
     monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
 ) -> None:
     beside: list[str] = []
@@ -124,48 +156,6 @@ def test_warm_up_from_the_shell_compiles_everything(monkeypatch: pytest.MonkeyPa
     assert options == [{}]  # not ``soon``
 
 
-ORPHAN = """
-import os, signal, sys
-from pathlib import Path
-from planner.pipeline.compiling import beside
-print(beside("all", Path(sys.argv[1])).pid, flush=True)
-os.kill(os.getpid(), signal.SIGKILL)
-"""
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
-def test_process_beside_ends_when_its_parent_is_killed(tmp_path: FilePath) -> None:
-    parent = subprocess.run(
-        [sys.executable, "-c", ORPHAN, str(tmp_path)],
-        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")},  # minutes of work
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    with suppress(psutil.NoSuchProcess):
-        orphan = psutil.Process(int(parent.stdout))
-        try:
-            orphan.wait(PATIENCE_S)
-        finally:
-            orphan.kill()
-
-
-FIRST_ONLY = """
-import sys
-from pathlib import Path
-from planner.pipeline.warm_up import warm_up
-
-warm_up(soon=True, directory=Path(sys.argv[1]))
-"""
-
-
 @pytest.mark.long
-def test_first_kernels_have_the_bytecode_that_fractions_are_shown_of(tmp_path: FilePath) -> None:
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
-    subprocess.run([sys.executable, "-c", FIRST_ONLY, str(tmp_path)], env=environment, check=True)
-    assert (tmp_path / FIRST_LOCK).stat().st_size == pytest.approx(FIRST_KERNELS_BYTES, rel=0.2)
-
-
-@pytest.mark.long
-def test_nothing_is_compiled_afterwards_whatever_the_strategy() -> None:
+def test_no_strategy_compiles_anything_after_the_warm_up() -> None:
     assert compiled_later(IMPORTS, WORK) == []

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
-import numpy as np
 import pytest
 
 from planner.certificate.certificate import Certificate, Place, certify
@@ -22,20 +21,13 @@ from planner.motion.timeline import Timeline, TimelineWriter
 from planner.parameters.explosion import ExplosionParameters
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.fold_layout import folder, numbers, result
-from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import next_stage, run_stage, run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
 from tests.planner.chains import COIL
+from tests.planner.folds import asked
 
 pytestmark = pytest.mark.slow
-
-
-def begun(directory: FilePath, **values: Any) -> FilePath:
-    directory.mkdir()
-    Workspace(directory).write_request(FoldRequest(**values), write_path(COIL))
-    return directory
 
 
 def refusing(monkeypatch: pytest.MonkeyPatch, *clearances: float) -> None:
@@ -75,13 +67,12 @@ def sticking(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("planner.explosion.strategies.explode", once)
 
 
-@pytest.mark.slow
-def test_a_refused_plan_is_shown_when_all_others_stick(
+def test_refused_plan_is_shown_when_all_later_attempts_stick(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refusing(monkeypatch, -0.0004)
     sticking(monkeypatch)
-    directory = begun(tmp_path / "fold", strategy="simultaneous")
+    directory = asked(tmp_path, strategy="simultaneous")
     summary = run_stages(directory)
     assert (summary["status"], summary["stuck"]) == ("failed", None)
     assert "overlap" in summary["reason"]
@@ -94,50 +85,14 @@ def test_a_refused_plan_is_shown_when_all_others_stick(
     assert not (directory / "attempts").exists()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("clearances", "shown"),
-    [
-        ((-0.3, -0.1, -0.2, -0.2), 1),
-        pytest.param((-0.1, -0.2, -0.3, -0.3), 0, marks=pytest.mark.long),
-    ],
-)
-def test_the_closest_of_the_refused_is_shown(
-    clearances: tuple[float, ...],
-    shown: int,
-    tmp_path: FilePath,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    refusing(monkeypatch, *clearances)
-    directory = begun(tmp_path / "fold", strategy="simultaneous")
-    summary = run_stages(directory)
-    assert summary["certificate"]["min_clearance"] == clearances[shown]
-    plan = Plan.load(directory / "plan.npz")
-    anew = explode(plan.chain, FoldRequest().parameters().explosion, seed=shown)
-    record = Record.load(directory / "record.npz")
-    np.testing.assert_array_equal(record.frames.joint_angles_rad, anew.frames.joint_angles_rad)
-    assert not (directory / "attempts").exists()
-
-
-@pytest.mark.slow
-def test_nothing_is_left_when_a_later_one_is_verified(
-    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    refusing(monkeypatch, -0.1)
-    directory = begun(tmp_path / "fold")
-    assert run_stages(directory)["status"] == "verified"
-    assert not (directory / "attempts").exists()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("doubled", [4, *(pytest.param(n, marks=pytest.mark.long) for n in (6, 7))])
-def test_a_stage_that_is_run_twice_changes_nothing(
+@pytest.mark.parametrize("doubled", [4, pytest.param(6, marks=pytest.mark.long)])
+def test_stage_that_is_run_twice_changes_nothing(
     doubled: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As after a kill between its last file and the note of its end."""
     refusing(monkeypatch, -0.001)
     sticking(monkeypatch)
-    directory = begun(tmp_path / "fold", strategy="simultaneous")
+    directory = asked(tmp_path, strategy="simultaneous")
     stage: str | None = "read"
     number, result = 0, {}
     while stage is not None:
@@ -151,11 +106,11 @@ def test_a_stage_that_is_run_twice_changes_nothing(
     assert len(Plan.load(directory / "plan.npz").time_s) > 10
 
 
-def test_a_cancel_while_others_are_tried_leaves_the_refused_one(
+def test_refused_plan_is_kept_when_a_later_attempt_is_cancelled(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refusing(monkeypatch, -0.001)
-    directory = begun(tmp_path / "fold")
+    directory = asked(tmp_path)
     for stage in ("read", "explode", "play_back", "certify"):
         run_stage(stage, directory)
     frames = len(Timeline.open(result(directory, "timeline.zarr")))
@@ -200,7 +155,7 @@ def attempted(directory: FilePath, clearances: Sequence[float | None], *verdicts
         ((0.4, 0.1), ("failed: a joint bends too far", "verified"), 1),
     ],
 )
-def test_the_attempt_that_came_farthest_is_kept(
+def test_keep_best_keeps_the_attempt_that_came_farthest(
     clearances: tuple[float | None, ...], verdicts: tuple[str, ...], best: int, tmp_path: FilePath
 ) -> None:
     attempted(tmp_path, clearances, *verdicts)
@@ -228,7 +183,7 @@ def test_keep_best_with_a_preference_stores_the_other_verified_plans(
     assert (numbers(tmp_path), (tmp_path / PLANS_DIR).exists()) == ([0], False)
 
 
-def test_of_explosions_alone_those_that_were_judged_stay(tmp_path: FilePath) -> None:
+def test_keep_best_explosion_keeps_the_judged_ones(tmp_path: FilePath) -> None:
     attempted(tmp_path, (-0.3, -0.1, None, None))
     Workspace(tmp_path).keep_best_explosion()
     assert numbers(tmp_path) == [0, 1, 3]
@@ -238,7 +193,7 @@ def test_of_explosions_alone_those_that_were_judged_stay(tmp_path: FilePath) -> 
     assert fresh == {"chain.json"}
 
 
-def test_a_result_is_where_it_was_made_last(tmp_path: FilePath) -> None:
+def test_result_is_read_from_the_latest_attempt(tmp_path: FilePath) -> None:
     (tmp_path / "chain.json").write_text("of the first candidate")
     assert result(tmp_path, "chain.json").read_text() == "of the first candidate"
     attempted(tmp_path, (None, None))
@@ -249,7 +204,7 @@ def test_a_result_is_where_it_was_made_last(tmp_path: FilePath) -> None:
 
 
 @pytest.mark.parametrize("call", range(9))
-def test_what_is_cut_off_while_it_is_published_goes_on(
+def test_publishing_goes_on_after_an_interruption(
     call: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Cut off once before some change of a directory; results are found all the while."""

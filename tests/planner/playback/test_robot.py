@@ -46,7 +46,7 @@ def made(chain: Chain, robot: RobotParameters, seed: int = 0) -> Robot:
 
 
 @pytest.mark.parametrize("chain", [line(7), coil(40)], ids=len)
-def test_a_step_is_that_of_one_tree_of_mujoco_with_the_same_masses(chain: Chain) -> None:
+def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None:
     robot = made(chain, replace(FAULTLESS, mass_error=0.1, torque_limit=100.0), seed=3)
     assert robot.errors.masses.std() > 0.05
     hinges = len(chain.folded_rad)
@@ -81,35 +81,24 @@ def test_a_step_is_that_of_one_tree_of_mujoco_with_the_same_masses(chain: Chain)
     )
 
 
-def test_a_robot_without_faults_is_off_by_nothing(
-    small: tuple[Chain, Record, Playback],
-) -> None:
+def test_each_fault_is_seen_in_the_joint_error(small: tuple[Chain, Record, Playback]) -> None:
     chain, record, _ = small
     exact = play_back(chain, record, of(FAULTLESS))
     assert exact.status == "folded"
     assert exact.max_angle_error_rad < 1e-12
     assert (exact.robots, exact.others_rad) == (None, None)
+    for fault in (
+        {"mass_error": 0.1},
+        {"friction": 0.2},
+        {"encoder_rad": 2e-3},
+        {"noise_rad": 1e-3},
+    ):
+        faulty = play_back(chain, record, of(replace(FAULTLESS, **fault)))
+        assert faulty.status == "folded", fault
+        assert 2.0 * exact.max_angle_error_rad < faulty.max_angle_error_rad < 0.05, fault
 
 
-@pytest.mark.parametrize(
-    "fault",
-    [{"mass_error": 0.1}, {"friction": 0.2}, {"encoder_rad": 2e-3}, {"noise_rad": 1e-3}],
-    ids=lambda fault: next(iter(fault)),
-)
-def test_each_fault_is_seen_in_the_joint_error(
-    small: tuple[Chain, Record, Playback], fault: dict[str, float]
-) -> None:
-    chain, record, _ = small
-    exact, faulty = (
-        play_back(chain, record, of(replace(FAULTLESS, **more)))
-        for more in ({}, fault)  # type: ignore[arg-type]
-    )
-    assert exact.max_angle_error_rad is not None and faulty.max_angle_error_rad is not None
-    assert faulty.status == "folded"
-    assert 2.0 * exact.max_angle_error_rad < faulty.max_angle_error_rad < 0.05
-
-
-def test_the_seed_decides_which_robots_there_are(small: tuple[Chain, Record, Playback]) -> None:
+def test_seed_decides_the_robots(small: tuple[Chain, Record, Playback]) -> None:
     chain, record, first = small
     again, other = (play_back(chain, record, PlaybackParameters(), seed=seed) for seed in (0, 1))
     assert first.others_rad is not None and again.others_rad is not None
@@ -119,7 +108,7 @@ def test_the_seed_decides_which_robots_there_are(small: tuple[Chain, Record, Pla
     np.testing.assert_array_equal(other.reference_rad, first.reference_rad)
 
 
-def test_the_robot_that_is_off_most_is_shown(small: tuple[Chain, Record, Playback]) -> None:
+def test_robot_with_the_largest_error_is_shown(small: tuple[Chain, Record, Playback]) -> None:
     _, _, playback = small
     reference = playback.reference_rad
     assert playback.robots == RobotParameters().runs == 3
@@ -130,7 +119,7 @@ def test_the_robot_that_is_off_most_is_shown(small: tuple[Chain, Record, Playbac
     assert playback.max_angle_error_rad >= shown - 1e-6  # angles are stored in steps of that
 
 
-def test_motors_give_no_more_than_they_can(small: tuple[Chain, Record, Playback]) -> None:
+def test_motors_keep_their_torque_limit(small: tuple[Chain, Record, Playback]) -> None:
     chain, record, _ = small
     need = play_back(chain, record, of(FAULTLESS)).peak_torque
     weak = play_back(chain, record, of(replace(FAULTLESS, torque_limit=0.9)))
@@ -138,7 +127,7 @@ def test_motors_give_no_more_than_they_can(small: tuple[Chain, Record, Playback]
     assert weak.peak_torque <= 0.91 * need
 
 
-def test_the_certificate_holds_the_clearance_of_each(
+def test_certificate_has_the_clearance_of_each_robot(
     small: tuple[Chain, Record, Playback],
 ) -> None:
     chain, record, playback = small
@@ -151,7 +140,7 @@ def test_the_certificate_holds_the_clearance_of_each(
     assert Certificate.from_dict(certificate.as_dict()) == certificate
 
 
-def test_a_plan_that_one_of_them_collides_in_is_refused(
+def test_plan_is_refused_if_one_robot_collides(
     small: tuple[Chain, Record, Playback],
 ) -> None:
     chain, record, playback = small
@@ -170,7 +159,7 @@ def test_a_plan_that_one_of_them_collides_in_is_refused(
         )
 
 
-def test_without_the_other_robots_a_plan_is_verified_and_that_is_told(
+def test_plan_without_the_other_robots_is_verified_with_a_note(
     folded: Callable[..., Any], tmp_path: FilePath
 ) -> None:
     place = tmp_path / "fold"

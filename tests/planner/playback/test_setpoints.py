@@ -38,7 +38,7 @@ def obeyed(setpoints: Setpoints, start: Array) -> list[Target]:
     raise AssertionError("the setpoints does not end")
 
 
-def test_the_timed_guide_runs_along_its_reference(folded: Callable[..., Any]) -> None:
+def test_timed_setpoints_run_along_their_reference(folded: Callable[..., Any]) -> None:
     fold = folded("wrench-24")
     reference = Reference.through(
         fold.chain,
@@ -64,7 +64,7 @@ def test_the_timed_guide_runs_along_its_reference(folded: Callable[..., Any]) ->
     assert fractions[-1] == 1.0
 
 
-def test_the_direct_guide_goes_in_a_line_and_waits() -> None:
+def test_direct_setpoints_go_in_a_line_and_wait() -> None:
     folded_rad = np.array([np.pi / 2, 0.0, -np.pi / 2])
     targets = obeyed(DirectSetpoints(folded_rad, 400, STEP_S), np.zeros(3))
     angles = np.array([t.angles for t in targets])
@@ -74,7 +74,7 @@ def test_the_direct_guide_goes_in_a_line_and_waits() -> None:
     assert len(targets) == 400 + REST_STEPS - 1
 
 
-def test_a_chain_that_never_rests_is_waited_for() -> None:
+def test_direct_setpoints_wait_for_rest() -> None:
     setpoints = DirectSetpoints(np.ones(2), 10, STEP_S)
     for _ in range(5000):
         assert setpoints.target(np.zeros(2), np.ones(2)) is not None
@@ -92,31 +92,25 @@ def goals(setpoints: SnapshotSetpoints, angle: float, steps: int) -> list[float]
 STEPS_AWAY = np.array([[0.0], [0.3], [0.6], [0.9], [1.2]])
 
 
-def test_a_snapshot_is_left_when_the_chain_is_near_and_not_before() -> None:
+def test_snapshot_is_left_when_the_chain_is_near_after_the_least_steps() -> None:
     # Up to √0.15 = 0.387 from a chain that does not move: 0.6 is never reached.
     setpoints = paper_guide(STEPS_AWAY)
     assert goals(setpoints, 0.0, 5) == [0.0, 0.3, 0.6, 0.6, 0.6]
     assert goals(setpoints, 0.3, 3) == [0.9, 0.9, 0.9]
-
-
-def test_each_snapshot_is_the_target_for_so_many_steps_at_least() -> None:
     assert goals(paper_guide(STEPS_AWAY, 3), 0.0, 8) == [0.0] * 3 + [0.3] * 3 + [0.6] * 2
-
-
-def test_the_threshold_alone_passes_over_what_is_near() -> None:
+    # The threshold alone skips what is near, but for the first, where the motion begins.
     setpoints = paper_guide(STEPS_AWAY, 0)
-    # But for the first, where the motion begins.
     assert goals(setpoints, 0.0, 3) == [0.0, 0.6, 0.6]
     assert goals(setpoints, 0.6, 1) == [1.2]
 
 
-def test_the_papers_rule_ends_at_its_last_snapshot_at_rest() -> None:
+def test_snapshots_end_at_rest_at_the_last_one() -> None:
     snapshots = np.linspace(0.0, 1.0, 30)[:, None] * np.array([[1.0, -0.5]])
     targets = obeyed(paper_guide(snapshots), np.zeros(2))
     np.testing.assert_allclose(targets[-1].angles, snapshots[-1])
 
 
-def test_a_chain_that_comes_no_nearer_is_given_up() -> None:
+def test_chain_that_comes_no_nearer_stalls() -> None:
     setpoints = paper_guide(STEPS_AWAY, 2)
     given = sum(
         setpoints.target(np.zeros(1), np.ones(1)) is not None for _ in range(2 * STALL_STEPS)
@@ -124,7 +118,7 @@ def test_a_chain_that_comes_no_nearer_is_given_up() -> None:
     assert given == 2 + 2 + 2 + STALL_STEPS
 
 
-def test_a_motion_backwards_has_a_snapshot_for_each_step() -> None:
+def test_backwards_has_a_snapshot_for_each_step() -> None:
     motion = Backwards(
         np.array([0.0, 0.2, 0.25, 0.25]), np.array([[0.0], [2.0], [3.0], [4.0]]), 0.1
     )

@@ -57,7 +57,7 @@ def drawn(row: Chain, curve: WindowCurve) -> tuple[Array, float]:
     return angles, float(heights.min())
 
 
-def test_a_row_that_dips_is_lifted_by_the_least_turn(row: Chain) -> None:
+def test_row_below_the_table_is_lifted_by_the_least_turn(row: Chain) -> None:
     windows = swept(row, DIP)
     plain, low = drawn(row, WindowCurve(row, windows, 0.03))
     assert low < -0.03
@@ -69,7 +69,7 @@ def test_a_row_that_dips_is_lifted_by_the_least_turn(row: Chain) -> None:
     np.testing.assert_array_equal(mended[[0, -1]], plain[[0, -1]])
 
 
-def test_what_dips_no_deeper_than_a_record_may_or_rises_stays_as_it_is(row: Chain) -> None:
+def test_row_within_the_tolerance_or_above_the_table_is_unchanged(row: Chain) -> None:
     for dip in (0.2 * DIP, -DIP):
         windows = swept(row, dip)
         plain, _ = drawn(row, WindowCurve(row, windows, 0.03))
@@ -77,7 +77,7 @@ def test_what_dips_no_deeper_than_a_record_may_or_rises_stays_as_it_is(row: Chai
         np.testing.assert_array_equal(mended, plain)
 
 
-def test_a_row_that_is_lifted_at_once_stands_until_then(row: Chain) -> None:
+def test_curve_does_not_lift_a_row_before_the_record(row: Chain) -> None:
     """A smooth curve would lift it before: it would hang where the record has it stand."""
     share = np.linspace(0.0, 1.0, 21)
     windows = swept(row, 0.0)

@@ -59,7 +59,7 @@ def played(arm: tuple[Chain, Motion], share: float) -> TablePlayback:
     return play_on_table(*arm, torque_limit_wp=share * ARM, parameters=SLOW)
 
 
-def test_an_arm_is_held_out_by_motors_that_are_a_little_stronger_than_its_weight(
+def test_motors_a_little_stronger_than_the_weight_hold_an_arm(
     arm: tuple[Chain, Motion],
 ) -> None:
     found = played(arm, 1.5)
@@ -70,14 +70,14 @@ def test_an_arm_is_held_out_by_motors_that_are_a_little_stronger_than_its_weight
     assert found.torques[1].max() == pytest.approx(ARM, rel=0.05)
 
 
-def test_an_arm_falls_where_motors_are_too_weak(arm: tuple[Chain, Motion]) -> None:
+def test_arm_falls_with_weak_motors(arm: tuple[Chain, Motion]) -> None:
     found = played(arm, 0.8)
     assert found.status == "missed"
     assert "yielded" in found.reason
     assert f"{0.8 * ARM:.3g} w·p" in found.reason
 
 
-def test_the_replay_holds_an_arm_within_its_torque_and_drops_it_below(
+def test_table_replay_drops_an_arm_below_its_torque(
     arm: tuple[Chain, Motion],
 ) -> None:
     chain, record = arm
@@ -98,7 +98,7 @@ def row() -> tuple[Chain, Motion]:
     return chain, moved(chain, np.array([chain.folded_rad, np.zeros(6)]))
 
 
-def test_friction_drags_at_what_is_swung_over_the_table(row: tuple[Chain, Motion]) -> None:
+def test_friction_needs_torque(row: tuple[Chain, Motion]) -> None:
     """Without friction it takes as good as nothing."""
     chain, record = row
     smooth, rough = (
@@ -113,7 +113,7 @@ def test_friction_drags_at_what_is_swung_over_the_table(row: tuple[Chain, Motion
     assert np.median(rough.torques[middle, turning].max(axis=1)) > 0.9 * drag
 
 
-def test_a_chain_that_lies_free_drifts_and_is_told_from_where_it_lies(
+def test_chain_with_a_free_base_drifts(
     row: tuple[Chain, Motion],
 ) -> None:
     chain, record = row
@@ -143,7 +143,7 @@ def test_a_chain_that_lies_free_drifts_and_is_told_from_where_it_lies(
     np.testing.assert_allclose(poses.positions[..., 2], chain.folded_position[2], atol=1e-6)
 
 
-def test_a_box_folds_on_the_table_by_motors_half_again_as_strong_as_certified() -> None:
+def test_box_folds_on_the_table_with_half_as_much_torque_again() -> None:
     chain = Chain.from_path(Path.from_cells(table_paths(BOX, most=1)[0].cells, name="box"))
     record = explode_on_table(chain, TableParameters(), seed=0)
     assert record.status == "straight", record.reason
@@ -160,8 +160,7 @@ def test_a_box_folds_on_the_table_by_motors_half_again_as_strong_as_certified() 
     assert np.abs(found.frames.joint_angles_rad[-1] - chain.folded_rad).max() < 0.05
     error = np.abs(found.frames.joint_angles_rad - found.reference_rad)
     np.testing.assert_allclose(found.frames.joint_error_rad, error, atol=1e-6)
-    again = play_on_table(chain, record.frames, torque_limit_wp=1.5 * max(asked, 1.0))
-    np.testing.assert_array_equal(found.frames.joint_angles_rad, again.frames.joint_angles_rad)
+
     rests = table_replay(chain, found.frames, torque=max(asked, 1.0), count=4)
     assert rests.holds, rests
 
@@ -170,7 +169,7 @@ def test_a_box_folds_on_the_table_by_motors_half_again_as_strong_as_certified() 
     ("limit", "friction", "frames", "code"),
     [(0.0, 0.0, 2, "bad-table"), (1.0, 3.0, 2, "bad-table"), (1.0, 0.0, 1, "no-record")],
 )
-def test_what_cannot_be_played_is_refused(
+def test_playback_on_a_table_out_of_range_is_refused(
     arm: tuple[Chain, Motion], limit: float, friction: float, frames: int, code: str
 ) -> None:
     with pytest.raises(InputError) as error:

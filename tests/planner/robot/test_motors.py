@@ -12,9 +12,8 @@ from planner.exports.mjcf import mjcf
 from planner.robot.motors import Build, motor_table
 from planner.robot.retiming import retime, retimed
 from planner.robot.trajectory import Trajectory
-from planner.simulation.model import Material
 from planner.simulation.mujoco import mujoco
-from planner.simulation.tree import Tree
+from tests.case import case
 from tests.planner.chains import line
 
 MASS, PITCH, GRAVITY = 0.2, 0.05, 9.81
@@ -31,9 +30,7 @@ def pendulum() -> tuple[Chain, Trajectory]:
 
 
 @pytest.mark.parametrize("gravity", [0.0, GRAVITY])
-def test_a_pendulum_needs_what_its_formula_says(
-    pendulum: tuple[Chain, Trajectory], gravity: float
-) -> None:
+def test_torque_of_a_pendulum(pendulum: tuple[Chain, Trajectory], gravity: float) -> None:
     chain, trajectory = pendulum
     build = Build(module_mass_kg=MASS, pitch_m=PITCH, gravity_m_s2=gravity)
     table = motor_table(chain, trajectory, build)
@@ -46,7 +43,7 @@ def test_a_pendulum_needs_what_its_formula_says(
     assert table.rms_torque_nm[0] == pytest.approx(rms, rel=0.01)
 
 
-def test_plain_mujoco_finds_the_same_torques(folded: Callable[..., Any]) -> None:
+def test_torques_agree_with_mujoco_inverse_dynamics(folded: Callable[..., Any]) -> None:
     plan = folded("wrench-24").plan
     trajectory = retime(plan, 1.0, 2.0)
     unit, weight = MASS * PITCH**2, MASS * PITCH
@@ -78,33 +75,7 @@ def test_plain_mujoco_finds_the_same_torques(folded: Callable[..., Any]) -> None
     assert table.rms_torque_nm == pytest.approx(np.sqrt((needs**2).mean(axis=0)), rel=0.03)
 
 
-def test_a_floating_chain_moves_as_wanted_under_its_torques(folded: Callable[..., Any]) -> None:
-    """By forward dynamics."""
-    plan = folded("wrench-24").plan
-    trajectory = retime(plan, 1.0, 2.0)
-    floating = Build(module_mass_kg=1.0, pitch_m=1.0, gravity_m_s2=0.0, held=False)
-    table = motor_table(plan.chain, trajectory, floating)
-    tree = Tree(plan.chain, Material(), step_s=0.01)
-    k = table.neediest
-    angles, rates, wanted = (v[0] for v in trajectory.at(table.peak_time_s[[k]]))
-    tree.evaluate(angles, rates)
-    torques = tree.torques_for(wanted)
-    assert np.abs(torques).max() == pytest.approx(table.peak_torque_nm[k])
-    tree.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    tree.apply_torques(torques)
-    mujoco.mj_forward(tree.model, tree.data)
-    assert tree.data.qacc[6:] == pytest.approx(
-        np.concatenate([wanted])[_order(tree, plan.chain)], abs=1e-6
-    )
-
-
-def _order(tree: Tree, chain: Chain) -> list[int]:
-    """Numbers of the hinges in the order of the model."""
-    dofs = [int(tree.model.joint(name).dofadr[0]) for name in chain.joint_names]
-    return np.argsort(dofs).tolist()
-
-
-def test_the_verdict_names_the_joint_that_is_too_weak(
+def test_verdict_names_the_weakest_joint(
     pendulum: tuple[Chain, Trajectory],
 ) -> None:
     chain, trajectory = pendulum
@@ -123,29 +94,17 @@ def test_the_verdict_names_the_joint_that_is_too_weak(
     assert lines[1].split(",")[0] == "joint_1_z"
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
+def test_motors_out_of_range_are_refused(pendulum: tuple[Chain, Trajectory]) -> None:
+    for wrong in (
         {"module_mass_kg": 0.0},
         {"module_mass_kg": np.nan},
         {"pitch_m": -1.0},
         {"gravity_m_s2": -9.81},
         {"held": False},
-    ],
-)
-def test_what_cannot_be_built_is_refused(
-    pendulum: tuple[Chain, Trajectory], wrong: dict[str, Any]
-) -> None:
-    build = Build(**{"module_mass_kg": MASS, "pitch_m": PITCH, **wrong})
-    with pytest.raises(InputError) as refused:
-        motor_table(*pendulum, build)
-    assert refused.value.code == "bad-build"
-
-
-@pytest.mark.parametrize("torque", [0.0, -1.0, np.nan, np.inf])
-def test_a_motor_without_torque_is_refused(
-    pendulum: tuple[Chain, Trajectory], torque: float
-) -> None:
-    with pytest.raises(InputError) as refused:
-        motor_table(*pendulum, HELD, motor_torque_nm=torque)
-    assert refused.value.code == "bad-build"
+        *({"torque": torque} for torque in (0.0, -1.0, np.nan, np.inf)),
+    ):
+        values = {"module_mass_kg": MASS, "pitch_m": PITCH, **wrong}
+        torque = values.pop("torque", None)
+        with case(wrong), pytest.raises(InputError) as refused:
+            motor_table(*pendulum, Build(**values), motor_torque_nm=torque)
+        assert refused.value.code == "bad-build"

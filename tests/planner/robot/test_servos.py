@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, pi
+from math import pi
 from urllib.parse import urlsplit
 
 import pytest
@@ -14,7 +14,7 @@ from planner.robot.sizing import PERMANENT_TORQUE_SHARE
 from tests.case import case
 
 
-def test_there_are_thirty_and_no_name_twice() -> None:
+def test_servo_names_are_unique_and_sorted_by_mass() -> None:
     assert len(servos()) >= 30
     assert len({servo.name.lower() for servo in servos()}) == len(servos())
     assert len({servo.maker for servo in servos()}) >= 5
@@ -22,7 +22,7 @@ def test_there_are_thirty_and_no_name_twice() -> None:
     assert masses == sorted(masses)
 
 
-def test_each_is_possible() -> None:
+def test_servo_figures_are_plausible() -> None:
     for servo in servos():
         with case(servo.name):
             a, b, c = servo.size_m
@@ -38,7 +38,7 @@ def test_each_is_possible() -> None:
             assert servo.axes in (1, 2)
 
 
-def test_each_says_where_its_figures_are_from() -> None:
+def test_servo_figures_name_their_sources() -> None:
     for servo in servos():
         with case(servo.name):
             assert len(servo.title) > 10
@@ -47,7 +47,7 @@ def test_each_says_where_its_figures_are_from() -> None:
             assert address.scheme == "https" and "." in address.netloc and len(address.path) > 1
 
 
-def test_figures_stand_in_the_file_as_in_the_documents_and_come_out_in_si() -> None:
+def test_servo_figures_are_converted_to_si_units() -> None:
     robotis = servo_named("xl330-m288-T")
     assert robotis.stall_nm == 0.52
     assert robotis.no_load_rad_s == pytest.approx(103.0 * 2.0 * pi / 60.0)
@@ -60,27 +60,19 @@ def test_figures_stand_in_the_file_as_in_the_documents_and_come_out_in_si() -> N
     assert servo_named("2XL430-W250-T").axes == 2
 
 
-def test_what_is_asked_for_long_is_what_makers_rate_theirs_at() -> None:
+def test_permanent_torque_share_agrees_with_rated_torques() -> None:
     shares = [servo.rated_nm / servo.stall_nm for servo in servos() if servo.rated_nm is not None]
     assert len(shares) >= 4
     assert min(shares) > 0.9 * PERMANENT_TORQUE_SHARE
     assert max(shares) < 1.01 * PERMANENT_TORQUE_SHARE
 
 
-def test_speed_falls_along_a_straight_line_to_stall() -> None:
-    servo = servo_named("XM430-W350-T")
-    speeds = [servo.speed_rad_s(share * servo.stall_nm) for share in (0.0, 0.25, 0.5, 1.0, 2.0)]
-    assert speeds == pytest.approx([servo.no_load_rad_s * k for k in (1.0, 0.75, 0.5, 0.0, 0.0)])
-    assert servo.shortest_time_s(3.0, 0.5 * servo.stall_nm) == pytest.approx(6.0 / speeds[0])
-    assert servo.shortest_time_s(3.0, servo.stall_nm) == inf
-
-
-def test_a_name_that_nobody_has_is_told_with_those_like_it() -> None:
+def test_unknown_servo_is_refused_with_similar_names() -> None:
     with pytest.raises(InputError, match="MX-28AT") as refused:
         servo_named("mx28")
     assert refused.value.code == "unknown-servo"
 
 
-def test_the_table_of_the_page_is_that_of_the_file() -> None:
+def test_table_of_the_page_is_up_to_date() -> None:
     page = PAGE.read_text(encoding="utf-8")
     assert with_table(page) == page, "run `python -m docs.make_servos`"

@@ -33,7 +33,7 @@ MATERIALS = st.sampled_from(list(CASINGS.values()))
 TORQUES = st.floats(0.5, 500.0)
 
 
-def test_a_small_servo_in_a_printed_box_as_by_hand() -> None:
+def test_small_servo_in_a_printed_box() -> None:
     """Walls of 1 mm around 40 mm: 1240 kg/m³ · (40³ − 38³) mm³ = 11.3 g; two servos of 18 g."""
     (fit,) = who_would_do(4.0, pitch_m=0.04, casing=BOX, among=[SMALL])
     assert fit.module_kg == pytest.approx(0.036 + 0.011319, abs=1e-6)
@@ -47,41 +47,7 @@ def test_a_small_servo_in_a_printed_box_as_by_hand() -> None:
     assert fit.would_do
 
 
-def test_a_centimetre_of_aluminium_weighs_what_the_unit_of_torque_says() -> None:
-    assert ALUMINIUM.module_kg(0.01, 0.0) * GRAVITY * 0.01 == pytest.approx(2.65e-4, rel=1e-3)
-
-
-def test_the_largest_pitch_of_solid_cubes_follows_from_the_fourth_power() -> None:
-    pitches = at_which_pitch(SMALL, 4.0, ALUMINIUM)
-    assert pitches.most_m == pytest.approx((0.52 / 3.0 / (4.0 * 2700.0 * GRAVITY)) ** 0.25)
-    assert pitches.empty  # 36 mm, and it has room from 42 mm on
-    strong = servo_named("XH540-W270-T")
-    solid = at_which_pitch(strong, 4.0, ALUMINIUM).most_m
-    assert ALUMINIUM.module_kg(solid, 2 * strong.mass_kg) == pytest.approx(2700.0 * solid**3)
-    assert solid == pytest.approx((9.9 / 3.0 / (4.0 * 2700.0 * GRAVITY)) ** 0.25)
-
-
-def test_where_servos_are_all_that_weighs_the_largest_pitch_is_linear_in_their_torque() -> None:
-    air = Casing(name="air", density_kg_m3=1e-9, fill=1.0, wall_m=0.0, about="nothing")
-    pitches = at_which_pitch(SMALL, 10.0, air, share=0.5)
-    assert pitches.most_m == pytest.approx(0.26 / (10.0 * GRAVITY * 0.036))
-
-
-def test_a_module_weighs_at_least_its_servos_and_their_wall() -> None:
-    light = Casing.weighing(0.010, 0.04)
-    (fit,) = who_would_do(1.0, pitch_m=0.04, casing=light, among=[SMALL])
-    assert fit.module_kg == pytest.approx(0.036)
-    heavy = Casing.weighing(0.100, 0.04)
-    (fit,) = who_would_do(1.0, pitch_m=0.04, casing=heavy, among=[SMALL])
-    assert fit.module_kg == pytest.approx(0.100)
-    for casing in CASINGS.values():
-        assert casing.module_kg(0.05, 1.0) >= 1.0
-    by_weight = [CASINGS[name].module_kg(0.05, 0.0) for name in ("pla-box", "pla-20", "pla")]
-    assert by_weight == sorted(by_weight)
-    assert by_weight[1] == pytest.approx(0.8 * by_weight[0] + 0.2 * by_weight[2])
-
-
-def test_one_of_two_shafts_does_for_two() -> None:
+def test_servo_with_two_shafts_counts_for_two() -> None:
     double, single = servo_named("2XL430-W250-T"), servo_named("XL430-W250-T")
     assert CUBE.hinges_per_joint == HINGES_PER_MODULE
     assert least_pitch_m(double, BOX) == pytest.approx(0.0465 + 0.002)
@@ -91,7 +57,7 @@ def test_one_of_two_shafts_does_for_two() -> None:
 
 
 @pytest.mark.parametrize("servo", servos()[::3], ids=lambda servo: servo.name)
-def test_no_two_of_them_fit_in_less_however_they_lie(servo: Servo) -> None:
+def test_least_pitch_is_the_smallest_of_all_arrangements(servo: Servo) -> None:
     """At right angles they are apart along one axis, along which both sides add."""
     least = inf
     for one, other in product(permutations(servo.size_m), repeat=2):
@@ -104,7 +70,7 @@ def test_no_two_of_them_fit_in_less_however_they_lie(servo: Servo) -> None:
 
 
 @given(SERVOS, TORQUES, MATERIALS)
-def test_the_three_questions_answer_alike(servo: Servo, torque: float, casing: Casing) -> None:
+def test_pitch_margin_and_largest_shape_agree(servo: Servo, torque: float, casing: Casing) -> None:
     pitches = at_which_pitch(servo, torque, casing)
     (fit,) = who_would_do(torque, pitch_m=pitches.most_m, casing=casing, among=[servo])
     assert fit.margin == pytest.approx(1.0)
@@ -118,7 +84,9 @@ def test_the_three_questions_answer_alike(servo: Servo, torque: float, casing: C
 
 
 @given(SERVOS, TORQUES, MATERIALS, st.floats(1.01, 5.0))
-def test_bounds_go_one_way(servo: Servo, torque: float, casing: Casing, more: float) -> None:
+def test_largest_pitch_falls_with_torque_and_mass(
+    servo: Servo, torque: float, casing: Casing, more: float
+) -> None:
     most = at_which_pitch(servo, torque, casing).most_m
     assert at_which_pitch(servo, more * torque, casing).most_m < most
     assert at_which_pitch(servo, torque, casing, share=PERMANENT_TORQUE_SHARE / more).most_m < most
@@ -127,14 +95,14 @@ def test_bounds_go_one_way(servo: Servo, torque: float, casing: Casing, more: fl
         assert at_which_pitch(servo, torque, CASINGS["steel"]).most_m < most
 
 
-def test_no_torque_is_no_matter_of_strength() -> None:
+def test_torque_of_zero_has_no_bound() -> None:
     assert at_which_pitch(SMALL, 0.0, BOX).most_m == inf
     (fit,) = who_would_do(0.0, pitch_m=1.0, casing=BOX, among=[SMALL])
     assert fit.would_do and fit.margin == inf
     assert fit.as_dict()["margin"] is None
 
 
-def test_shapes_are_told_apart_by_what_they_need() -> None:
+def test_largest_shape_within_a_torque() -> None:
     figures = {"mallet-64": 7.4, "4x4x4": 12.0, "3x3x3": 3.6}
     reach = largest_shape(SMALL, figures, pitch_m=0.042, casing=BOX)
     assert reach.torque_wp == pytest.approx(8.672, abs=1e-3)
@@ -144,7 +112,7 @@ def test_shapes_are_told_apart_by_what_they_need() -> None:
     assert largest_shape(SMALL, figures, pitch_m=0.2, casing=ALUMINIUM).largest is None
 
 
-def test_those_that_would_do_come_first_and_too_short_a_range_is_told() -> None:
+def test_servos_that_suffice_come_first() -> None:
     fits = who_would_do(4.0, pitch_m=0.06, casing=BOX)
     would = [fit.would_do for fit in fits]
     assert would == sorted(would, reverse=True) and {*would} == {True, False}
@@ -152,7 +120,7 @@ def test_those_that_would_do_come_first_and_too_short_a_range_is_told() -> None:
     assert mg996r.against == ("turns only 120°",)
 
 
-def test_hinges_turn_no_faster_than_the_one_that_turns_most() -> None:
+def test_turned_rad_counts_the_fastest_hinge_of_each_step() -> None:
     frames = np.array([[0.0, 0.0], [0.3, -0.5], [0.3, -0.5], [1.0, -0.6]])
     assert turned_rad(frames) == pytest.approx(0.5 + 0.0 + 0.7)
     assert turned_rad(frames[:1]) == 0.0
@@ -173,13 +141,15 @@ def test_hinges_turn_no_faster_than_the_one_that_turns_most() -> None:
         (1.0, 0.04, 0.0, "share"),
     ],
 )
-def test_what_cannot_be_is_refused(torque: float, pitch: float, share: float, where: str) -> None:
+def test_sizing_out_of_range_is_refused(
+    torque: float, pitch: float, share: float, where: str
+) -> None:
     with pytest.raises(InputError) as refused:
         who_would_do(torque, pitch_m=pitch, casing=BOX, share=share)
     assert (refused.value.code, refused.value.where) == ("bad-sizing", where)
 
 
-def test_a_material_is_a_name_or_a_density() -> None:
+def test_material_is_a_name_or_a_density() -> None:
     assert casing_named("Aluminium") is ALUMINIUM
     assert casing_named("1100").module_kg(0.1, 0.0) == pytest.approx(1.1)
     for wrong in ("wood", "-3", "nan", "1e9"):

@@ -17,7 +17,7 @@ RING = "- - - + - - - + - - -"
 @pytest.mark.parametrize(
     "text", [RING, RING.replace(" ", ""), RING.replace(" ", ",\n"), RING.replace("-", "\u2212")]
 )
-def test_a_ring_is_read_from_its_signs(text: str) -> None:
+def test_ring_is_read_from_its_signs(text: str) -> None:
     chain = read_angle_string(text)
     assert len(chain) == 12
     assert chain.module is TETRAHEDRON
@@ -26,14 +26,14 @@ def test_a_ring_is_read_from_its_signs(text: str) -> None:
     )
 
 
-def test_a_file_of_signs_is_a_chain() -> None:
+def test_file_of_signs_is_a_chain() -> None:
     chain = read(b"0 - - - +\n0 -\n", filename="snake.txt")
     assert isinstance(chain, Chain)
     assert (chain.name, len(chain)) == ("snake", 8)
 
 
 @pytest.mark.parametrize("text", [b"0 0 0\n0 0 -1\n", b"0,0,0\n0,0,1\n0,1,1\n", b"0 0 0\n"])
-def test_tables_of_cells_are_not_taken_for_one(text: bytes) -> None:
+def test_tables_of_cells_are_no_angle_strings(text: bytes) -> None:
     try:
         assert not isinstance(read(text), Chain)
     except InputError as error:

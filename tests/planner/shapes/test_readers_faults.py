@@ -9,18 +9,19 @@ import struct
 import time
 import zipfile
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 import pytest
 
-from planner.chain.path import Path
 from planner.errors import InputError
 from planner.readers import read
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid, signed_volume
 from tests.case import case
+from tests.planner.reading import cells_of, refusal_of, shape_in, solid_in
 from tests.planner.solids_made import box, chunk, exported, vox_file, vox_model, words
 
 DATA = FilePath(__file__).parent / "data"
@@ -28,12 +29,8 @@ L_OBJ = (DATA / "b01_bom.obj").read_bytes().removeprefix(b"\xef\xbb\xbf")
 STAIRS = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [2, 1, 1], [2, 1, 2]]
 
 
-def file_data(name: str) -> bytes:
-    return (DATA / name).read_bytes()
-
-
 def file_in(name: str) -> object:
-    return read(file_data(name), filename=name)
+    return read((DATA / name).read_bytes(), filename=name)
 
 
 @pytest.mark.parametrize(
@@ -63,7 +60,7 @@ def test_read_mesh_gives_the_right_solid(
     assert note in "".join(solid.notes)
 
 
-def test_read_glb_stands_as_the_same_stl() -> None:
+def test_glb_stands_as_the_same_stl() -> None:
     standing, same = file_in("d02_y_up.glb"), file_in("d02_same.stl")
     assert isinstance(standing, Solid)
     assert isinstance(same, Solid)
@@ -89,59 +86,38 @@ def test_read_voxels_gives_the_cells_in_sight(name: str, cells: int, note: str) 
     assert bool(shape.notes) == bool(note)
 
 
-@pytest.mark.parametrize(
-    "header",
-    [
+def test_read_table_takes_columns_by_the_axis_they_name() -> None:
+    for header in (
         *("z [mm],y [mm],x [mm]", "Z_mm;Y_mm;X_mm", "pos z\tpos y\tpos x", "zmm,ymm,xmm", "k,j,i"),
-        *(
-            "c,b,a",
-            "#z,y,x",
-            "# z, y, x",
-            "sep=;\nz;y;x",
-            "z y x",
-            "# z y x",
-            "z [mm] y [mm] x [mm]",
-        ),
-    ],
-)
-def test_read_table_takes_columns_by_the_axis_they_name(header: str) -> None:
-    separator = next(c for c in ";\t, " if c in header)
-    rows = [separator.join(map(str, row[::-1])) for row in STAIRS]
-    path = read("\n".join([header, *rows]).encode())
-    assert isinstance(path, Path)
-    assert path.cells.tolist() == STAIRS
+        *("c,b,a", "#z,y,x", "# z, y, x", "sep=;\nz;y;x", "z y x", "# z y x"),
+        "z [mm] y [mm] x [mm]",
+    ):
+        separator = next(c for c in ";\t, " if c in header)
+        rows = [separator.join(map(str, row[::-1])) for row in STAIRS]
+        assert cells_of("\n".join([header, *rows]).encode()) == STAIRS, header
+    # Of more columns those that the header names.
+    for header, separator in product(("step x y z", "i j k value", "x y z r g b"), (",", " ")):
+        words = header.split()
+        first = next(words.index(axis) for axis in "xi" if axis in words)
+        rows = [[7] * first + row + [1] * (len(words) - first - 3) for row in STAIRS]
+        data = "\n".join(separator.join(map(str, row)) for row in [words, *rows]).encode()
+        assert cells_of(data) == STAIRS, header
 
 
-@pytest.mark.parametrize("separator", [",", " "])
-@pytest.mark.parametrize("headers", ["step x y z", "i j k value", "x y z r g b"])
-def test_read_table_of_more_columns_takes_those_that_the_header_names(
-    headers: str, separator: str
-) -> None:
-    words = headers.split()
-    first = next(words.index(axis) for axis in "xi" if axis in words)
-    rows = [[7] * first + row + [1] * (len(words) - first - 3) for row in STAIRS]
-    path = read("\n".join(separator.join(map(str, row)) for row in [words, *rows]).encode())
-    assert isinstance(path, Path)
-    assert path.cells.tolist() == STAIRS
+def test_read_table_with_rows_unlike_the_header_is_refused() -> None:
+    for row, code in ((b"1 0 0 0", "empty-cell"), (b"1 0", "wrong-count")):
+        for separator in (b",", b" "):
+            data = (b"x y z value\n0 0 0 1\n" + row).replace(b" ", separator)
+            refusal = refusal_of(data, as_voxels=True)
+            assert (refusal.code, refusal.where) == (code, "line 3"), data
 
 
-@pytest.mark.parametrize("separator", [b",", b" "])
-@pytest.mark.parametrize(("row", "code"), [(b"1 0 0 0", "empty-cell"), (b"1 0", "wrong-count")])
-def test_read_table_with_rows_unlike_the_header_is_refused(
-    row: bytes, code: str, separator: bytes
-) -> None:
-    data = (b"x y z value\n0 0 0 1\n" + row).replace(b" ", separator)
-    with pytest.raises(InputError) as refusal:
-        read(data, as_voxels=True)
-    assert refusal.value.code == code
-    assert refusal.value.where == "line 3"
-
-
-def test_read_xyz_without_the_line_of_comment_has_all_cells() -> None:
+def test_read_xyz_without_a_comment_and_csv_with_decimal_commas() -> None:
     rows = "\n".join(" ".join(map(str, row)) for row in STAIRS)
-    path = read(f"{len(STAIRS)}\n{rows}\n".encode())
-    assert isinstance(path, Path)
-    assert path.cells.tolist() == STAIRS
+    assert cells_of(f"{len(STAIRS)}\n{rows}\n".encode()) == STAIRS
+    for delimiter in (";", "\t"):
+        rows = [delimiter.join(f"{value},0" for value in row) for row in STAIRS]
+        assert cells_of("\n".join(rows).encode()) == STAIRS
 
 
 @pytest.mark.parametrize(
@@ -154,38 +130,23 @@ def test_read_xyz_without_the_line_of_comment_has_all_cells() -> None:
     ],
 )
 def test_read_json_with_unread_keys_of_form_is_refused_by_name(document: dict[str, object]) -> None:
-    with pytest.raises(InputError) as refusal:
-        read(json.dumps({**document, "cells": STAIRS, "title": "Stairs", "tags": []}).encode())
-    assert refusal.value.code == "unknown-key"
-    assert list(document)[1] in refusal.value.detail
-
-
-@pytest.mark.parametrize("delimiter", [";", "\t"])
-def test_read_csv_with_decimal_commas(delimiter: str) -> None:
-    rows = [delimiter.join(f"{value},0" for value in row) for row in STAIRS]
-    path = read("\n".join(rows).encode())
-    assert isinstance(path, Path)
-    assert path.cells.tolist() == STAIRS
+    told = {**document, "cells": STAIRS, "title": "Stairs", "tags": []}
+    refusal = refusal_of(json.dumps(told).encode())
+    assert refusal.code == "unknown-key"
+    assert list(document)[1] in refusal.detail
 
 
 ENCODINGS = ["utf-8-sig", "utf-16", "utf-32", "utf-16-le", "utf-16-be"]
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
-@pytest.mark.parametrize("kind", ["obj", "stl_ascii", "off", "ply_ascii", "gltf"])
-def test_read_text_mesh_in_every_encoding(encoding: str, kind: str) -> None:
-    data = exported(kind, box(2, 3, 4)).decode().encode(encoding)
-    solid = read(data)
-    assert isinstance(solid, Solid)
-    assert abs(signed_volume(solid.vertices, solid.faces)) == pytest.approx(24)
-
-
-@pytest.mark.parametrize("encoding", ENCODINGS)
-def test_read_cells_in_every_encoding(encoding: str) -> None:
+def test_read_text_in_every_encoding(encoding: str) -> None:
+    for kind in ("obj", "stl_ascii", "off", "ply_ascii", "gltf"):
+        with case(kind):
+            solid = solid_in(exported(kind, box(2, 3, 4)).decode().encode(encoding))
+            assert abs(signed_volume(solid.vertices, solid.faces)) == pytest.approx(24)
     for text in (json.dumps(STAIRS), "\n".join(",".join(map(str, row)) for row in STAIRS)):
-        path = read(text.encode(encoding))
-        assert isinstance(path, Path)
-        assert path.cells.tolist() == STAIRS
+        assert cells_of(text.encode(encoding)) == STAIRS
 
 
 RUNS = (b" ", b"\t", b"\n", b"\r", b"\r\n", b",", b";", b"[", b'"', b"#", b"0", b"-", b"\\\n")
@@ -237,8 +198,7 @@ STL = exported("stl_ascii", box(1, 2, 3)).split(b"\n", 1)[1]
     ],
 )
 def test_read_mesh_with_other_line_ends_and_long_heads(data: bytes, volume: float) -> None:
-    solid = read(data)
-    assert isinstance(solid, Solid)
+    solid = solid_in(data)
     assert abs(signed_volume(solid.vertices, solid.faces)) == pytest.approx(volume)
 
 
@@ -322,8 +282,7 @@ FANS = b"element trifans 1\nproperty list int int vertex_indices\nend_header"
     ],
 )
 def test_read_mesh_with_more_content_notes_what_is_left_out(data: bytes, note: str) -> None:
-    solid = read(data)
-    assert isinstance(solid, Solid)
+    solid = solid_in(data)
     assert signed_volume(solid.vertices, solid.faces) == pytest.approx(24)
     assert bool(solid.notes) == bool(note)
     assert note in "".join(solid.notes)
@@ -342,10 +301,15 @@ def arrays(**values: object) -> bytes:
 
 
 REFUSED = [
-    (file_data("d09_unknown_required.glb"), "unsupported", "XYZ_some_geometry"),
-    (file_data("h06_prob_uint8.npy"), "not-voxels", "grid > 0.5"),
-    (file_data("k10_angles_rad.json"), "radians", "no angle is a multiple of 90 degrees"),
-    (file_data("k11_snake_digits.txt"), "digits", "digits are not read as angles"),
+    *(
+        ((DATA / name).read_bytes(), code, words)
+        for name, code, words in (
+            ("d09_unknown_required.glb", "unsupported", "XYZ_some_geometry"),
+            ("h06_prob_uint8.npy", "not-voxels", "grid > 0.5"),
+            ("k10_angles_rad.json", "radians", "no angle is a multiple of 90 degrees"),
+            ("k11_snake_digits.txt", "digits", "digits are not read as angles"),
+        )
+    ),
     *(
         (f"{header}\n0,0,0\n1,0,0\n1,1,0\n".encode(), "bad-header", "")
         for header in ("x,y,height", "layer,row,column", "height,width,depth", "x,-y,z", "x,x,y,z")
@@ -388,21 +352,19 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("data", "code", "words"), REFUSED)
-def test_read_what_cannot_be_read_rightly_is_refused_by_name(
+def test_ambiguous_and_unsupported_files_are_refused_by_name(
     data: bytes, code: str, words: str
 ) -> None:
-    with pytest.raises(InputError) as refusal:
-        read(data)
-    assert code in ("", refusal.value.code)
-    assert words in refusal.value.detail
+    refusal = refusal_of(data)
+    assert code in ("", refusal.code)
+    assert words in refusal.detail
 
 
-@pytest.mark.parametrize("text", ["a1 b2 c3", "hello 5 world", "left 1\nright 2"])
-def test_read_unknown_text_gets_a_message_of_its_own(text: str) -> None:
-    with pytest.raises(InputError) as refusal:
-        read(text.encode())
-    assert refusal.value.code == "wrong-kind"
-    assert "three whole numbers" not in refusal.value.detail
+def test_unknown_text_is_refused_as_another_kind() -> None:
+    for text in ("a1 b2 c3", "hello 5 world", "left 1\nright 2"):
+        refusal = refusal_of(text.encode())
+        assert refusal.code == "wrong-kind", text
+        assert "three whole numbers" not in refusal.detail, text
 
 
 ONE_CELL = vox_model(np.array([[0, 0, 0]]))
@@ -424,8 +386,7 @@ COLOURLESS = chunk(b"SIZE", struct.pack("<3I", 2, 1, 1)) + chunk(
     ],
 )
 def test_read_vox_notes_what_it_leaves_out(chunks: tuple[bytes, ...], note: str) -> None:
-    shape = read(vox_file(*chunks))
-    assert isinstance(shape, Shape)
+    shape = shape_in(vox_file(*chunks))
     assert len(shape) == 1
     assert note in "".join(shape.notes)
 
@@ -443,7 +404,7 @@ def test_read_vox_of_moving_objects_takes_the_earliest_frame(numbers: tuple[int,
     moving = struct.pack("<I", 2) + words() + struct.pack("<3i", 4, -1, -1) + frames(*numbers)
     resting = struct.pack("<I", 3) + words() + struct.pack("<4i", 5, -1, -1, 1) + words(_t="0 1 0")
     models = b"".join(struct.pack("<I", 0) + words(_f=str(number)) for number in numbers)
-    shape = read(
+    shape = shape_in(
         vox_file(
             still,
             chunk(b"nTRN", root + struct.pack("<4i", 1, -1, -1, 1) + words()),
@@ -457,6 +418,5 @@ def test_read_vox_of_moving_objects_takes_the_earliest_frame(numbers: tuple[int,
             chunk(b"nSHP", struct.pack("<I", 5) + words() + struct.pack("<2I", 1, 0) + words()),
         )
     )
-    assert isinstance(shape, Shape)
     assert np.ptp(shape.cells, axis=0).tolist() == [min(numbers), 1, 0]
     assert "first frame" in "".join(shape.notes)

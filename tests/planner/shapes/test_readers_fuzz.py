@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from planner.chain.chain import Chain
+from planner.chain.path import Path
 from planner.errors import InputError
-from planner.plan.shape_files import write_shape
+from planner.plan.shape_files import write_chain, write_path, write_shape
 from planner.readers import read
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
@@ -17,13 +19,23 @@ from planner.shapes.voxelise import voxelise
 from tests.planner.solids_made import MESH_KINDS, as_binvox, as_grid, as_vox, exported
 
 CELLS = np.argwhere(np.ones((2, 3, 2)))
+WALK = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (2, 1, 1), (2, 2, 1)]
 FILES = {
     **{kind: exported(kind, trimesh.creation.icosphere(subdivisions=1)) for kind in MESH_KINDS},
     "vox": as_vox(CELLS),
     "binvox": as_binvox(CELLS),
     "npy": as_grid(CELLS),
     "json": write_shape(Shape.from_cells(CELLS)),
+    "path": write_path(Path.from_cells(WALK, name="some path")),
+    "chain": write_chain(Chain.from_path(Path.from_cells(WALK))),
+    "csv": b"x,y,z\n" + b"".join(b"%d,%d,%d\n" % cell for cell in WALK),
+    "xyz": b"6\na chain of carbon\n" + b"".join(b"C %d.0 %d.0 %d.0\n" % cell for cell in WALK),
 }
+TEXT = ("json", "path", "chain", "csv", "xyz")
+TEXT_SPICE = (
+    *(b"[", b"]", b"{", b"}", b",", b'"', b"\n", b"\\", b"\x00", b"\xff", b"-", b".", b"e", b"9"),
+    *(b"NaN", b"1e999", b"null", b"true", b"[[", b"\r", b"#", b"\xef\xbb\xbf", b" ", b"\\ud800"),
+)
 SPICE = (
     *(b"\x00", b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", b"\x00\x00\xc0\x7f", b"\x00\x00\x80\x7f"),
     *(b"-1", b"99999999999999", b"1e999", b"nan", b"\n", b" ", b"#", b'"', b"[", b"{", b"/"),
@@ -58,11 +70,11 @@ def mutated(data: bytes, rng: random.Random, spice: Sequence[bytes]) -> bytes:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", FILES)
-def test_thousands_of_mutated_files_are_read_or_refused(kind: str) -> None:
+def test_mutated_files_are_read_or_refused(kind: str) -> None:
     rng = random.Random(kind)
     outcomes: dict[str, int] = {}
-    for _ in range(500):
-        data = mutated(FILES[kind], rng, SPICE)
+    for _ in range(300):
+        data = mutated(FILES[kind], rng, TEXT_SPICE if kind in TEXT else SPICE)
         try:
             found = read(data, filename=f"a.{kind.partition('_')[0]}")
         except InputError as refusal:
@@ -80,17 +92,17 @@ def test_thousands_of_mutated_files_are_read_or_refused(kind: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["stl", "obj", "glb"])
-def test_what_is_read_of_mutated_meshes_is_voxelised_or_refused(kind: str) -> None:
+@pytest.mark.parametrize("kind", ["stl", "glb"])
+def test_mutated_meshes_are_voxelised_or_refused(kind: str) -> None:
     rng = random.Random(f"voxels of {kind}")
     made = 0
-    while made < 4:
+    while made < 3:
         try:
             found = read(mutated(FILES[kind], rng, SPICE))
             if not isinstance(found, Solid):
                 continue
             made += 1
-            voxels = voxelise(found, cells=rng.choice([1, 30, 200]))
+            voxels = voxelise(found, cells=rng.choice([1, 30]))
         except InputError as refusal:
             assert refusal.detail.endswith(".")
         else:

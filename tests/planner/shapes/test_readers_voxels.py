@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import io
 import json
 import struct
 from collections.abc import Callable
@@ -11,10 +12,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.chain.path import Path
-from planner.errors import InputError
 from planner.plan.shape_files import write_shape
 from planner.readers import read
 from planner.shapes.shape import Shape
+from tests.planner.reading import refusal_of, shape_in
 from tests.planner.solids_made import VOXEL_WRITERS, as_binvox, as_vox, chunk, vox_file, vox_model
 from tests.planner.solids_made import words as pairs
 
@@ -29,27 +30,14 @@ def sets(most: int) -> st.SearchStrategy[Cells]:
     return cells.map(lambda c: np.unique(np.array(c) - np.min(c, axis=0), axis=0))
 
 
-def shape_in(data: bytes, **options: object) -> Shape:
-    found = read(data, **options)  # type: ignore[arg-type]
-    assert isinstance(found, Shape)
-    return found
-
-
-def refusal_of(data: bytes, **options: object) -> InputError:
-    with pytest.raises(InputError) as refusal:
-        read(data, **options)  # type: ignore[arg-type]
-    assert str(refusal.value).isprintable()
-    return refusal.value
-
-
 @pytest.mark.parametrize("writer", VOXEL_WRITERS)
 @given(cells=sets(20))
-def test_what_was_written_is_read_back(writer: Callable[[Cells], bytes], cells: Cells) -> None:
+def test_written_voxels_are_read_back(writer: Callable[[Cells], bytes], cells: Cells) -> None:
     np.testing.assert_array_equal(shape_in(writer(cells)).cells, cells)
 
 
 @given(sets(900), st.floats(1e-6, 1e3))
-def test_a_written_shape_is_read_back(cells: Cells, pitch_m: float) -> None:
+def test_written_shape_is_read_back(cells: Cells, pitch_m: float) -> None:
     shape = Shape.from_cells(cells - 400, name="some shape", pitch_m=pitch_m)
     back = shape_in(write_shape(shape))
     np.testing.assert_array_equal(back.cells, shape.cells)
@@ -64,21 +52,29 @@ def test_a_written_shape_is_read_back(cells: Cells, pitch_m: float) -> None:
         b"".join(b"%d %d %d\n" % tuple(c) for c in L_SHAPE[::-1]),
     ],
 )
-def test_lists_of_cells_are_voxels_where_that_is_asked_for(data: bytes) -> None:
+def test_lists_of_cells_are_read_as_voxels_on_request(data: bytes) -> None:
     np.testing.assert_array_equal(shape_in(data, as_voxels=True).cells, L_SHAPE)
     refusal = refusal_of(data)
     assert refusal.code == "not-adjacent"
     assert "read them as voxels" in refusal.detail
 
 
-def test_a_path_is_a_path_unless_voxels_are_asked_for() -> None:
+def test_paths_grids_and_axes_of_voxels() -> None:
     data = b"0 0 0\n1 0 0\n1 1 0\n"
     assert isinstance(read(data), Path)
     assert len(shape_in(data, as_voxels=True)) == 3
     assert len(shape_in(b"0 0 0\n0 0 0\n", as_voxels=True)) == 1
+    stream = io.BytesIO()
+    np.save(stream, np.asfortranarray(np.minimum(np.arange(8, dtype=np.uint8), 1).reshape(2, 2, 2)))
+    assert len(shape_in(stream.getvalue())) == 7
+    # The fastest axis of binvox is y.
+    data = b"#binvox 1\ndim 1 2 3\ndata\n\x00\x01\x01\x01\x00\x04"
+    assert shape_in(data).cells.tolist() == [[0, 1, 0]]
+    cells = [[0, 0, 0], [0, 1, 0]]
+    assert shape_in(as_binvox(np.array(cells))).cells.tolist() == cells
 
 
-def test_models_of_a_scene_come_where_its_nodes_put_them() -> None:
+def test_models_of_a_vox_scene_are_placed_by_its_nodes() -> None:
     bar = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]])
     # Node 0 moves a group of two moved shapes; the second is turned by a quarter about z.
     turned = str(1 | (0 << 2) | (1 << 4))
@@ -113,7 +109,7 @@ def test_more_cells_than_the_limit_are_refused() -> None:
         assert refusal_of(writer(cells), most_cells=124).code == "too-many-cells"
 
 
-def test_a_binvox_that_unpacks_to_much_is_refused_before_it_is_unpacked() -> None:
+def test_binvox_of_too_many_cells_is_refused_before_it_is_unpacked() -> None:
     head = b"#binvox 1\ndim 4096 4096 4096\ndata\n"
     assert refusal_of(head + b"\x01\xff" * 20_000).code == "truncated"
     head = b"#binvox 1\ndim 100 300 170\ndata\n"
@@ -153,22 +149,5 @@ def test_a_binvox_that_unpacks_to_much_is_refused_before_it_is_unpacked() -> Non
         (b'{"format": "foldback-voxels/2", "cells": [[0, 0, 0]]}', "wrong-version"),
     ],
 )
-def test_files_that_lie_are_refused(data: bytes, code: str) -> None:
+def test_invalid_voxel_files_are_refused(data: bytes, code: str) -> None:
     assert refusal_of(data).code == code
-
-
-def test_read_grid_of_zeros_and_ones_in_fortran_order() -> None:
-    import io
-
-    stream = io.BytesIO()
-    np.save(stream, np.asfortranarray(np.minimum(np.arange(8, dtype=np.uint8), 1).reshape(2, 2, 2)))
-    assert len(shape_in(stream.getvalue())) == 7
-
-
-def test_binvox_has_y_as_its_fastest_axis() -> None:
-    data = b"#binvox 1\ndim 1 2 3\ndata\n\x00\x01\x01\x01\x00\x04"
-    assert shape_in(data).cells.tolist() == [[0, 1, 0]]
-    assert shape_in(as_binvox(np.array([[0, 0, 0], [0, 1, 0]]))).cells.tolist() == [
-        [0, 0, 0],
-        [0, 1, 0],
-    ]

@@ -13,7 +13,7 @@ CELLS = st.lists(st.tuples(COORDINATES, COORDINATES, COORDINATES), min_size=1, m
 
 
 @given(CELLS, st.randoms(use_true_random=False))
-def test_a_shape_is_the_set_of_its_cells_in_one_order(cells: list[tuple[int, ...]], rng) -> None:  # type: ignore[no-untyped-def]
+def test_shape_has_its_cells_in_one_order(cells: list[tuple[int, ...]], rng) -> None:  # type: ignore[no-untyped-def]
     shape = Shape.from_cells(cells)
     assert shape.cells.tolist() == sorted([list(c) for c in set(cells)])
     shuffled = [*cells, cells[0]]
@@ -22,7 +22,7 @@ def test_a_shape_is_the_set_of_its_cells_in_one_order(cells: list[tuple[int, ...
     assert len(shape) == len(set(cells))
 
 
-def test_the_cells_of_a_shape_cannot_be_changed() -> None:
+def test_cells_of_a_shape_cannot_be_changed() -> None:
     with pytest.raises(ValueError, match="read-only"):
         Shape.from_cells([[0, 0, 0]]).cells[0, 0] = 1
 
@@ -40,13 +40,13 @@ def test_the_cells_of_a_shape_cannot_be_changed() -> None:
         ([[0, 0, 1e300]], "too-far", "cell 0"),
     ],
 )
-def test_what_is_no_set_of_cells_is_refused(cells: object, code: str, where: str | None) -> None:
+def test_invalid_cells_are_refused(cells: object, code: str, where: str | None) -> None:
     with pytest.raises(InputError) as refusal:
         Shape.from_cells(cells)  # type: ignore[arg-type]
     assert (refusal.value.code, refusal.value.where) == (code, where)
 
 
 @pytest.mark.parametrize("pitch_m", [0.0, -1.0, np.nan, np.inf, 1e9])
-def test_an_impossible_pitch_is_refused(pitch_m: float) -> None:
+def test_impossible_pitch_is_refused(pitch_m: float) -> None:
     with pytest.raises(InputError, match="pitch"):
         Shape.from_cells([[0, 0, 0]], pitch_m=pitch_m)

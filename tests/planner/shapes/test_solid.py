@@ -13,6 +13,10 @@ TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
 
+ASKEW = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
+RNG = np.random.default_rng(0)
+
+
 def code_of(vertices: object, faces: object, **options: object) -> str:
     with pytest.raises(InputError) as refusal:
         Solid.from_triangles(vertices, faces, **options)  # type: ignore[arg-type]
@@ -20,7 +24,7 @@ def code_of(vertices: object, faces: object, **options: object) -> str:
     return refusal.value.code
 
 
-def test_a_closed_mesh_is_kept_as_it_is() -> None:
+def test_closed_mesh_is_kept() -> None:
     solid = Solid.from_triangles(TETRAHEDRON, FACES, name="t")
     assert (len(solid), solid.closed, solid.oriented, solid.notes) == (4, True, True, ())
     assert signed_volume(solid.vertices, solid.faces) == pytest.approx(1 / 6)
@@ -46,14 +50,8 @@ def test_vertices_that_almost_meet_are_sewn_together() -> None:
     assert signed_volume(solid.vertices, solid.faces) == pytest.approx(mesh.volume, rel=1e-3)
 
 
-def test_a_mesh_that_is_inside_out_is_turned() -> None:
-    solid = Solid.from_triangles(TETRAHEDRON, FACES[:, ::-1])
-    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(1 / 6)
-    assert any("inside out" in note for note in solid.notes)
-
-
 @pytest.mark.parametrize("missing", [1, 2, 7])
-def test_holes_are_closed_and_said(missing: int) -> None:
+def test_holes_are_closed(missing: int) -> None:
     mesh = trimesh.creation.icosphere(subdivisions=3)
     solid = Solid.from_triangles(mesh.vertices, mesh.faces[missing:])
     assert solid.oriented
@@ -62,20 +60,24 @@ def test_holes_are_closed_and_said(missing: int) -> None:
     assert volume == pytest.approx(mesh.volume, rel=0.02)
 
 
-def test_a_box_without_a_side_is_closed_with_a_flat_one() -> None:
+def test_box_without_a_side_is_closed() -> None:
     mesh = box(2, 3, 4)
     top = np.isclose(mesh.triangles[:, :, 2], 2.0).all(axis=1)
     solid = Solid.from_triangles(mesh.vertices, mesh.faces[~top])
     assert signed_volume(solid.vertices, solid.faces) == pytest.approx(24)
 
 
-def test_a_triangle_that_disagrees_is_turned_to_agree() -> None:
+def test_triangles_are_turned_outwards() -> None:
     faces = FACES.copy()
     faces[2] = faces[2, ::-1]
-    solid = Solid.from_triangles(TETRAHEDRON, faces)
-    assert (solid.closed, solid.oriented) == (True, True)
-    assert signed_volume(solid.vertices, solid.faces) == pytest.approx(1 / 6)
-    assert solid.notes == ("1 triangle was flipped to match the neighbours.",)
+    for turned, note in (
+        (faces, "1 triangle was flipped to match the neighbours."),
+        (FACES[:, ::-1], "inside out"),
+    ):
+        solid = Solid.from_triangles(TETRAHEDRON, turned)
+        assert (solid.closed, solid.oriented) == (True, True)
+        assert signed_volume(solid.vertices, solid.faces) == pytest.approx(1 / 6)
+        assert len(solid.notes) == 1 and note in solid.notes[0]
 
 
 CUBES = {
@@ -108,15 +110,13 @@ def test_solid_of_several_bodies_orients_each_by_itself(kind: str) -> None:
         assert inverted == 0 or solid.notes or kind in ("in a cavity", "a cavity at the wall")
 
 
-def test_triangles_without_area_are_left_out_and_said() -> None:
+def test_triangles_without_area_are_left_out() -> None:
     faces = np.vstack([FACES, [[0, 0, 1], [2, 2, 2]]])
     solid = Solid.from_triangles(TETRAHEDRON, faces)
     assert len(solid) == 4
     assert solid.oriented
     assert "2 triangles" in solid.notes[0]
-
-
-def test_a_broken_vertex_that_no_triangle_uses_does_no_harm() -> None:
+    # Vertices that no triangle uses are left out, whatever they are.
     solid = Solid.from_triangles([*TETRAHEDRON, [np.nan] * 3, [1e300] * 3], FACES)
     assert len(solid.vertices) == 4
 
@@ -131,41 +131,22 @@ def test_a_broken_vertex_that_no_triangle_uses_does_no_harm() -> None:
         (np.where(TETRAHEDRON > 0, np.inf, 0), FACES, "not-finite"),
         (TETRAHEDRON * 2 * MAX_VERTEX_COORDINATE, FACES, "too-far"),
         (TETRAHEDRON * [1, 1, 0], FACES, "flat"),
+        ((TETRAHEDRON * [1, 1, 0]) @ ASKEW.T, FACES, "flat"),
+        # Walls that lie on each other, a soup, and nothing but points.
+        (TETRAHEDRON, [[0, 1, 2], [0, 2, 1], [0, 1, 3], [0, 3, 1]], "no-volume"),
+        (RNG.random((300, 3)), np.arange(300).reshape(-1, 3), "not-a-surface"),
+        (TETRAHEDRON, np.tile(RNG.integers(0, 4, (1_000_000, 1)), 3), "degenerate"),
     ],
 )
-def test_what_is_no_solid_is_refused(vertices: object, faces: object, code: str) -> None:
+def test_meshes_without_volume_or_surface_are_refused(
+    vertices: object, faces: object, code: str
+) -> None:
     assert code_of(vertices, faces) == code
-
-
-def test_a_flat_mesh_is_refused_however_it_lies() -> None:
-    turn = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
-    assert code_of((TETRAHEDRON * [1, 1, 0]) @ turn.T, FACES) == "flat"
-
-
-def test_a_mesh_of_regular_rows_is_not_flat() -> None:
-    # Every eighth vertex of this one lies in one plane.
-    rows = trimesh.creation.torus(2.0, 0.7, major_sections=1000, minor_sections=8)
-    assert solid_of(rows).oriented
-
-
-def test_walls_that_lie_on_each_other_enclose_nothing() -> None:
-    faces = [[0, 1, 2], [0, 2, 1], [0, 1, 3], [0, 3, 1]]
-    assert code_of(TETRAHEDRON, faces) == "no-volume"
-
-
-def test_a_soup_of_triangles_is_no_surface() -> None:
-    points = np.random.default_rng(0).random((300, 3))
-    assert code_of(points, np.arange(300).reshape(-1, 3)) == "not-a-surface"
-
-
-def test_too_many_triangles_are_refused() -> None:
     assert code_of(TETRAHEDRON, FACES, most_triangles=3) == "too-many-triangles"
 
 
-def test_a_million_triangles_without_area_are_refused() -> None:
-    rows = np.random.default_rng(0).integers(0, 4, 1_000_000)
-    assert code_of(TETRAHEDRON, np.column_stack([rows, rows, rows])) == "degenerate"
-
-
-def test_a_thin_long_solid_is_one() -> None:
+def test_regular_or_long_meshes_are_not_flat() -> None:
+    # Every eighth vertex of this one lies in one plane.
+    rows = trimesh.creation.torus(2.0, 0.7, major_sections=1000, minor_sections=8)
+    assert solid_of(rows).oriented
     assert solid_of(box(1000, 1, 0.5)).oriented

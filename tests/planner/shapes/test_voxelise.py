@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -46,32 +45,19 @@ def pieces(cells: NDArray[np.int64]) -> int:
     return int(ndimage.label(grid_of(cells))[1])
 
 
-def overlay(voxels: Voxels, turn: NDArray[np.float64]) -> float:
-    """Intersection over union with a turned torus again, from random points and its formula."""
-    points = np.random.default_rng(0).uniform(-3, 3, size=(100_000, 3))
-    around = np.hypot(points[:, 0], points[:, 1]) - 2.0
-    inside = around**2 + points[:, 2] ** 2 < 0.7**2
-    turned = points @ turn.T @ voxels.rotation.T
-    own = np.floor(turned / voxels.pitch + voxels.offset).astype(int)
-    cells = {tuple(c) for c in voxels.shape.cells.tolist()}
-    volume = 2.0 * np.pi**2 * 2.0 * 0.7**2
-    both = volume * np.mean([tuple(c) in cells for c in own[inside].tolist()])
-    return float(both / (volume + len(cells) * voxels.pitch**3 - both))
-
-
-@pytest.mark.parametrize("sides", [(3, 3, 3), (2, 3, 5), (1, 4, 6), (7, 2, 2)])
-def test_a_box_becomes_exactly_its_cells(sides: tuple[int, ...]) -> None:
-    voxels = voxelise(solid_of(box(*(2.5 * s for s in sides))), cells=int(np.prod(sides)))
-    assert len(voxels.shape) == np.prod(sides)
-    assert (np.ptp(voxels.shape.cells, axis=0) + 1).tolist() == list(sides)
-    assert voxels.iou == pytest.approx(1.0)
-    assert voxels.pitch == pytest.approx(2.5)
-    assert voxels.notes == ()
-
-
-def test_a_box_offers_the_counts_that_it_can_have() -> None:
+def test_boxes_become_exactly_their_cells() -> None:
+    for sides in ((3, 3, 3), (2, 3, 5), (1, 4, 6), (7, 2, 2)):
+        voxels = voxelise(solid_of(box(*(2.5 * s for s in sides))), cells=int(np.prod(sides)))
+        assert len(voxels.shape) == np.prod(sides)
+        assert (np.ptp(voxels.shape.cells, axis=0) + 1).tolist() == list(sides)
+        assert voxels.iou == pytest.approx(1.0)
+        assert voxels.pitch == pytest.approx(2.5)
+        assert voxels.notes == ()
     voxels = voxelise(solid_of(box(3, 3, 3)), cells=70)
     assert (voxels.below, len(voxels.shape), voxels.above) == (27, 64, 125)
+    voxels = voxelise(solid_of(box(3, 3, 3)), cells=39)
+    assert voxels.below == 27
+    assert "the next smaller number of modules preserves more of the shape." in voxels.notes
 
 
 @given(
@@ -79,7 +65,7 @@ def test_a_box_offers_the_counts_that_it_can_have() -> None:
     st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-50, 50)),
 )
 @examples(one_of=30)
-def test_size_and_place_change_nothing(scale: float, shift: tuple[float, ...]) -> None:
+def test_voxels_do_not_depend_on_size_and_place(scale: float, shift: tuple[float, ...]) -> None:
     mesh = torus()
     plain = voxelise(solid_of(mesh), cells=120)
     mesh.apply_scale(scale)
@@ -90,35 +76,31 @@ def test_size_and_place_change_nothing(scale: float, shift: tuple[float, ...]) -
     assert moved.pitch / scale == pytest.approx(plain.pitch, rel=0.05)
 
 
-def test_a_ball_fills_pi_sixths_of_its_box() -> None:
-    voxels = voxelise(solid_of(trimesh.creation.icosphere(subdivisions=4)), cells=2000)
-    assert abs(len(voxels.shape) - 2000) <= 60
-    assert voxels.iou > 0.9
-    size = 2.0 / voxels.pitch
-    assert len(voxels.shape) == pytest.approx(np.pi / 6 * size**3, rel=0.03)
-
-
-def test_a_torus_has_one_hole_and_a_ball_none() -> None:
-    ring = voxelise(solid_of(torus()), cells=600).shape
+def test_holes_and_volumes_are_those_of_the_solids() -> None:
+    ball = voxelise(solid_of(trimesh.creation.icosphere(subdivisions=4)), cells=2000)
+    assert abs(len(ball.shape) - 2000) <= 60
+    assert ball.iou > 0.9
+    size = 2.0 / ball.pitch
+    assert len(ball.shape) == pytest.approx(np.pi / 6 * size**3, rel=0.03)
+    assert euler_characteristic(ball.shape.cells) == 1
+    ring = voxelise(solid_of(torus()), cells=300).shape
     assert euler_characteristic(ring.cells) == 0
-    ball = voxelise(solid_of(trimesh.creation.icosphere()), cells=600).shape
-    assert euler_characteristic(ball.cells) == 1
 
 
-def test_large_solids_have_layers_in_one_piece_where_little_is_lost() -> None:
+def test_large_solids_get_whole_layers() -> None:
     ring = trimesh.creation.torus(3.0, 1.2)
     voxels = voxelise(solid_of(ring), cells=125)
     assert has_whole_layers(grid_of(voxels.shape.cells))
     assert voxels.iou > 0.65
 
 
-def test_a_solid_may_have_no_axis_with_whole_layers() -> None:
+def test_has_whole_layers() -> None:
     frame = (np.indices((3, 3, 3)) == 1).sum(axis=0) <= 1  # the twelve edges of a cube
     assert not has_whole_layers(frame)
     assert has_whole_layers(np.ones((2, 3, 4), dtype=bool))
 
 
-def test_a_hollow_ball_stays_hollow() -> None:
+def test_hollow_ball_stays_hollow() -> None:
     inner = trimesh.creation.icosphere(subdivisions=3, radius=0.6)
     inner.invert()
     mesh = trimesh.util.concatenate([trimesh.creation.icosphere(subdivisions=3), inner])
@@ -127,20 +109,7 @@ def test_a_hollow_ball_stays_hollow() -> None:
     assert voxels.bodies == 1
 
 
-@pytest.mark.parametrize(
-    "cells", [20, *(pytest.param(n, marks=pytest.mark.long) for n in (150, 700))]
-)
-def test_the_reported_iou_and_overlay_are_true(cells: int) -> None:
-    mesh = trimesh.creation.torus(2.0, 0.7, major_sections=96, minor_sections=48)
-    turn = TURNS.rotation_matrix(0.4, [1, 2, 3])
-    mesh.apply_transform(turn)
-    voxels = voxelise(solid_of(mesh), cells=cells, seed=3)
-    assert voxels.iou == pytest.approx(overlay(voxels, turn[:3, :3]), abs=0.02)
-    assert np.linalg.det(voxels.rotation) == pytest.approx(1)
-    assert voxels.shape.cells.min(axis=0).tolist() == [0, 0, 0]
-
-
-def test_a_turned_box_is_turned_back() -> None:
+def test_turned_box_is_turned_back() -> None:
     mesh = box(3, 5, 4)
     mesh.apply_transform(TURNS.rotation_matrix(0.4, [1, 2, 3]))
     turned = voxelise(solid_of(mesh), cells=500)
@@ -149,13 +118,7 @@ def test_a_turned_box_is_turned_back() -> None:
     np.testing.assert_array_equal(upright.rotation, np.eye(3))
 
 
-def test_the_same_seed_gives_the_same_cells() -> None:
-    solid = solid_of(torus())
-    one, two = (voxelise(solid, cells=90, seed=5) for _ in range(2))
-    np.testing.assert_array_equal(one.shape.cells, two.shape.cells)
-
-
-def test_the_largest_of_several_bodies_is_kept_and_said() -> None:
+def test_largest_of_several_bodies_is_kept() -> None:
     small = box(1, 1, 1)
     small.apply_translation([9, 0, 0])
     voxels = voxelise(solid_of(trimesh.util.concatenate([box(3, 3, 3), small])), cells=27)
@@ -163,7 +126,7 @@ def test_the_largest_of_several_bodies_is_kept_and_said() -> None:
     assert "2 separate bodies" in voxels.notes[0]
 
 
-def test_bodies_that_overlap_are_one() -> None:
+def test_overlapping_bodies_are_joined() -> None:
     other = box(2, 2, 2)
     other.apply_translation([1, 1, 1])
     solid = solid_of(trimesh.util.concatenate([box(2, 2, 2), other]))
@@ -181,7 +144,7 @@ def dumbbell(thick: float) -> Solid:
     return solid_of(trimesh.util.concatenate([left, right, bar]))
 
 
-def test_a_thin_bar_is_kept_and_said() -> None:
+def test_thin_bar_is_kept() -> None:
     voxels = voxelise(dumbbell(0.45), cells=60)
     assert pieces(voxels.shape.cells) == 1
     assert voxels.bodies == 1
@@ -191,7 +154,7 @@ def test_a_thin_bar_is_kept_and_said() -> None:
 
 @given(st.integers(0, 2**32 - 1), st.integers(5, 400))
 @examples(one_of=10)
-def test_what_comes_out_is_in_one_piece(seed: int, cells: int) -> None:
+def test_voxels_are_in_one_piece(seed: int, cells: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(8, 3)) * rng.uniform(0.05, 1, 3)
     voxels = voxelise(solid_of(trimesh.convex.convex_hull(points)), cells=cells, seed=seed)
@@ -201,18 +164,17 @@ def test_what_comes_out_is_in_one_piece(seed: int, cells: int) -> None:
     assert voxels.above is None or voxels.above > cells
 
 
-@pytest.mark.parametrize("missing", [pytest.param(1, marks=pytest.mark.long), 9])
-def test_an_open_mesh_is_voxelised_like_the_closed_one(missing: int) -> None:
-    mesh = trimesh.creation.icosphere(subdivisions=3)
-    whole = voxelise(solid_of(mesh), cells=300)
+def test_open_mesh_is_voxelised_like_the_closed_one() -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    whole = voxelise(solid_of(mesh), cells=100)
     open_ = Solid(
         name="open",
         vertices=mesh.vertices,
-        faces=mesh.faces[missing:],
+        faces=mesh.faces[5:],
         closed=False,
         oriented=False,
     )
-    assert abs(len(voxelise(open_, cells=300).shape) - len(whole.shape)) < 15
+    assert abs(len(voxelise(open_, cells=100).shape) - len(whole.shape)) < 8
 
 
 def test_winding_and_votes_agree_on_closed_meshes() -> None:
@@ -242,15 +204,7 @@ def test_counts_out_of_range_are_refused(cells: int) -> None:
         voxelise(solid_of(box(1, 1, 1)), cells=cells)
 
 
-@pytest.mark.long
-def test_a_long_thin_diagonal_is_refused_or_made_within_memory() -> None:
-    mesh = box(1000, 0.5, 0.5)
-    mesh.apply_transform(TURNS.rotation_matrix(0.7, [0, 1, 1]))
-    voxels = voxelise(solid_of(mesh), cells=400)
-    assert pieces(voxels.shape.cells) == 1
-
-
-def test_a_sheet_without_thickness_has_no_inside() -> None:
+def test_sheet_without_thickness_is_refused() -> None:
     x, y = np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 9), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), x.ravel() * y.ravel() + y.ravel()])
     rows = np.arange(81).reshape(9, 9)
@@ -259,14 +213,6 @@ def test_a_sheet_without_thickness_has_no_inside() -> None:
     sheet = Solid(name="s", vertices=points, faces=faces, closed=False, oriented=False)
     with pytest.raises(InputError, match="encloses no volume"):
         voxelise(sheet, cells=100)
-
-
-@pytest.mark.parametrize("cells", [8, pytest.param(20, marks=pytest.mark.long), 125])
-@pytest.mark.parametrize("make", [torus, lambda: box(3.0, 2.0, 1.0)], ids=["torus", "box"])
-def test_other_counts_are_offered_on_both_sides(make: Callable[[], Any], cells: int) -> None:
-    voxels = voxelise(solid_of(make()), cells=cells)
-    assert voxels.above is not None
-    assert voxels.below < cells < voxels.above
 
 
 def joined(*parts: tuple[tuple[float, ...], tuple[float, ...]]) -> Mesh:
@@ -309,11 +255,9 @@ MESHES: dict[str, Callable[[], Mesh]] = {
 }
 
 
-@given(st.sampled_from(sorted(MESHES)), st.integers(1, 400), st.integers(0, 3), st.booleans())
+@given(st.sampled_from(sorted(MESHES)), st.integers(1, 150), st.integers(0, 3), st.booleans())
 @examples(one_of=30)
-def test_a_count_that_is_offered_is_what_asking_for_it_gives(
-    name: str, cells: int, seed: int, upright: bool
-) -> None:
+def test_offered_counts_can_be_had(name: str, cells: int, seed: int, upright: bool) -> None:
     solid = solid_of(MESHES[name]())
     voxels = voxelise(solid, cells=cells, seed=seed, upright=upright)
     got = len(voxels.shape)
@@ -333,7 +277,7 @@ def voxels_of(name: str, cells: int) -> Voxels:
     return voxelise(solid_of(MESHES[name]()), cells=cells)
 
 
-QUICK = ("ball", "open box", "slab", "two boxes")
+QUICK = ("open box", "slab", "two boxes")
 """Names of meshes that are voxelised quickly."""
 
 
@@ -341,9 +285,7 @@ QUICK = ("ball", "open box", "slab", "two boxes")
     "name",
     [pytest.param(n, marks=[pytest.mark.long] * (n not in QUICK)) for n in sorted(MESHES)],
 )
-@pytest.mark.parametrize(
-    "cells", [20, *(pytest.param(cells, marks=pytest.mark.long) for cells in (60, 160))]
-)
+@pytest.mark.parametrize("cells", [20, pytest.param(160, marks=pytest.mark.long)])
 def test_counts_come_within_a_tenth_and_others_are_offered(name: str, cells: int) -> None:
     voxels = voxels_of(name, cells)
     assert abs(len(voxels.shape) - cells) <= 0.1 * cells
@@ -351,44 +293,42 @@ def test_counts_come_within_a_tenth_and_others_are_offered(name: str, cells: int
     assert voxels.above is not None
 
 
-def brute_iou(mesh_boxes: list[tuple[tuple[float, ...], tuple[float, ...]]], v: Voxels) -> float:
-    """Intersection over union with boxes, from random points and the boxes' own sides."""
+def brute_iou(
+    mesh_boxes: list[tuple[tuple[float, ...], tuple[float, ...]]],
+    v: Voxels,
+    turn: NDArray[np.float64],
+) -> float:
+    """Intersection over union with turned boxes, from random points and the boxes' own sides."""
     sides, middles = (np.array(column) for column in zip(*mesh_boxes, strict=True))
     low, high = (middles - sides / 2).min(axis=0), (middles + sides / 2).max(axis=0)
-    points = np.random.default_rng(0).uniform(low, high, size=(200_000, 3))
+    points = np.random.default_rng(0).uniform(low, high, size=(100_000, 3))
     near = np.abs(points[:, None] - middles) <= sides / 2
     inside = near.all(axis=2).any(axis=1)
     volume = float(np.prod(high - low) * inside.mean())
-    own = np.floor(points[inside] @ v.rotation.T / v.pitch + v.offset).astype(int)
+    turned = points[inside] @ turn.T @ v.rotation.T
+    own = np.floor(turned / v.pitch + v.offset).astype(int)
     cells = {tuple(c) for c in v.shape.cells.tolist()}
     both = volume * np.mean([tuple(c) in cells for c in own.tolist()])
     return float(both / (volume + len(cells) * v.pitch**3 - both))
 
 
-@pytest.mark.parametrize(
-    "cells", [20, *(pytest.param(n, marks=pytest.mark.long) for n in (160, 480))]
-)
-def test_what_is_kept_of_a_thin_solid_is_true_and_what_is_lost_is_said(cells: int) -> None:
-    voxels = voxels_of("table", cells)
-    assert voxels.iou == pytest.approx(brute_iou(TABLE, voxels), abs=0.03)
-    assert voxels.iou > {20: 0.2, 160: 0.42, 480: 0.7}[cells]
+@pytest.mark.parametrize("cells", [20, pytest.param(160, marks=pytest.mark.long)])
+def test_notes_name_lost_parts_of_a_thin_solid(cells: int) -> None:
+    turn = TURNS.rotation_matrix(0.4, [1, 2, 3])
+    turned = table()
+    turned.apply_transform(turn)
+    voxels = voxelise(solid_of(turned), cells=cells)
+    assert np.linalg.det(voxels.rotation) == pytest.approx(1)
+    assert voxels.shape.cells.min(axis=0).tolist() == [0, 0, 0]
+    assert voxels.iou == pytest.approx(brute_iou(TABLE, voxels, turn[:3, :3]), abs=0.03)
+    assert voxels.iou > {20: 0.12, 160: 0.3}[cells]
     legs_kept = np.ptp(voxels.shape.cells, axis=0).min() * voxels.pitch > 4
     assert legs_kept or any("is lost" in note for note in voxels.notes)
     said = [note for note in voxels.notes if "only" in note and "use more modules" in note]
     assert len(said) == (voxels.iou < 0.5)
 
 
-def test_a_shape_that_is_kept_whole_has_nothing_said_of_loss() -> None:
-    assert voxelise(solid_of(box(4, 4, 2)), cells=32).notes == ()
-
-
-def test_more_that_keeps_less_is_said() -> None:
-    voxels = voxelise(solid_of(box(3, 3, 3)), cells=39)
-    assert voxels.below == 27
-    assert "the next smaller number of modules preserves more of the shape." in voxels.notes
-
-
-def test_the_largest_body_is_laid_as_if_it_were_alone() -> None:
+def test_largest_body_is_voxelised_as_if_it_were_alone() -> None:
     alone = voxelise(solid_of(box(2, 2, 2)), cells=125)
     beside = voxelise(solid_of(MESHES["two boxes"]()), cells=125)
     assert (alone.bodies, beside.bodies) == (1, 2)
@@ -396,9 +336,8 @@ def test_the_largest_body_is_laid_as_if_it_were_alone() -> None:
     assert beside.pitch == pytest.approx(alone.pitch)
 
 
-@pytest.mark.parametrize("cells", [18, 240])
-@pytest.mark.parametrize("fins", [8, 24])
-def test_voxelise_thin_fins_reports_figures_in_range(fins: int, cells: int) -> None:
+@pytest.mark.parametrize(("cells", "fins"), [(18, 24), (240, 8)])
+def test_voxelise_thin_fins_reports_figures_in_range(cells: int, fins: int) -> None:
     # A full cell of 32 samples a side does not fit into int16.
     middles = (np.arange(fins) + 0.5) * 4.0 / fins
     fin = [((0.02, 4.0, 2.0), (x, 2.0, 3.0)) for x in middles]

@@ -28,7 +28,7 @@ def two(at: tuple[float, float, float], turn: np.ndarray) -> np.ndarray:
     return np.column_stack([found.points - [0.0, 0.0, 9.0], found.normals, found.gaps])
 
 
-def test_faces_touch_at_the_corners_of_what_they_share() -> None:
+def test_faces_touch_at_the_corners_of_their_common_area() -> None:
     found = two((0.25, 0.0, 1.0), np.eye(3))
     assert sorted(map(tuple, found[:, :2].round(9))) == [
         (-0.25, -0.5),
@@ -39,17 +39,15 @@ def test_faces_touch_at_the_corners_of_what_they_share() -> None:
     assert np.allclose(found[:, 2:], [0.5, 0.0, 0.0, 1.0, 0.0])
 
 
-def test_a_gap_up_to_the_bound_counts_as_touching() -> None:
+def test_gaps_up_to_the_bound_are_contacts() -> None:
     assert len(two((0.0, 0.0, 1.0 + MODULE_GAP - 1e-3), np.eye(3))) == 4
     assert len(two((0.0, 0.0, 1.0 + MODULE_GAP + 1e-3), np.eye(3))) == 0
-
-
-def test_neighbours_across_an_edge_of_the_lattice_don_t_touch() -> None:
+    # Neighbours across an edge or a corner of the lattice do not touch.
     assert len(two((1.0, 0.0, 1.0), np.eye(3))) == 0
     assert len(two((1.0, 1.0, 1.0), np.eye(3))) == 0
 
 
-def test_a_tilted_face_touches_with_its_lower_edge_only() -> None:
+def test_tilted_face_touches_with_its_lower_edge() -> None:
     tilt = turned(1, 0.1)
     height = 0.5 * (np.cos(0.1) + np.sin(0.1))
     found = two((0.0, 0.0, 0.5 + height), tilt)
@@ -58,7 +56,7 @@ def test_a_tilted_face_touches_with_its_lower_edge_only() -> None:
     assert np.allclose(np.abs(found[:, 1]), 0.5)
 
 
-def test_a_corner_on_a_face_is_one_point() -> None:
+def test_corner_on_a_face_is_one_contact() -> None:
     turn = turned(1, np.arctan(np.sqrt(0.5))) @ turned(0, np.pi / 4)
     depth = (turn @ CUBE.vertices.T)[2].min()
     found = two((0.1, 0.1, 0.5 - depth + 0.01), turn)
@@ -67,7 +65,7 @@ def test_a_corner_on_a_face_is_one_point() -> None:
     assert found[0, 2] == pytest.approx(0.505)
 
 
-def test_two_edges_that_cross_touch_between_them() -> None:
+def test_crossing_edges_have_one_contact() -> None:
     # One stands on an edge along x, the other lies with one along y: turned by 45° each.
     positions = np.array([(0.0, 0.0, 9.0), (0.5, 0.5, 8.0), (0.1, 0.2, 9.0 + np.sqrt(2.0) + 0.02)])
     rotations = np.array([turned(0, np.pi / 4), np.eye(3), turned(1, np.pi / 4)])
@@ -79,7 +77,7 @@ def test_two_edges_that_cross_touch_between_them() -> None:
     assert found.gaps[pair][0] == pytest.approx(0.02)
 
 
-def test_linked_cubes_don_t_touch_and_others_do() -> None:
+def test_linked_cubes_have_no_contacts() -> None:
     chain = through([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
     found = contacts(CUBE, *standing(chain)[:2])
     pairs = {(a, b) for a, b in zip(found.first, found.second, strict=True) if b != FLOOR}
@@ -87,16 +85,7 @@ def test_linked_cubes_don_t_touch_and_others_do() -> None:
     assert found.on_floor.sum() == 16
 
 
-def test_smaller_modules_touch_at_the_same_places_moved_inwards() -> None:
-    chain = through([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
-    full = contacts(CUBE, *standing(chain)[:2])
-    small = contacts(CUBE, *standing(chain)[:2], size=0.9)
-    assert len(small) == len(full)
-    assert small.gaps[~small.on_floor] == pytest.approx(0.1)
-    assert np.abs(small.points[:, 2] - 0.5).max() == pytest.approx(0.45)
-
-
-def test_tetrahedra_touch_face_to_face_at_the_end_of_their_hinge_only() -> None:
+def test_contacts_of_linked_tetrahedra() -> None:
     chain = Chain.from_angles(TETRAHEDRON, np.array([np.pi / 2, 0.0]))
     poses = chain.folded_poses
     found = contacts(TETRAHEDRON, poses.positions + [0.0, 0.0, 9.0], poses.rotations)
@@ -109,7 +98,7 @@ def test_tetrahedra_touch_face_to_face_at_the_end_of_their_hinge_only() -> None:
     assert np.abs(arms[near][:, :2]).max(initial=0.0) < 1e-6  # none but on the hinge itself
 
 
-def test_faces_are_those_of_the_hull() -> None:
+def test_faces_and_edges_of_solids() -> None:
     for module, faces, edges, corners in ((CUBE, 6, 12, 4), (TETRAHEDRON, 4, 6, 3)):
         solid = solid_of(module, 1.0)
         assert (len(solid.normals), len(solid.edges), solid.loops.shape[1]) == (
@@ -122,7 +111,7 @@ def test_faces_are_those_of_the_hull() -> None:
             assert np.cross(q - p, r - q) @ normal > 0.0
 
 
-def test_the_floor_bears_corners_up_to_a_bound() -> None:
+def test_floor_bears_corners_up_to_a_bound() -> None:
     poses = line(3).folded_poses
     for lift, count in ((0.515, 12), (0.525, 0)):
         found = contacts(CUBE, poses.positions + [0.0, 0.0, lift], poses.rotations)

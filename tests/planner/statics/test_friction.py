@@ -40,7 +40,7 @@ def dragged(chain: Chain, coefficient: float, root: int = 0, step: float = STEP)
 
 
 @pytest.mark.parametrize("coefficient", [0.1, 0.3])
-def test_one_module_dragged_sideways(coefficient: float) -> None:
+def test_torque_of_one_dragged_module(coefficient: float) -> None:
     # It stands on one far corner, r = √(1.5² + 0.5²) from the hinge, as far as the level hinge does
     # not carry it. There the floor pushes μ N 0.5 / r towards the front, half a pitch below that
     # hinge: (1.5 + μ 0.25 / r) N = 1 − t, and t = μ r N.
@@ -55,7 +55,7 @@ def test_one_module_dragged_sideways(coefficient: float) -> None:
     )
 
 
-def test_a_tail_dragged_sideways_grows_as_its_square() -> None:
+def test_torque_of_a_dragged_tail_agrees_with_joint_wrenches() -> None:
     coefficient = 0.1
     torques = []
     for beyond in (4, 8):
@@ -73,7 +73,7 @@ def test_a_tail_dragged_sideways_grows_as_its_square() -> None:
     assert 3.0 < torques[1] / torques[0] < 4.0
 
 
-def test_what_is_dragged_the_other_way_is_pushed_the_other_way() -> None:
+def test_friction_is_opposed_to_the_motion() -> None:
     chain = line(5)
     at = standing(chain)
     there = Balance(chain).solve(*at, friction=dragged(chain, 0.2), clamped=0)
@@ -82,13 +82,7 @@ def test_what_is_dragged_the_other_way_is_pushed_the_other_way() -> None:
     assert np.allclose(there.forces[:, 1].sum(), -back.forces[:, 1].sum())
 
 
-def test_no_friction_and_none_at_all_are_the_same() -> None:
-    chain = line(4)
-    at = standing(chain)
-    assert Balance(chain).solve(*at, friction=dragged(chain, 0.0), clamped=0).torque == 0.0
-
-
-def test_a_corner_that_stays_is_held_in_a_pyramid_inside_the_cone() -> None:
+def test_corner_at_rest_is_held_within_the_friction_cone() -> None:
     chain = line(4)
     positions, rotations, angles = standing(chain)
     found = Balance(chain).solve(positions, rotations, angles)
@@ -104,7 +98,7 @@ def test_a_corner_that_stays_is_held_in_a_pyramid_inside_the_cone() -> None:
     assert ((along * forces[slipping, :2]).sum(axis=1) < 0.0).all()
 
 
-def test_a_free_chain_drifts_so_that_it_rubs_least() -> None:
+def test_free_chain_drifts_with_the_least_friction() -> None:
     chain = line(6)
     positions, rotations, angles = standing(chain)
     found = Balance(chain).solve(positions, rotations, angles)
@@ -127,7 +121,7 @@ def test_a_free_chain_drifts_so_that_it_rubs_least() -> None:
         assert work(free) <= work(other) * (1.0 + 1e-2)
 
 
-def test_a_free_chain_balances_while_it_drifts() -> None:
+def test_free_chain_balances_while_it_drifts() -> None:
     chain = line(6)
     positions, rotations, angles = standing(chain)
     balance = Balance(chain)

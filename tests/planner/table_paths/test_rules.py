@@ -38,18 +38,18 @@ def path(start: tuple[int, int, int], steps: str) -> Ints:
         ("eennwwsued", "falls", ["boxed-in"]),
     ],
 )
-def test_faults_are_those_that_were_made(steps: str, rule: Rule, codes: list[str]) -> None:
+def test_faults_of_paths(steps: str, rule: Rule, codes: list[str]) -> None:
     faults = faults_of(path((5, 5, 2), steps), rule=rule)
     assert [fault.code for fault in faults] == codes
     assert all(fault.cells and "expected" in fault.detail for fault in faults)
 
 
-def test_what_is_no_path_is_refused() -> None:
+def test_cells_that_are_no_path_are_refused() -> None:
     with pytest.raises(InputError, match="share a face"):
         faults_of([(0, 0, 0), (1, 0, 0), (3, 0, 0)])
 
 
-def test_a_cube_rests_on_one_side_a_brick_on_three_and_a_wedge_on_more() -> None:
+def test_different_base_sides_of_boxes() -> None:
     def box(*sides: int) -> Ints:
         return np.array(list(product(*map(range, sides))))
 
@@ -63,7 +63,7 @@ def test_a_cube_rests_on_one_side_a_brick_on_three_and_a_wedge_on_more() -> None
         assert side.cells.min(axis=0).tolist() == [0, 0, 0]
 
 
-def test_margins_are_distances_to_the_rim_of_the_floor_hull() -> None:
+def test_margins_to_the_rim_of_the_base() -> None:
     assert stands(path((0, 0, 0), "eee")) == pytest.approx(0.5)
     assert stands(path((0, 0, 0), "uuu")) == pytest.approx(0.5)
     # One cell on the floor and k beside above it: the mean of 0, 0, 1, 2 is 0.75, 0.25 beyond.
@@ -81,7 +81,7 @@ def test_all_ways_through_a_small_layer_are_found() -> None:
     assert len(found) == len(set(found)) == 40
 
 
-def test_a_large_layer_gives_as_many_ways_as_wanted_and_keeps_to_its_work() -> None:
+def test_ways_through_a_large_layer_are_limited() -> None:
     cells = np.array(list(product(range(6), range(7))))
     layer = Layer(cells=cells, index=np.arange(42))
     for limit in (100, 10**5):
@@ -97,7 +97,7 @@ def test_a_large_layer_gives_as_many_ways_as_wanted_and_keeps_to_its_work() -> N
         assert len(set(way)) == 42
 
 
-def test_the_parts_of_a_score_are_what_they_say() -> None:
+def test_parts_of_the_score() -> None:
     straight = parts_of(path((0, 0, 0), "eeee"))
     assert straight == Parts(front=1.0)
     assert straight.times(WEIGHTS) == pytest.approx(WEIGHTS.front)

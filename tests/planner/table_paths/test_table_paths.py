@@ -70,16 +70,13 @@ def has_path(cells: Ints) -> bool:
     return any(goes_on([k]) for k in range(len(cells)))
 
 
-@pytest.mark.parametrize("sides", [(3, 3, 3), (4, 4, 2), (4, 4, 4), (5, 3, 2), (1, 1, 6)])
+@pytest.mark.parametrize("sides", [(3, 3, 3), (5, 3, 2), (1, 1, 6)])
 def test_boxes_have_paths_that_keep_all_rules(sides: tuple[int, int, int]) -> None:
     check(table_paths(box(*sides)), box(*sides))
-
-
-def test_a_box_has_as_many_different_paths_as_wanted() -> None:
     assert len(table_paths(box(4, 4, 2), most=5)) == 5
 
 
-def test_a_tower_is_laid_down_since_its_first_link_lies_flat() -> None:
+def test_tower_is_laid_down() -> None:
     path = table_paths(box(1, 1, 6))[0]
     assert path.down != "-z" and (path.cells[:, 2] == 0).all()
     with pytest.raises(InputError, match="only one cell touches the floor") as error:
@@ -91,8 +88,8 @@ def test_a_tower_is_laid_down_since_its_first_link_lies_flat() -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        *("mallet-64", "cup"),
-        *(pytest.param(n, marks=pytest.mark.long) for n in ("wrench-80", "table", "chair")),
+        "cup",
+        *(pytest.param(n, marks=pytest.mark.long) for n in ("mallet-64", "table", "chair")),
     ],
 )
 def test_shapes_of_the_gallery_have_paths(name: str) -> None:
@@ -100,7 +97,7 @@ def test_shapes_of_the_gallery_have_paths(name: str) -> None:
     check(table_paths(cells, most=4), cells)
 
 
-def test_the_same_seed_gives_the_same_paths_and_another_one_others() -> None:
+def test_seed_decides_the_paths() -> None:
     cells = shape("letter-f")
     one, same, other = (
         [path.cells.tolist() for path in table_paths(cells, seed=seed)] for seed in (3, 3, 4)
@@ -109,7 +106,7 @@ def test_the_same_seed_gives_the_same_paths_and_another_one_others() -> None:
     assert one != other
 
 
-def test_an_overhang_that_stands_is_folded_and_told_in_the_score() -> None:
+def test_stable_overhang_has_a_path() -> None:
     standing = front("###.", "##..", "##..")
     deep = np.concatenate([standing, standing + (0, 1, 0)])
     path = table_paths(deep, turned=False)[0]
@@ -117,14 +114,14 @@ def test_an_overhang_that_stands_is_folded_and_told_in_the_score() -> None:
     assert path.parts.overhang > 0
 
 
-def test_an_overhang_that_tips_over_is_refused() -> None:
+def test_unstable_overhang_is_refused() -> None:
     tipping = front("######", "##....", "##....")
     with pytest.raises(InputError, match="centre of mass") as error:
         table_paths(tipping, turned=False)
     assert error.value.code == "not-stable"
 
 
-def test_a_beam_that_stands_in_the_end_but_tips_while_it_is_built_is_refused() -> None:
+def test_beam_that_tips_over_on_the_way_is_refused() -> None:
     tee = front("###########", "....###....")
     deep = np.concatenate([tee, tee + (0, 1, 0)])
     with pytest.raises(InputError, match=r"the first \d+ cells tip over") as error:
@@ -135,7 +132,7 @@ def test_a_beam_that_stands_in_the_end_but_tips_while_it_is_built_is_refused() -
     check(table_paths(deep, turned=False), deep)
 
 
-def test_an_arch_has_none_as_it_stands_and_is_told_which_cells_hang() -> None:
+def test_standing_arch_is_refused_with_its_hanging_cells() -> None:
     arch = front("####", "#..#", "#..#")
     with pytest.raises(InputError) as error:
         table_paths(arch, turned=False)
@@ -145,13 +142,13 @@ def test_an_arch_has_none_as_it_stands_and_is_told_which_cells_hang() -> None:
     check(table_paths(arch), arch)  # lying on its back it has
 
 
-def test_towers_beside_each_other_are_told_apart_from_overhangs() -> None:
+def test_separate_towers_are_refused_as_parts() -> None:
     (reason,) = why_none(front("#..#", "#..#", "####"), turned=False)
     assert reason.code == "parts"
     assert "layer 1" in reason.detail
 
 
-def test_a_shape_whose_paths_all_have_hairpins_is_told_so() -> None:
+def test_shape_with_hairpins_only_is_refused() -> None:
     with pytest.raises(InputError, match="turns back directly above itself") as error:
         table_paths(front("###", "###"), turned=False)
     assert error.value.code == "hairpins-only"
@@ -159,7 +156,7 @@ def test_a_shape_whose_paths_all_have_hairpins_is_told_so() -> None:
     assert why_none(front("###", "###")) == ()  # lying it has one
 
 
-def test_a_chessboard_out_of_balance_is_told_of_all_cells_or_of_the_layer() -> None:
+def test_parity_of_the_shape_or_of_a_layer_is_refused() -> None:
     plus = np.array([(1, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0), (1, 2, 0)])
     with pytest.raises(InputError, match="chessboard") as error:
         table_paths(plus)
@@ -172,7 +169,7 @@ def test_a_chessboard_out_of_balance_is_told_of_all_cells_or_of_the_layer() -> N
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_a_path_goes_down_only_where_none_climbs_and_as_rarely_as_it_has_to() -> None:
+def test_path_goes_down_only_where_it_has_to() -> None:
     cells = shape("pawn")
     (path,) = table_paths(cells, most=1)
     check((path,), cells, rule="falls")
@@ -180,7 +177,7 @@ def test_a_path_goes_down_only_where_none_climbs_and_as_rarely_as_it_has_to() ->
     assert any(fault.code == "goes-down" for fault in faults_of(path.cells))
 
 
-def test_what_is_no_shape_is_refused() -> None:
+def test_too_few_cells_are_refused() -> None:
     with pytest.raises(InputError, match="expected at least 3"):
         table_paths([(0, 0, 0), (1, 0, 0)])
     with pytest.raises(InputError, match="no cells"):
@@ -189,7 +186,7 @@ def test_what_is_no_shape_is_refused() -> None:
 
 @given(walk=walks(most=60))
 @examples(one_of=2)
-def test_each_path_through_any_shape_keeps_the_rules_and_none_has_a_reason(walk: Ints) -> None:
+def test_paths_keep_the_rules_or_a_reason_is_given(walk: Ints) -> None:
     if len(walk) < 3:
         return
     try:
@@ -205,7 +202,7 @@ def test_each_path_through_any_shape_keeps_the_rules_and_none_has_a_reason(walk:
 
 @given(walk=walks(most=9))
 @examples(one_of=2)
-def test_a_path_is_found_where_trying_everything_finds_one(walk: Ints) -> None:
+def test_search_agrees_with_trying_everything(walk: Ints) -> None:
     if len(walk) < 3:
         return
     (side,) = sides_of(walk, turned=False)

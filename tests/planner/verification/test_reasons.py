@@ -21,13 +21,12 @@ from planner.parameters.parameters import Parameters
 from planner.pathfinding.lattice import neighbours
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
 from planner.verification.plan_reasons import reason_of
 from planner.verification.reasons import check_reason
 from planner.verification.verify import verify
-from tests.planner.chains import COIL, coil, in_place, knotted
+from tests.planner.chains import coil, in_place, knotted
+from tests.planner.folds import asked
 from tests.planner.plans import changed
 
 USUAL: Final = Parameters()
@@ -93,7 +92,7 @@ def pit() -> Stuck:
     return stuck(chain, UNITS, angles=angles, strategy="peel")
 
 
-def test_a_knot_is_confirmed_by_the_chain_and_by_its_diagram(knot: Stuck) -> None:
+def test_knot_is_confirmed_by_the_chain_and_its_diagram(knot: Stuck) -> None:
     told = knot[3]
     assert (told["kind"], told["evidence"]["kind"]) == ("knot", "knot")
     assert (told["evidence"]["determinant"], told["evidence"]["crossings"]) == (3, 3)
@@ -101,7 +100,7 @@ def test_a_knot_is_confirmed_by_the_chain_and_by_its_diagram(knot: Stuck) -> Non
     assert differences(knot) == ()
 
 
-def test_a_knot_that_is_falsified_is_refuted(knot: Stuck) -> None:
+def test_falsified_knot_is_refuted(knot: Stuck) -> None:
     evidence = knot[3]["evidence"]
     diagram = evidence["diagram"]
     assert "expected 3" in differences(knot, determinant=5)[0]
@@ -118,7 +117,7 @@ def test_a_knot_that_is_falsified_is_refuted(knot: Stuck) -> None:
     assert any("expected at least one" in each for each in differences(knot, closings=[]))
 
 
-def test_a_chain_that_is_no_knot_where_it_stopped_is_not_called_one(knot: Stuck) -> None:
+def test_knot_that_has_opened_is_no_reason(knot: Stuck) -> None:
     """Knotted as folded, it has slipped out since: the reason is another one, and holds."""
     chain, _, _, told = knot
     bent = 0.2 * chain.folded_rad
@@ -129,7 +128,7 @@ def test_a_chain_that_is_no_knot_where_it_stopped_is_not_called_one(knot: Stuck)
     assert any("show no knot" in difference for difference in differences(claimed))
 
 
-def test_modules_that_block_each_other_are_confirmed(spirals: Stuck) -> None:
+def test_blocked_turns_are_confirmed(spirals: Stuck) -> None:
     told = spirals[3]
     evidence = told["evidence"]
     assert (evidence["kind"], evidence["module_size"]) == ("blocks", 0.95)
@@ -148,12 +147,12 @@ def test_modules_that_block_each_other_are_confirmed(spirals: Stuck) -> None:
         ({"overlap": 0.5}, "expected 0.5"),
     ],
 )
-def test_a_turn_that_is_falsified_is_refuted(spirals: Stuck, values: Values, said: str) -> None:
+def test_falsified_turn_is_refuted(spirals: Stuck, values: Values, said: str) -> None:
     turns = with_one(spirals[3]["evidence"]["turns"], **values)
     assert any(said in difference for difference in differences(spirals, turns=turns))
 
 
-def test_every_bent_hinge_must_be_told_and_blocked(spirals: Stuck) -> None:
+def test_each_bent_hinge_has_to_be_blocked(spirals: Stuck) -> None:
     evidence = spirals[3]["evidence"]
     assert "expected one for each" in differences(spirals, turns=evidence["turns"][1:])[0]
     assert "less than a right angle" in differences(spirals, bent_above_rad=9.0, turns=[])[0]
@@ -164,7 +163,7 @@ def test_every_bent_hinge_must_be_told_and_blocked(spirals: Stuck) -> None:
     assert free[3]["evidence"]["kind"] == "budget" and differences(free) == ()
 
 
-def test_a_unit_in_a_pit_is_blocked_in_all_directions(pit: Stuck) -> None:
+def test_buried_unit_is_blocked_in_all_directions(pit: Stuck) -> None:
     told = pit[3]
     evidence = told["evidence"]
     assert (told["kind"], evidence["kind"]) == ("buried", "blocks")
@@ -179,7 +178,7 @@ def test_a_unit_in_a_pit_is_blocked_in_all_directions(pit: Stuck) -> None:
     assert "at the end of the core" in differences(pit, unit=[29, 33])[0]
 
 
-def test_a_budget_is_that_of_the_parameters_and_used_up() -> None:
+def test_budget_agrees_with_parameters_and_record() -> None:
     chain = coil(12)
     record = explode(chain, HASTY.explosion)  # type: ignore[arg-type]
     found = diagnose(chain, record, HASTY)
@@ -250,23 +249,22 @@ def test_record_of_earlier_version_is_checked_by_the_limits_of_then() -> None:
 
 
 def test_failed_table_fold_is_verified_with_the_limit_that_ended_it(tmp_path: FilePath) -> None:
-    request = FoldRequest(world="table", as_voxels=True, settings="table_torque=0.5")
     cells = [[x, y, z] for z in range(2) for y in range(2) for x in range(2)]
-    Workspace(tmp_path).write_request(request, json.dumps(cells).encode())
-    summary = run_stages(tmp_path)
+    settings = {"world": "table", "as_voxels": True, "settings": "table_torque=0.5"}
+    summary = run_stages(asked(tmp_path, json.dumps(cells).encode(), **settings))
     assert summary["stuck"]["evidence"]["spent"] == "refusals"
     found = verify(tmp_path)
     assert found.reason is not None and found.reason.confirmed, found.reason
     assert not any("another form" in problem for problem in found.problems), found.problems
 
 
-def test_evidence_that_cannot_be_read_is_refuted(spirals: Stuck, knot: Stuck) -> None:
+def test_invalid_evidence_is_refuted(spirals: Stuck, knot: Stuck) -> None:
     assert "cannot be computed" in differences(spirals, turns=[{}])[0]
     assert "cannot be computed" in differences(knot, polygon="a knot")[0]
     assert "expected one of" in differences(knot, kind="magic")[0]
 
 
-def test_a_fold_that_gives_up_is_verified_with_its_reason(
+def test_failed_fold_is_verified_with_its_reason(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hasty = replace(HASTY, strategy="simultaneous")
@@ -276,8 +274,7 @@ def test_a_fold_that_gives_up_is_verified_with_its_reason(
         return hasty
 
     monkeypatch.setattr(FoldRequest, "parameters", parameters)
-    Workspace(tmp_path).write_request(FoldRequest(strategy="simultaneous"), write_path(COIL))
-    summary = run_stages(tmp_path)
+    summary = run_stages(asked(tmp_path, strategy="simultaneous"))
     assert summary["status"] == "failed"
     assert summary["stuck"]["evidence"]["spent"] == "steps"
     found = verify(tmp_path)

@@ -3,11 +3,24 @@ import { readFileSync } from "node:fs";
 import { NotProved, Plan } from "../../../web/static/js/check/plan.js";
 import { Proof } from "../../../web/static/js/check/proof.js";
 
+// Counts bounds of an interval above what is seen in its middle less what interpolation and rounding may hide.
+class Watched extends Proof {
+  bounds = 0;
+  above = 0;
+
+  solids(i, j, at, to, lost) {
+    const bound = super.solids(i, j, at, to, lost);
+    this.bounds += Number(Number.isFinite(bound));
+    this.above += Number(bound > this.best.gap - lost + 1e-12);
+    return bound;
+  }
+}
+
 async function verdict(path) {
   try {
-    const proof = new Proof(await Plan.read(new Uint8Array(readFileSync(path))));
+    const proof = new Watched(await Plan.read(new Uint8Array(readFileSync(path))));
     const frames = [...proof.run()];
-    return { proved: true, claim: proof.claim, least: proof.least, looks: proof.looks, pairs: proof.pairs, frames: frames.length };
+    return { proved: true, claim: proof.claim, least: proof.least, tightest: proof.tightest, pairs: proof.pairs, bounds: proof.bounds, above: proof.above, frames: frames.length };
   } catch (error) {
     if (!(error instanceof NotProved)) throw error;
     return { proved: false, text: error.message, place: error.place };

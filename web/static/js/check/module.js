@@ -1,26 +1,30 @@
-// A convex module at its size, and its joint to the next one: pose' = pose, anchor, hinge turns, a constant turn, offset.
+// A convex module at its size, and its joint to the next one: anchor, turn, hinge about the third axis, turn, ..., offset.
 
 /** @typedef {[number, number, number]} Vector */
 /**
- * @typedef {{ corners: Vector[], anchor: Vector, axes: Vector[], turn: Vector[], offset: Vector, rigid_links: number,
- *   apart: number, limit_rad: number, hinges: string[] }} Geometry the product's words for a module
+ * @typedef {{ corners: Vector[], faces: Vector[], edges: Vector[], anchor: Vector, offset: Vector, turns: Vector[][],
+ *   hinges: string[], rigid_links: number, apart: number, limit_rad: number }} Geometry a plan's words for a module
  */
 
-const HALVES = [-.5, .5];
+const HALVES = [-.5, .5], H = Math.SQRT1_2, T = Math.sqrt(1 / 3);
+/** @type {Vector[]} */
+const ONE = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
 /** @type {Record<string, Geometry>} */
 export const KNOWN = {
   cube: {
     corners: HALVES.flatMap((x) => HALVES.flatMap((y) => HALVES.map((z) => /** @type {Vector} */ ([x, y, z])))),
-    anchor: [0, 0, 0], axes: [[0, 0, 1], [0, 1, 0]], turn: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset: [1, 0, 0],
-    rigid_links: 1, apart: 2, limit_rad: 92 * (Math.PI / 180), hinges: ["_z", "_y"],
+    faces: ONE, edges: ONE, anchor: [0, 0, 0], offset: [1, 0, 0],
+    turns: [ONE, [ONE[1], ONE[2], ONE[0]], [ONE[2], ONE[0], ONE[1]]],
+    hinges: ["_z", "_y"], rigid_links: 1, apart: 2, limit_rad: 92 * (Math.PI / 180),
   },
   tetrahedron: {
     corners: [[-.5, -1, 0], [-.5, 1, 0], [.5, 0, -1], [.5, 0, 1]],
-    anchor: [.5, 0, 0], axes: [[0, 0, 1]], turn: [[1, 0, 0], [0, 0, -1], [0, 1, 0]], offset: [.5, 0, 0],
-    rigid_links: 0, apart: 1, limit_rad: 90.85 * (Math.PI / 180), hinges: [""],
+    faces: [[-H, 0, H], [-H, 0, -H], [H, H, 0], [H, -H, 0]],
+    edges: [ONE[1], ONE[2], [T, -T, -T], [T, -T, T], [T, T, -T], [T, T, T]],
+    anchor: [.5, 0, 0], offset: [.5, 0, 0], turns: [ONE, [[1, 0, 0], [0, 0, -1], [0, 1, 0]]],
+    hinges: [""], rigid_links: 0, apart: 1, limit_rad: 90.85 * (Math.PI / 180),
   },
 };
-const SOLID = 1e-9; // shorter vectors, and corners nearer to a plane, count as none and as on it
 
 /** @type {(a: ArrayLike<number>, b: ArrayLike<number>) => number} */
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -28,50 +32,6 @@ export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 /** @type {(a: ArrayLike<number>) => number} */
 export const norm = (a) => Math.sqrt(dot(a, a));
-/** @type {(a: Vector, b: Vector) => Vector} */
-const minus = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-/** @type {(a: Vector) => Vector} */
-const unit = (a) => { const l = norm(a); return [a[0] / l, a[1] / l, a[2] / l]; };
-
-/**
- * Unit vectors without repeats, of opposite ones only one.
- * @param {Vector[]} vectors
- */
-function directions(vectors) {
-  /** @type {Vector[]} */
-  const found = [];
-  for (const v of vectors) {
-    if (norm(v) > SOLID && !found.some((f) => Math.abs(dot(unit(v), f)) > 1 - SOLID)) found.push(unit(v));
-  }
-  return found;
-}
-
-/**
- * Normals of the faces, and directions of the edges: corners that two faces share.
- * @param {Vector[]} V
- */
-function sides(V) {
-  /** @type {Map<string, Vector>} */
-  const planes = new Map();
-  for (let a = 0; a < V.length; a++) for (let b = 0; b < a; b++) for (let c = 0; c < b; c++) {
-    const normal = cross(minus(V[a], V[c]), minus(V[b], V[c]));
-    const level = V.map((v) => dot(minus(v, V[c]), normal));
-    if (norm(normal) <= SOLID || (Math.min(...level) < -SOLID && Math.max(...level) > SOLID)) continue;
-    planes.set(level.map((l) => Number(Math.abs(l) < SOLID)).join(""), normal);
-  }
-  const on = [...planes.keys()];
-  const edges = V.flatMap((v, a) => V.slice(0, a).filter((_, b) => on.filter((p) => p[a] === "1" && p[b] === "1").length > 1).map((w) => minus(v, w)));
-  return { faces: directions([...planes.values()]), edges: directions(edges) };
-}
-
-const axisOf = (/** @type {number} */ k) => [0, 1, 2].map((x) => Number(x === k));
-
-/** Axes of a hinge as columns, the hinge itself the third. @param {Vector} axis */
-function frameOf(axis) {
-  const most = axis.reduce((a, v, k) => (Math.abs(v) > Math.abs(axis[a]) ? k : a), 0);
-  const one = unit(cross(axis, axisOf((most + 2) % 3)));
-  return [one, cross(axis, one), axis];
-}
 
 export class Module {
   /**
@@ -84,21 +44,21 @@ export class Module {
     this.radius = Math.max(...this.V.map(norm));
     this.half = [0, 1, 2].map((k) => Math.max(...this.V.map((v) => Math.abs(v[k]))));
     this.box = new Set(this.V.map(String)).size === 8 && this.V.length === 8 && this.V.every((v) => v.every((x, k) => Math.abs(x) === this.half[k]));
-    this.sides = sides(this.V);
+    this.faces = told.faces;
+    this.edges = told.edges;
     this.link = (norm(told.anchor) + norm(told.offset)) * (1 + 1e-12);
-    this.hinges = told.axes.length;
-    const frames = [[0, 1, 2].map(axisOf), ...told.axes.map(frameOf), [0, 1, 2].map((k) => told.turn.map((row) => row[k]))];
-    /** Rows of the turns between hinges' frames. */
-    this.between = frames.slice(1).map((next, k) => frames[k].map((a) => next.map((b) => dot(a, b))));
-    this.plain = this.between.flat(2).every((v) => v === 0 || Math.abs(v) === 1);
+    this.hinges = told.hinges.length;
+    this.plain = told.turns.flat(2).every((v) => v === 0 || Math.abs(v) === 1);
   }
 
-  /** Whether the joint turns without stretching, and the corners span a solid. */
+  /** Whether its turns are rotations, the normals of faces have length 1, and all else are numbers. */
   get sound() {
-    const { turn, axes, rigid_links: rigid } = this.told;
-    if (!Number.isInteger(rigid) || rigid < 0) return false;
-    const same = turn.every((a, i) => turn.every((b, j) => Math.abs(dot(a, b) - Number(i === j)) < 8e-15));
-    return same && dot(turn[0], cross(turn[1], turn[2])) > 0 && axes.every((a) => Math.abs(norm(a) - 1) < 8e-15) && this.sides.faces.length > 2;
+    const { turns, faces, edges, corners, anchor, offset, apart, rigid_links: rigid } = this.told;
+    const rotates = turns.every((rows) => dot(rows[0], cross(rows[1], rows[2])) > 0
+      && rows.every((a, i) => rows.every((b, j) => Math.abs(dot(a, b) - Number(i === j)) < 1e-15)));
+    return rotates && turns.length === this.hinges + 1 && faces.every((f) => Math.abs(dot(f, f) - 1) < 1e-15)
+      && [...corners, ...edges, anchor, offset].every((v) => v.length === 3 && v.every(Number.isFinite))
+      && [1, 2].includes(apart) && [0, 1].includes(rigid);
   }
 
   /** Least of (x, y, z) . corner over the corners. @type {(x: number, y: number, z: number) => number} */
@@ -118,11 +78,11 @@ export class Module {
    * @param {number} at
    */
   next(P, from, to, q, at) {
-    const { anchor, offset } = this.told;
+    const { anchor, offset, turns } = this.told;
     for (let x = 0; x < 12; x++) P[to + x] = P[from + x];
     for (let x = 0; x < 3; x++) P[to + x] += anchor[0] * P[to + 3 + x] + anchor[1] * P[to + 6 + x] + anchor[2] * P[to + 9 + x];
     for (let k = 0; k <= this.hinges; k++) {
-      const [r0, r1, r2] = this.between[k];
+      const [r0, r1, r2] = turns[k];
       const c = k < this.hinges ? Math.cos(q[at + k]) : 1;
       const s = k < this.hinges ? Math.sin(q[at + k]) : 0;
       for (let x = to + 3; x < to + 6; x++) {

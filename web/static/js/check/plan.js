@@ -132,6 +132,8 @@ export class Plan {
     const { apart, count } = said.exempt_pairs ?? { apart: geometry.apart, count: (geometry.apart - 1) * (n - 1) };
     required([1, 2].includes(apart) && apart === geometry.apart && count === (apart - 1) * (n - 1), "other pairs are exempt than those that share a joint");
     required(this.most <= geometry.limit_rad + SLIP, `a hinge turns to ${(this.most * 180 / Math.PI).toFixed(3)} degrees`);
+    required([undefined, null, this.frames].includes(said.frames), "more or fewer frames than certified");
+    required(this.largestStep() <= (said.max_joint_step_rad || Infinity) + 1e-9, "a larger step of a hinge than the plan says");
     const times = this.numbers("time_s"), start = told.start ? told.start.folded_rad : new Float64Array(this.folded.length);
     required(times.length === this.frames && rise(times), "times that do not rise from frame to frame");
     required(near(this.frame(0), start), told.start ? "does not begin as it says" : "does not begin straight");
@@ -140,12 +142,24 @@ export class Plan {
     required(!digest || digest === await this.digest(), "the angles are not those of the digest");
   }
 
-  /** SHA-256 of the angles as 64-bit floats; of windows, of first and offsets before them as 64-bit integers. */
+  /** How far a hinge moves from frame to frame at most. */
+  largestStep() {
+    let found = 0;
+    for (let k = 1; k < this.frames; k++) {
+      const low = Math.min(this.first[k - 1], this.first[k]) + this.pad, count = Math.max(this.last[k - 1], this.last[k]) + this.pad - low;
+      const [before, now] = [k - 1, k].map((frame) => this.frame(frame, low, new Float64Array(count)));
+      for (let s = 0; s < count; s++) found = Math.max(found, Math.abs(now[s] - before[s]));
+    }
+    return found;
+  }
+
+  /** SHA-256 of the angles as 64-bit floats; of windows, of first and offsets as 64-bit integers, then of the angles as 32-bit floats. */
   async digest() {
     const places = this.windowed ? [...this.first, ...this.offsets] : [];
-    const bytes = new Uint8Array(8 * (places.length + this.values.length));
+    const values = this.windowed ? Float32Array.from(this.values) : this.values;
+    const bytes = new Uint8Array(8 * places.length + values.byteLength);
     new BigInt64Array(bytes.buffer, 0, places.length).set(places.map(BigInt));
-    new Float64Array(bytes.buffer, 8 * places.length).set(this.values);
+    bytes.set(new Uint8Array(values.buffer, values.byteOffset, values.byteLength), 8 * places.length);
     const hash = new Uint8Array(await crypto.subtle.digest("SHA-256", bytes));
     return Array.from(hash, (byte) => byte.toString(16).padStart(2, "0")).join("");
   }

@@ -32,8 +32,8 @@ export class Proof {
    * @param {{ claim?: number, size?: number, grow?: boolean }} [options] with `grow`, modules become smaller until none touch
    */
   constructor(plan, { claim = plan.claim, size = plan.size, grow = false } = {}) {
-    const m = new Module(plan.module.told, size), angle = 4 * U * 2 * plan.most + 2 * U * plan.most + 4 * U;
-    const e = m.hinges * Math.SQRT2 * (2 * angle + 3 * U) + (m.plain ? 0 : (m.hinges + 1) * 15 * U);
+    const m = new Module(plan.module.told, size), angle = (4 * 2 + 2) * U * plan.most + 8 * U;
+    const e = m.hinges * Math.SQRT2 * (2 * angle + 3 * U) + (m.plain ? 0 : (m.hinges + 1) * 40 * U);
     const scale = Math.max(...BERNSTEIN.map((row) => row.reduce((sum, x) => sum + Math.abs(x), 0)));
     this.E = scale * (m.link * plan.n + 2 * m.radius) * (plan.n * (2 * e + 48 * U) + 256 * U);
     this.plan = plan;
@@ -135,7 +135,7 @@ export class Proof {
 
   /** Bound along the axis that separates best in the middle: of centres and faces, and if it must be, of edges. @type {(i: number, j: number, at: number, to: number, lost: number) => number} */
   solids(i, j, at, to, lost) {
-    const { M, y: Y, best, module: { sides: { faces, edges } }, motion: { P } } = this, one = at + 12 * MIDDLE + 3, two = to + 12 * MIDDLE + 3;
+    const { M, y: Y, best, module: { faces, edges }, motion: { P } } = this, one = at + 12 * MIDDLE + 3, two = to + 12 * MIDDLE + 3;
     for (let k = 0; k < 9; k++) {
       const a = one + k - k % 3, b = two + 3 * (k % 3);
       M[k] = P[a] * P[b] + P[a + 1] * P[b + 1] + P[a + 2] * P[b + 2];

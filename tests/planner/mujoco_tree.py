@@ -1,0 +1,55 @@
+"""The accelerations of a chain as one tree of MuJoCo has them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.rotations import wxyz_from_matrix
+from planner.simulation.reduced import Acceleration, State
+
+Array = NDArray[np.float64]
+
+
+def solve_exactly(model: Any) -> Any:
+    """Return a model with exact contacts, whose solver goes on to the end."""
+    model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
+    model.opt.iterations = 100
+    model.opt.tolerance = 0.0  # relative to inertias, some of which are huge
+    return model
+
+
+def accelerate(
+    model: Any,
+    chain: Chain,
+    state: State,
+    *,
+    forces: Array | None = None,
+    torques: Array | None = None,
+) -> Acceleration:
+    """Return what a tree does under forces on its modules and torques of its hinges."""
+    data: Any = mujoco.MjData(model)
+    data.joint("root").qpos[:] = [*state.position, *wxyz_from_matrix(state.rotation)]
+    data.joint("root").qvel[:] = [*state.velocity, *state.spin]
+    for j, name in enumerate(chain.joint_names):
+        data.joint(name).qpos[0], data.joint(name).qvel[0] = state.angles[j], state.rates[j]
+        if torques is not None:
+            data.qfrc_applied[model.joint(name).dofadr[0]] = torques[j]
+    if forces is not None:
+        for i, force in enumerate(forces):
+            data.xfrc_applied[model.body(f"module_{i}").id, :3] = force
+    mujoco.mj_forward(model, data)
+    root = data.joint("root").qacc
+    return Acceleration(
+        hinges=np.array([data.joint(name).qacc[0] for name in chain.joint_names]),
+        linear=root[:3],
+        angular=root[3:],
+        contacts=int(data.ncon),
+        depth=0.0,
+    )

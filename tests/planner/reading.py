@@ -1,0 +1,43 @@
+"""Files that are read as a kind of shape, or refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from planner.chain.path import Path
+from planner.errors import InputError
+from planner.readers import read
+from planner.shapes.shape import Shape
+from planner.shapes.solid import Solid
+
+
+def refusal_of(data: bytes, **options: Any) -> InputError:
+    """Return the error of a file that is refused, in words that can be printed."""
+    with pytest.raises(InputError) as refusal:
+        read(data, **options)
+    assert str(refusal.value).isprintable()
+    assert refusal.value.detail.endswith(".")
+    return refusal.value
+
+
+def solid_in(data: bytes, filename: str | None = None) -> Solid:
+    """Return the solid in a file."""
+    found = read(data, filename=filename)
+    assert isinstance(found, Solid)
+    return found
+
+
+def shape_in(data: bytes, **options: Any) -> Shape:
+    """Return the voxels in a file."""
+    found = read(data, **options)
+    assert isinstance(found, Shape)
+    return found
+
+
+def cells_of(data: bytes, filename: str | None = None) -> list[list[int]]:
+    """Return the cells of the path in a file, in its order."""
+    found = read(data, filename=filename)
+    assert isinstance(found, Path)
+    return found.cells.tolist()
