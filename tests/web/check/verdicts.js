@@ -3,16 +3,23 @@ import { readFileSync } from "node:fs";
 import { NotProved, Plan } from "../../../web/static/js/check/plan.js";
 import { Proof } from "../../../web/static/js/check/proof.js";
 
-// Counts bounds of an interval above what is seen in its middle less what interpolation and rounding may hide.
+// Counts bounds of an interval, and those from which it is not taken off what interpolation and rounding may hide.
 class Watched extends Proof {
   bounds = 0;
   above = 0;
 
   solids(i, j, at, to, lost) {
+    this.seen = -Infinity;
     const bound = super.solids(i, j, at, to, lost);
     this.bounds += Number(Number.isFinite(bound));
-    this.above += Number(bound > this.best.gap - lost + 1e-12);
+    this.above += Number(bound > this.seen - lost);
     return bound;
+  }
+
+  during(at, to) {
+    const found = super.during(at, to);
+    this.seen = Math.max(this.seen, found);
+    return found;
   }
 }
 
