@@ -34,10 +34,11 @@ function levelsOf(leaves) {
   const levels = [leaves];
   for (let low = leaves; low.length > 7; levels.push(low)) {
     const before = low, last = low.length / 7 - 1;
-    low = new Float64Array(7 * ((last >> 1) + 1)).map((_, k) => {
+    low = new Float64Array(7 * ((last >> 1) + 1));
+    for (let k = 0; k < low.length; k++) {
       const x = k % 7, a = before[2 * k - x], b = before[7 * Math.min(2 * (k - x) / 7 + 1, last) + x];
-      return x < 3 ? Math.min(a, b) : Math.max(a, b);
-    });
+      low[k] = x < 3 ? Math.min(a, b) : Math.max(a, b);
+    }
   }
   return levels;
 }
@@ -60,7 +61,8 @@ export class Interval {
   fresh = false; // whether pairs that do not move need a look
   whole = false; // whether all modules move
   most = 0;
-  boxes = [new Float64Array(7), new Float64Array(7)];
+  A = new Float64Array(7);
+  B = new Float64Array(7);
   /** @type {number[]} */
   found = [];
 
@@ -193,7 +195,7 @@ export class Interval {
 
   /** @type {(reach: number, one: Part, li: number, i: number, two: Part, lj: number, j: number) => void} */
   descend(reach, one, li, i, two, lj, j) {
-    const { plan: { module: { told: { apart }, link } }, found, boxes: [A, B] } = this;
+    const { plan: { module: { told: { apart }, link } }, found, A, B } = this;
     const from = one.first + (i << li), end = Math.min(two.first + ((j + 1) << lj) - 1, two.last);
     if (from > one.last || two.first + (j << lj) > two.last || end - from < apart || found.length > this.most) return;
     if (!this.fresh && this.turning[this.clip(end)] === this.turning[this.clip(from)]) return; // as proved before
@@ -204,8 +206,8 @@ export class Interval {
     const ways = Math.min(A[6] + B[6], .5 * this.turns(from, end) * (end - from) * link) * ROUNDED;
     if (Math.sqrt(gap) >= reach + ways) return;
     if (!li && !lj) found.push(from, end);
-    else if (li >= lj) for (const half of [2 * i, 2 * i + 1]) this.descend(reach, one, li - 1, half, two, lj, j);
-    else for (const half of [2 * j, 2 * j + 1]) this.descend(reach, one, li, i, two, lj - 1, half);
+    else if (li >= lj) for (let half = 0; half < 2; half++) this.descend(reach, one, li - 1, 2 * i + half, two, lj, j);
+    else for (let half = 0; half < 2; half++) this.descend(reach, one, li, i, two, lj - 1, 2 * j + half);
   }
 
   /** @type {(part: Part, level: number, i: number, out: Float64Array) => void} */
