@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import Page, expect
 
 from foldback_check import Plan
 from planner.motion.timeline import Timeline
-from tests.browser.conftest import OPEN, keep, visits
+from tests.browser.conftest import Visit, visits
 from tests.browser.test_accessibility import findings
 from tests.server.service import Service
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
 
 
 @pytest.fixture(scope="module")
 def page(service: Service, wrench: str) -> Iterator[Page]:
-    with visits(OPEN.browser(), service) as visit:
+    with visits(service) as visit:
         page = visit(f"/folds/{wrench}", width=1366, height=768, view=False)
         page.wait_for_function("() => window.foldback?.timeline.complete")
         page.locator("#details").click()
@@ -39,7 +38,6 @@ def test_the_browser_checks_a_fold_by_itself(page: Page, service: Service, wrenc
     assert [url for url in asked if url.endswith("/plan.npz")]
     check.get_by_text("What is not claimed").click()
     expect(check).to_contain_text("Real joints have play")
-    keep(page, "checked")
     assert findings(page) == {}
 
 
@@ -60,12 +58,10 @@ def test_it_is_broken_on_purpose(page: Page) -> None:
     said = check.get_by_role("status")
     check.get_by_role("button", name="Larger modules").click()
     expect(said).to_contain_text("The modules of this plan are 95.0 % of a cell wide.")
-    keep(page, "broken-by-size")
     page.evaluate("foldback.player.send({ do: 'select', module: 12 })")
     page.locator("#tab-properties").click()
     check.get_by_role("button", name="Turn a hinge by 1°").click()
     expect(said).to_contain_text("With the joint behind module 13 off by 1°")
-    keep(page, "broken-by-a-hinge")
 
 
 def test_the_checker_is_there_to_take_away(service: Service) -> None:
@@ -80,7 +76,6 @@ def test_it_is_checked_where_it_is_embedded(visit: Visit, wrench: str) -> None:
     page.get_by_role("button", name="Check it here").click()
     dialog = page.get_by_role("dialog")
     expect(dialog.get_by_role("status")).to_contain_text("Checked by this browser")
-    keep(page, "checked-embedded")
     dialog.get_by_role("button", name="Tightest place").click()
     expect(dialog).to_have_count(0)
     assert len(page.evaluate("foldback.player.marked")) == 2
@@ -91,7 +86,6 @@ def test_either_of_two_folds_is_checked(visit: Visit, wrench: str) -> None:
     page.locator("#side-1").get_by_role("button", name="here").click()
     dialog = page.get_by_role("dialog")
     expect(dialog.get_by_role("status")).to_contain_text("Checked by this browser")
-    keep(page, "checked-compared")
     dialog.get_by_role("button", name="Tightest place").click()
     expect(dialog).to_have_count(0)
     expect(page.locator("#r-phase")).to_have_text("Playback")
@@ -105,5 +99,4 @@ def test_it_is_checked_on_a_phone(visit: Visit, wrench: str) -> None:
     check.get_by_role("button", name="Check it here").click()
     expect(check.get_by_role("status")).to_contain_text("Checked by this browser")
     check.get_by_role("button", name="Turn a hinge by 1°").scroll_into_view_if_needed()
-    keep(page, "checked-on-a-phone")
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
