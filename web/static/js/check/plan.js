@@ -139,7 +139,8 @@ export class Plan {
     required(near(this.frame(0), start), told.start ? "does not begin as it says" : "does not begin straight");
     required(near(this.frame(this.frames - 1), this.folded), "does not end folded");
     const digest = told.claim?.angles_sha256;
-    required(!digest || digest === await this.digest(), "the angles are not those of the digest");
+    // Browsers hash for pages of https and of localhost alone; the proof itself needs no digest.
+    required(!digest || !globalThis.crypto?.subtle || digest === await this.digest(), "the angles are not those of the digest");
   }
 
   /** How far a hinge moves from frame to frame at most. */

@@ -119,7 +119,7 @@ export class Proof {
         this.open = place;
         return false;
       }
-      if (!this.grow) throw new NotProved(`Modules ${i} and ${j} are ${place.gap.toFixed(9)} apart at frame ${place.frame.toFixed(6)}, less than ${this.claim.toFixed(9)}.`, place);
+      if (!this.grow) throw new NotProved(`Modules ${i} and ${j}: no gap above ${place.gap.toFixed(9)} was found at frame ${place.frame.toFixed(6)}, less than ${this.claim.toFixed(9)}.`, place);
       this.fit(place, this.best.fits);
     }
   }
