@@ -120,7 +120,7 @@ compose-check: $(STAMP) tools ## Run compose.yaml without containers: folds, bac
 	@$(BIN)/python -m tests.deploy.rehearsal
 
 deploy-check: $(STAMP) ## Build the image's steps for real (root, Debian, minutes)
-	@$(BIN)/python tests/deploy/build.py
+	@$(BIN)/python -m tests.deploy.build
 
 bench: $(STAMP) ## The figures: a table, and JSON in out/ (ARGS="--only first")
 	@$(BIN)/python -m bench $(ARGS)

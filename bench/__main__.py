@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 
 from bench.baselines import direct, paper
+from bench.clearance.checking import checking
+from bench.clearance.sweeps import sweeps
 from bench.first import first
 from bench.folds import folds, gallery
 from bench.hard import hard
@@ -28,7 +30,6 @@ from bench.smoothing import smoothing
 from bench.speed import speed
 from bench.success_map.published import published
 from bench.success_map.seeds import seeds
-from bench.sweeps import sweeps
 from bench.table.folds import table_folds, table_long_folds
 from bench.table.offers import table_offers_section
 from bench.table.paths import table_path_section
@@ -51,6 +52,7 @@ SECTIONS = {
     "portfolio": portfolio,
     "hard": hard,
     "sweeps": sweeps,
+    "checking": checking,
     "table-folds": table_folds,
     "table-long-folds": table_long_folds,
     "table-offers": table_offers_section,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import wraps
-from inspect import Parameter, signature
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -91,11 +91,18 @@ def takes(
                 refuse(error, as_json)
             command(request=request, as_json=as_json, **given)
 
-        vars(call)["__signature__"] = own.replace(parameters=parameters)
-        call.__annotations__ = {each.name: each.annotation for each in parameters}
-        return call
+        return with_parameters(call, parameters)
 
     return with_options
+
+
+def with_parameters(
+    command: Callable[..., None], parameters: Sequence[Parameter]
+) -> Callable[..., None]:
+    """Give a command the parameters that typer reads its options from; return the command."""
+    vars(command)["__signature__"] = Signature(parameters)
+    command.__annotations__ = {each.name: each.annotation for each in parameters}
+    return command
 
 
 def _parameters(option: Option, line: str) -> Iterator[Parameter]:

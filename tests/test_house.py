@@ -26,7 +26,7 @@ FEWEST, MOST = 5, 25
 ROOMS = [room for room in FLOOR_OF if room not in COLUMNS and modules()[room].name == "__init__.py"]
 
 
-def test_every_import_points_to_a_lower_floor() -> None:
+def test_imports_point_to_lower_floors() -> None:
     up = [
         f"{each.module} imports {each.imported}"
         for each in imports()
@@ -38,7 +38,7 @@ def test_every_import_points_to_a_lower_floor() -> None:
     assert up == []
 
 
-def test_a_room_has_a_purpose_and_a_size_to_live_in() -> None:
+def test_packages_have_a_purpose_and_5_to_25_files() -> None:
     for room in ROOMS:
         with case(room):
             files = [path for path in modules()[room].parent.iterdir() if path.is_file()]
@@ -46,26 +46,26 @@ def test_a_room_has_a_purpose_and_a_size_to_live_in() -> None:
             assert about(room).endswith(".")
 
 
-def test_no_folder_is_forgotten() -> None:
+def test_all_packages_have_a_floor() -> None:
     folders = {".".join(p.parent.relative_to(ROOT).parts) for p in modules().values()}
     named = {f for f in folders if not f.startswith(ELSEWHERE) and f not in COLUMNS}
     assert named == set(ROOMS)
 
 
 @pytest.mark.parametrize("folder", ["tests", "bench", "examples", "docs", "web/static/js"])
-def test_other_folders_are_no_larger(folder: str) -> None:
+def test_other_folders_have_at_most_25_files(folder: str) -> None:
     for path in (ROOT / folder, *(ROOT / folder).rglob("*")):
         if path.is_dir() and path.name not in ("__pycache__", "shapes", "snapshots"):
             assert len([p for p in path.iterdir() if p.is_file()]) <= MOST, path
 
 
-def test_the_page_tells_the_rooms_as_they_are() -> None:
+def test_house_page_and_picture_are_current() -> None:
     page = PAGE.read_text(encoding="utf-8")
     assert with_table(page) == page, "run `python -m docs.make_house`"
     assert drawn() == PICTURE.read_text(encoding="utf-8"), "run `python -m docs.make_house`"
 
 
-def test_what_the_page_names_is_there() -> None:
+def test_paths_on_the_house_page_exist() -> None:
     page, _, _ = PAGE.read_text(encoding="utf-8").partition("<!-- rooms -->")
     named = [name for name in re.findall(r"`([\w./]+)`", page) if "/" in name]
     assert named

@@ -17,7 +17,7 @@ def nobody(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("nobody")
-def test_all_that_is_missing_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_tools_are_named_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     missing = [Tool(name, (name.lower(),), lambda: None) for name in ("Chromium", "PostgreSQL")]
     monkeypatch.setattr(tools, "TOOLS", (*missing, Tool("sh", ("dash",), lambda: "/bin/sh")))
     with pytest.raises(SystemExit) as told:
@@ -31,7 +31,7 @@ def test_all_that_is_missing_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.usefixtures("nobody")
-def test_what_can_be_downloaded_is_got_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_tool_is_downloaded_once(capsys: pytest.CaptureFixture[str]) -> None:
     got: list[str] = []
     tool = Tool("Chromium", (), lambda: got[0] if got else None, lambda: got.append("/got"))
     assert tool.get() == tool.get() == "/got"

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, ViewportSize
 
 from bench.service.browsing import service_and_browser
 from bench.tables import Section
-from tests.browser.conftest import AT_REST, leave_view_out
+from tests.browser.conftest import AT_REST, NO_VIEW
 from tests.browser.test_small_frames import MIN_PICTURE_SHARE, PICTURE_SHARE
 from tests.server.service import Service
 
@@ -154,7 +154,7 @@ def _address(service: Service, fold: str, kind: str, folder: Path) -> str:
 def _opened(browser: Browser, address: str, size: ViewportSize = SIZE) -> Page:
     context = browser.new_context(viewport=size, color_scheme="dark", reduced_motion="reduce")
     context.set_default_timeout(90_000)
-    leave_view_out(context)
+    context.add_init_script(NO_VIEW)
     if address.startswith("file:"):  # its 3D view is part of it and cannot be left out
         context.add_init_script(NO_WEBGL)
     page = context.new_page()

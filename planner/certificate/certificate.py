@@ -24,6 +24,7 @@ from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.chain.statics import GRAVITY_M_S2, static_torque
 from planner.clearance.linked import ExemptPairs, Place, exempt_pairs
+from planner.clearance.rounding import clearance_rounding
 from planner.clearance.sweep import BOUND_RATIO, Sweep, sweep
 from planner.errors import InputError
 from planner.motion.motion import PHASES, Motion
@@ -322,7 +323,9 @@ class _Sweeper:
     ) -> Sweep:
         message = f"checking the {name}"
         self.progress(Progress(stage="certify", fraction=fraction, message=message))
-        return sweep(self.chain, motion, size=self.size, share=share, cancelled=self._stops)
+        found = sweep(self.chain, motion, size=self.size, share=share, cancelled=self._stops)
+        rounding = clearance_rounding(self.chain, self.size) if found.bound > 0.0 else 0.0
+        return replace(found, bound=found.bound - rounding)
 
     def _stops(self) -> bool:
         self.is_cancelled = self.is_cancelled or self.cancelled()

@@ -34,6 +34,7 @@ from planner.motion.motion import FRAME_COLUMNS, PHASES, WINDOW_COLUMNS, Columns
 from planner.motion.record import Record, save_npz
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.parameters.parameters import Parameters
+from planner.plan.claim import claim_of
 from planner.playback.playback import Playback
 from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
 
@@ -262,6 +263,7 @@ class Plan:
             "explosion": self.explosion,
             "playback": self.playback,
             "certificate": self.certificate.as_dict(),
+            "claim": claim_of(self.chain.module, motion),
             "root_module": self.chain.root,
             "angles": (
                 None

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
+import foldback_check
 from planner.certificate.certificate import Certificate, certify
 from planner.errors import UNREADABLE, InputError, TimelineError, named
 from planner.exports import mjcf
@@ -165,6 +166,11 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
             f"the certificate's figures were computed again and match{alone if simulated else ''}",
             told.differences(certificate, found.notes),
         )
+        if certificate.verified and npz["certificate"].get("clearance_bound"):
+            found.look(
+                "an independent checker proves the clearance from plan.npz alone",
+                _unproved(directory),
+            )
     reason = _reason(directory, plan, found)
     model = _text(directory / MODEL)
     found.look("model.xml is the plan's model", _model(model, plan, found.notes, earlier=earlier))
@@ -178,6 +184,13 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
         problems=tuple(found.problems),
         notes=tuple(found.notes),
     )
+
+
+def _unproved(directory: FilePath) -> Differences:
+    """Yield what the independent checker cannot prove."""
+    found = foldback_check.check(directory / PLAN)
+    if found["verdict"] != "proved":
+        yield f"plan.npz: the independent checker proves nothing: {found['reason']}"
 
 
 def _results(

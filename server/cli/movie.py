@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
+from collections.abc import Callable
 from dataclasses import asdict
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from cli.inputs import refuse
-from cli.options import AsJson, FoldDirectory
+from cli.options import AsJson, FoldDirectory, with_parameters
 from planner.errors import InputError
 from planner.file_names import TIMELINE
 from planner.pipeline.fold_layout import result
@@ -24,53 +27,56 @@ from server.processes.limits import ChildLimits
 from server.processes.movie_task import ask_for_movie, is_on_table, run_movie
 from web.movies.movie import FORMATS, Movie
 
+MOVIE_OPTIONS: Final[dict[str, tuple[str, type, str]]] = {
+    "width": ("--width", int, "Width in pixels, even."),
+    "height": ("--height", int, "Height in pixels, even."),
+    "fps": ("--fps", int, "Pictures per second."),
+    "seconds": ("--seconds", float, "Length in seconds."),
+    "azimuth_deg": (
+        "--azimuth",
+        float,
+        "Viewing direction in degrees. Default: chosen from the shape.",
+    ),
+    "elevation_deg": ("--elevation", float, "Camera angle above the ground, degrees."),
+    "turn_deg": ("--turn", float, "Angle through which the camera circles, degrees."),
+    "theme": ("--theme", str, "light or dark."),
+    "first_frame": ("--from", int, "First frame. Default: the first frame of the playback."),
+    "last_frame": ("--to", int, "Last frame. A frame before the first one plays backwards."),
+}
+"""Options of a movie on the command line: flag, type and help, by the field of ``Movie``."""
 
+
+def _with_movie_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command an option for each of ``MOVIE_OPTIONS``, in place of ``options``."""
+    *own, _, last = signature(command, eval_str=True).parameters.values()
+    added = (
+        Parameter(
+            name,
+            Parameter.KEYWORD_ONLY,
+            default=None,
+            annotation=Annotated[kind | None, typer.Option(flag, help=line)],
+        )
+        for name, (flag, kind, line) in MOVIE_OPTIONS.items()
+    )
+
+    @wraps(command)
+    def call(*, directory: Path, out: Path, as_json: bool, **options: Any) -> None:
+        command(directory=directory, out=out, options=options, as_json=as_json)
+
+    return with_parameters(call, [*own, *added, last])
+
+
+@_with_movie_options
 def movie(
     *,
     directory: FoldDirectory,
     out: Annotated[Path, typer.Option(help="The file to write: .mp4 or .gif.")] = Path("fold.mp4"),
-    width: Annotated[int | None, typer.Option(help="Width in pixels, even.")] = None,
-    height: Annotated[int | None, typer.Option(help="Height in pixels, even.")] = None,
-    fps: Annotated[int | None, typer.Option(help="Pictures per second.")] = None,
-    seconds: Annotated[float | None, typer.Option(help="Length in seconds.")] = None,
-    azimuth: Annotated[
-        float | None,
-        typer.Option(help=("Viewing direction in degrees. Default: chosen from the shape.")),
-    ] = None,
-    elevation: Annotated[
-        float | None, typer.Option(help=("Camera angle above the ground, degrees."))
-    ] = None,
-    turn: Annotated[
-        float | None, typer.Option(help="Angle through which the camera circles, degrees.")
-    ] = None,
-    theme: Annotated[str | None, typer.Option(help="light or dark.")] = None,
-    first: Annotated[
-        int | None,
-        typer.Option("--from", help="First frame. Default: the first frame of the playback."),
-    ] = None,
-    last: Annotated[
-        int | None,
-        typer.Option("--to", help=("Last frame. A frame before the first one plays backwards.")),
-    ] = None,
+    options: dict[str, Any],
     as_json: AsJson = False,
 ) -> None:
     """Make a movie of a fold: the straight chain folds into its shape."""
     try:
-        movie = Movie.of(
-            {
-                "format": _format_of(out),
-                "width": width,
-                "height": height,
-                "fps": fps,
-                "seconds": seconds,
-                "azimuth_deg": azimuth,
-                "elevation_deg": elevation,
-                "turn_deg": turn,
-                "theme": theme,
-                "first_frame": first,
-                "last_frame": last,
-            }
-        )
+        movie = Movie.of({"format": _format_of(out), **options})
         _make(movie, _timeline_of(directory), out, on_table=is_on_table(directory))
     except InputError as error:
         refuse(error, as_json)

@@ -169,6 +169,7 @@ class Execution:
             )
             return replace(outcome, files=epoch, size=size)
         except CancelledError:
+            self._close()
             return replace(self._unwanted(), files=files)  # what it has made is kept nowhere
 
     def finish(self, outcome: Outcome) -> None:
@@ -177,9 +178,6 @@ class Execution:
         Raises:
             LeaseLostError: When another execution has the fold.
         """
-        self._release_child()
-        if self._store.folders.storage is None:
-            self._close()
         known = self._wait_for(
             lambda: self._store.finish(
                 self._fold_id,
@@ -252,7 +250,6 @@ class Execution:
         """Close what a fold that ends has left open; add its last known state if it failed."""
         outcome = replace(outcome, files=files)
         self._check_stopping()
-        self._release_child()
         self._close()
         log.info(
             "fold %s: %s in stage %s",
@@ -412,7 +409,8 @@ class Execution:
             raise StoppingError(self._fold_id)
 
     def _close(self) -> None:
-        """Close the timeline of a stage that was killed before it could."""
+        """Release the child, and close the timeline of a stage that was killed before it could."""
+        self._release_child()
         path = result(self._store.folders.place(self._fold_id), TIMELINE)
         with contextlib.suppress(TimelineError, OSError, ValueError, KeyError):
             if Timeline.open(path).status == "growing":

@@ -14,9 +14,10 @@ from __future__ import annotations
 import secrets
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final
+from typing import Any, Final
 
 import sqlalchemy as sa
+from sqlalchemy.orm import Session
 
 from planner.progress import STAGES
 from server.store.folds import UNFINISHED_STATUSES, Store, in_lane, rows_of
@@ -95,49 +96,33 @@ class Queue:
     def claim(self, lane: Lane, worker: str) -> Claim | None:
         """Claim the next job of a lane for a worker; None if none waits."""
         execution = f"{worker}:{secrets.token_hex(6)}"
-        if lane is Lane.MOVIES:
-            return self._claim_movie(execution)
-        waits = (
-            sa.select(FoldRow.id, FoldRow.checkpoint, FoldRow.losses)
-            .where(*_FOLD_WAITS, in_lane(quick=lane is Lane.QUICK))
-            .order_by(FoldRow.turn, FoldRow.created_at)
-            .limit(1)
-            .with_for_update(skip_locked=True)  # nothing in SQLite, where writers take turns
+        waits, claim = (
+            _waiting(lane),
+            self._claim_movie if lane is Lane.MOVIES else self._claim_fold,
         )
         while True:
             with self._store.changing() as session:
                 row = session.execute(waits).first()
                 if row is None:
                     return None
-                fold_id, checkpoint, losses = row
-                kept = checkpoint or {"stage": STAGES[0], "files": 0}
-                stage, files = str(kept["stage"]), int(kept["files"])
-                if self._store.begin_in(session, fold_id, stage, execution) is not None:
-                    return FoldClaim(fold_id, execution, stage, files, losses)
+                if (claimed := claim(session, row, execution)) is not None:
+                    return claimed
             # Another worker was quicker, or it was cancelled just now.
 
-    def _claim_movie(self, execution: str) -> MovieClaim | None:
-        waits = (
-            sa.select(MovieRow.job)
-            .where(_MOVIE_WAITS)
-            .order_by(MovieRow.created_at)
-            .limit(1)
-            .with_for_update(skip_locked=True)
-        )
-        while True:
-            with self._store.changing() as session:
-                job = session.scalar(waits)
-                if job is None:
-                    return None
-                mine = sa.update(MovieRow).where(MovieRow.job == job, _MOVIE_WAITS)
-                claimed = session.execute(
-                    mine.values(status="running", worker=execution).returning(
-                        MovieRow.fold_id, MovieRow.id, MovieRow.losses
-                    )
-                ).first()
-                if claimed is not None:
-                    fold_id, movie_id, losses = claimed
-                    return MovieClaim(fold_id, movie_id, job, execution, losses)
+    def _claim_fold(self, session: Session, row: sa.Row[Any], execution: str) -> FoldClaim | None:
+        kept = row.checkpoint or {"stage": STAGES[0], "files": 0}
+        stage, files = str(kept["stage"]), int(kept["files"])
+        if self._store.begin_in(session, row.id, stage, execution) is None:
+            return None
+        return FoldClaim(row.id, execution, stage, files, row.losses)
+
+    @staticmethod
+    def _claim_movie(session: Session, row: sa.Row[Any], execution: str) -> MovieClaim | None:
+        mine = sa.update(MovieRow).where(MovieRow.job == row.job, _MOVIE_WAITS)
+        claimed = session.execute(mine.values(status="running", worker=execution))
+        if not rows_of(claimed):
+            return None
+        return MovieClaim(row.fold_id, row.id, row.job, execution, row.losses)
 
     def keep(self, claim: FoldClaim, *, stage: str, files: int) -> bool:
         """Store that a fold continues with ``stage``, from the files of epoch ``files``.
@@ -198,6 +183,23 @@ class Queue:
             gone = sa.update(FoldRow).where(theirs, FoldRow.status.in_(ENDED)).values(worker=None)
             ended = session.execute(gone.returning(FoldRow.id, FoldRow.kept)).all()
         return [(row.id, row.kept) for row in ended]
+
+
+def _waiting(lane: Lane) -> sa.Executable:
+    """Return the query for the next job of a lane."""
+    if lane is Lane.MOVIES:
+        waiting = (
+            sa.select(MovieRow.fold_id, MovieRow.id, MovieRow.job, MovieRow.losses)
+            .where(_MOVIE_WAITS)
+            .order_by(MovieRow.created_at)
+        )
+    else:
+        waiting = (
+            sa.select(FoldRow.id, FoldRow.checkpoint, FoldRow.losses)
+            .where(*_FOLD_WAITS, in_lane(quick=lane is Lane.QUICK))
+            .order_by(FoldRow.turn, FoldRow.created_at)
+        )
+    return waiting.limit(1).with_for_update(skip_locked=True)  # in SQLite writers take turns
 
 
 def _held_by(claim: FoldClaim) -> tuple[sa.ColumnElement[bool], ...]:

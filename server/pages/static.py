@@ -25,6 +25,9 @@ SWAGGER_FILES: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
 """Files of the package ``fastapi_offline`` that this service offers as static files, for the API
 documentation without internet access."""
 
+CHECKER: Final = STATIC.parents[1] / "foldback_check.py"
+"""Program that proves a plan's clearance from its file alone, which visitors can download."""
+
 
 ROBOTS_TXT: Final = """\
 # Pages of folds and previews send "noindex, nofollow", because their links are secret.
@@ -103,4 +106,8 @@ def _paths() -> dict[str, Path]:
     """Return the paths of the files by their names in addresses."""
     swagger_dir = Path(str(files("fastapi_offline"))) / "static"
     ours = {path.relative_to(STATIC).as_posix(): path for path in sorted(STATIC.rglob("*.*"))}
-    return {**ours, **{name: swagger_dir / name for name in SWAGGER_FILES}}
+    return {
+        **ours,
+        **{name: swagger_dir / name for name in SWAGGER_FILES},
+        CHECKER.name: CHECKER,
+    }

@@ -20,7 +20,7 @@ LONG = pytest.mark.long
 
 
 @pytest.mark.parametrize("address", ["http://192.0.2.1", "http://[2001:db8::1]:80", "http://", ""])
-def test_load_goes_to_this_machine_alone(address: str) -> None:
+def test_load_goes_to_this_machine_only(address: str) -> None:
     with pytest.raises(NotHereError, match="expected a service on 127.0.0.1"):
         checked(address)
     assert checked("http://127.0.0.1:8000") == "http://127.0.0.1:8000"
@@ -32,7 +32,7 @@ def test_load_goes_to_this_machine_alone(address: str) -> None:
     [scrubbing, uploads, mutated_uploads, strangers, viewers, workers],
     ids=lambda s: s.__name__,
 )
-def test_in_short(section) -> None:
+def test_load_section_in_short(section) -> None:
     found = section(True)
     missed = [figure for figure in found.figures if figure.met is False]
     assert not missed, missed

@@ -52,7 +52,9 @@ def tiny(tmp_path: Path) -> tuple[Experiment, ...]:
 
 
 @pytest.mark.long
-def test_experiments_are_run_once_and_told(tmp_path: Path, tiny: tuple[Experiment, ...]) -> None:
+def test_experiments_are_run_once_and_reported(
+    tmp_path: Path, tiny: tuple[Experiment, ...]
+) -> None:
     files, paper = tmp_path / "paper", tmp_path / "reproduction.md"
     reproduce(list(tiny), tiny, files)
     tell(tiny, files, paper)
@@ -105,7 +107,7 @@ def orange(path: Path) -> int:
     )
 
 
-def test_page_and_document_say_what_the_rows_say() -> None:
+def test_page_and_document_match_the_stored_runs() -> None:
     """``make reproduction ARGS=--tell`` makes them of what is stored."""
     page = told(stored_runs(PAPER / "runs.jsonl"), experiments())
     assert json.loads((PAPER / "page.json").read_bytes()) == json.loads(json.dumps(page))
@@ -125,7 +127,7 @@ def test_every_statement_has_experiments_and_every_experiment_one() -> None:
     assert {name for s in STATEMENTS for pair in s.pairs for name in pair} <= ids
 
 
-def test_the_ten_shapes_differ() -> None:
+def test_chosen_shapes_differ() -> None:
     names, rows = measured()
     scaled = (rows - rows.mean(axis=0)) / rows.std(axis=0)
     away = np.linalg.norm(scaled[:, None] - scaled[None], axis=-1)
@@ -151,7 +153,7 @@ def test_features_of_a_row_and_a_square() -> None:
         ({}, ""),
     ],
 )
-def test_from_which_size_on_it_fails_is_told(verified: dict[int, bool], words: str) -> None:
+def test_threshold_of_failing_sizes_is_reported(verified: dict[int, bool], words: str) -> None:
     every = [one for one in experiments() if one.statement == "threshold"]
     (stored,) = (run for run in stored_runs(PAPER / "runs.jsonl").values() if run.id == "wrench-24")
     runs = {
@@ -168,7 +170,7 @@ def test_from_which_size_on_it_fails_is_told(verified: dict[int, bool], words: s
     )
 
 
-def test_what_plays_beside_the_published_method_is_told_beside_it() -> None:
+def test_default_method_is_reported_beside_the_published_one() -> None:
     every = tuple(o for o in experiments() if "wrench-160" in (o.id, o.id.removeprefix("default-")))
     (stored,) = (run for run in stored_runs(PAPER / "runs.jsonl").values() if run.id == "wrench-24")
     runs = {one.id: replace(stored, id=one.id, asked=one.asked) for one in every}

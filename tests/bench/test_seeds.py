@@ -22,7 +22,7 @@ def test_every_shape_comes_with_every_seed() -> None:
 
 
 @pytest.mark.long
-def test_a_gallery_shape_and_a_mesh_are_folded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_gallery_shape_and_mesh_are_folded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(seeds, "MODULES", 24)
     for case in (
         Case(kind="gallery", shape="letter-l", seed=1),
@@ -34,7 +34,7 @@ def test_a_gallery_shape_and_a_mesh_are_folded(monkeypatch: pytest.MonkeyPatch) 
         assert row["modules"] >= 16 and row["attempts"] >= 1
 
 
-def test_what_needed_the_portfolio_is_shown() -> None:
+def test_folds_that_needed_the_portfolio_are_shown() -> None:
     def row(shape: str, verdict: str, attempts: int) -> dict[str, Any]:
         named = {"kind": "gallery", "shape": shape, "seed": 0}
         return {**named, "verdict": verdict, "attempts": attempts, "cpu s": 2.0}

@@ -1,12 +1,16 @@
-"""Stored runs go on where they were, one at a time or several."""
+"""Stored runs, tables and seeds of benchmarks."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bench.success_map.stored import run_missing, stored, version_of
+from bench.tables import Section
 from planner.progress import Progress
 
 # Any frozen dataclass will do.
@@ -17,7 +21,7 @@ def nothing(case: Progress) -> dict[str, Any]:
     raise AssertionError(case)
 
 
-def test_what_is_stored_is_not_run_again(tmp_path: Path) -> None:
+def test_stored_runs_are_not_repeated(tmp_path: Path) -> None:
     path = tmp_path / "out" / "runs.jsonl"
     assert run_missing(path, CASES, nothing, minutes=-1.0) == []
     assert len(run_missing(path, CASES[2:4], asdict)) == 2
@@ -30,3 +34,12 @@ def test_what_is_stored_is_not_run_again(tmp_path: Path) -> None:
 
 def test_versions_of_packages_differ() -> None:
     assert version_of("planner") == version_of("planner") != version_of("server")
+
+
+def test_section_is_plain_json() -> None:
+    section = Section(name="some")
+    section.add("fast enough", "1 s", "< 2 s", bool(np.float64(1.0) < 2.0))
+    section.add("also", "1 s", "< 2 s", np.float64(1.0) < 2.0)  # pyright: ignore
+    section.add("reported", "1 s")
+    found = json.loads(json.dumps(section.as_dict()))
+    assert [figure["met"] for figure in found["figures"]] == [True, True, None]

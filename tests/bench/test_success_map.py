@@ -38,7 +38,7 @@ FEW = ("snake", "random")
 
 
 @pytest.mark.long
-def test_a_baseline_fails_where_the_explosion_does_not() -> None:
+def test_baseline_fails_where_the_explosion_succeeds() -> None:
     bad, good = (
         run(Case(method=method, kind="block", modules=64, seed=0))
         for method in ("one-by-one", "simultaneous")
@@ -47,7 +47,7 @@ def test_a_baseline_fails_where_the_explosion_does_not() -> None:
     assert good["verdict"] == "verified (simulated)" and good["seconds"] > 0.0
 
 
-def test_each_case_is_run_once_and_large_ones_only_where_they_end() -> None:
+def test_cases_are_unique_and_large_ones_limited_to_methods_that_end() -> None:
     found = list(cases(4096))
     assert len(found) == len(set(found))
     assert {case.method for case in found} == set(METHODS)
@@ -56,7 +56,9 @@ def test_each_case_is_run_once_and_large_ones_only_where_they_end() -> None:
 
 
 @pytest.mark.long
-def test_it_goes_on_where_it_was(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_success_map_continues_an_earlier_run(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
     runs, drawing = tmp_path / "runs.jsonl", tmp_path / "map.svg"
     monkeypatch.setattr(success, "RUNS", runs)
     monkeypatch.setattr(success, "PICTURE", drawing)
@@ -78,7 +80,7 @@ def test_it_goes_on_where_it_was(tmp_path: FilePath, monkeypatch: pytest.MonkeyP
     assert all(json.loads(line)["verdict"] for line in first.splitlines())
 
 
-def test_the_picture_tells_shares_apart() -> None:
+def test_picture_shows_shares_of_verified_folds() -> None:
     shares = {
         ("a", "x", 8): (2, 0, 2),
         ("a", "y", 8): (0, 0, 2),

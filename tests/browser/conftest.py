@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import io
+import json
+import os
 import re
 import time
 from collections.abc import Callable, Generator, Iterator
@@ -13,7 +15,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import (
     Browser,
-    BrowserContext,
+    Error,
     Page,
     Response,
     expect,
@@ -24,6 +26,7 @@ from tests.server.service import Service, bearer
 from tests.tools import CHROMIUM
 
 ARTIFACTS = Path(__file__).parents[2] / "artifacts"
+"""Folder for screenshots of all pages at the end of their tests, if somebody has made it."""
 PATIENCE_MS = 90_000
 expect.set_options(timeout=PATIENCE_MS)
 OF_WINDOWS = (
@@ -55,8 +58,11 @@ FLAGS = (
 )
 
 
+LOOK: dict[str, Any] = {"color_scheme": "dark", "reduced_motion": "reduce"}
+
+
 class Chromium:
-    """One browser for tests that follow each other; what visitors keep is in their contexts.
+    """One browser for tests that follow each other.
 
     While it is open nothing else in this process can use asyncio, as tests elsewhere do.
     """
@@ -64,6 +70,7 @@ class Chromium:
     def __init__(self) -> None:
         self._opened = ExitStack()
         self._browser: Browser | None = None
+        self._tabs: dict[bool, list[Page]] = {True: [], False: []}
 
     def browser(self) -> Browser:
         if self._browser is None:
@@ -73,13 +80,53 @@ class Chromium:
             self._opened.callback(self._browser.close)
         return self._browser
 
+    def tab(self, site: str, *, view: bool, used: bool, **options: Any) -> Page:
+        """Open a tab with its own profile, or hand out one that was put back."""
+        if used and self._tabs[view]:
+            return self._tabs[view].pop()
+        context = self.browser().new_context(base_url=site, **options)
+        context.set_default_timeout(PATIENCE_MS)
+        if not view:
+            context.add_init_script(NO_VIEW)
+        return context.new_page()
+
+    def put_back(self, page: Page, *, view: bool) -> None:
+        """Forget all that a tab was told, and what pages of the site stored.
+
+        Its process and its cache stay: loading a fold's page takes half as long as in a new tab.
+        """
+        context = page.context
+        for other in context.pages:
+            if other is not page:
+                other.close()
+        context.set_offline(False)
+        context.unroute_all()
+        page.unroute_all()
+        page.goto("/health")  # a page of the same site, so that the process stays
+        page.evaluate("() => { localStorage.clear(); sessionStorage.clear(); }")
+        context.clear_cookies()
+        page.mouse.move(0, 0)
+        self._tabs[view].append(page)
+
     def close(self) -> None:
         self._browser = None
+        for tabs in self._tabs.values():
+            tabs.clear()
         self._opened.close()
 
 
 HERE = Path(__file__).parent
 OPEN = Chromium()
+Visit = Callable[..., Page]
+"""The fixture ``visit``."""
+
+
+@pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if HERE in item.path.parents:
+            item.add_marker("browser")
+            item.add_marker("slow")
 
 
 @pytest.hookimpl(trylast=True)  # after fixtures have closed what they opened in it
@@ -94,65 +141,143 @@ def browser() -> Browser:
 
 
 @contextmanager
-def visits(browser: Browser, service: Service) -> Generator[Callable[..., Page]]:
+def visits(service: Service) -> Generator[Visit]:
     """What ``visit`` is."""
-    contexts: list[BrowserContext] = []
+    site = str(service.http.base_url)
+    opened: list[tuple[Page, bool, bool]] = []
     thrown: list[str] = []
 
+    def note(error: Error) -> None:
+        thrown.append(f"{error}\n{error.stack}")
+
     def open_page(
-        path: str, *, width: int = 800, height: int = 560, view: bool = True, **options: Any
+        path: str,
+        *,
+        width: int = 800,
+        height: int = 560,
+        view: bool = True,
+        script: str | None = None,
+        **options: Any,
     ) -> Page:
-        context = browser.new_context(
-            base_url=str(service.http.base_url),
-            viewport={"width": width, "height": height},
-            **{"color_scheme": "dark", "reduced_motion": "reduce", **options},
-        )
-        contexts.append(context)
-        context.set_default_timeout(PATIENCE_MS)
-        if not view:
-            leave_view_out(context)
-        page = context.new_page()
-        page.on("pageerror", lambda error: thrown.append(f"{error}\n{error.stack}"))
+        look = {name: options.pop(name, usual) for name, usual in LOOK.items()}
+        again = script is None and not options
+        page = OPEN.tab(site, view=view, used=again, **options)
+        opened.append((page, view, again))
+        page.set_viewport_size({"width": width, "height": height})
+        page.emulate_media(**look)
+        page.on("pageerror", note)
+        if script is not None:
+            page.add_init_script(script)
         page.goto(path)
         return page
 
     yield open_page
-    for context in contexts:
-        context.close()
+    test = re.sub(r"\W+", "-", os.environ["PYTEST_CURRENT_TEST"].partition("::")[2])
+    for number, (page, view, again) in enumerate(opened):
+        if ARTIFACTS.is_dir() and not page.is_closed():
+            page.screenshot(path=ARTIFACTS / f"{test}-{number}.png")
+        page.remove_listener("pageerror", note)
+        if again and page.url.startswith(site) and not page.is_closed():
+            OPEN.put_back(page, view=view)
+        else:
+            page.context.close()
     assert not [error for error in thrown if "/static/" in error]
 
 
 @pytest.fixture
-def visit(browser: Browser, service: Service) -> Iterator[Callable[..., Page]]:
-    """Opens a page in a fresh profile; at the end none of our scripts may have thrown.
+def visit(service: Service) -> Iterator[Visit]:
+    """Opens a page in a profile that holds nothing; none of our scripts may have thrown at the end.
 
     Who does not look at the 3D view opens it with ``view=False``: the client, which is loaded and
-    paints for seconds, never comes, and the page's own drawing stays.
+    paints for seconds, never comes, and the page's own drawing stays. ``script`` runs before all
+    scripts of each page.
     """
-    with visits(browser, service) as visit:
+    with visits(service) as visit:
         yield visit
 
 
-VIEW = "**/view"
+WIDTH = "document.documentElement.scrollWidth"
+"""Width that the content of a page needs."""
+NO_WEBGL = "HTMLCanvasElement.prototype.getContext = () => null"
+NO_VIEW = """{
+  const { prototype } = HTMLIFrameElement;
+  const { get, set } = Object.getOwnPropertyDescriptor(prototype, "src");
+  Object.defineProperty(prototype, "src", {
+    configurable: true,
+    get,
+    set(address) { set.call(this, address.endsWith("/view") ? "about:blank" : address); },
+  });
+}"""
+"""Has the 3D view never come, without the cost of a route, through which all requests would go."""
 
 
-def leave_view_out(context: BrowserContext) -> None:
-    """Has the client never come from now on; ``context.unroute(VIEW)`` has it come again."""
-    context.route(VIEW, lambda route: route.fulfill(body="", content_type="text/html"))
+def choose(page: Page, name: str, data: bytes) -> None:
+    """Choose a file in a page's form."""
+    page.locator("#file").set_input_files(
+        {"name": name, "mimeType": "application/octet-stream", "buffer": data}
+    )
 
 
-def keep(page: Page, name: str) -> None:
-    """Saves a screenshot to look at, for who has made a directory ``artifacts``."""
-    if ARTIFACTS.is_dir():
-        page.screenshot(path=ARTIFACTS / f"{name}.png")
+def answered(page: Page) -> None:
+    """Wait until the figures of a preview are those of what was asked for last."""
+    page.locator("body:not(.busy-now)").wait_for()
 
 
-def called_off(page: Page, service: Service) -> None:
-    """Cancels the fold whose page this is, as its owner: for who does not wait for it."""
+def previewed(page: Page, name: str, data: bytes) -> None:
+    """Choose a file and wait until its preview is there."""
+    choose(page, name, data)
+    page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
+    answered(page)
+
+
+def path_file(cells: object) -> bytes:
+    """Return the file of a path."""
+    return json.dumps({"format": "foldback-path/1", "cells": cells}).encode()
+
+
+def opened_fold(page: Page) -> str:
+    """Return the id of the fold whose page is opened by what was done last."""
+    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    return page.url.rpartition("/")[2]
+
+
+def with_view(page: Page) -> Page:
+    """Wait until a fold's page has all frames and its 3D view shows one."""
+    page.locator("#sketch.gone").wait_for(state="attached")
+    page.wait_for_function("() => window.foldback.timeline.complete")
+    return page
+
+
+def cancel_fold(page: Page, service: Service) -> None:
+    """Cancel the fold whose page this is, as its owner: for tests that do not wait for it."""
     fold = re.findall(r"[a-z0-9]{12,}", page.url)[-1]
     token = page.evaluate(f"localStorage.getItem('foldback:owner:{fold}')")
     answer = service.http.post(f"/api/folds/{fold}/cancel", headers=bearer(token))
     assert answer.is_success, answer.text
+
+
+SEEK = """(frame) => {
+  const scrub = document.getElementById("scrub");
+  scrub.value = frame;
+  scrub.dispatchEvent(new Event("input", { bubbles: true }));
+}"""
+
+
+def seek(page: Page, frame: int) -> None:
+    """Scrub with the slider, and wait until the player is there."""
+    expect(page.locator("#scrub")).to_be_enabled()
+    page.evaluate(SEEK, frame)
+    at_frame(page, frame)
+
+
+def at_frame(page: Page, frame: int) -> None:
+    """Wait until a page shows a frame, counted from 0."""
+    expect(page.locator("#r-frame")).to_have_text(re.compile(rf"^Frame {frame + 1} of "))
+
+
+def shown_frame(page: Page) -> int:
+    found = re.search(r"Frame ([\d\s]+) of", page.locator("#r-frame").inner_text())
+    return int(re.sub(r"\s", "", found[1])) - 1
 
 
 AT_REST = """async () => {

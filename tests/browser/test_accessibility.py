@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +10,11 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
 from server.store.owner import new_token
+from tests.browser.conftest import Visit, answered, previewed
 from tests.server.files.test_preview import CROSS, stl, voxels
 from tests.server.service import SNAKE, Service, bearer, owner
 
-pytestmark = [pytest.mark.browser, pytest.mark.long]
-Visit = Callable[..., Page]
+pytestmark = pytest.mark.long
 
 SIZES = {"phone": (390, 844), "laptop": (1366, 768)}
 SCHEMES: dict[Any, dict[str, list[str]]] = {"light": {}, "dark": {"runOnly": ["color-contrast"]}}
@@ -43,26 +41,18 @@ def findings(page: Page) -> dict[str, list[str]]:
     return found
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        "/",
-        "/gallery",
-        "/gallery?q=nothing-is-called-this",
-        "/shapes/new",
-        "/benchmarks",
-        "/privacy",
-        "/paper",
-        "/my-folds",
-        "/folds/nosuchfold",
-        "/previews/nosuchpreview",
-    ],
+PAGES = (
+    *("/", "/gallery", "/gallery?q=nothing-is-called-this", "/shapes/new", "/benchmarks"),
+    *("/privacy", "/paper", "/my-folds", "/folds/nosuchfold", "/previews/nosuchpreview"),
 )
-def test_pages_that_need_no_fold(visit: Visit, path: str) -> None:
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_pages_without_a_fold_are_accessible(visit: Visit, path: str) -> None:
     assert findings(visit(path)) == {}
 
 
-def test_the_api_with_an_operation_open(visit: Visit) -> None:
+def test_api_page_is_accessible(visit: Visit) -> None:
     page = visit("/docs")
     page.locator(".opblock").first.wait_for()
     found = findings(page)
@@ -71,7 +61,7 @@ def test_the_api_with_an_operation_open(visit: Visit) -> None:
     assert (found, findings(page)) == ({}, {})
 
 
-def test_the_paper_with_a_film_open(visit: Visit) -> None:
+def test_paper_with_a_film_is_accessible(visit: Visit) -> None:
     page = visit("/paper")
     run = page.locator(".run:has(.run-where)").first
     run.locator(".run-where").click()
@@ -79,7 +69,7 @@ def test_the_paper_with_a_film_open(visit: Visit) -> None:
     assert findings(page) == {}
 
 
-def test_my_folds_with_all_its_parts_open(visit: Visit, service: Service) -> None:
+def test_my_folds_is_accessible(visit: Visit, service: Service) -> None:
     token = new_token()
     fold = service.fold(SNAKE, seed="960", token=token)
     service.fold(shape="wrench-80", module_size=1.0, token=token)
@@ -106,7 +96,7 @@ def test_my_folds_with_all_its_parts_open(visit: Visit, service: Service) -> Non
     assert findings(page) == {}
 
 
-def test_the_editor_with_a_path_and_a_mistake(visit: Visit) -> None:
+def test_editor_with_a_mistake_is_accessible(visit: Visit) -> None:
     page = visit("/shapes/new")
     page.get_by_label("Letter S").click()
     page.locator('[data-tool="move"]').click()
@@ -118,7 +108,7 @@ def test_the_editor_with_a_path_and_a_mistake(visit: Visit) -> None:
     assert (found, findings(page)) == ({}, {})
 
 
-def test_axe_sees_what_is_wrong(visit: Visit) -> None:
+def test_axe_finds_broken_elements(visit: Visit) -> None:
     page = visit("/folds/nosuchfold")
     page.locator(".message > p").first.evaluate("p => { p.style.color = '#777'; }")
     page.locator(".mark").evaluate("mark => { mark.ariaLabel = ''; mark.textContent = ''; }")
@@ -130,7 +120,7 @@ def test_axe_sees_what_is_wrong(visit: Visit) -> None:
     ]
 
 
-def test_landing_with_all_its_parts_open(visit: Visit) -> None:
+def test_landing_is_accessible(visit: Visit) -> None:
     page = visit("/")
     page.locator("#type").click()
     page.locator(".options > summary").click()
@@ -142,25 +132,21 @@ def test_landing_with_all_its_parts_open(visit: Visit) -> None:
     assert findings(page) == {}
 
 
-def test_preview(visit: Visit) -> None:
+def test_preview_is_accessible(visit: Visit) -> None:
     page = visit("/", view=False)
-    page.locator("#file").set_input_files(
-        {"name": "brick.stl", "mimeType": "application/octet-stream", "buffer": stl()}
-    )
-    page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
-    page.locator("body:not(.busy-now)").wait_for()
+    previewed(page, "brick.stl", stl())
     page.locator("#cover.drawn, #cover.gone").wait_for(state="attached")
     page.locator(".more > summary").click()
     page.locator("#preset").select_option("paper")
     page.locator("#paper-settings > summary").click()
     floating = findings(page)
     page.locator("[name=world][value=table]").check(force=True)
-    page.locator("body:not(.busy-now)").wait_for()
+    answered(page)
     expect(page.locator("#table-settings")).to_be_visible()
     assert (floating, findings(page)) == ({}, {})
 
 
-def test_preview_without_a_path(visit: Visit, service: Service) -> None:
+def test_preview_without_a_path_is_accessible(visit: Visit, service: Service) -> None:
     cross = ("cross.json", voxels(CROSS, name="Cross"))
     preview = service.http.post("/api/shapes/preview", files={"file": cross}).json()
     page = visit(preview["links"]["page"], view=False)
@@ -168,7 +154,9 @@ def test_preview_without_a_path(visit: Visit, service: Service) -> None:
     assert findings(page) == {}
 
 
-def test_folds_that_are_verified_and_failed(visit: Visit, service: Service, tmp_path: Path) -> None:
+def test_verified_and_failed_folds_are_accessible(
+    visit: Visit, service: Service, tmp_path: Path
+) -> None:
     folds = {
         "good": service.fold(shape="wrench-24"),
         "bad": service.fold(shape="wrench-80", module_size=1.0),
@@ -203,7 +191,7 @@ def test_folds_that_are_verified_and_failed(visit: Visit, service: Service, tmp_
         assert findings(page) == {}
 
 
-def test_a_fold_that_is_running(visit: Visit, service: Service) -> None:
+def test_running_fold_is_accessible(visit: Visit, service: Service) -> None:
     fold = service.fold(shape="mallet-192", seed="11", preset="paper")
     page = visit("/shapes/new")
     page.evaluate(

@@ -5,34 +5,27 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import called_off, keep
+from tests.browser.conftest import WIDTH, Visit, cancel_fold, choose, opened_fold
 from tests.server.files.test_preview import stl
 from tests.server.service import SPIRAL, Service
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
 
-
-def given(page: Page, name: str, data: bytes) -> None:
-    """Opens a file and waits until it has been read."""
-    page.locator("#file").set_input_files(
-        {"name": name, "mimeType": "application/octet-stream", "buffer": data}
-    )
+def opened(page: Page, name: str, data: bytes) -> None:
+    """Open a file and wait until it has been read."""
+    choose(page, name, data)
     expect(page.locator("#reading")).to_contain_text(f"{name}: ")
 
 
 @pytest.mark.long
-def test_paint_undo_and_preview_with_the_keyboard(visit: Visit) -> None:
+def test_paint_undo_and_preview_by_keyboard(visit: Visit) -> None:
     page = visit("/shapes/new", width=1440, height=900, view=False)
     expect(page.locator("#empty")).to_be_visible()
     expect(page.locator("#model")).to_be_hidden()  # the words are not written over a drawing
-    keep(page, "editor-empty-1440x900")
     expect(page.locator("#preview")).to_be_disabled()
     page.locator('[data-x="5"][data-y="5"]').focus()
     page.keyboard.press("Space")
@@ -51,7 +44,6 @@ def test_paint_undo_and_preview_with_the_keyboard(visit: Visit) -> None:
     expect(page.locator("#count")).to_have_attribute("data-tone", "bad")  # two pieces
     expect(page.locator("#fold")).to_be_disabled()
     page.locator("#undo").click()
-    keep(page, "editor-1440x900")
     page.reload()
     expect(page.locator("#count")).to_have_text("32 modules")  # nothing painted is lost
     page.locator("#preview").click()
@@ -59,7 +51,7 @@ def test_paint_undo_and_preview_with_the_keyboard(visit: Visit) -> None:
     expect(page.locator("#verdict")).to_have_text("32 modules")
 
 
-def test_drag_a_letter_and_fold_it(visit: Visit, service: Service) -> None:
+def test_letter_is_cut_by_dragging_and_folded(visit: Visit, service: Service) -> None:
     page = visit("/shapes/new", width=390, height=844, view=False)
     page.get_by_label("Letter L").click()
     expect(page.locator("#count")).to_have_text("72 modules")
@@ -70,15 +62,14 @@ def test_drag_a_letter_and_fold_it(visit: Visit, service: Service) -> None:
     page.mouse.move(last["x"] + 9, last["y"] + 9, steps=8)
     page.mouse.up()
     expect(page.locator("#count")).to_have_text("48 modules")  # a stroke from a filled cell empties
-    keep(page, "editor-390x844")
     page.locator("#fold").click()
-    page.wait_for_url(re.compile("/folds/"))
+    opened_fold(page)
     expect(page.locator("#name")).to_have_text("Letter L")
-    called_off(page, service)
+    cancel_fold(page, service)
 
 
 @pytest.mark.long
-def test_tools_files_and_a_path_of_ones_own(visit: Visit, service: Service) -> None:
+def test_tools_files_and_a_drawn_path(visit: Visit, service: Service) -> None:
     page = visit("/shapes/new", width=1366, height=768, view=False)
     count, grid = page.locator("#count"), page.locator("#grid")
 
@@ -94,14 +85,6 @@ def test_tools_files_and_a_path_of_ones_own(visit: Visit, service: Service) -> N
     page.mouse.up()
     expect(page.locator(".grid .on")).to_have_count(12)
     page.locator('[data-both="1"]').click()
-    page.locator('[data-x="2"][data-y="2"]').focus()
-    page.keyboard.press("f")
-    page.keyboard.press("Space")  # around both, to the edge
-    expect(page.locator(".grid .on")).to_have_count(100)
-    page.keyboard.press("Control+z")
-    page.keyboard.press("b")
-    page.keyboard.press("Space")
-    page.keyboard.press("Escape")
     page.locator("#undo").click()
     expect(page.locator(".grid .on")).to_have_count(0)
 
@@ -110,7 +93,7 @@ def test_tools_files_and_a_path_of_ones_own(visit: Visit, service: Service) -> N
     voxels[:, 0] = voxels[0] = True
     data = io.BytesIO()
     np.save(data, voxels)
-    given(page, "hook.npy", data.getvalue())
+    opened(page, "hook.npy", data.getvalue())
     expect(page.locator("#size")).to_have_value("16")
     expect(page.locator("#name")).to_have_value("hook")
     expect(count).to_have_text("112 modules")
@@ -122,16 +105,15 @@ def test_tools_files_and_a_path_of_ones_own(visit: Visit, service: Service) -> N
     expect(page.locator('[data-x="1"][data-y="9"]')).to_have_class(re.compile("on"))
     page.locator('[data-mirror="0"]').click()
     expect(page.locator('[data-x="13"][data-y="9"]')).to_have_class(re.compile("on"))
-    keep(page, "editor-moved-1366x768")
     for _ in range(3):
         page.keyboard.press("Control+z")
     expect(page.locator("#size")).to_have_value("10")
     expect(page.locator("#empty")).to_be_visible()
 
     # What cannot be used is told in the service's words; a mesh is made anew of as many cells.
-    given(page, "cube.npy", data.getvalue()[:-3])
+    opened(page, "cube.npy", data.getvalue()[:-3])
     expect(page.locator("#reading")).to_contain_text("fewer than")
-    given(page, "brick.stl", stl())
+    opened(page, "brick.stl", stl())
     mesh = int(re.findall(r"[\d\u2009]+(?= cells)", page.locator("#reading").inner_text())[0])
     assert 120 < mesh < 200
     page.locator("#mesh-cells").fill("16")
@@ -147,23 +129,7 @@ def test_tools_files_and_a_path_of_ones_own(visit: Visit, service: Service) -> N
     page.locator("#clear").click()
     page.locator("#name").fill("spiral")
 
-    # More than the service folds is said before it is sent.
-    page.locator("#size").select_option("32")
-    page.locator('[data-tool="box"]').click()
-    page.locator('[data-x="0"][data-y="0"]').click()
-    for _ in range(15):
-        page.keyboard.press("PageUp")
-    page.locator('[data-x="31"][data-y="31"]').click()
-    expect(count).to_have_text(
-        "131\u2009072 modules are too many (at most 12\u2009000). Paint fewer cells."
-    )
-    expect(page.locator("#fold")).to_be_disabled()
-    page.locator("#undo").click()
-    page.locator("#size").select_option("10")
-
     # A path is drawn with the keyboard and checked as it grows.
-    for _ in range(15):
-        page.keyboard.press("PageDown")
     page.locator('[data-x="5"][data-y="5"]').focus()
     page.keyboard.press("d")
     expect(page.locator('[name="exact"][value="path"]')).to_be_checked()
@@ -182,7 +148,6 @@ def test_tools_files_and_a_path_of_ones_own(visit: Visit, service: Service) -> N
     expect(page.locator("#fold")).to_be_disabled()
     page.locator("#complete").click()
     expect(count).to_have_text(f"The path visits all {len(own)} cells.")
-    keep(page, "editor-path-1366x768")
 
     # Taken away and opened again it is the same path; it is the one that is folded.
     with page.expect_download() as download:
@@ -190,22 +155,20 @@ def test_tools_files_and_a_path_of_ones_own(visit: Visit, service: Service) -> N
     written = download.value.path().read_bytes()
     page.locator("#unpath").click()
     expect(count).to_contain_text("No path yet")
-    given(page, "own.json", written)
+    opened(page, "own.json", written)
     expect(page.locator("#reading")).to_have_text(f"own.json: {len(own)} cells along their path.")
     page.locator("#fold").click()
-    page.wait_for_url(re.compile("/folds/"))
-    fold = re.findall("/folds/([a-z0-9]+)", page.url)[0]
+    fold = opened_fold(page)
     sent = json.loads((service.directory(fold) / "input").read_bytes())
     assert sent["format"] == "foldback-path/1"
     assert np.diff(np.array(sent["cells"]), axis=0).tolist() == steps.tolist()
     expect(page.locator("#name")).to_have_text("spiral")
     service.wait_over(fold)
-    plan = service.http.get(f"/api/folds/{fold}").json()
-    assert plan["modules"] == len(own)
+    assert service.state(fold)["modules"] == len(own)
 
 
 @pytest.mark.long
-def test_a_path_drawn_with_a_finger_completed_and_cut(visit: Visit) -> None:
+def test_path_by_touch_is_completed_and_cut(visit: Visit) -> None:
     page = visit("/shapes/new", width=390, height=844, view=False, has_touch=True)
     page.get_by_label("Letter E").click()
     page.locator('[data-tool="path"]').click()
@@ -218,7 +181,7 @@ def test_a_path_drawn_with_a_finger_completed_and_cut(visit: Visit) -> None:
     expect(page.locator("#message")).to_have_text("")
     page.locator('[data-x="2"][data-y="2"]').tap()  # back again
     expect(count).to_contain_text("1 of 16 cells")
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert page.evaluate(WIDTH) <= 390
     assert page.evaluate("getComputedStyle(document.getElementById('grid')).touchAction") == (
         "pinch-zoom"
     )
@@ -231,4 +194,3 @@ def test_a_path_drawn_with_a_finger_completed_and_cut(visit: Visit) -> None:
     page.locator('[data-x="6"][data-y="6"]').tap()
     page.locator("#cut").click()
     expect(count).to_contain_text("of 16 cells")
-    keep(page, "editor-path-390x844")

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,13 +11,11 @@ from playwright.sync_api import Page, expect
 
 from planner.motion.timeline import Timeline
 from planner.pathfinding.assembly import layered_snake
-from tests.browser.conftest import keep, picture
-from tests.browser.test_fold_page import shown_frame
+from tests.browser.conftest import WIDTH, Visit, at_frame, picture, shown_frame, with_view
 from tests.planner.pathfinding.test_knots import OVERHAND, walk
-from tests.server.service import SPIRAL, Service, over, owner
+from tests.server.service import SPIRAL, Service, over
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
+pytestmark = pytest.mark.long
 TAIL = 20
 LAPTOP = {"width": 960, "height": 440, "color_scheme": "light"}
 LARGE = {"width": 1440, "height": 1000, "color_scheme": "light"}
@@ -47,19 +44,12 @@ def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     assert service.stop() == 0
 
 
-def opened(page: Page) -> Page:
-    page.locator("#sketch.gone").wait_for(state="attached")
-    page.wait_for_function("() => window.foldback.timeline.complete")
-    return page
-
-
 def looked_at(page: Page, name: str) -> list[int]:
     """Presses what shows where it sticks; the modules that are highlighted there."""
     if not page.locator("#stuck-more").is_visible():
         page.locator("#stuck-fold").click()
     page.locator("#stuck-go").click()
     seen = picture(page)
-    keep(page, name)
     found = page.evaluate(ORANGE)
     if found:
         orange = (seen[..., 0] > 120) & (seen[..., 0] - seen[..., 2] > 90)
@@ -69,25 +59,23 @@ def looked_at(page: Page, name: str) -> list[int]:
     return found
 
 
-@pytest.mark.long
-def test_servoing_straight_to_a_shape_tangles(visit: Visit, service: Service) -> None:
+def test_direct_servoing_fails_with_overlap(visit: Visit, service: Service) -> None:
     fold = service.fold(SPIRAL, preset="direct")["id"]
     state = service.wait_over(fold)
     place = state["summary"]["certificate"]["min_clearance_at"]
-    page = opened(visit(f"/folds/{fold}", **LAPTOP))
+    page = with_view(visit(f"/folds/{fold}", **LAPTOP))
     expect(page.locator("#stuck-heading")).to_have_text("Modules overlap")
     assert looked_at(page, "failure-direct") == sorted(place["modules"])
     assert shown_frame(page) == pytest.approx(place["frame"], abs=1)
 
 
-@pytest.mark.long
-def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
+def test_impossible_module_size_fails_with_overlap(visit: Visit, service: Service) -> None:
     asked = {"module_size": 1.0, "strategy": "simultaneous"}
     fold = service.fold(shape="wrench-80", **asked)["id"]
     state = service.wait_over(fold)
     assert state["status"] == "failed"
     place = state["summary"]["certificate"]["min_clearance_at"]
-    page = opened(visit(f"/folds/{fold}", **LAPTOP))
+    page = with_view(visit(f"/folds/{fold}", **LAPTOP))
     expect(page.locator("#stuck-heading")).to_have_text("Modules overlap")
     expect(page.locator("#stuck-text")).to_contain_text("At a module size of 1, modules")
     assert looked_at(page, "failure-size") == sorted(place["modules"])
@@ -97,7 +85,6 @@ def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
     expect(page.locator(".attempts li")).to_have_count(4)
     expect(page.locator(".attempts li").first).to_contain_text("All at once")
     expect(page.locator(".attempts li").first).to_contain_text("overlap")
-    keep(page, "failure-attempts")
     for tab in page.locator(".tabs button").all():
         box, bar = tab.bounding_box(), page.locator(".drawer").bounding_box()
         assert box and bar and box["x"] + box["width"] <= bar["x"] + bar["width"] - 36
@@ -112,30 +99,27 @@ def test_an_impossible_module_size(visit: Visit, service: Service) -> None:
     expect(page.locator("#again")).to_contain_text("Try the default module size")
 
 
-@pytest.mark.long
-def test_a_time_limit_on_a_phone(visit: Visit, hasty: Service) -> None:
+def test_time_limit_is_explained_on_a_phone(visit: Visit, hasty: Service) -> None:
     fold = hasty.fold(shape="wrench-94", preset="paper")["id"]
     state = hasty.wait_over(fold)
     assert state["error"]["code"] == "time-limit"
     frames = Timeline.open(hasty.directory(fold) / "timeline.zarr")
     assert frames.status == "failed" and len(frames) > 2
-    page = opened(visit(f"{hasty.http.base_url}/folds/{fold}", **PHONE))
+    page = with_view(visit(f"{hasty.http.base_url}/folds/{fold}", **PHONE))
     expect(page.locator("#stuck-heading")).to_have_text("Not finished")
     expect(page.locator("#stuck-more")).to_be_hidden()
-    keep(page, "failure-time-phone")
     page.locator("#stuck-fold").click()
     expect(page.locator("#stuck-text")).to_contain_text("Exploding took longer than 8 s")
     expect(page.locator("#stuck-attempts")).to_have_text("The attempt")
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert page.evaluate(WIDTH) <= 390
     found = looked_at(page, "failure-time-phone-where")
     assert found == state["summary"]["stuck"]["modules"] and len(found) > 10
     assert shown_frame(page) == len(frames) - 1
     page.keyboard.press("Home")
-    expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 1 of"))
+    at_frame(page, 0)
 
 
-@pytest.mark.long
-def test_a_memory_limit(visit: Visit, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_memory_limit_is_explained(visit: Visit, tmp_path_factory: pytest.TempPathFactory) -> None:
     cells = layered_snake((8, 8, 8)).tolist()
     begun, ended = exploding_bytes(tmp_path_factory.mktemp("large") / "data", cells)
     assert ended - begun > 2**23
@@ -147,13 +131,13 @@ def test_a_memory_limit(visit: Visit, tmp_path_factory: pytest.TempPathFactory) 
         assert (state["stage"], state["error"]["code"]) == ("explode", "memory-limit"), state
         frames = Timeline.open(small.directory(fold) / "timeline.zarr")
         assert frames.status == "failed" and len(frames) > 2
-        page = opened(visit(f"{small.http.base_url}/folds/{fold}", **LARGE))
+        page = with_view(visit(f"{small.http.base_url}/folds/{fold}", **LARGE))
         expect(page.locator("#stuck-heading")).to_have_text("Not finished")
         expect(page.locator("#stuck-text")).to_contain_text(f"more than {limit // 2**20} MiB")
         assert looked_at(page, "failure-memory") == state["summary"]["stuck"]["modules"]
         assert shown_frame(page) == len(frames) - 1
         page.keyboard.press("Home")
-        expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 1 of"))
+        at_frame(page, 0)
     finally:
         assert small.stop() == 0
 
@@ -176,28 +160,14 @@ def exploding_bytes(data: Path, cells: object) -> tuple[int, int]:
         assert service.stop() == 0
 
 
-@pytest.mark.long
-def test_a_cancelled_fold(visit: Visit, service: Service) -> None:
-    accepted = service.fold(shape="wrench-24", preset="paper", seed="11")
-    service.wait_exploding(accepted["id"])
-    service.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
-    assert service.wait_over(accepted["id"])["status"] == "cancelled"
-    page = visit(f"/folds/{accepted['id']}", **LAPTOP)
-    expect(page.locator("#verdict")).to_have_text("Cancelled before it finished")
-    expect(page.locator("#stuck")).to_be_hidden()
-    assert page.locator("#jump option[value=stuck]").get_attribute("hidden") is not None
-    expect(page.locator("#again")).to_contain_text("Fold again")
-
-
-@pytest.mark.long
-def test_a_knot(visit: Visit, service: Service) -> None:
+def test_knot_is_drawn_and_located(visit: Visit, service: Service) -> None:
     corners = [(-TAIL, 0, 0), *OVERHAND[1:-1], (4, 6 + TAIL, 2)]
     # All at once it is shaken loose; module by module it is drawn tight.
     fold = service.fold(walk(tuple(corners)).tolist(), strategy="peel")["id"]
     state = service.wait_over(fold)
     assert (state["status"], state["summary"]["stuck"]["kind"]) == ("failed", "knot")
     for options, name in ((LAPTOP, "failure-knot"), (PHONE, "failure-knot-phone")):
-        page = opened(visit(f"/folds/{fold}", **options))
+        page = with_view(visit(f"/folds/{fold}", **options))
         expect(page.locator("#stuck-heading")).to_have_text("The chain is knotted")
         drawn = page.locator("#stuck-knot svg")
         assert drawn.get_attribute("aria-label") == "A knot with 3 crossings, determinant 3"
@@ -212,11 +182,9 @@ def test_a_knot(visit: Visit, service: Service) -> None:
     tried = page.locator(".attempts li")
     expect(tried).to_have_count(1)  # it is peeled one way only
     expect(tried).to_contain_text("the chain is knotted (determinant 3)")
-    keep(page, "failure-knot-attempts")
 
 
-@pytest.mark.long
-def test_a_verified_fold_has_no_such_card(visit: Visit, wrench: str) -> None:
+def test_verified_fold_shows_no_failure(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     page.wait_for_function("() => window.foldback.timeline.complete")
     expect(page.locator("#stuck")).to_be_hidden()

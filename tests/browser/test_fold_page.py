@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +13,24 @@ from playwright.sync_api import Page, Route, expect
 
 from planner.motion.timeline import Timeline
 from planner.progress import COMPILING
-from tests.browser.conftest import PATIENCE_MS, keep, picture, shot
+from tests.browser.conftest import (
+    NO_WEBGL,
+    PATIENCE_MS,
+    WIDTH,
+    Visit,
+    at_frame,
+    choose,
+    opened_fold,
+    path_file,
+    picture,
+    seek,
+    shot,
+    shown_frame,
+)
 from tests.server.service import STAIRS, Service
 from web.pictures.colours import error_scale, module_errors
 from web.timeline.view import TimelineView
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
 SMALL = {"width": 480, "height": 400}
 """Window size in pixels that software rendering paints quickly."""
 
@@ -33,27 +43,10 @@ DROP = """([text, name]) => {
     zone.dispatchEvent(
       new DragEvent(kind, { dataTransfer: files, bubbles: true, cancelable: true }));
 }"""
-SEEK = """(frame) => {
-  const scrub = document.getElementById("scrub");
-  scrub.value = frame;
-  scrub.dispatchEvent(new Event("input", { bubbles: true }));
-}"""
 
 
 def dropped(page: Page, text: str, name: str = "wrench.json") -> None:
     page.evaluate(DROP, [text, name])
-
-
-def seek(page: Page, frame: int) -> None:
-    """Scrubs with the slider, and waits for the player's word that it is there."""
-    expect(page.locator("#scrub")).to_be_enabled()
-    page.evaluate(SEEK, frame)
-    expect(page.locator("#r-frame")).to_have_text(re.compile(rf"Frame {frame + 1} of "))
-
-
-def shown_frame(page: Page) -> int:
-    found = re.search(r"Frame ([\d\s]+) of", page.locator("#r-frame").inner_text())
-    return int(re.sub(r"\s", "", found[1])) - 1
 
 
 def redness(image: np.ndarray) -> float:
@@ -81,7 +74,7 @@ def solid_spot(image: np.ndarray) -> tuple[int, int]:
 
 
 @pytest.mark.long
-def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
+def test_page_polls_when_its_event_stream_is_refused(visit: Visit) -> None:
     page = visit("/", view=False)
     exploding = {"status": "running", "stage": "explode", "fraction": 0.4, "steps": 1200}
     exploding |= {"steps_per_second": 100, "simulated_s": 12.2}
@@ -105,11 +98,10 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
     page.route("**/folds/*/batch?*", no_frames_yet)
     page.route("**/api/folds/*/events", lambda route: route.fulfill(status=429))
     page.route(re.compile(r"/api/folds/[a-z0-9]+$"), answer)
-    dropped(page, json.dumps({"format": "foldback-path/1", "cells": STAIRS, "name": "asked for"}))
+    choose(page, "stairs.json", path_file(STAIRS))
     expect(page.locator("#verdict")).to_have_text(
         "First start: preparing the solvers, 42 % done. This happens only once"
     )
-    keep(page, "fold-compiling")
     told.pop(0)
     expect(page.locator("#verdict")).to_have_text(
         "First start: preparing the solvers, 61 % done. This happens only once · about 25 s left "
@@ -128,13 +120,12 @@ def test_a_page_whose_stream_is_refused_asks_instead(visit: Visit) -> None:
 
 
 @pytest.mark.parametrize("view", [False, pytest.param(True, marks=pytest.mark.long)])
-def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service, view: bool) -> None:
+def test_dropped_file_folds_and_is_inspected(visit: Visit, service: Service, view: bool) -> None:
     page = visit("/", height=480, view=view)
-    keep(page, "landing-dark")
     path = json.loads(SHAPE.read_text()) | {"name": "dropped wrench"}
     dropped(page, json.dumps(path))
 
-    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    fold_id = opened_fold(page)
     expect(page.locator("#verdict")).to_have_text(
         re.compile(
             r"^Verified \(simulated\): modules stay at least \d+\.\d % .* apart · 24 modules$"
@@ -144,7 +135,6 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service, v
     if view:  # else the page's own drawing stays, in the same colours
         page.locator("#sketch.gone").wait_for(state="attached")
     assert "#" not in page.url  # nothing was done yet that a link should tell of
-    fold_id = page.url.rsplit("/", 1)[1]
     timeline = Timeline.open(service.directory(fold_id) / "timeline.zarr")
     frames, chain = timeline.frames(), timeline.chain
     film = TimelineView(timeline.path)
@@ -167,7 +157,6 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service, v
         seek(page, frame)
         seen = picture(page)
         measured[frame] = redness(seen) / area(seen)
-        keep(page, f"fold-frame-{frame}")
     assert measured[explosion] == 0.0
     assert measured[low] < measured[high]
     expect(page.locator("#r-error")).to_have_text(
@@ -176,13 +165,10 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service, v
 
     # Step, by button and by key, with the focus in the page or in the view.
     page.locator("#back").click()
-    expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {high} of"))
-    page.keyboard.press("ArrowRight")
-    expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {high + 1} of"))
-    page.keyboard.press("Home")
-    expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 1 of"))
-    page.keyboard.press("End")
-    expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {len(frames)} of"))
+    at_frame(page, high - 1)
+    for key, frame in (("ArrowRight", high), ("Home", 0), ("End", len(frames) - 1)):
+        page.keyboard.press(key)
+        at_frame(page, frame)
 
     # Click a module: what is said of it is what was recorded.
     seek(page, explosion)
@@ -191,7 +177,6 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service, v
     heading = page.locator("#panel-module h2")
     expect(heading).to_contain_text("Module")
     index = int(re.findall(r"\d+", heading.inner_text())[0]) - 1
-    keep(page, "fold-module")
     cell = np.rint(chain.folded_poses.positions[index]).astype(int)
     said = page.locator("#panel-module dd").nth(1).inner_text().replace("−", "-")
     assert [int(c) for c in said.split(", ")] == cell.tolist()
@@ -207,7 +192,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service, v
     assert (seen[..., 2] - seen[..., 0]).max() > 60  # it is blue
     page.keyboard.press("ArrowRight")  # the focus is in the view now
     assert shown_frame(page) >= explosion
-    expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {explosion + 2} of"))
+    at_frame(page, explosion + 1)
 
     # Properties and downloads.
     page.locator("#tab-properties").click()
@@ -221,7 +206,7 @@ def test_drop_watch_scrub_step_and_look_closer(visit: Visit, service: Service, v
 
 
 @pytest.mark.long
-def test_it_plays_by_itself_and_follows(visit: Visit, wrench: str) -> None:
+def test_fold_plays_by_itself_and_the_camera_follows(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", reduced_motion="no-preference", **SMALL)
     expect(page.locator("#play")).to_have_attribute("aria-label", "Pause")
     first = shown_frame(page)
@@ -239,28 +224,21 @@ def test_it_plays_by_itself_and_follows(visit: Visit, wrench: str) -> None:
     expect(page.locator("#follow")).to_have_attribute("aria-pressed", "true")
 
 
-@pytest.mark.long
-def test_two_visitors_don_t_share_a_playhead(visit: Visit, wrench: str) -> None:
-    one, two = (visit(f"/folds/{wrench}", width=500, height=400, view=False) for _ in range(2))
-    for page in (one, two):
-        expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 1 of"))
-    seek(one, 20)
-    two.keyboard.press("End")
-    expect(one.locator("#r-frame")).to_have_text(re.compile("Frame 21 of"))
-
-
-def test_a_reload_and_a_link_show_what_was_seen(visit: Visit, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}", view=False)
+def test_reload_and_link_show_the_same_frame_and_module(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}", view=False, **SMALL)
     seek(page, 30)
     page.wait_for_url("**/folds/*#frame=31")
     page.evaluate("() => window.foldback.player.send({ do: 'select', module: 3 })")
     page.wait_for_url("**/folds/*#frame=31&module=4")
     page.reload()
-    expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 31 of"))
+    at_frame(page, 30)
     expect(page.locator("#panel-module h2")).to_contain_text("Module 4")
-    other = visit(f"/folds/{wrench}#frame=12&module=4", view=False, reduced_motion="no-preference")
-    expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
+    link, moving = f"/folds/{wrench}#frame=12&module=4", {"reduced_motion": "no-preference"}
+    other = visit(link, view=False, **SMALL, **moving)
+    at_frame(other, 11)
     expect(other.locator("#panel-module h2")).to_contain_text("Module 4")
+    seek(other, 20)
+    at_frame(page, 30)  # each visitor has a playhead
 
 
 WHOLE = """text => text.scrollWidth <= text.clientWidth && text.scrollHeight <= text.clientHeight
@@ -269,18 +247,14 @@ WHOLE = """text => text.scrollWidth <= text.clientWidth && text.scrollHeight <= 
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_on_a_phone(visit: Visit, wrench: str, scheme: str) -> None:
-    page = visit("/", width=390, height=844, color_scheme=scheme, has_touch=True, view=False)
-    for path, name in (("/", "landing"), (f"/folds/{wrench}", "fold")):
-        page.goto(path)
-        if name == "fold":
-            page.locator("#cover.gone").wait_for(state="attached")
-            page.keyboard.press("End")
-            picture(page)
-        keep(page, f"{name}-{scheme}-390x844")
-        wide = page.evaluate("document.documentElement.scrollWidth")
-        assert wide <= 390
+def test_landing_and_fold_fit_a_phone(visit: Visit, wrench: str) -> None:
+    page = visit("/", width=390, height=844, has_touch=True, view=False)
+    assert page.evaluate(WIDTH) <= 390
+    page.goto(f"/folds/{wrench}")
+    page.locator("#cover.gone").wait_for(state="attached")
+    page.keyboard.press("End")
+    picture(page)
+    assert page.evaluate(WIDTH) <= 390
     for width in (360, 390):
         page.set_viewport_size({"width": width, "height": 844})
         assert page.locator("#verdict").evaluate(WHOLE)
@@ -291,7 +265,6 @@ def test_on_a_phone(visit: Visit, wrench: str, scheme: str) -> None:
     assert sheet["y"] > 300  # the view keeps the upper part
     assert sheet["y"] + sheet["height"] <= bar["y"] + 1
     assert bar["y"] + bar["height"] <= 844
-    keep(page, f"fold-sheet-{scheme}-390x844")
 
 
 HELD = """if (self !== top) {
@@ -307,10 +280,8 @@ PASSED = """async () => {
 
 
 @pytest.mark.long
-def test_the_drawing_stays_until_the_view_shows_something(visit: Visit, wrench: str) -> None:
-    page = visit("about:blank", width=390, height=520, has_touch=True)
-    page.add_init_script(HELD)
-    page.goto(f"/folds/{wrench}")
+def test_drawing_stays_until_the_3d_view_has_painted(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}", width=390, height=520, has_touch=True, script=HELD)
     page.wait_for_function("() => window.foldback.player.stage.open")
     page.keyboard.press("End")
     page.evaluate(PASSED)
@@ -335,12 +306,9 @@ REST_MS = 2000
 
 
 @pytest.mark.long
-def test_a_view_at_rest_shows_what_comes_next_also_where_pictures_take_long(
-    visit: Visit, wrench: str
-) -> None:
-    page = visit("about:blank", width=640, height=440)  # a lower one hides the controls
-    page.add_init_script(SLOW)
-    page.goto(f"/folds/{wrench}")
+def test_resting_view_wakes_for_the_next_frame_on_a_slow_machine(visit: Visit, wrench: str) -> None:
+    # A lower window hides the controls.
+    page = visit(f"/folds/{wrench}", width=640, height=440, script=SLOW)
     page.locator("#sketch.gone").wait_for(state="attached")
     seek(page, 0)
     folded = picture(page)
@@ -350,32 +318,24 @@ def test_a_view_at_rest_shows_what_comes_next_also_where_pictures_take_long(
     page.wait_for_timeout(REST_MS)
     page.locator("#jump").select_option("straight")
     expect(page.locator("#r-folded")).to_have_text("0 %")
-    keep(page, "view-woken-early")
     deadline = time.monotonic() + PATIENCE_MS / 1000
     while np.abs(shot(page) - folded).max() <= 50:
         assert time.monotonic() < deadline, "the view goes on showing what was there before"
         page.wait_for_timeout(200)
-    keep(page, "view-woken")
 
 
-def test_a_bad_file_is_answered_on_the_spot(visit: Visit) -> None:
-    page = visit("/")
+def test_bad_file_and_unknown_fold_are_explained(visit: Visit) -> None:
+    page = visit("/", view=False)
     dropped(page, json.dumps([[0, 0, 0], [1, 0, 0], [0, 0, 0]]), "bad.json")
     expect(page.locator("#drop-message")).to_contain_text("Cells 1 and 3")
     assert page.url.endswith("/")
-    keep(page, "landing-bad-file")
+    for kind, heading in (("folds", "Fold not found"), ("previews", "This preview has expired")):
+        page.goto(f"/{kind}/nosuchone")
+        expect(page.locator("h1")).to_have_text(heading)
 
 
-def test_unknown_folds_are_told_in_words(visit: Visit) -> None:
-    page = visit("/folds/nosuchfold")
-    expect(page.locator("h1")).to_have_text("Fold not found")
-    keep(page, "not-found")
-
-
-def test_without_webgl_the_page_draws_the_fold_itself(visit: Visit, wrench: str) -> None:
-    page = visit("about:blank")
-    page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
-    page.goto(f"/folds/{wrench}")
+def test_fold_without_webgl_is_drawn_by_the_page(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}", script=NO_WEBGL, **SMALL)
     expect(page.locator("#flat")).to_contain_text("WebGL is missing")
     page.locator("#cover.gone").wait_for(state="attached")
     assert page.locator("#view").get_attribute("src") is None
@@ -385,4 +345,3 @@ def test_without_webgl_the_page_draws_the_fold_itself(visit: Visit, wrench: str)
     expect(page.locator("#r-phase")).to_have_text("Playback")
     seek(page, 60)
     assert np.abs(picture(page) - folded).max() > 50
-    keep(page, "fold-without-webgl")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,12 +12,11 @@ from playwright.sync_api import Page, expect
 from bench.command import playing
 from planner.chain.kinematics import forward_kinematics
 from planner.motion.motion import Motion
-from tests.browser.conftest import bytes_fetched, keep
+from tests.browser.conftest import Visit, bytes_fetched
 from tests.planner import peels
 from tests.web import long_folds
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.long]
-Visit = Callable[..., Page]
+pytestmark = pytest.mark.long
 CHAIN = peels.snake((20, 20, 25))
 OPENED = 2**20
 """Bytes that a fold may take to open, of its scene bundle and frames."""
@@ -47,7 +46,7 @@ def address(windows: Motion, tmp_path_factory: pytest.TempPathFactory) -> Iterat
         yield found
 
 
-def test_a_long_fold_opens_with_little_and_is_played(
+def test_long_fold_opens_with_few_bytes_and_plays(
     visit: Visit, address: str, windows: Motion
 ) -> None:
     page = visit("/")
@@ -68,16 +67,13 @@ def test_a_long_fold_opens_with_little_and_is_played(
     page.wait_for_function(SHOWN)
     drawn = page.evaluate(HERE)
     assert 4000 < drawn < len(windows)
-    keep(page, "long-fold")
     # Somewhere else it is there at once, as it is a little beside, and soon as it is.
     page.evaluate("() => window.foldback.player.send({ do: 'seek', frame: 7000 })")
     assert page.evaluate("() => Math.abs(window.foldback.player.shown.low - 7000)") < 150
     page.wait_for_function(f"() => ({SHOWN})() && window.foldback.player.shown.low === 7000")
 
 
-def test_every_module_of_a_long_fold_can_be_clicked(
-    visit: Visit, address: str, windows: Motion
-) -> None:
+def test_any_module_of_a_long_fold_is_clicked(visit: Visit, address: str, windows: Motion) -> None:
     page = visit("/")
     page.goto(address)
     page.wait_for_function(SHOWN)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Callable
 
 import pytest
 from playwright.sync_api import Page, expect
 
 from server.store.owner import new_token
-from tests.browser.conftest import keep
+from tests.browser.conftest import Visit, choose, opened_fold, path_file
 from tests.server.service import SNAKE, STAIRS, Service, bearer
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
 HOSTILE = '<img src=x onerror="document.title=1">'
 
 
@@ -34,19 +30,10 @@ def holding(visit: Visit, token: str, **options: object) -> Page:
     return page
 
 
-def test_a_fold_is_named_taken_to_another_browser_and_deleted_there(
-    visit: Visit, service: Service
-) -> None:
+def test_rename_transfer_and_delete_in_my_folds(visit: Visit, service: Service) -> None:
     page = visit("/", view=False)
-    page.locator("#file").set_input_files(
-        {
-            "name": "stairs.json",
-            "mimeType": "application/json",
-            "buffer": json.dumps({"format": "foldback-path/1", "cells": STAIRS}).encode(),
-        }
-    )
-    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
-    fold = page.url.rpartition("/")[2]
+    choose(page, "stairs.json", path_file(STAIRS))
+    fold = opened_fold(page)
     page.goto("/what-folds")  # draws nothing while it is folded
     service.wait_over(fold)
     page.get_by_role("link", name="My folds").click()
@@ -70,9 +57,8 @@ def test_a_fold_is_named_taken_to_another_browser_and_deleted_there(
     page.get_by_role("button", name="Show the key").click()
     key = page.get_by_role("textbox", name="Your access key").input_value()
     assert key == key_of(page)
-    keep(page, "my-folds")
 
-    other = holding(visit, new_token(), width=390, height=844, has_touch=True)
+    other = holding(visit, new_token(), width=390, height=844)
     expect(other.get_by_text("Nothing here yet")).to_be_visible()
     refused = (("wrench", "This is not a key"), (new_token(), "No folds found for this key"))
     for text, said in refused:
@@ -100,7 +86,7 @@ def test_a_fold_is_named_taken_to_another_browser_and_deleted_there(
 
 
 @pytest.mark.long
-def test_many_folds_come_by_pages_and_all_are_deleted(visit: Visit, service: Service) -> None:
+def test_my_folds_are_paged_and_all_deleted(visit: Visit, service: Service) -> None:
     token = new_token()
     # They are cancelled at once, so that no worker is kept busy.
     for seed in range(26):
@@ -139,9 +125,7 @@ def test_many_folds_come_by_pages_and_all_are_deleted(visit: Visit, service: Ser
     assert left["total"] == 0
 
 
-def test_a_browser_is_forgotten_and_early_folds_are_carried_over(
-    visit: Visit, service: Service
-) -> None:
+def test_early_folds_are_adopted_and_the_browser_forgotten(visit: Visit, service: Service) -> None:
     early = service.fold(SNAKE, seed="950")
     page = visit("/what-folds", view=False)
     page.evaluate(
@@ -162,7 +146,7 @@ def test_a_browser_is_forgotten_and_early_folds_are_carried_over(
 
 
 @pytest.mark.long
-def test_a_key_that_got_about_is_replaced(visit: Visit, service: Service) -> None:
+def test_leaked_key_is_replaced(visit: Visit, service: Service) -> None:
     leaked = new_token()
     fold = service.fold(SNAKE, seed="951", token=leaked)["id"]
     page = holding(visit, leaked)

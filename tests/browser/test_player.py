@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -12,13 +12,10 @@ from playwright.sync_api import Page, expect
 from planner.certificate.metrics import Figures
 from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline
-from tests.browser.conftest import OPEN, keep, visits
+from tests.browser.conftest import Visit, at_frame, seek, shown_frame, visits
 from tests.browser.test_accessibility import findings
-from tests.browser.test_fold_page import seek, shown_frame
 from tests.server.service import Service
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
 GROUND = "() => getComputedStyle(document.body).backgroundColor"
 TURNED_RAD = 0.05
 """Angle that playhead.js treats as a visible turn, in rad."""
@@ -26,10 +23,15 @@ TURNED_RAD = 0.05
 
 @pytest.fixture(scope="module")
 def page(service: Service, wrench: str) -> Iterator[Page]:
-    with visits(OPEN.browser(), service) as visit:
+    with visits(service) as visit:
         page = visit(f"/folds/{wrench}", width=1366, height=768, view=False)
         page.wait_for_function("() => window.foldback?.timeline.complete")
         yield page
+
+
+@pytest.fixture(scope="module")
+def figures(service: Service, wrench: str) -> Figures:
+    return Figures.load(service.directory(wrench) / "figures.zarr")
 
 
 @pytest.fixture(scope="module")
@@ -39,18 +41,14 @@ def frames(service: Service, wrench: str) -> Motion:
     return frames
 
 
-def at(page: Page, frame: int) -> None:
-    expect(page.locator("#r-frame")).to_have_text(re.compile(rf"^Frame {frame + 1} of "))
-
-
-def test_a_frame_is_typed(page: Page) -> None:
+def test_frame_is_typed(page: Page) -> None:
     seek(page, 4)
     page.locator("#r-frame").click()
     field = page.locator("#frame")
     expect(field).to_be_focused()
     page.keyboard.type("31")  # over what was there
     page.keyboard.press("Enter")
-    at(page, 30)
+    at_frame(page, 30)
     # The keyboard is the page's again: space plays.
     expect(page.locator("body")).to_be_focused()
     page.keyboard.press("Space")
@@ -72,7 +70,7 @@ def test_a_frame_is_typed(page: Page) -> None:
     assert shown_frame(page) == 30
 
 
-def test_keys_step_by_time_and_to_what_one_sees(page: Page, frames: Motion) -> None:
+def test_keys_step_by_time_and_to_visible_changes(page: Page, frames: Motion) -> None:
     seek(page, 30)
     times = frames.time_s
     for key, seconds in (("Shift+ArrowRight", 0.1), (".", 1.0), (",", -1.0)):
@@ -85,11 +83,11 @@ def test_keys_step_by_time_and_to_what_one_sees(page: Page, frames: Motion) -> N
     turned = np.abs(frames.joint_angles_rad - frames.joint_angles_rad[30]).max(axis=1) > TURNED_RAD
     changed = turned | (frames.phase != frames.phase[30])
     page.keyboard.press("n")
-    at(page, 31 + int(np.flatnonzero(changed[31:])[0]))
+    at_frame(page, 31 + int(np.flatnonzero(changed[31:])[0]))
     seek(page, 30)
     page.keyboard.press("p")
     before = np.flatnonzero(changed[:30])
-    at(page, int(before[-1]) if len(before) else 0)
+    at_frame(page, int(before[-1]) if len(before) else 0)
     expect(page.locator("#keys-said")).to_have_text(page.locator("#r-frame").inner_text())
     page.keyboard.press(">")
     expect(page.locator("#speed")).to_have_value("2")
@@ -97,23 +95,23 @@ def test_keys_step_by_time_and_to_what_one_sees(page: Page, frames: Motion) -> N
     expect(page.locator("#speed")).to_have_value("1")
 
 
-def test_all_keys_are_shown_and_single_ones_can_be_turned_off(page: Page) -> None:
+def test_keys_are_listed_and_single_letters_turned_off(page: Page) -> None:
     seek(page, 30)
     page.keyboard.press("?")
     dialog = page.locator("#keys-dialog")
     expect(dialog).to_be_visible()
     assert dialog.locator("dt").count() >= 15
     page.keyboard.press("ArrowRight")  # nothing behind it moves
-    at(page, 30)
+    at_frame(page, 30)
     page.keyboard.press("Escape")
     expect(dialog).to_be_hidden()
     page.locator("#keys").click()
     page.locator("#keys-off").check()
     dialog.get_by_role("button", name="Close").click()
     page.keyboard.press("n")
-    at(page, 30)
+    at_frame(page, 30)
     page.keyboard.press("ArrowRight")
-    at(page, 31)
+    at_frame(page, 31)
     page.locator("#keys").click()
     page.locator("#keys-off").uncheck()
     page.keyboard.press("Escape")
@@ -125,7 +123,7 @@ def test_all_keys_are_shown_and_single_ones_can_be_turned_off(page: Page) -> Non
     expect(page.locator("#full")).to_have_attribute("aria-pressed", "false")
 
 
-def test_a_part_is_looped_over_and_linked_to(page: Page) -> None:
+def test_range_is_looped_and_linked(page: Page) -> None:
     seek(page, 20)
     page.keyboard.press("i")
     seek(page, 60)
@@ -145,7 +143,6 @@ def test_a_part_is_looped_over_and_linked_to(page: Page) -> None:
     to = int(page.locator("#range-to").get_attribute("aria-valuenow") or 0)
     half = int(page.locator("#scrub").get_attribute("max") or 0) / 2
     assert to == pytest.approx(half + 1, abs=1)
-    keep(page, "loop")
     page.locator("#share").click()
     expect(page.locator("#share-link")).to_have_value(re.compile(rf"&from=22&to={to}$"))
     page.keyboard.press("Escape")
@@ -158,7 +155,7 @@ def test_a_part_is_looped_over_and_linked_to(page: Page) -> None:
     expect(page.locator("#range")).to_be_hidden()
 
 
-def test_a_module_is_chosen_by_number_and_along_the_chain(page: Page) -> None:
+def test_module_is_chosen_by_number_and_along_the_chain(page: Page) -> None:
     page.keyboard.press("m")
     field = page.locator("#module-number")
     expect(field).to_be_focused()
@@ -181,8 +178,7 @@ def test_a_module_is_chosen_by_number_and_along_the_chain(page: Page) -> None:
     expect(page.locator("#panel-module")).to_contain_text("type its number")
 
 
-def test_plots_are_read_and_moved_in_by_keyboard(page: Page, service: Service, wrench: str) -> None:
-    figures = Figures.load(service.directory(wrench) / "figures.zarr")
+def test_plots_are_read_and_scrubbed_by_keyboard(page: Page, figures: Figures) -> None:
     if not page.locator("#tab-plots").is_visible():
         page.locator("#details").click()
     page.locator("#tab-plots").click()
@@ -191,7 +187,7 @@ def test_plots_are_read_and_moved_in_by_keyboard(page: Page, service: Service, w
     plot.focus()
     page.keyboard.press("PageUp")
     page.keyboard.press("ArrowLeft")
-    at(page, 49)
+    at_frame(page, 49)
     least = f"{float(f'{figures.min_clearance[49]:.2g}'):g} pitch"
     expect(plot).to_have_attribute("aria-valuetext", f"Frame 50, least clearance {least}")
     with page.expect_download() as download:
@@ -201,9 +197,76 @@ def test_plots_are_read_and_moved_in_by_keyboard(page: Page, service: Service, w
     np.testing.assert_allclose(table["min_clearance"], figures.min_clearance, rtol=1e-6)
 
 
-@pytest.mark.parametrize("width", [360, 390])
-def test_folded_is_a_slider_on_a_phone_and_the_bar_stays_low(page: Page, width: int) -> None:
-    page.set_viewport_size({"width": width, "height": 844})
+def test_plots_show_figures_and_seek(page: Page, figures: Figures) -> None:
+    if not page.locator("#tab-plots").is_visible():
+        page.locator("#details").click()
+    page.locator("#tab-plots").click()
+    plots = page.locator(".plot")
+    expect(plots).to_have_count(4)
+    seek(page, 40)
+    least = plots.filter(has_text="Least clearance").locator("b")
+    expect(least).to_have_text(f"{float(f'{figures.min_clearance[40]:.2g}'):g} pitch")
+    box = plots.nth(0).locator("svg").bounding_box()
+    page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 20)
+    assert shown_frame(page) == pytest.approx(0.75 * (len(figures) - 1), abs=3)
+    page.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 20)
+    where = plots.nth(0).locator(".plot-where")
+    expect(where).to_contain_text(re.compile(r"^frame \d+, [\d.]+ s$"))
+    assert shown_frame(page) > 0.5 * len(figures), "a reading moves nothing"
+    larger = page.get_by_role("button", name="Larger view of least clearance")
+    larger.click()
+    large = page.locator("dialog.plot-dialog .plot svg[role=slider]")
+    before = shown_frame(page)
+    large.press("ArrowLeft")
+    expect(large).to_have_attribute("aria-valuenow", str(before))
+    page.keyboard.press("Escape")
+    expect(large).to_have_count(0)
+    expect(plots).to_have_count(4)
+    expect(larger).to_be_focused()
+
+
+def test_jumps_seek_the_worst_frames(page: Page, figures: Figures) -> None:
+    page.locator("#jump option[value=straight]").wait_for(state="attached")
+    page.wait_for_function("() => !document.querySelector('#colour-by option[disabled]')")
+    for where, worst in (
+        ("max_error_rad", np.nanargmax(figures.max_error_rad)),
+        ("min_clearance", np.nanargmin(figures.min_clearance)),
+        ("peak_torque_nm", np.nanargmax(figures.peak_torque_nm)),
+    ):
+        page.locator("#jump").select_option(where)
+        expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {worst + 1} of"))
+
+
+def test_folded_slider_seeks_by_share(page: Page, frames: Motion) -> None:
+    first = int(np.flatnonzero(frames.phase == 1)[0])
+    page.locator("#jump").select_option("straight")
+    expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {first + 1} of"))
+    expect(page.locator("#r-folded")).to_have_text("0 %")
+    slider = page.locator("#folded")
+    slider.evaluate("(s) => { s.value = 50; s.dispatchEvent(new Event('input')); }")
+    middle = shown_frame(page)
+    assert first < middle < len(frames) - 1
+    goal = np.abs(frames.joint_angles_rad[-1])
+    reached = np.clip(frames.joint_angles_rad * np.sign(frames.joint_angles_rad[-1]), 0, goal)
+    share = reached.sum(axis=1) / goal.sum()
+    assert share[middle] == pytest.approx(0.5, abs=0.01)
+    expect(page.locator("#r-folded")).to_have_text("50 %")
+
+
+def test_module_panel_names_the_nearest_module(page: Page, figures: Figures) -> None:
+    frame = len(figures) - 1
+    seek(page, frame)
+    page.evaluate("() => window.foldback.player.send({ do: 'select', module: 5 })")
+    nearest = page.locator("#panel-module [data-of=nearest]")
+    expect(nearest).to_contain_text(f"Module {figures.nearest[frame, 5] + 1}, ")
+    expect(nearest).to_contain_text(f"{figures.clearance[frame, 5]:.2g} pitch")
+    nearest.locator("button").click()
+    number = figures.nearest[frame, 5] + 1
+    expect(page.locator("#panel-module h2")).to_contain_text(f"Module {number} of ")
+
+
+def test_folded_slider_and_bar_fit_a_phone(page: Page) -> None:
+    page.set_viewport_size({"width": 360, "height": 844})
     if page.locator("#drawer").is_visible():
         page.locator("#drawer-close").click()
     slider = page.locator("#folded")
@@ -215,13 +278,12 @@ def test_folded_is_a_slider_on_a_phone_and_the_bar_stays_low(page: Page, width: 
     assert bar["height"] <= 171  # as high as without the slider
 
 
-def test_a_theme_is_kept_and_there_from_the_first_picture(page: Page) -> None:
+def test_theme_is_kept_and_set_before_the_first_paint(page: Page) -> None:
     dark = page.evaluate(GROUND)
     page.locator("#details").focus()
     page.keyboard.press("t")
     light = page.evaluate(GROUND)
     assert light != dark
-    keep(page, "theme-light")
     page.goto("/gallery")
     assert page.evaluate(GROUND) == light
     # It stands in the head before all that is painted, and is no module: those run later.
@@ -237,7 +299,7 @@ def test_a_theme_is_kept_and_there_from_the_first_picture(page: Page) -> None:
 
 
 @pytest.mark.long
-def test_axe_finds_nothing_grave_in_it(visit: Visit, wrench: str) -> None:
+def test_player_is_accessible(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}#frame=31&module=7&from=21&to=61", view=False)
     expect(page.locator("#range")).to_be_visible()
     assert findings(page) == {}

@@ -4,30 +4,24 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import called_off, keep, leave_view_out, picture
+from tests.browser.conftest import (
+    NO_WEBGL,
+    WIDTH,
+    Visit,
+    answered,
+    cancel_fold,
+    opened_fold,
+    picture,
+    previewed,
+)
 from tests.server.files.test_preview import CROSS, box, stl, voxels
 from tests.server.service import Service
-
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
-
-
-def choose(page: Page, name: str, data: bytes) -> None:
-    page.locator("#file").set_input_files(
-        {"name": name, "mimeType": "application/octet-stream", "buffer": data}
-    )
-
-
-def answered(page: Page) -> None:
-    """Waits until the figures are those of what was asked for last."""
-    page.locator("body:not(.busy-now)").wait_for()
 
 
 def settled(page: Page) -> None:
@@ -50,15 +44,25 @@ def warm(image: np.ndarray) -> np.ndarray:
     return image[..., 0] - image[..., 2]
 
 
+NOTE_WEBGL = """window.asked = [];
+const getContext = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+  const drawing = document.getElementById("drawing");
+  if (kind.startsWith("webgl")) asked.push([
+    document.getElementById("verdict").textContent,
+    drawing.complete && drawing.naturalWidth > 0 && !drawing.hidden]);
+  return getContext.call(this, kind, ...more);
+};"""
+"""Notes what the page showed whenever it asked for WebGL."""
+
+
 @pytest.mark.parametrize("view", [False, pytest.param(True, marks=pytest.mark.long)])
-def test_drop_a_mesh_look_change_and_fold(visit: Visit, service: Service, view: bool) -> None:
+def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, view: bool) -> None:
     page = visit("/", width=760, height=420, view=view)
     expect(page.locator(".drop-title")).to_have_text(
         "Drop an STL mesh, a voxel model, a path or a chain"
     )
-    choose(page, "brick.stl", stl())
-    page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
-    answered(page)
+    previewed(page, "brick.stl", stl())
     expect(page.locator("#name")).to_have_text("brick")
     expect(page.locator("#verdict")).to_have_text(
         re.compile(r"\d+ modules · matches your model: \d+ %")
@@ -69,13 +73,11 @@ def test_drop_a_mesh_look_change_and_fold(visit: Visit, service: Service, view: 
         seen = picture(page)
         assert (warm(seen) > 40).mean() > 0.003
         assert (warm(seen) < -40).mean() > 0.003
-        keep(page, "preview-mesh")
         page.locator("[data-layer=path]").click()
         expect(page.locator("[data-layer=path]")).to_have_attribute("aria-pressed", "false")
         solid = picture(page)
         assert np.abs(solid - seen).max() > 40
         page.locator("[data-layer=path]").click()
-        leave_view_out(page.context)  # of the fold's page
 
     number = page.locator("#modules-number")
     number.fill("24")
@@ -95,29 +97,15 @@ def test_drop_a_mesh_look_change_and_fold(visit: Visit, service: Service, view: 
         number.press("Enter")
         answered(page)
     page.locator("#fold").click()
-    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    fold = opened_fold(page)
     expect(page.locator("#name")).to_have_text("brick")
-    fold = page.url.rpartition("/")[2]
     assert service.state(fold)["modules"] == int(modules)
-    called_off(page, service)
+    cancel_fold(page, service)
 
 
-def test_a_drawing_is_there_before_the_3d_view_is_asked_for(
-    visit: Visit, brick: dict[str, Any]
-) -> None:
-    page = visit("about:blank", width=1440, height=900)
+def test_drawing_comes_before_the_3d_view(visit: Visit, brick: dict[str, Any]) -> None:
+    page = visit("about:blank", script=NOTE_WEBGL)
     page.route("**/view", lambda route: None)  # the 3D view never comes
-    page.add_init_script(
-        """window.asked = [];
-        const getContext = HTMLCanvasElement.prototype.getContext;
-        HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
-          const drawing = document.getElementById("drawing");
-          if (kind.startsWith("webgl")) asked.push([
-            document.getElementById("verdict").textContent,
-            drawing.complete && drawing.naturalWidth > 0 && !drawing.hidden]);
-          return getContext.call(this, kind, ...more);
-        };"""
-    )
     page.goto(brick["links"]["page"])
     expect(page.locator("#drawing")).to_be_visible()
     expect(page.locator("#cover-text")).to_have_text("Starting the 3D view…")
@@ -125,28 +113,30 @@ def test_a_drawing_is_there_before_the_3d_view_is_asked_for(
     [(verdict, drawn)] = page.evaluate("window.asked")
     assert "modules" in verdict
     assert drawn
-    keep(page, "preview-drawing-1440x900")
     before = page.locator("#drawing").get_attribute("src")
     page.locator("#modules-number").fill("64")
     page.locator("#modules-number").press("Enter")
     expect(page.locator("#drawing")).not_to_have_attribute("src", before or "")
 
 
-def test_without_webgl_the_drawing_stays_and_the_shape_can_be_folded(
-    visit: Visit, brick: dict[str, Any]
-) -> None:
-    page = visit("about:blank", width=390, height=844)
-    page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
-    page.goto(brick["links"]["page"])
+def test_preview_without_webgl_keeps_the_drawing(visit: Visit, brick: dict[str, Any]) -> None:
+    page = visit(brick["links"]["page"], width=390, height=844, script=NO_WEBGL)
     expect(page.locator("#cover-text")).to_contain_text("WebGL is missing")
     expect(page.locator("#drawing")).to_be_visible()
     expect(page.locator("#fold")).to_be_enabled()
     assert page.locator("#view").get_attribute("src") is None
-    keep(page, "preview-drawing-390x844")
 
 
 @pytest.mark.long
-def test_a_3d_view_that_does_not_come_leaves_the_drawing_and_comes_later(
+def test_largest_number_of_modules_is_stated(visit: Visit, brick: dict[str, Any]) -> None:
+    page = visit(brick["links"]["page"] + "?modules=15000", script=NO_WEBGL)
+    expect(page.locator("#got")).to_contain_text("At most 12\u2009000 modules")
+    expect(page.locator("#modules-number")).to_have_value("12000")
+    expect(page).to_have_url(re.compile("modules=12000"))
+
+
+@pytest.mark.long
+def test_preview_recovers_when_its_scene_fails_or_is_busy(
     visit: Visit, brick: dict[str, Any]
 ) -> None:
     page = visit("about:blank", width=760, height=420)
@@ -175,29 +165,13 @@ def test_a_3d_view_that_does_not_come_leaves_the_drawing_and_comes_later(
     assert abs(got - asked) <= 0.3 * asked
 
 
-@pytest.mark.long
-def test_the_most_modules_are_said_where_they_are_reached(
-    visit: Visit, brick: dict[str, Any]
-) -> None:
-    page = visit("about:blank", width=1440, height=900)
-    page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
-    page.goto(brick["links"]["page"] + "?modules=15000")
-    expect(page.locator("#got")).to_contain_text("At most 12\u2009000 modules")
-    expect(page.locator("#modules-number")).to_have_value("12000")
-    expect(page).to_have_url(re.compile("modules=12000"))
-    keep(page, "preview-most-1440x900")
-
-
-def test_no_path_is_explained_and_repaired_on_a_click(visit: Visit) -> None:
+def test_missing_path_is_explained_repaired_and_unrepaired(visit: Visit) -> None:
     page = visit("/", width=390, height=844, has_touch=True, view=False)
-    choose(page, "cross.json", voxels(CROSS, name="Cross"))
-    page.wait_for_url(re.compile("/previews/"))
-    answered(page)
+    previewed(page, "cross.json", voxels(CROSS, name="Cross"))
     expect(page.locator("#trouble")).to_be_visible()
     expect(page.locator("#problems li").first).not_to_be_empty()
     expect(page.locator("#fold")).to_be_disabled()
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    keep(page, "preview-no-path-390x844")
+    assert page.evaluate(WIDTH) <= 390
     page.locator("#repairs .button.primary").tap()
     expect(page.locator("#repaired")).to_be_visible()
     expect(page.locator("#fold")).to_be_enabled()
@@ -206,10 +180,9 @@ def test_no_path_is_explained_and_repaired_on_a_click(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_cells_apart_are_not_offered_what_does_not_help(visit: Visit) -> None:
+def test_separate_cells_are_offered_only_repairs_that_help(visit: Visit) -> None:
     page = visit("/", width=1440, height=900, view=False)
-    choose(page, "apart.json", voxels([[0, 0, 0], [1, 0, 0], [2, 0, 0], [9, 0, 0]]))
-    page.wait_for_url(re.compile("/previews/"))
+    previewed(page, "apart.json", voxels([[0, 0, 0], [1, 0, 0], [2, 0, 0], [9, 0, 0]]))
     expect(page.locator("#problems li").first).to_contain_text("2 parts")
     expect(page.locator("#repairs .button")).to_have_count(1)
     expect(page.locator("#repairs")).not_to_contain_text("Use blocks")
@@ -220,22 +193,20 @@ def test_cells_apart_are_not_offered_what_does_not_help(visit: Visit) -> None:
 @pytest.mark.long
 def test_cells_in_no_order_are_shown_as_voxels(visit: Visit, service: Service) -> None:
     page = visit("/", width=960, height=640, view=False)
-    choose(page, "cells.json", json.dumps(box(4, 3, 2)[::-2] + box(4, 3, 2)[::2]).encode())
-    page.wait_for_url(re.compile("/previews/"))
+    previewed(page, "cells.json", json.dumps(box(4, 3, 2)[::-2] + box(4, 3, 2)[::2]).encode())
     expect(page.locator("#verdict")).to_have_text("24 modules")
     expect(page.locator("#unordered")).to_have_text(
         "Read as voxels, because cells 2 and 3 are not neighbours."
     )
     expect(page.locator("#unordered")).to_be_in_viewport()
-    keep(page, "preview-unordered-960x640")
     page.locator("#fold").click()
-    page.wait_for_url(re.compile("/folds/"))
-    called_off(page, service)
+    opened_fold(page)
+    cancel_fold(page, service)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])
-def test_the_chain_starts_in_the_module_that_is_clicked(
+def test_chain_starts_in_the_clicked_module(
     visit: Visit, service: Service, brick: dict[str, Any], width: int, height: int
 ) -> None:
     page = visit(brick["links"]["page"] + "?modules=64", width=width, height=height)
@@ -247,12 +218,10 @@ def test_the_chain_starts_in_the_module_that_is_clicked(
     expect(page.locator("#start-text")).to_contain_text(re.compile(r"Module \d+ of \d+"))
     module = int(re.findall(r"\d+", page.locator("#start-text").inner_text())[0])
     assert np.abs(picture(page) - before).max() > 40  # the module stands out
-    keep(page, f"preview-picked-{width}x{height}")
     page.locator("#start-button").click()
     settled(page)
     expect(page).to_have_url(re.compile("start="))
     expect(page.locator("#start-text")).to_contain_text("Starts in (")
-    keep(page, f"preview-start-{width}x{height}")
     cells = service.http.post(
         "/api/shapes/preview", data={"preview": brick["id"], "modules": "64"}
     ).json()["cells"]
@@ -261,8 +230,3 @@ def test_the_chain_starts_in_the_module_that_is_clicked(
     page.locator("#start-button").click()
     settled(page)
     expect(page.locator("#start")).to_be_hidden()
-
-
-def test_previews_that_are_gone_are_told_in_words(visit: Visit) -> None:
-    page = visit("/previews/nosuchpreview")
-    expect(page.locator("h1")).to_have_text("This preview has expired")

@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from planner.plan.plan import Plan
-from tests.browser.conftest import OPEN, PATIENCE_MS, VIEW, keep, picture, visits
-from tests.browser.test_fold_page import seek
+from tests.browser.conftest import Visit, picture, seek, visits
 from tests.server.service import Service
 from tests.web.blog import Blog
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
 DRAWN = "() => !window.foldback.player.sketch.waiting"
 """Whether the page's own drawing, which comes before the 3D view, has come."""
 
 
 @pytest.mark.long
-def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
+def test_link_shares_frame_and_module(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     expect(page.locator("#scrub")).to_be_enabled()
     seek(page, 30)
@@ -33,7 +30,6 @@ def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
     shown = page.locator("#share-link")
     expect(shown).to_have_value(re.compile(rf"/folds/{wrench}\?view=31,,,1#frame=31&module=8$"))
     link = shown.input_value()
-    keep(page, "share")
     page.keyboard.press("Escape")
     page.evaluate("() => { location.hash = '#frame=12&from=8&to=20'; }")
     expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
@@ -52,7 +48,7 @@ def test_a_link_shows_somebody_else_the_same(visit: Visit, wrench: str) -> None:
     expect(other.locator("#cancel")).to_be_hidden()
 
 
-def test_a_fold_in_somebody_else_s_page(visit: Visit, blog: Blog, wrench: str) -> None:
+def test_fold_is_embedded_in_another_site(visit: Visit, blog: Blog, wrench: str) -> None:
     page = visit(f"/folds/{wrench}#frame=12", view=False)
     page.locator("#share").click()
     expect(page.locator("#share-embed")).to_have_value(re.compile("iframe"))
@@ -62,7 +58,6 @@ def test_a_fold_in_somebody_else_s_page(visit: Visit, blog: Blog, wrench: str) -
     expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 12 of"))
     inside.locator("#forward").click()
     expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 13 of"))
-    keep(reader, "embedded")
     expect(inside.locator("a.whole")).to_have_attribute("href", f"/folds/{wrench}")
     # The page of the fold itself stays out of other sites.
     blog.html = blog.html.replace("/embed/", "/folds/")
@@ -74,7 +69,7 @@ def test_a_fold_in_somebody_else_s_page(visit: Visit, blog: Blog, wrench: str) -
 @pytest.fixture(scope="module")
 def offered(service: Service, wrench: str) -> Iterator[Page]:
     """A fold's page, with what it offers in the drawer: for several tests."""
-    with visits(OPEN.browser(), service) as visit:
+    with visits(service) as visit:
         page = visit(f"/folds/{wrench}", view=False)
         page.locator("#details").click()
         page.locator("#tab-downloads").click()
@@ -82,7 +77,7 @@ def offered(service: Service, wrench: str) -> Iterator[Page]:
 
 
 @pytest.mark.long
-def test_one_file_plays_without_a_server(offered: Page, browser: Browser, tmp_path: Path) -> None:
+def test_standalone_file_plays_offline(offered: Page, visit: Visit, tmp_path: Path) -> None:
     offered.locator("#share").click()
     with offered.expect_download() as download:
         offered.get_by_role("link", name="A single HTML file").click()
@@ -91,13 +86,9 @@ def test_one_file_plays_without_a_server(offered: Page, browser: Browser, tmp_pa
     download.value.save_as(path)
     assert path.suffix == ".html"
 
-    context = browser.new_context(
-        offline=True, viewport={"width": 560, "height": 440}, reduced_motion="reduce"
-    )
-    context.set_default_timeout(PATIENCE_MS)
+    alone = visit("about:blank", width=560, height=440, offline=True)
     thrown: list[str] = []
     asked: list[str] = []
-    alone = context.new_page()
     alone.on("pageerror", lambda error: thrown.append(str(error)))
     alone.on("request", lambda request: asked.append(request.url))
     alone.goto(path.as_uri())
@@ -110,14 +101,12 @@ def test_one_file_plays_without_a_server(offered: Page, browser: Browser, tmp_pa
     alone.locator("#details").click()
     alone.locator("#tab-plots").click()
     expect(alone.locator(".plot")).to_have_count(4)
-    keep(alone, "standalone")
     assert [url for url in asked if url.startswith("http")] == []
     assert thrown == []
-    context.close()
 
 
 @pytest.mark.long
-def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) -> None:
+def test_compare_plays_two_folds_together(visit: Visit, service: Service, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", width=960, height=440, view=False)
     page.locator("#compare").click()
     page.get_by_role("button", name="Direct servoing").click()
@@ -126,8 +115,7 @@ def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) 
     service.wait_over(direct)
     # What is said of it follows, though the page was opened before it was over.
     expect(page.locator("#side-1 .verdict")).to_have_text(re.compile("Verified"))
-    page.context.unroute(VIEW)
-    page.reload()
+    page = visit(page.url, width=960, height=440)
     sides = [page.locator(f"#side-{k}") for k in range(2)]
     for side in sides:
         side.locator(".sketch.gone").wait_for(state="attached")
@@ -144,7 +132,6 @@ def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) 
     expect(page.locator("#r-folded")).to_have_text("100 %")
     for side in sides:
         expect(side.locator(".side-now")).to_contain_text("Error")
-    keep(page, "compare")
     page.keyboard.press("Home")
     expect(page.locator("#r-phase")).to_have_text("Explosion")
     page.keyboard.press("Shift+ArrowRight")
@@ -157,7 +144,7 @@ def test_two_folds_on_one_playhead(visit: Visit, service: Service, wrench: str) 
 
 
 @pytest.mark.long
-def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, wrench: str) -> None:
+def test_fold_is_refolded_into_another_shape(visit: Visit, service: Service, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     page.locator("#refold").click()
     page.locator("#refold-shapes").get_by_role("button", name="Mallet").click()
@@ -173,16 +160,12 @@ def test_a_fold_goes_on_into_another_shape(visit: Visit, service: Service, wrenc
     assert np.allclose(plan.joint_angles_rad[-1], plan.chain.folded_rad, atol=1e-9)
     page.keyboard.press("Home")
     expect(page.locator("#r-phase")).to_have_text("Unfolding")
-    keep(page, "refold-begins")
     page.keyboard.press("End")
     expect(page.locator("#r-phase")).to_have_text("Playback")
-    keep(page, "refold-ends")
 
 
 @pytest.mark.long
-def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
-    visit: Visit, service: Service, wrench: str
-) -> None:
+def test_fold_is_smoothed_and_compared(visit: Visit, service: Service, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     page.locator("#smooth").click()
     page.wait_for_url(lambda url: "/folds/" in url and wrench not in url)
@@ -202,14 +185,13 @@ def test_a_fold_is_smoothed_and_set_beside_what_was_recorded(
     ratio = plan.smoothing["after"]["frames"] / plan.smoothing["before"]["frames"]
     assert told[0][3] == f"× {ratio:.2f}"
     assert len(told) == len(plan.smoothing["after"])
-    keep(page, "smoothed")
     page.get_by_role("link", name="Compare side by side").click()
     page.wait_for_url(f"**/compare?a={wrench}&b={smoothed}")
     expect(page.locator("#side-1")).to_contain_text("smoothed")
 
 
 @pytest.mark.long
-def test_everything_on_offer_can_be_downloaded(offered: Page, service: Service) -> None:
+def test_all_offered_downloads_work(offered: Page, service: Service) -> None:
     links = offered.locator("#panel-downloads .downloads a")
     expect(links.first).to_be_visible()
     names = links.evaluate_all("(all) => all.map((one) => [one.textContent, one.href])")
@@ -222,7 +204,7 @@ def test_everything_on_offer_can_be_downloaded(offered: Page, service: Service) 
 
 
 @pytest.mark.long
-def test_motors_are_judged_and_a_movie_is_made(offered: Page, tmp_path: Path) -> None:
+def test_motors_are_judged_and_movie_is_made(offered: Page, tmp_path: Path) -> None:
     page = offered
     robot = page.locator("form.options").nth(1)
     robot.get_by_role("button").click()
@@ -250,15 +232,14 @@ def test_motors_are_judged_and_a_movie_is_made(offered: Page, tmp_path: Path) ->
     assert path.read_bytes()[:4] == b"GIF8"
 
 
-def test_networks_are_shown_a_picture(service: Service, wrench: str) -> None:
-    for path in (f"/folds/{wrench}", "/"):
-        page = service.http.get(path).text  # as they read it
+def test_pages_name_their_social_picture(service: Service, wrench: str) -> None:
+    for path, drawn in ((f"/folds/{wrench}", f"folds/{wrench}"), ("/", "featured")):
+        page = service.http.get(path).text
         found = re.search(r'<meta property="og:image" content="([^"]+)"', page)
-        answer = service.http.get(found[1])
-        assert answer.headers["Content-Type"] == "image/png"
-        assert answer.content[16:24] == (1200).to_bytes(4, "big") + (630).to_bytes(4, "big")
+        assert found and found[1] == f"{service.http.base_url}/{drawn}/picture.png"
 
 
+SMALL = {"width": 640, "height": 440}
 LEVELS = 8
 """Difference of a pixel that is not seen."""
 PLACES = (
@@ -276,30 +257,26 @@ def off(page: Page, other: Page) -> float:
     return float((np.abs(a - b).max(axis=-1) > LEVELS).mean())
 
 
-def test_view_that_was_turned_by_hand_is_in_its_link(visit: Visit, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}#frame=60", view=False)
+def test_turned_view_is_in_its_link(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}#frame=60", view=False, **SMALL)
     expect(page.locator("#scrub")).to_be_enabled()
     box = page.locator("main.stage").bounding_box()
     page.wait_for_function("() => window.foldback.player.shown?.exact")
-    page.mouse.move(box["x"] + 300, box["y"] + 150)
+    page.mouse.move(box["x"] + 240, box["y"] + 100)
     page.mouse.down()
-    page.mouse.move(box["x"] + 360, box["y"] + 190, steps=3)
+    page.mouse.move(box["x"] + 300, box["y"] + 140, steps=3)
     page.mouse.up()
     page.keyboard.press("d")
     page.keyboard.press("-")
     page.wait_for_url(re.compile(r"#frame=60&camera=-?[\d.]+,[\d.]+,1\.15$"))
     expect(page.locator("#follow")).to_have_attribute("aria-pressed", "true")
-    other = visit(page.url, view=False)
+    other = visit(page.url, view=False, **SMALL)
     expect(other.locator("#r-frame")).to_have_text(re.compile("Frame 60 of"))
     other.wait_for_function("() => window.foldback.player.shown?.exact")
     assert off(page, other) <= 0.01
-    keep(other, "link-turned")
     page.locator("#sides").select_option("reset")
     page.wait_for_url(re.compile(r"#frame=60$"))
     assert off(page, other) > 0.01
-    embedded = visit(f"/embed/{wrench}?theme=light&controls=0#frame=60", view=False)
-    expect(embedded.locator("#bar")).to_be_hidden()
-    assert embedded.evaluate("document.documentElement.dataset.theme") == "light"
 
 
 def test_picture_of_the_view_is_saved(visit: Visit, wrench: str, tmp_path: Path) -> None:

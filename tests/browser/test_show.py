@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, Page, expect
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import TimelineWriter
-from tests.browser.conftest import PATIENCE_MS, keep
+from tests.browser.conftest import PATIENCE_MS
 from tests.web.conftest import SNAKE, folding
 from web.viser import Shown, show
 
@@ -69,7 +69,7 @@ def whole_chain_in_view(shown: Shown) -> bool:
 
 
 @pytest.mark.long
-def test_somebody_scrubs_clicks_and_plays(page: Page, shown: Shown) -> None:
+def test_viser_server_scrubs_selects_and_plays(page: Page, shown: Shown) -> None:
     expect(page.get_by_text(f"Frame 1 of {LAST + 1}")).to_be_visible()
     expect(page.get_by_text("<b>snake</b>")).to_be_visible()  # a name stays a name
     until(page, lambda: len(shown._cameras._aspects) == 1 and whole_chain_in_view(shown))
@@ -79,13 +79,11 @@ def test_somebody_scrubs_clicks_and_plays(page: Page, shown: Shown) -> None:
     until(page, lambda: shown.frame == LAST)
     expect(page.get_by_text(f"Frame {LAST + 1} of {LAST + 1}")).to_be_visible()
     until(page, lambda: whole_chain_in_view(shown))
-    keep(page, "show")
 
     expect(page.locator("canvas").first).to_be_visible()
     page.mouse.click(295, 230)  # the nearest module
     until(page, lambda: shown._selected is not None)
     expect(page.get_by_text(f"Module {shown._selected + 1} of {len(SNAKE)}")).to_be_visible()
-    keep(page, "show-module")
 
     page.get_by_role("button", name="Play").click()  # from the first frame again
     expect(page.get_by_role("button", name="Pause")).to_be_visible()

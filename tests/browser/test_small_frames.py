@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import AT_REST, VIEW, keep
+from tests.browser.conftest import AT_REST, Visit
 from tests.server.service import Service
 from tests.web.blog import Blog
-
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
 
 MIN_PICTURE_SHARE = 0.55
 """Smallest part of the page that shows the picture, without controls on it."""
@@ -58,7 +53,7 @@ def nearest_module(page: Page) -> tuple[int, float, float]:
     return module, float(x), float(y)
 
 
-def test_tap_on_a_module_selects_it(visit: Visit, wrench: str) -> None:
+def test_tap_selects_a_module(visit: Visit, wrench: str) -> None:
     address = f"/folds/{wrench}#frame=9999"
     page = visit(address, width=390, height=844, view=False, has_touch=True, is_mobile=True)
     page.wait_for_function("() => foldback.player.standIn.stage.eye && !foldback.player.busy")
@@ -67,8 +62,7 @@ def test_tap_on_a_module_selects_it(visit: Visit, wrench: str) -> None:
     module, x, y = nearest_module(page)  # on the page's own drawing
     page.touchscreen.tap(x, y)
     assert page.evaluate("() => foldback.player.selected") == module
-    page.context.unroute(VIEW)
-    page.locator("#view").evaluate("(frame) => { frame.src = '/view'; }")
+    page.locator("#view").evaluate("(frame) => frame.setAttribute('src', '/view')")
     page.wait_for_function("() => foldback.player.standIn.opened")
     page.locator("#drawer-close").click()
     page.evaluate(AT_REST)
@@ -96,7 +90,6 @@ def test_picture_fills_most_of_the_page_at_each_size(visit: Visit, wrench: str, 
     for width, height in SIZES[kind]:
         page.set_viewport_size({"width": width, "height": height})
         shares[width, height] = page.evaluate(PICTURE_SHARE)
-        keep(page, f"{kind}-{width}x{height}")
     assert {size: share for size, share in shares.items() if share < MIN_PICTURE_SHARE} == {}
     # The rest comes with a button.
     for name in ("loop", "speed", "jump", "follow", "colour-by"):
@@ -123,7 +116,7 @@ def test_picture_fills_most_of_the_page_at_each_size(visit: Visit, wrench: str, 
         assert "#main" not in page.url
 
 
-def test_wheel_over_an_embed_scrolls_the_page_until_it_is_clicked(
+def test_wheel_over_an_embed_zooms_only_after_a_click(
     visit: Visit, blog: Blog, service: Service, wrench: str
 ) -> None:
     address = f"{service.http.base_url}/embed/{wrench}#frame=9"
@@ -146,7 +139,7 @@ def test_wheel_over_an_embed_scrolls_the_page_until_it_is_clicked(
     expect(reader.frame_locator("iframe").locator("#toast")).to_contain_text("Click to zoom")
     assert frame.evaluate(distance) == before
     reader.evaluate("() => scrollTo(0, 0)")
-    reader.mouse.click(30, 60)
+    reader.mouse.click(370, 90)
     reader.mouse.move(200, 120)
     reader.mouse.wheel(0, -200)
     frame.wait_for_function(f"() => ({distance})() < {before} - 1e-6")

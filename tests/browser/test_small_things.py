@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 
-from tests.browser.conftest import keep
+from tests.browser.conftest import WIDTH, Visit, choose, opened_fold
 from tests.server.service import Service, owner
 
-pytestmark = [pytest.mark.browser, pytest.mark.long]
-Visit = Callable[..., Page]
+pytestmark = pytest.mark.long
 
 
-def test_escape_closes_the_details_and_leads_back(visit: Visit, wrench: str) -> None:
+def test_escape_closes_the_details_and_restores_focus(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}")
     page.locator("#details").click()
     page.locator("#tab-properties").click()
     expect(page.locator("#drawer")).to_be_visible()
-    keep(page, "fold-properties")
     page.keyboard.press("Escape")
     expect(page.locator("#drawer")).to_be_hidden()
     expect(page.locator("#details")).to_be_focused()
@@ -36,13 +33,7 @@ def test_escape_closes_the_details_and_leads_back(visit: Visit, wrench: str) -> 
 
 def test_messages_are_sentences(visit: Visit) -> None:
     page = visit("/")
-    page.locator("#file").set_input_files(
-        {
-            "name": "bad.json",
-            "mimeType": "application/json",
-            "buffer": b"[[0, 0, 0], [1, 0",
-        }
-    )
+    choose(page, "bad.json", b"[[0, 0, 0], [1, 0")
     message = page.locator("#drop-message[data-tone=bad]")
     expect(message).to_contain_text(re.compile("[a-z]"))
     assert message.inner_text()[0].isupper()
@@ -53,34 +44,33 @@ def test_messages_are_sentences(visit: Visit) -> None:
         "Expected a whole number from 0 to 4294967295, but found the seed 99999999999."
     )
     expect(message).to_be_in_viewport()
-    keep(page, "landing-bad-seed")
 
 
-def test_the_baseline_is_offered_and_its_failure_is_shown(visit: Visit, service: Service) -> None:
-    page = visit("/")
+NOTE_COVERS = """addEventListener("DOMContentLoaded", () => {
+  const cover = document.getElementById("cover");
+  if (!cover) return;
+  window.covers = [];
+  const note = () => window.covers.push(document.getElementById("cover-button").hidden);
+  note();
+  new MutationObserver(note).observe(
+    cover, { subtree: true, childList: true, attributes: true });
+});"""
+"""Notes whether the cover of a fold ever offers anything."""
+
+
+def test_failed_baseline_offers_the_default_preset(visit: Visit) -> None:
+    page = visit("/", script=NOTE_COVERS)
     page.locator("details.options > summary").click()
     page.locator("#preset").select_option(label="Direct servoing (usually fails)")
     page.locator("[data-shape=wrench-80]").click()
-    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    opened_fold(page)
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "bad")
-    # From now on every text that the cover ever shows is noted.
-    page.add_init_script(
-        """addEventListener("DOMContentLoaded", () => {
-          window.covers = [];
-          const note = () => window.covers.push(document.getElementById("cover-button").hidden);
-          note();
-          new MutationObserver(note).observe(
-            document.getElementById("cover"), { subtree: true, childList: true, attributes: true });
-        });"""
-    )
     page.reload()
     page.locator("#sketch.gone").wait_for(state="attached")
     assert page.evaluate("window.covers.every((hidden) => hidden)")
-    keep(page, "fold-direct")
     page.locator("#details").click()
     page.locator("#tab-properties").click()
     expect(page.locator("#panel-properties")).to_contain_text("Direct servoing")
-    keep(page, "fold-direct-properties")
     label, value = (page.locator(f"#panel-properties .{part}").first for part in ("above", "below"))
     expect(label).to_have_text("Verdict")
     assert label.bounding_box()["y"] < value.bounding_box()["y"]  # type: ignore[index]
@@ -91,7 +81,7 @@ def test_the_baseline_is_offered_and_its_failure_is_shown(visit: Visit, service:
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
 
 
-def test_a_fold_without_a_timeline_says_what_to_do(visit: Visit, service: Service) -> None:
+def test_cancelled_fold_without_frames_offers_to_fold_again(visit: Visit, service: Service) -> None:
     ahead = service.fold(shape="mallet-192", seed="4")
     fold = service.fold(shape="wrench-24", seed="4")
     for accepted in (fold, ahead):
@@ -100,14 +90,13 @@ def test_a_fold_without_a_timeline_says_what_to_do(visit: Visit, service: Servic
     assert service.wait_over(fold["id"])["progress"]["frames"] == 0
     page = visit(f"/folds/{fold['id']}")
     expect(page.locator("#cover-other")).to_have_text("Start another")
-    keep(page, "fold-cancelled")
     page.locator("#cover-button", has_text="Fold again").click()
     page.wait_for_url(lambda url: "/folds/" in url and fold["id"] not in url)
     expect(page.locator("#name")).to_have_text("Small wrench")
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
 
 
-def test_cancelling_is_said_until_it_is_done(visit: Visit, service: Service) -> None:
+def test_cancelling_is_shown_until_it_is_done(visit: Visit, service: Service) -> None:
     page = visit("/shapes/new", width=390, height=844)
     fold = service.fold(shape="mallet-192", seed="11", preset="paper")
     page.evaluate(
@@ -128,13 +117,13 @@ def test_cancelling_is_said_until_it_is_done(visit: Visit, service: Service) -> 
     expect(page.locator("#verdict")).to_have_text("Cancelled before it finished")
     assert set(page.evaluate("window.said")) == {"Cancelling…", "Cancelled before it finished"}
     expect(page.get_by_role("button", name="Fold again")).to_be_visible()
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    keep(page, "fold-cancelled-390x844")
+    expect(page.locator("#stuck")).to_be_hidden()
+    assert page.locator("#jump option[value=stuck]").get_attribute("hidden") is not None
+    assert page.evaluate(WIDTH) <= 390
 
 
-@pytest.mark.parametrize("width", [390, 1280])
-def test_benchmarks_are_shown(visit: Visit, width: int) -> None:
-    page = visit("/", width=width, height=844)
+def test_benchmarks_are_shown(visit: Visit) -> None:
+    page = visit("/", width=390, height=844, view=False)
     page.locator(".foot a[href='/benchmarks']").click()
     expect(page.locator("h1")).to_have_text("Benchmarks")
     shown = page.locator(".telling-picture img")
@@ -142,5 +131,4 @@ def test_benchmarks_are_shown(visit: Visit, width: int) -> None:
     assert shown.evaluate("(image) => image.naturalWidth") > 700
     box = shown.bounding_box()
     assert box and box["width"] >= 780  # its words are large enough; a phone scrolls it
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    keep(page, f"benchmarks-{width}")
+    assert page.evaluate(WIDTH) <= 390

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Callable
 
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.browser.conftest import keep
-from tests.browser.test_fold_page import dropped, seek
+from tests.browser.conftest import Visit, choose, opened_fold, path_file, seek
 from tests.server.service import STAIRS, Service
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
-
-MOVING = {"reduced_motion": "no-preference", "width": 480, "height": 400}
+MOVING = {"reduced_motion": "no-preference", "width": 320, "height": 240}
+"""A small window, since each frame is drawn by software."""
 NOTE = """(() => {
   const noted = window.noted = { frames: [], titles: [], toasts: [] };
   const note = (list, value) => { if (value && list.at(-1) !== value) list.push(value); };
@@ -56,7 +51,7 @@ def release(page: Page, routes: list[Route]) -> None:
     page.unroute(FACTS)  # which lets go on what is held back
 
 
-def test_hero_is_paused_and_goes_on(visit: Visit) -> None:
+def test_hero_animation_is_paused_and_resumed(visit: Visit) -> None:
     page = visit("/", view=False, **MOVING)
     button = page.locator("#hero-pause")
     expect(button).to_have_accessible_name("Pause the animation")
@@ -71,21 +66,19 @@ def test_hero_is_paused_and_goes_on(visit: Visit) -> None:
     page.wait_for_function(f"() => ({FRAME})() !== {frame}")
 
 
-def test_fold_that_runs_plays_from_its_start_and_rests_on_the_finished_shape(
+def test_running_fold_plays_from_its_start_to_the_finished_shape(
     visit: Visit, service: Service
 ) -> None:
-    page = visit("/shapes/new", view=False, **MOVING)
-    page.add_init_script(NOTE)
+    page = visit("/shapes/new", view=False, script=NOTE, **MOVING)
     verdict = held_facts(page)
     page.goto("/")
     page.locator("#seed").evaluate("seed => { seed.value = 77; }")
     page.locator("[data-shape=wrench-24]").click()
-    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    opened_fold(page)
     page.wait_for_function("() => window.foldback?.player.playhead.frame > 9")
     release(page, verdict)
-    page.evaluate("foldback.player.send({ do: 'set', speed: 4 })")  # less to draw
+    page.evaluate("foldback.player.send({ do: 'set', speed: 6 })")  # less to draw
     page.wait_for_function(AT_LAST_FRAME)
-    keep(page, "story-over")
     noted = page.evaluate("noted")
     frames = [frame for frame, *_ in noted["frames"]]
     assert frames[0] < 3, "it begins with the drawing"
@@ -104,9 +97,7 @@ def test_fold_that_runs_plays_from_its_start_and_rests_on_the_finished_shape(
     expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
 
 
-def test_visitor_who_scrubs_a_fold_that_runs_is_not_interrupted(
-    visit: Visit, service: Service
-) -> None:
+def test_scrubbing_a_running_fold_is_not_interrupted(visit: Visit, service: Service) -> None:
     page = visit("/shapes/new", view=False, **MOVING)
     verdict = held_facts(page)
     page.goto(f"/folds/{service.fold(shape='wrench-24', seed='78')['id']}")
@@ -121,11 +112,10 @@ def test_visitor_who_scrubs_a_fold_that_runs_is_not_interrupted(
 
 
 @pytest.mark.long
-def test_menu_of_a_fold_leads_on_and_renames_it(visit: Visit) -> None:
+def test_menu_of_a_fold_links_and_renames(visit: Visit) -> None:
     page = visit("/", view=False)
-    path = {"format": "foldback-path/1", "cells": STAIRS, "name": "stairs"}
-    dropped(page, json.dumps(path), "stairs.json")
-    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    choose(page, "stairs.json", path_file(STAIRS))
+    fold = opened_fold(page)
     expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
     menu, rename = page.get_by_role("button", name="Menu"), page.locator("#rename")
     menu.click()
@@ -148,14 +138,13 @@ def test_menu_of_a_fold_leads_on_and_renames_it(visit: Visit) -> None:
     expect(page.locator("#name")).to_have_text("My stairs")
     expect(page).to_have_title("My stairs · foldback")
     expect(menu).to_be_focused()
-    fold = page.url.partition("#")[0].rpartition("/")[2]
     menu.click()
     page.get_by_role("link", name="My folds").click()
     expect(page.locator(f"#folds [data-id='{fold}'] .card-title")).to_have_text("My stairs")
 
 
 @pytest.mark.long
-def test_compare_turns_both_sides_and_its_address_is_the_view(visit: Visit, wrench: str) -> None:
+def test_compare_turns_both_sides_and_links_the_view(visit: Visit, wrench: str) -> None:
     page = visit(f"/compare?a={wrench}&b={wrench}", view=False)
     seek(page, 40)
     left, right = (page.locator(f"#side-{k} canvas") for k in range(2))
@@ -175,11 +164,12 @@ def test_compare_turns_both_sides_and_its_address_is_the_view(visit: Visit, wren
     page.wait_for_url(address.replace("frame=41", "frame=42"))
 
 
-def test_embed_plays_by_itself_when_it_is_asked_to(visit: Visit, wrench: str) -> None:
+def test_embed_plays_by_itself_on_request(visit: Visit, wrench: str) -> None:
     page = visit(f"/embed/{wrench}?autoplay=1#frame=30", view=False, **MOVING)
     page.wait_for_function("() => window.foldback?.player.playhead.frame > 30")
-    page.goto(f"/embed/{wrench}?autoplay=0&controls=0")
+    page.goto(f"/embed/{wrench}?autoplay=0&controls=0&theme=light")
     page.wait_for_function("() => window.foldback?.player.shown")
     page.wait_for_timeout(200)
     assert page.evaluate(FRAME) == 0
     expect(page.locator("#bar")).to_be_hidden()
+    assert page.evaluate("document.documentElement.dataset.theme") == "light"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from typing import cast
 
 import numpy as np
@@ -11,15 +10,12 @@ import pytest
 import trimesh
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import keep, picture
-from tests.browser.test_failures import opened
-from tests.browser.test_preview import answered, choose, settled
+from tests.browser.conftest import Visit, answered, opened_fold, picture, previewed, with_view
+from tests.browser.test_preview import settled
 from tests.server.api.test_table import SLAB, voxels
 from tests.server.files.test_preview import voxels as cells_as_file
 from tests.server.service import Service
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
 TABLE = np.array([78, 84, 94])
 """Its colour in a dark view."""
 
@@ -30,11 +26,9 @@ def colour_by(page: Page, name: str) -> np.ndarray:
 
 
 @pytest.mark.long
-def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
+def test_upload_folds_on_a_table(visit: Visit, service: Service) -> None:
     page = visit("/", width=1000, height=620)
-    choose(page, "box.npy", voxels(2, 2, 2))
-    page.wait_for_url(re.compile("/previews/"))
-    answered(page)
+    previewed(page, "box.npy", voxels(2, 2, 2))
     page.locator("[name=world][value=table]").check(force=True)
     answered(page)
     expect(page).to_have_url(re.compile("world=table"))
@@ -51,23 +45,20 @@ def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
     expect(page.locator("[name=table_base]")).to_have_value("free")
     page.locator("[name=table_base]").select_option("clamped")
     page.locator("#fold").click()
-    page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
+    fold = opened_fold(page)
     expect(page.locator("#rests")).to_contain_text(
         re.compile(r"^Stays on .* at most [\d.]+ w·p \([\d.]+ [nµm]?N·m\), frictionless$")
     )
-    fold = page.url.rpartition("/")[2]
 
-    page = opened(visit(f"/folds/{fold}#frame=100000", width=1000, height=620))
+    page = with_view(visit(f"/folds/{fold}#frame=100000", width=1000, height=620))
     seen = picture(page)
     assert (np.abs(seen - TABLE).max(axis=-1) < 14).mean() > 0.2
-    keep(page, "table-dark")
     torques = colour_by(page, "joint_torque")
     expect(page.locator("#legend-high")).to_have_text(re.compile(r"^[\d.]+ w·p, [\d.]+ [nµm]?N·m$"))
     assert np.abs(torques - seen).max() > 40
     pressed = colour_by(page, "pressed")
     expect(page.locator("#legend-high")).to_have_text(re.compile(r"^[\d.]+ × its weight$"))
     assert np.abs(pressed - torques).max() > 40
-    keep(page, "table-pressed")
 
     page.locator("#rests").click()
     expect(page.locator("#on-table .assumptions li").first).to_be_visible()
@@ -82,7 +73,6 @@ def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
     expect(plot).to_contain_text("frictionless")
     expect(plot).to_contain_text("9 w·p limit")
     assert plot.locator(".plot-bound").count() == 2
-    keep(page, "table-plots")
 
     page.locator("#compare").click()
     expect(page.locator("#compare-ways")).to_contain_text("In zero gravity")
@@ -90,9 +80,7 @@ def test_from_an_upload_to_a_table(visit: Visit, service: Service) -> None:
 
 def test_slab_without_a_path_is_repaired_on_a_click(visit: Visit) -> None:
     page = visit("/", view=False)
-    choose(page, "slab.json", cells_as_file(SLAB))
-    page.wait_for_url(re.compile("/previews/"))
-    answered(page)
+    previewed(page, "slab.json", cells_as_file(SLAB))
     page.locator("[name=world][value=table]").check(force=True)
     add = page.get_by_role("button", name=re.compile(r"^Add \d cells?: \d+ modules"))
     expect(add).to_be_visible()
@@ -104,12 +92,10 @@ def test_slab_without_a_path_is_repaired_on_a_click(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_a_shape_without_a_path_gets_one_on_a_click(visit: Visit) -> None:
+def test_offers_of_a_mesh_without_a_path_on_a_table(visit: Visit) -> None:
     page = visit("/", width=1366, height=768)
     torus = trimesh.creation.torus(major_radius=10, minor_radius=4).export(file_type="stl")
-    choose(page, "torus.stl", cast("bytes", torus))
-    page.wait_for_url(re.compile("/previews/"))
-    answered(page)
+    previewed(page, "torus.stl", cast("bytes", torus))
     page.goto(page.url.partition("?")[0] + "?modules=160&world=table")
     settled(page)
     expect(page.locator("#odd-text")).to_contain_text("too many of")
@@ -117,7 +103,6 @@ def test_a_shape_without_a_path_gets_one_on_a_click(visit: Visit) -> None:
     expect(page.locator("#problems")).to_contain_text("84 black and 76 white cells")
     expect(page.locator("#long")).to_contain_text("more than 96 modules")
     expect(page.locator("#repairs .button.primary")).to_be_visible(timeout=60_000)
-    keep(page, "table-offers-1366x768")
     page.locator("#repairs .button.primary").click()
     expect(page.locator("#fold")).to_be_enabled(timeout=30_000)
     expect(page).to_have_url(re.compile("method=blocks"))
@@ -125,14 +110,3 @@ def test_a_shape_without_a_path_gets_one_on_a_click(visit: Visit) -> None:
     expect(page.locator("#fold")).to_have_text("Fold 96 modules", timeout=30_000)
     expect(page.locator("#long")).to_be_empty()
     expect(page.locator("#repaired")).to_contain_text("2×2×2")
-    page.goto(page.url.partition("?")[0] + "?modules=80&world=table")
-    add = page.get_by_role("button", name="Add 1 cell: 81 modules")
-    expect(add).to_be_visible()
-    expect(page.locator("#to-add")).to_be_visible()
-    expect(page.locator("#odd-cells")).to_be_hidden()
-    keep(page, "table-repair-1366x768")
-    add.click()
-    expect(page.locator("#fold")).to_have_text("Fold 81 modules")
-    expect(page.locator("#were-added")).to_be_visible()
-    picture(page)
-    keep(page, "table-repaired-1366x768")

@@ -3,32 +3,27 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 
-from tests.browser.conftest import keep, picture
-from tests.browser.test_preview import choose, settled
+from tests.browser.conftest import Visit, picture, previewed
+from tests.browser.test_preview import settled
 from tests.server.files.test_preview import stl
 from tests.server.service import Service
 
-pytestmark = [pytest.mark.browser, pytest.mark.long]
-Visit = Callable[..., Page]
+pytestmark = pytest.mark.long
 RING = "- - - + - - - + - - -"
 
 
-def test_a_typed_chain_folds_and_a_stray_character_is_pointed_at(
-    visit: Visit, service: Service
-) -> None:
+def test_typed_chain_folds_and_names_a_wrong_character(visit: Visit, service: Service) -> None:
     page = visit("/", width=1440, height=900)
     page.locator("#type").click()
     expect(page.locator("#angles")).to_be_focused()
     page.locator("#angles").fill("0 - x +")
     page.locator("#typed").click()
     expect(page.locator("#drop-message")).to_contain_text("Character 5")
-    keep(page, "landing-typed-1440x900")
     page.locator("#angles").fill(RING)
     page.keyboard.press("Enter")
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
@@ -42,13 +37,11 @@ def test_a_typed_chain_folds_and_a_stray_character_is_pointed_at(
     picture(page)
     page.locator("main.stage").click(position={"x": 720, "y": 380})
     expect(page.locator("#panel-module h2")).to_contain_text("Module")
-    keep(page, "fold-tetrahedra-1440x900")
 
 
-def test_a_mesh_becomes_tetrahedra(visit: Visit) -> None:
+def test_mesh_is_previewed_as_tetrahedra(visit: Visit) -> None:
     page = visit("/", width=1440, height=900)
-    choose(page, "brick.stl", stl())
-    page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
+    previewed(page, "brick.stl", stl())
     settled(page)
     cubes = picture(page)
     page.locator('[name="module"][value="tetrahedron"]').check()
@@ -61,17 +54,6 @@ def test_a_mesh_becomes_tetrahedra(visit: Visit) -> None:
     modules = int(re.findall(r"\d+", page.locator("#fold").inner_text())[0])
     assert modules % 12 == 0
     assert np.abs(picture(page) - cubes).max() > 40
-    keep(page, "preview-tetrahedra-1440x900")
     page.reload()
     settled(page)
     expect(page.locator('[name="module"][value="tetrahedron"]')).to_be_checked()
-
-
-def test_the_gallery_shows_them(visit: Visit) -> None:
-    page = visit("/gallery?type=tetrahedron", width=1440, height=900)
-    cards = page.locator("#cards li:not([hidden])")
-    expect(cards).to_have_count(10)
-    expect(cards.first).to_contain_text("tetrahedra")
-    cards.first.scroll_into_view_if_needed()
-    page.wait_for_timeout(600)
-    keep(page, "gallery-tetrahedra-1440x900")

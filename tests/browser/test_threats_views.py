@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import quote, urljoin
 
@@ -16,11 +15,9 @@ from playwright.sync_api import Frame, Page, expect
 from viser import _messages as messages
 
 from bench.command import playing
+from tests.browser.conftest import Visit
 from tests.server.files.test_preview import stl
 from tests.server.service import Service
-
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
 
 SMALL = {"width": 320, "height": 240}
 """Window size in pixels that software rendering paints quickly."""
@@ -108,9 +105,9 @@ def recording() -> str:
     return "data:application/octet-stream;base64," + base64.b64encode(data).decode()
 
 
-def keeping(visit: Visit) -> Page:
+def keeping(visit: Visit, address: str = "/health") -> Page:
     """A page of a browser that keeps something to steal for our origin."""
-    page = visit("/health", **SMALL)
+    page = visit(address, **SMALL)
     page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
     return page
 
@@ -167,8 +164,8 @@ def harmless(frames: list[Frame], said: list[str]) -> None:
     assert not [words for words in said if MARK in words]
 
 
-@pytest.mark.parametrize("address", ["/view", "/embed/view"])
-def test_the_client_by_itself(visit: Visit, address: str) -> None:
+@pytest.mark.parametrize("address", ["/view", pytest.param("/embed/view", marks=pytest.mark.long)])
+def test_view_opened_directly_is_harmless(visit: Visit, address: str) -> None:
     page = keeping(visit)
     said = hostile(page, address)
     harmless([at_work(page.main_frame)], said)
@@ -182,7 +179,7 @@ def test_the_client_by_itself(visit: Visit, address: str) -> None:
         pytest.param("/compare?a={0}&b={0}", marks=pytest.mark.long),
     ],
 )
-def test_pages_of_folds(visit: Visit, wrench: str, address: str) -> None:
+def test_view_in_fold_pages_is_harmless(visit: Visit, wrench: str, address: str) -> None:
     page = keeping(visit)
     said = hostile(page, address.format(wrench))
     frames = framed(page)
@@ -191,7 +188,7 @@ def test_pages_of_folds(visit: Visit, wrench: str, address: str) -> None:
 
 
 @pytest.mark.long
-def test_the_page_of_a_preview(visit: Visit, service: Service) -> None:
+def test_view_in_a_preview_is_harmless(visit: Visit, service: Service) -> None:
     told = service.http.post("/api/shapes/preview", files={"file": ("brick.stl", stl())}).json()
     page = keeping(visit)
     said = hostile(page, told["links"]["page"])
@@ -200,7 +197,7 @@ def test_the_page_of_a_preview(visit: Visit, service: Service) -> None:
     harmless(frames, said)
 
 
-def test_pages_without_the_client(visit: Visit) -> None:
+def test_pages_without_a_view_are_harmless(visit: Visit) -> None:
     page = keeping(visit)
     for address in ("/", "/shapes/new", "/gallery"):
         said = hostile(page, address)
@@ -209,15 +206,18 @@ def test_pages_without_the_client(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_a_directory_that_is_played(visit: Visit, service: Service, wrench: str) -> None:
+def test_view_of_a_played_directory_is_harmless(
+    visit: Visit, service: Service, wrench: str
+) -> None:
     with playing(service.directory(wrench)) as address:
-        page = visit(urljoin(address, "/health"), **SMALL)
-        page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
+        page = keeping(visit, urljoin(address, "/health"))
         said = hostile(page, address)
         harmless(framed(page), said)
 
 
-def test_a_downloaded_page(visit: Visit, service: Service, wrench: str, tmp_path: Path) -> None:
+def test_view_in_a_downloaded_page_is_harmless(
+    visit: Visit, service: Service, wrench: str, tmp_path: Path
+) -> None:
     path = tmp_path / "fold.html"
     path.write_bytes(service.http.get(f"/folds/{wrench}/standalone.html").content)
     page = visit("about:blank", **SMALL)
@@ -228,22 +228,18 @@ def test_a_downloaded_page(visit: Visit, service: Service, wrench: str, tmp_path
     harmless(frames, said)
 
 
-def test_where_a_browser_keeps_the_query_nothing_is_played(visit: Visit) -> None:
-    page = visit("about:blank", **SMALL)
-    page.add_init_script(
-        "History.prototype.replaceState = () => { throw new DOMException('no', 'SecurityError'); }"
-    )
+def test_view_plays_nothing_when_its_query_stays(visit: Visit) -> None:
+    script = "History.prototype.replaceState = () => { throw new DOMException('no'); }"
+    page = visit("about:blank", script=script, **SMALL)
     said = hostile(page, "/view")
     frame = at_work(page.main_frame)
     assert "playbackPath" in frame.evaluate("() => location.search")
     harmless([], said)
 
 
-def test_only_the_page_around_it_is_listened_to_and_once(visit: Visit) -> None:
-    page = visit("/shapes/new", **SMALL)
-    said: list[str] = []
-    page.on("console", lambda message: said.append(message.text))
-    page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
+def test_view_accepts_one_port_and_only_from_its_page(visit: Visit) -> None:
+    page = keeping(visit)
+    said = hostile(page, "/shapes/new")
     page.evaluate(
         """() => Promise.all([0, 1].map(() => new Promise((done) => {
           const view = document.createElement("iframe");

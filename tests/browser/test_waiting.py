@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+import time
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 
-from tests.browser.conftest import keep
+from tests.browser.conftest import Visit, choose
 from tests.browser.test_accessibility import findings
 from tests.server.service import Service, owner
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-Visit = Callable[..., Page]
 SLOW = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 80_000}
 """Of a network, in bytes a second."""
 HEARD = """addEventListener("DOMContentLoaded", () => {
@@ -24,45 +22,38 @@ HEARD = """addEventListener("DOMContentLoaded", () => {
 });"""
 
 
-def test_an_upload_is_told_and_stopped(visit: Visit, service: Service) -> None:
-    page = visit("/")
+def test_upload_shows_progress_and_is_stopped(visit: Visit, service: Service) -> None:
+    page = visit("/", view=False)
     expect(page.locator(".drop-kept")).to_have_text(
         "Stored until you delete it. Only people with the link can see it. Privacy"
     )
-    page.context.new_cdp_session(page).send("Network.emulateNetworkConditions", SLOW)
-    page.locator("#file").set_input_files(
-        {"name": "large.stl", "mimeType": "model/stl", "buffer": bytes(8_000_000)}
-    )
+    network = page.context.new_cdp_session(page)
+    network.send("Network.emulateNetworkConditions", SLOW)
+    choose(page, "large.stl", bytes(8_000_000))
     sending = page.locator(".sending")
     expect(sending).to_contain_text(re.compile(r"Sending large\.stl: \d+ %, \d\.\d MB of 8\.0 MB"))
     bar = sending.get_by_role("progressbar", name="Sending large.stl")
     assert 0.0 < float(bar.get_attribute("value") or 0.0) < 1.0
-    keep(page, "waiting-upload")
     assert findings(page) == {}
     sending.get_by_role("button", name="Stop").click()
     expect(page.locator("#drop-message")).to_have_text("Stopped")
     expect(sending).to_have_count(0)
-    left = {path.name for path in service.data_dir.glob("uploads/*/*")}
-    deadline = 100
-    while left and deadline:
+    deadline = time.monotonic() + 5.0
+    while any(service.data_dir.glob("uploads/*/*")):
+        assert time.monotonic() < deadline
         page.wait_for_timeout(50)
-        deadline -= 1
-        left = {path.name for path in service.data_dir.glob("uploads/*/*")}
-    assert not left
+    network.detach()
     page.locator(".foot a[href='/privacy']").click()
     expect(page.locator("h1")).to_have_text("Privacy")
-    keep(page, "privacy")
 
 
 @pytest.mark.long
-def test_what_is_left_and_a_movie_that_is_stopped(visit: Visit, service: Service) -> None:
+def test_time_left_is_shown_and_movie_is_stopped(visit: Visit, service: Service) -> None:
     for seed in ("31", "32"):  # what like folds take is known then
         service.wait_over(service.fold(shape="wrench-24", seed=seed)["id"])
     ahead = service.fold(shape="mallet-80", seed="31")
     fold = service.fold(shape="wrench-80", seed="31")
-    page = visit("/shapes/new", view=False)
-    page.add_init_script(HEARD)
-    page.goto(f"/folds/{fold['id']}")
+    page = visit(f"/folds/{fold['id']}", view=False, script=HEARD)
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
     heard = page.evaluate("window.heard")
     left = re.compile("· (about [0-9]+ (s|min) left|a few seconds left|longer than usual)")
@@ -81,7 +72,6 @@ def test_what_is_left_and_a_movie_that_is_stopped(visit: Visit, service: Service
     state = page.locator(".movie-state").first
     expect(state).to_have_text(re.compile("Picture [0-9]+ of 600"))
     stop = page.locator("#panel-downloads").get_by_role("button", name="Stop")
-    keep(page, "waiting-movie")
     assert findings(page) == {}
     stop.click()
     expect(state).to_have_text("Stopped")

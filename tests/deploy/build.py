@@ -20,7 +20,9 @@ import time
 import urllib.request
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+from tests.deploy.files import DEPLOY, check
+
+ROOT = DEPLOY.parent
 BASE = "docker.io/library/python:3.11-slim-bookworm"
 PACKAGES = ("buildah", "debootstrap", "crun")
 INSIDE = ("ca-certificates", "python3", "python3-venv", "python3-pip")
@@ -143,13 +145,6 @@ def serve(builder: Builder, container: str) -> None:
 def dockerfile_text() -> str:
     """The Dockerfile."""
     return (ROOT / "deploy" / "Dockerfile").read_text()
-
-
-def check(what: str, so: bool) -> None:
-    """Says what was found, and ends when it is not so."""
-    print(f"{'ok ' if so else 'NOT'} {what}", flush=True)
-    if not so:
-        sys.exit(1)
 
 
 def main() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -47,3 +48,10 @@ def compose(given: Mapping[str, str]) -> dict[str, Any]:
 
     text = (DEPLOY / "compose.yaml").read_text()
     return yaml.safe_load(re.sub(r"\$\{([A-Z0-9_]+)(?:(:-|:\?)([^}]*))?\}", value, text))
+
+
+def check(what: str, so: bool) -> None:
+    """Print what was found, and exit when it is not so."""
+    print(f"{'ok ' if so else 'NOT'} {what}", flush=True)
+    if not so:
+        sys.exit(1)

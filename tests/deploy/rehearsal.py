@@ -26,7 +26,7 @@ from typing import Any
 import httpx
 
 from foldback_client import Client
-from tests.deploy.files import DEPLOY, compose, variables
+from tests.deploy.files import DEPLOY, check, compose, variables
 from tests.server.service import SNAKE
 from tests.tools import CADDY, POSTGRES
 
@@ -48,11 +48,8 @@ def run(*command: object, **given: Any) -> str:
     return done.stdout
 
 
-def check(what: str, so: bool) -> None:
-    """Says what was found, and ends when it is not so."""
-    print(f"{'ok ' if so else 'NOT'} {what}", flush=True)
-    if not so:
-        sys.exit(1)
+def ip(arguments: str) -> None:
+    run("ip", *arguments.split())
 
 
 def wait_for(what: str, so: Callable[[], bool]) -> None:
@@ -101,33 +98,21 @@ class Services:
         Path("/run/netns").mkdir(exist_ok=True)
         run("mount", "-t", "tmpfs", "tmpfs", "/run/netns")
         for network, first in self.networks.items():
-            run("ip", "link", "add", network, "type", "bridge")
-            run("ip", "addr", "add", f"{first}.1/24", "dev", network)
-            run("ip", "link", "set", network, "up")
+            ip(f"link add {network} type bridge")
+            ip(f"addr add {first}.1/24 dev {network}")
+            ip(f"link set {network} up")
         names = ["127.0.0.1 localhost", f"{self.networks['outside']}.2 {SITE}"]
         for service in ("database", "storage", "web", "worker", "proxy"):
             for replica in self.replicas(service):
-                run("ip", "netns", "add", replica)
-                run("ip", "-n", replica, "link", "set", "lo", "up")
+                ip(f"netns add {replica}")
+                ip(f"-n {replica} link set lo up")
                 for n, network in enumerate(self.file["services"][service]["networks"]):
                     inner, outer = f"eth{n}", f"{replica}.{n}"
-                    run(
-                        "ip",
-                        "link",
-                        "add",
-                        outer,
-                        "type",
-                        "veth",
-                        "peer",
-                        "name",
-                        inner,
-                        "netns",
-                        replica,
-                    )
-                    run("ip", "link", "set", outer, "master", network, "up")
+                    ip(f"link add {outer} type veth peer name {inner} netns {replica}")
+                    ip(f"link set {outer} master {network} up")
                     address = self.address(replica, network)
-                    run("ip", "-n", replica, "addr", "add", f"{address}/24", "dev", inner)
-                    run("ip", "-n", replica, "link", "set", inner, "up")
+                    ip(f"-n {replica} addr add {address}/24 dev {inner}")
+                    ip(f"-n {replica} link set {inner} up")
                     wanted = "front" if service == "web" else "back"
                     if network == wanted and service != "proxy":
                         names.append(f"{address} {service}")
@@ -301,7 +286,7 @@ def back_up_and_restore(services: Services) -> None:
 
 def rehearse() -> None:
     run("mount", "--make-rprivate", "/")
-    run("ip", "link", "set", "lo", "up")
+    ip("link set lo up")
     with tempfile.TemporaryDirectory(prefix="foldback-rehearsal-", dir="/tmp") as place:
         services = Services(Path(place))
         Path(place).chmod(0o755)

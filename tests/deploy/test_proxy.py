@@ -49,7 +49,7 @@ def proxy(webs: list[Service], tmp_path_factory: pytest.TempPathFactory) -> Iter
 
 
 @pytest.mark.parametrize("upstreams", ["to 10.0.0.5:8000 10.0.0.6:8000", "dynamic a web 8000"])
-def test_caddy_takes_the_file(upstreams: str, tmp_path: Path) -> None:
+def test_caddy_accepts_the_file(upstreams: str, tmp_path: Path) -> None:
     done = subprocess.run(
         [CADDY.get(), "validate", "--config", str(CADDYFILE), "--adapter", "caddyfile"],
         env={
@@ -80,7 +80,7 @@ def test_processes_on_other_machines_are_found_alive(tmp_path: Path) -> None:
         assert away.stop() == 0
 
 
-def test_pages_come_over_tls(proxy: Proxy) -> None:
+def test_pages_are_served_over_tls(proxy: Proxy) -> None:
     page = proxy.http.get("/")
     assert page.status_code == 200 and "foldback" in page.text
     assert page.headers["content-encoding"] == "gzip"
@@ -91,7 +91,7 @@ def test_pages_come_over_tls(proxy: Proxy) -> None:
     assert plain.status_code == 308 and plain.headers["location"].startswith("https://")
 
 
-def test_events_arrive_one_by_one(proxy: Proxy) -> None:
+def test_events_are_streamed_unbuffered(proxy: Proxy) -> None:
     with Client(proxy.address, verify=proxy.trusts) as client:
         fold = client.fold(SNAKE, seed=1)
         with proxy.http.stream("GET", f"/api/folds/{fold.id}/events") as stream:
@@ -106,7 +106,7 @@ def test_events_arrive_one_by_one(proxy: Proxy) -> None:
     assert "event: done" in rest and '"cancelled"' in rest
 
 
-def test_sockets_go_through(proxy: Proxy) -> None:
+def test_web_sockets_are_proxied(proxy: Proxy) -> None:
     with Client(proxy.address, verify=proxy.trusts) as client:
         fold = client.fold(SNAKE, seed=2)
     address = f"wss://localhost:{proxy.port}/api/folds/{fold.id}/play"
@@ -128,7 +128,7 @@ def test_large_bodies_are_refused(proxy: Proxy, size: int) -> None:
     assert (answer.headers.get("content-type") == "application/problem+json") == (size < 400_000)
 
 
-def test_who_sends_rubbish_takes_nobody_else_the_page(proxy: Proxy) -> None:
+def test_broken_requests_do_not_stop_the_service(proxy: Proxy) -> None:
     def endless() -> Iterator[bytes]:
         for _ in range(50):
             yield b"x" * 100_000
@@ -144,7 +144,7 @@ def test_who_sends_rubbish_takes_nobody_else_the_page(proxy: Proxy) -> None:
 
 
 @pytest.mark.parametrize("name", ["metrics", "ready"])
-def test_what_is_for_operators_is_closed(proxy: Proxy, webs: list[Service], name: str) -> None:
+def test_operator_routes_are_closed_outside(proxy: Proxy, webs: list[Service], name: str) -> None:
     inside = webs[0].http.get(f"/{name}")
     assert inside.status_code in (200, 503) and inside.text
     ways = [
@@ -170,7 +170,7 @@ def test_what_is_for_operators_is_closed(proxy: Proxy, webs: list[Service], name
     assert proxy.raw("/health").startswith(b"HTTP/1.1 200")
 
 
-def test_nobody_can_say_to_be_another(proxy: Proxy, webs: list[Service]) -> None:
+def test_forwarded_addresses_of_visitors_are_ignored(proxy: Proxy, webs: list[Service]) -> None:
     with Client(proxy.address, verify=proxy.trusts) as client:
         events = f"/api/folds/{client.fold(SNAKE, seed=3).id}/events"
     webs[1].stop()  # each process counts by itself
@@ -188,7 +188,7 @@ def test_nobody_can_say_to_be_another(proxy: Proxy, webs: list[Service]) -> None
         webs[1].start()
 
 
-def test_any_of_them_serves_any_fold(proxy: Proxy, webs: list[Service]) -> None:
+def test_any_web_process_serves_any_fold(proxy: Proxy, webs: list[Service]) -> None:
     with Client(proxy.address, verify=proxy.trusts) as client:
         fold = client.fold(SNAKE, seed=4)
         assert {web.state(fold.id)["status"] for web in webs} == {"queued"}

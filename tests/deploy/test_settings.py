@@ -9,13 +9,13 @@ from tests.deploy.files import DEPLOY, EXAMPLES, settings_named
 
 
 @pytest.mark.parametrize("name", [*EXAMPLES, "../docs/deploy.md"])
-def test_settings_that_are_named_exist(name: str) -> None:
+def test_named_settings_exist(name: str) -> None:
     known = {name.upper() for name in Settings.model_fields}
     assert settings_named((DEPLOY / name).read_text()) <= known
 
 
 @pytest.mark.parametrize("name", ["example.env", "systemd/foldback.env"])
-def test_the_settings_of_examples_are_taken(name: str) -> None:
+def test_example_settings_are_valid(name: str) -> None:
     lines = (DEPLOY / name).read_text().splitlines()
     # Those that are commented out are examples as well.
     found = [re.fullmatch(r"#?FOLDBACK_([A-Z_]+)=(\S+)", line) for line in lines]
@@ -25,12 +25,12 @@ def test_the_settings_of_examples_are_taken(name: str) -> None:
         Settings(**{setting: value})  # pyright: ignore[reportArgumentType]
 
 
-def test_all_files_are_looked_at() -> None:
+def test_all_deploy_files_are_checked() -> None:
     there = {str(p.relative_to(DEPLOY)) for p in DEPLOY.rglob("*") if p.is_file()}
     assert there - {"systemd/foldback.sysusers"} == set(EXAMPLES)
 
 
-def test_both_examples_offer_the_same_choices() -> None:
+def test_examples_offer_the_same_choices() -> None:
     compose, units = (
         settings_named((DEPLOY / name).read_text())
         for name in ("compose.yaml", "systemd/foldback.env")

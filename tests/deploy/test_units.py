@@ -37,24 +37,25 @@ def analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-def test_systemd_takes_the_units(units: list[Path]) -> None:
+def test_systemd_accepts_the_units_and_finds_mistakes(units: list[Path]) -> None:
     done = analyze("verify", "--man=no", *units)
     assert done.returncode == 0 and not done.stderr, done.stderr
-
-
-def test_systemd_says_what_is_wrong(units: list[Path]) -> None:
     drop_in = units[0].parent / COMMON
     drop_in.write_text(drop_in.read_text().replace("KillMode=mixed", "KilMode=mixed"))
     assert "KilMode" in analyze("verify", "--man=no", units[0]).stderr
 
 
-def test_the_units_are_shut_in(units: list[Path]) -> None:
-    done = analyze("security", "--offline=true", f"--threshold={MOST_EXPOSED}", *units)
+def test_units_are_confined_by_their_drop_in(units: list[Path], tmp_path: Path) -> None:
+    rated = ("security", "--offline=true", f"--threshold={MOST_EXPOSED}")
+    done = analyze(*rated, *units)
     assert done.returncode == 0, done.stdout[-400:]
+    (tmp_path / COMMON).unlink()
+    for unit in units:
+        assert analyze(*rated, unit).returncode != 0
 
 
 @pytest.mark.parametrize("name", UNITS)
-def test_a_worker_may_finish_before_it_is_killed(name: str) -> None:
+def test_units_drain_before_they_are_killed(name: str) -> None:
     text = (DEPLOY / "systemd" / name).read_text()
     drain_s = re.search(r"FOLDBACK_DRAIN_S=(\d+)", text)
     stop_s = re.search(r"TimeoutStopSec=(\d+)", text)
@@ -78,14 +79,7 @@ def test_units_repeat_nothing_of_their_drop_in() -> None:
         assert keys <= {"Environment", "After"}
 
 
-def test_without_its_drop_in_a_unit_is_found_exposed(units: list[Path], tmp_path: Path) -> None:
-    (tmp_path / COMMON).unlink()
-    for unit in units:
-        done = analyze("security", "--offline=true", f"--threshold={MOST_EXPOSED}", unit)
-        assert done.returncode != 0
-
-
-def test_computing_processes_may_shut_themselves_in() -> None:
+def test_computing_processes_may_confine_themselves() -> None:
     """Their first calls would end them, were they not among those that the unit lets through."""
     text = (DEPLOY / "systemd" / COMMON).read_text()
     allowed: set[str] = set()
@@ -106,7 +100,7 @@ def calls_of(name: str) -> set[str]:
     return {call for one in inside for call in calls_of(one)}
 
 
-def test_the_user_is_made(tmp_path: Path) -> None:
+def test_sysusers_makes_the_user(tmp_path: Path) -> None:
     place = tmp_path / "usr" / "lib" / "sysusers.d"
     place.mkdir(parents=True)
     shutil.copy(DEPLOY / "systemd" / "foldback.sysusers", place / "foldback.conf")

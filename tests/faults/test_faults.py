@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 FAULTS = all_faults()
 
 
-def test_a_fault_can_still_be_made() -> None:
+def test_faults_apply_to_the_code() -> None:
     for fault in FAULTS:
         with case(fault.name):
             before = (ROOT / fault.file).read_text(encoding="utf-8")
@@ -22,7 +22,7 @@ def test_a_fault_can_still_be_made() -> None:
                 compile(after, fault.file, "exec")
 
 
-def test_the_tests_that_should_find_it_are_there() -> None:
+def test_likely_tests_of_faults_exist() -> None:
     for fault in FAULTS:
         with case(fault.name):
             files = [
@@ -32,12 +32,12 @@ def test_the_tests_that_should_find_it_are_there() -> None:
             assert all((ROOT / file).is_file() for file in files)
 
 
-def test_faults_have_names_of_their_own() -> None:
+def test_fault_names_are_unique() -> None:
     assert not [name for name, count in Counter(f.name for f in FAULTS).items() if count > 1]
 
 
 @pytest.mark.parametrize("text", ["a = 2", "a = 1; b = 1"])
-def test_a_fault_whose_code_has_changed_is_told(text: str) -> None:
+def test_stale_fault_is_an_error(text: str) -> None:
     fault = Fault(name="one", breaks="all", file="a.py", old="= 1", new="= 0", likely=("tests/a",))
     with pytest.raises(StaleFaultError, match=r"one: got its old text \d times in a.py"):
         fault.applied(text)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -13,6 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
+
+from tests.server.postgres import free_port
 
 PATIENCE_S = 60.0
 REGION = "us-east-1"
@@ -51,7 +52,7 @@ class Bucket:
 
     def start(self) -> Bucket:
         """Starts it, on the port it had before if it had one."""
-        self.port = self.port or _free_port()
+        self.port = self.port or free_port()
         with open(self._log or "/dev/null", "ab") as log:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "moto.server", "-H", "127.0.0.1"]
@@ -98,8 +99,3 @@ class Bucket:
             self._process.send_signal(number)
             self._process.wait(PATIENCE_S)
         self._process = None
-
-
-def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return free.getsockname()[1]

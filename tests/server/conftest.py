@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from server.settings import Settings
 from server.store.folds import Store
 from tests.server.bucket import Bucket
 from tests.server.here import ServiceHere, give_tables
-from tests.server.postgres import Postgres
+from tests.server.postgres import DATABASES, Postgres
 from tests.server.service import SNAKE, Service
 
 
@@ -22,9 +23,8 @@ def service_with(tmp_path: Path) -> Iterator[Callable[..., Service]]:
     made: list[Service] = []
 
     def make(**settings: object) -> Service:
-        service = Service(tmp_path / f"data-{len(made)}", **settings)
-        made.append(service)
-        return service
+        made.append(Service(tmp_path / f"data-{len(made)}", **settings))
+        return made[-1]
 
     yield make
     for service in made:
@@ -62,9 +62,33 @@ def store(tmp_path: Path) -> Iterator[Store]:
     """The folds of a service that has none yet."""
     settings = Settings(data_dir=tmp_path)
     give_tables(settings)
-    store = Store(settings)
-    yield store
-    store.close()
+    with closing(Store(settings)) as store:
+        yield store
+
+
+@pytest.fixture(params=DATABASES)
+def each_settings(request: pytest.FixtureRequest, tmp_path: Path) -> Settings:
+    """Settings of a service with tables, for each kind of database."""
+    sqlite = request.param == "sqlite"
+    url = None if sqlite else request.getfixturevalue("postgres").migrated()
+    settings = Settings(data_dir=tmp_path, database_url=url)
+    give_tables(settings)
+    return settings
+
+
+@pytest.fixture
+def each_store(each_settings: Settings) -> Iterator[Store]:
+    """The folds of a service that has none yet, in each kind of database."""
+    with closing(Store(each_settings)) as store:
+        yield store
+
+
+@pytest.fixture
+def bucket_url(bucket: Bucket, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The URL of an empty bucket, which this process can reach."""
+    for name, value in bucket.environment.items():
+        monkeypatch.setenv(name, value)
+    return bucket.bucket()
 
 
 @pytest.fixture(scope="session")

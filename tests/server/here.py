@@ -39,7 +39,8 @@ def give_tables(settings: Settings) -> None:
     """Puts tables into a place without any: to make them in each is a fifth of a start."""
     path = Path(settings.store_url.removeprefix("sqlite:///"))
     if not path.is_absolute() or path.exists():
-        return
+        return  # this is no file, or it has tables
+    path.parent.mkdir(parents=True, exist_ok=True)
     if TABLES:
         path.write_bytes(TABLES[0])
     else:

@@ -26,8 +26,9 @@ class Hosts:
         self._services: list[Service] = []
         self._environment = bucket.environment
         self.storage_url = bucket.bucket()
+        self.database_url = postgres.migrated()
         self._settings: dict[str, object] = {
-            "database_url": postgres.database(),
+            "database_url": self.database_url,
             "storage_url": self.storage_url,
             "workers": 0,
             **settings,

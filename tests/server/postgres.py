@@ -17,6 +17,7 @@ from typing import Any
 import psycopg
 import pytest
 
+from server.store.tables import engine_for, migrate
 from tests.tools import POSTGRES
 
 PATIENCE_S = 60.0
@@ -42,6 +43,7 @@ class Postgres:
             os.chown(self._directory, self._as["user"], self._as["group"])
         self._process: subprocess.Popen[bytes] | None = None
         self.port = 0
+        self._template = ""
         self._run(
             "initdb",
             *("--pgdata", str(self._cluster), "--username", USER, "--auth", "trust"),
@@ -54,7 +56,7 @@ class Postgres:
 
     def start(self) -> Postgres:
         """Starts it, on the port it had before if it had one."""
-        self.port = self.port or _free_port()
+        self.port = self.port or free_port()
         with open(self.log, "ab") as log:
             self._process = subprocess.Popen(
                 [
@@ -83,12 +85,22 @@ class Postgres:
         """How a database is reached."""
         return f"postgresql://{USER}@127.0.0.1:{self.port}/{database}"
 
-    def database(self) -> str:
-        """The URL of a new, empty database."""
+    def database(self, template: str = "template1") -> str:
+        """The URL of a new database, which is empty without a template."""
         name = f"test_{uuid.uuid4().hex[:12]}"
         with psycopg.connect(self.url("postgres"), autocommit=True) as connection:
-            connection.execute(f'CREATE DATABASE "{name}"'.encode())
+            connection.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"'.encode())
         return self.url(name)
+
+    def migrated(self) -> str:
+        """The URL of a new database with the tables of the service; they are made only once."""
+        if not self._template:
+            url = self.database()
+            engine = engine_for(url)
+            migrate(engine)
+            engine.dispose()
+            self._template = url.rpartition("/")[2]
+        return self.database(self._template)
 
     def stop(self) -> None:
         """Ends it in good order; connections that are open are cut."""
@@ -131,6 +143,7 @@ def _other_user() -> dict[str, Any]:
     return {"user": found.pw_uid, "group": found.pw_gid, "extra_groups": []}
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """Return a port that no program listens on."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         return free.getsockname()[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -10,15 +11,18 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy import event
 
+from server.store.folds import new_id
 from server.store.owner import Claim, Owner
+from server.store.previews import SWEEPING_THREAD
 from server.store.tables import FoldRow, MovieRow
 
 SOMEBODY = Owner.from_token("a token of somebody")
 
 
-def a_fold(fold_id: str, **values: Any) -> FoldRow:
+def a_fold(fold_id: str | None = None, **values: Any) -> FoldRow:
     """A row as the service writes it, with some values changed."""
     usual: dict[str, Any] = {
+        "id": fold_id or new_id(),
         "name": "a shape",
         "status": "verified",
         "stage": None,
@@ -39,7 +43,7 @@ def a_fold(fold_id: str, **values: Any) -> FoldRow:
         "summary": {},
         "error": None,
     }
-    return FoldRow(id=fold_id, **usual | values)
+    return FoldRow(**usual | values)
 
 
 def a_movie(fold_id: str, movie_id: str, **values: Any) -> MovieRow:
@@ -59,11 +63,12 @@ def a_movie(fold_id: str, movie_id: str, **values: Any) -> MovieRow:
 
 @contextmanager
 def statements() -> Generator[list[tuple[str, Any]]]:
-    """The statements that all engines execute meanwhile, with their values."""
+    """The statements that all engines execute meanwhile, with their values, but those of sweeps."""
     said: list[tuple[str, Any]] = []
 
     def note(_: Any, __: Any, statement: str, values: Any, *___: Any) -> None:
-        said.append((statement, values))
+        if threading.current_thread().name != SWEEPING_THREAD:
+            said.append((statement, values))
 
     event.listen(sa.Engine, "before_cursor_execute", note)
     try:

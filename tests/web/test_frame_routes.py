@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import httpx
 import numpy as np
 import pytest
 
+from bench.command import playing
 from planner.motion.timeline import Timeline
 from tests.server.service import SNAKE, Service
 from tests.web.blog import Blog
@@ -26,7 +24,7 @@ def fold(service: Service) -> str:
     return accepted["id"]
 
 
-def test_a_whole_fold_comes_in_batches(service: Service, fold: str) -> None:
+def test_whole_fold_comes_in_batches(service: Service, fold: str) -> None:
     timeline = Timeline.open(service.directory(fold) / "timeline.zarr")
     frames = timeline.frames()
     angles = []
@@ -43,16 +41,18 @@ def test_a_whole_fold_comes_in_batches(service: Service, fold: str) -> None:
     assert bundle["chain"]["modules"] == 16
 
 
-@pytest.mark.parametrize("name", ["bundle", "batch?stride=3"])
-def test_browsers_keep_what_is_over(service: Service, fold: str, name: str) -> None:
-    first = service.http.get(f"/folds/{fold}/{name}")
-    tag = first.headers["ETag"]
-    again = service.http.get(f"/folds/{fold}/{name}", headers={"If-None-Match": tag})
-    assert (first.status_code, again.status_code, again.content) == (200, 304, b"")
-    assert service.http.get(f"/folds/{fold}/batch?stride=2").headers["ETag"] != tag
+def test_finished_frames_and_the_client_are_cached_by_browsers(service: Service, fold: str) -> None:
+    tags: set[str] = set()
+    for path in (f"/folds/{fold}/bundle", f"/folds/{fold}/batch?stride=3", "/view"):
+        first = service.http.get(path)
+        tags.add(first.headers["ETag"])
+        again = service.http.get(path, headers={"If-None-Match": first.headers["ETag"]})
+        assert (first.status_code, again.status_code, again.content) == (200, 304, b""), path
+    assert service.http.get(f"/folds/{fold}/batch?stride=2").headers["ETag"] not in tags
+    assert b"window.Worker = " in first.content
 
 
-def test_before_there_is_anything_to_see_nothing_is_answered(service: Service) -> None:
+def test_frames_and_figures_are_empty_until_computed(service: Service) -> None:
     waiting = service.fold(SNAKE, seed=7)
     answers = {service.http.get(f"/folds/{waiting['id']}/batch").status_code for _ in range(2)}
     assert answers <= {204, 200}
@@ -62,51 +62,34 @@ def test_before_there_is_anything_to_see_nothing_is_answered(service: Service) -
     assert service.http.get(f"/folds/{waiting['id']}/figures").status_code == 200
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        "/folds/{}/batch",
-        "/folds/{}/bundle",
-        "/folds/{}/figures",
-        "/folds/{}/standalone.html",
-        "/folds/{}/recording.viser",
-        "/embed/{}",
-        "/compare?a={}&b={}",
-    ],
-)
-def test_unknown_folds_have_nothing(service: Service, path: str) -> None:
-    assert service.http.get(path.format("nosuchfold", "nosuchfold")).status_code == 404
+def test_unknown_folds_and_invalid_queries_are_refused(service: Service, fold: str) -> None:
+    names = ("batch", "bundle", "figures", "standalone.html", "recording.viser")
+    unknown = [f"/folds/nosuchfold/{name}" for name in names]
+    for path in (*unknown, "/embed/nosuchfold", "/compare?a=nosuchfold&b=nosuchfold"):
+        assert service.http.get(path).status_code == 404, path
+    for query in ("from=-1", "stride=0", "wait=999", "from=x", "to=-3"):
+        assert service.http.get(f"/folds/{fold}/batch?{query}").status_code == 422, query
 
 
-@pytest.mark.parametrize("query", ["from=-1", "stride=0", "wait=999", "from=x", "to=-3"])
-def test_senseless_stretches_are_refused(service: Service, fold: str, query: str) -> None:
-    assert service.http.get(f"/folds/{fold}/batch?{query}").status_code == 422
-
-
-def test_a_file_is_a_download_and_no_page_of_ours(service: Service, fold: str) -> None:
-    for name, kind in (("standalone.html", "text/html"), ("recording.viser", "octet-stream")):
+def test_files_are_sandboxed_downloads_and_made_once(service: Service, fold: str) -> None:
+    kept = service.directory(fold) / "exports"
+    for name, kind, pattern in (
+        ("standalone.html", "text/html", "standalone-*.html"),
+        ("recording.viser", "octet-stream", "recording.viser"),
+    ):
         answer = service.http.get(f"/folds/{fold}/{name}")
         assert answer.status_code == 200
         assert kind in answer.headers["Content-Type"]
         assert answer.headers["Content-Disposition"].startswith("attachment; filename=")
         assert "sandbox" in answer.headers["Content-Security-Policy"]
-
-
-def test_a_file_is_made_once_and_kept_beside_the_fold(service: Service, fold: str) -> None:
-    kept = service.directory(fold) / "exports"
-    for name, pattern in (
-        ("standalone.html", "standalone-*.html"),
-        ("recording.viser", "recording.viser"),
-    ):
-        made = service.http.get(f"/folds/{fold}/{name}").content
         (path,) = kept.glob(pattern)
-        assert path.read_bytes() == made
+        assert path.read_bytes() == answer.content
         path.write_bytes(b"as it was left")
         assert service.http.get(f"/folds/{fold}/{name}").content == b"as it was left"
         path.unlink()
 
 
-def test_a_recording_is_viser_s_own(service: Service, fold: str) -> None:
+def test_recording_is_read_by_viser(service: Service, fold: str) -> None:
     record = service.http.get(f"/folds/{fold}/recording.viser").content
     timed, buffers = opened_scene(record)
     timeline = Timeline.open(service.directory(fold) / "timeline.zarr")
@@ -125,7 +108,7 @@ def test_a_recording_is_viser_s_own(service: Service, fold: str) -> None:
     assert np.allclose(last / 0.25, poses.positions[0], atol=1e-5)
 
 
-def test_only_named_sites_may_frame_a_fold(service: Service, blog: Blog, fold: str) -> None:
+def test_only_named_sites_may_frame_an_embed(service: Service, blog: Blog, fold: str) -> None:
     for path in (f"/embed/{fold}", "/embed/view"):
         policy = service.http.get(path).headers["Content-Security-Policy"]
         assert f"frame-ancestors 'self' {blog.origin}" in policy
@@ -135,14 +118,7 @@ def test_only_named_sites_may_frame_a_fold(service: Service, blog: Blog, fold: s
         assert "frame-ancestors 'self'" in policy
 
 
-def test_the_client_is_kept_by_browsers(service: Service) -> None:
-    first = service.http.get("/view")
-    again = service.http.get("/view", headers={"If-None-Match": first.headers["ETag"]})
-    assert (first.status_code, again.status_code) == (200, 304)
-    assert b"window.Worker = " in first.content
-
-
-def test_comparing_names_both(service: Service, fold: str) -> None:
+def test_compare_links_both_folds(service: Service, fold: str) -> None:
     page = service.http.get(f"/compare?a={fold}&b={fold}")
     assert page.status_code == 200
     assert page.text.count(f'href="/folds/{fold}"') == 2
@@ -150,36 +126,18 @@ def test_comparing_names_both(service: Service, fold: str) -> None:
 
 
 @pytest.mark.long
-def test_play_shows_a_directory(tmp_path: Path, service: Service, fold: str) -> None:
+def test_play_shows_a_directory(service: Service, fold: str) -> None:
     directory = service.directory(fold)
-    process = subprocess.Popen(
-        [
-            sys.executable,
-            "-P",
-            "-m",
-            "server.cli.command_line",
-            "play",
-            str(directory),
-            "--no-browser",
-        ],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        address = re.search(r"http://[^/\s]+", process.stdout.readline())
-        with httpx.Client(base_url=address.group(), timeout=60) as http:
-            page = http.get("/folds/fold")
-            assert page.status_code == 200
-            found = re.search(r'id="facts">(.*?)</script>', page.text, re.DOTALL)
-            facts = json.loads(found[1])
-            assert facts["verdict"]["tone"] == "good"
-            assert not facts["refoldable"]
-            header, _ = decode(http.get("/folds/fold/batch?to=3").content)
-            assert header["stop"] == 3
-            assert http.get("/folds/fold/figures").status_code == 200
-            before = set(directory.rglob("*.html"))
-            assert http.get("/folds/fold/standalone.html").status_code == 200
-            assert set(directory.rglob("*.html")) == before
-    finally:
-        process.terminate()
-        process.communicate(timeout=30)
+    with playing(directory) as address, httpx.Client(timeout=60) as http:
+        page = http.get(address)
+        assert page.status_code == 200
+        found = re.search(r'id="facts">(.*?)</script>', page.text, re.DOTALL)
+        facts = json.loads(found[1])
+        assert facts["verdict"]["tone"] == "good"
+        assert not facts["refoldable"]
+        header, _ = decode(http.get(f"{address}/batch?to=3").content)
+        assert header["stop"] == 3
+        assert http.get(f"{address}/figures").status_code == 200
+        before = set(directory.rglob("*.html"))
+        assert http.get(f"{address}/standalone.html").status_code == 200
+        assert set(directory.rglob("*.html")) == before

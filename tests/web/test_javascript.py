@@ -67,6 +67,8 @@ FILMS = (
     *("wrench-24", "tetra-ring", "direct-mallet-24", "direct-mallet-64", "letter-l"),
     *("tetra-cube-2", "box-4x4x4", "wrench-80", "mallet-24", "tetra-bar"),
 )
+SHIPPED = ("mallet-24", "wrench-80", "tetra-letter-f", "fish", "refold")
+"""Recorded cubes, tetrahedra and a refold, whose drawn poses are compared."""
 FILES = sorted((Path(__file__).parent / "js").glob("*.test.js"))
 Vectors = Mapping[str, Any]
 
@@ -117,7 +119,7 @@ def picking() -> list[Vectors]:
         targets = poses.positions[rng.integers(0, len(chain), 12)]
         ways = targets + rng.normal(0, 0.8, (12, 3)) - origin
         # The first of many points along the ray that lies in a module.
-        spots = origin + np.linspace(0.0, 2.0, 20_001)[:, None, None] * ways
+        spots = origin + np.linspace(0.5, 1.5, 10_001)[:, None, None] * ways
         turns = matrix_from_wxyz(poses.wxyzs)
         heights = chain.module.vertices @ chain.module.face_normals.T
         modules: list[int | None] = []
@@ -255,21 +257,17 @@ def camera() -> list[Vectors]:
     return found
 
 
-def films() -> list[Vectors]:
-    """Stored recordings, each with its scene bundle."""
-    kept = STATIC.parent / "paper"
-    return [
-        {
-            "name": name,
-            "bundle": text(
-                bundle_of(
-                    chain_from_attributes(json.loads((kept / name / "chain.json").read_bytes()))
-                )
-            ),
-            "batch": text((kept / name / "batch").read_bytes()),
-        }
-        for name in FILMS
-    ]
+def stored(name: str) -> Vectors:
+    """A recording of the paper's page with its scene bundle, and the poses that are drawn of it."""
+    place = STATIC.parent / "paper" / name
+    chain = chain_from_attributes(json.loads((place / "chain.json").read_bytes()))
+    drawn = chain.folded_poses
+    return {
+        "name": name,
+        "bundle": text(bundle_of(chain)),
+        "batch": text((place / "batch").read_bytes()),
+        "drawn": packed(positions=drawn.positions, wxyzs=drawn.wxyzs),
+    }
 
 
 def columns() -> Vectors:
@@ -374,28 +372,6 @@ def timeline(path: Path) -> Vectors:
     }
 
 
-SHIPPED = ("mallet-24", "wrench-80", "tetra-letter-f", "fish", "refold")
-"""Recorded folds that came with the paper's page: cubes, tetrahedra and a refold."""
-
-
-def shipped() -> list[Vectors]:
-    """Recorded folds, as pages get them, and the modules' poses as they were drawn."""
-    found: list[Vectors] = []
-    for name in SHIPPED:
-        place = ROOT / "web" / "paper" / name
-        chain = chain_from_attributes(json.loads((place / "chain.json").read_bytes()))
-        drawn = chain.folded_poses
-        found.append(
-            {
-                "name": name,
-                "bundle": text(bundle_of(chain)),
-                "batch": text((place / "batch").read_bytes()),
-                "drawn": packed(positions=drawn.positions, wxyzs=drawn.wxyzs),
-            }
-        )
-    return found
-
-
 @pytest.fixture(scope="module")
 def cases(
     timeline_path: Path, peeled: Path, tmp_path_factory: pytest.TempPathFactory
@@ -410,11 +386,11 @@ def cases(
                 "windows": windows(),
                 "touching": touching(),
                 "camera": camera(),
-                "films": films(),
+                "films": [stored(name) for name in FILMS],
                 "paths": paths(),
                 "columns": columns(),
                 "colours": colours(),
-                "shipped": shipped(),
+                "shipped": [stored(name) for name in SHIPPED],
                 "quantities": quantities(),
                 "module_texts": module_texts(),
                 "timeline": timeline(timeline_path),
@@ -451,23 +427,23 @@ def test_scripts(cases: list[Case], file: Path) -> None:
     assert not failed, "\n\n".join(failed)
 
 
-def test_every_test_is_of_a_file(cases: list[Case]) -> None:
+def test_every_javascript_test_belongs_to_a_file(cases: list[Case]) -> None:
     assert [case for case in cases if Path(case.file) not in FILES] == []
 
 
-def test_no_script_is_left_unused() -> None:
+def test_every_script_is_used() -> None:
     scripts = {path.relative_to(STATIC).as_posix() for path in STATIC.rglob("*.js")}
     pages = {name for name in scripts if name.startswith("js/pages/")}
     used = {script for page in pages for script in scripts_of(page)}
     # What runs in the 3D view's frame, in a worker, and before a page is painted is named alone.
     named_alone = {"js/viewer/bridge.js", "js/viewer/sketch_worker.js", "js/theme.js"}
-    assert scripts - used == named_alone
+    assert scripts - used == {*named_alone, *scripts_of("js/check/worker.js")}
     templates = "".join(path.read_text() for path in (ROOT / "web" / "templates").rglob("*.html"))
     named = {*re.findall(r'entry\("(\w+)"\)', templates), "api", "standalone"}
     assert pages == {f"js/pages/{name}.js" for name in named}
 
 
-def test_tools_are_pinned_and_come_from_no_named_place() -> None:
+def test_node_packages_are_pinned_without_addresses() -> None:
     named = json.loads((ROOT / "package.json").read_text(encoding="utf-8"))["devDependencies"]
     locked = json.loads((ROOT / "package-lock.json").read_text(encoding="utf-8"))["packages"]
     assert {name: locked[f"node_modules/{name}"]["version"] for name in named} == named

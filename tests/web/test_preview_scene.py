@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import threading
 from typing import Any
 
 import numpy as np
@@ -41,7 +40,7 @@ def opened(told: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any], dict[s
     return header, arrays, nodes
 
 
-def test_layers_are_nodes_and_a_path_makes_cells_a_ghost() -> None:
+def test_layers_are_nodes_and_cells_with_a_path_are_transparent() -> None:
     mesh = {"vertices": [[0, 0, 0], [3, 0, 0], [0, 3, 0]], "faces": [[0, 1, 2]]}
     header, arrays, nodes = opened(report(mesh=mesh))
     assert {"/solid", "/cells", "/path", "/selected"} <= nodes.keys()
@@ -57,9 +56,12 @@ def test_layers_are_nodes_and_a_path_makes_cells_a_ghost() -> None:
     assert not shown["/selected"]
     assert shown["/cells"]
     assert shown["/path"]
+    _, _, nodes = opened(report(cells=[], positions=None, has_path=False, mesh=mesh))
+    assert "/solid" in nodes
+    assert "/cells" not in nodes
 
 
-def test_cells_without_a_path_show_what_is_wrong_and_what_would_be_added() -> None:
+def test_cells_without_a_path_show_problems_and_additions() -> None:
     state = {
         "problems": [{"cells": [[2, 0, 0]]}],
         "repairs": [{"add": [[4, 0, 0]], "drop": []}],
@@ -77,29 +79,15 @@ def test_cells_without_a_path_show_what_is_wrong_and_what_would_be_added() -> No
     ]
 
 
-def test_nothing_but_a_solid_is_a_scene_too() -> None:
-    mesh = {"vertices": [[0, 0, 0], [3, 0, 0], [0, 3, 0]], "faces": [[0, 1, 2]]}
-    _, _, nodes = opened(report(cells=[], positions=None, has_path=False, mesh=mesh))
-    assert "/solid" in nodes
-    assert "/cells" not in nodes
-
-
-@pytest.mark.parametrize("count", [8, 300])
-def test_the_size_does_not_depend_on_the_number_of_modules(count: int) -> None:
-    cells = [[x, 0, 0] for x in range(count)]
+def test_scene_size_does_not_depend_on_the_number_of_modules() -> None:
+    cells = [[x, 0, 0] for x in range(300)]
     header, arrays, nodes = opened(report(cells=cells, positions=cells, line=cells))
     at = arrays[nodes["/cells"]["batched_positions"]["column"]].reshape(-1, 3)
     hull = hull_of(header)
     assert np.ptp(at[:, 0]) + np.ptp(hull[:, 0]) == pytest.approx(SCENE_SIZE, rel=1e-5)
     assert np.ptp(np.array(header["corners"])[:, 0]) == pytest.approx(np.ptp(at[:, 0]), rel=1e-5)
-    camera = header["camera"]
-    view = framing(
-        np.array(header["corners"]),
-        radius=header["radius"],
-        azimuth_rad=camera["azimuth_rad"],
-        elevation_rad=camera["elevation_rad"],
-        margin=tuple(camera["margin"]),
-    )
+    told = {name: header["camera"][name] for name in ("azimuth_rad", "elevation_rad", "margin")}
+    view = framing(np.array(header["corners"]), radius=header["radius"], **told)
     assert view.distance > SCENE_SIZE
 
 
@@ -117,10 +105,3 @@ def test_tetrahedra_lie_as_they_do_when_folded() -> None:
     turns = arrays[nodes["/cells"]["batched_wxyzs"]["column"]].reshape(-1, 4)
     assert np.allclose(turns, poses.wxyzs, atol=1e-6)
     assert header["hull"]["modules"] == len(chain)
-
-
-def test_no_server_stays_behind() -> None:
-    preview_scene_of(report())
-    before = threading.active_count()
-    preview_scene_of(report())
-    assert threading.active_count() <= before

@@ -16,7 +16,16 @@ from web.timeline.columns import decode
 from web.viser.scene_bundle import bundle_of, viser_scene
 
 
-def test_the_scene_is_what_viser_would_send(chain: Chain) -> None:
+def refused(header: dict[str, Any]) -> set[str]:
+    """Types of a scene's messages that the view does not hand on to viser's client."""
+    bridge = (STATIC / "js/viewer/bridge.js").read_text(encoding="utf-8")
+    taken = set(re.findall(r'"(\w+Message)"', bridge.partition("SHOWN")[2].partition("]")[0]))
+    # None of them brings text that could be a script; of a theme the links are left out.
+    assert not [name for name in taken if re.search("Gui|Notification|Html|Label", name)]
+    return {message["type"] for message in header["messages"]} - taken
+
+
+def test_bundle_has_the_nodes_properties_and_chain_that_pages_use(chain: Chain) -> None:
     header, arrays = decode(bundle_of(chain))
     kinds = {m["type"] for m in header["messages"]}
     # What the page sends for each frame names these nodes and properties.
@@ -28,9 +37,15 @@ def test_the_scene_is_what_viser_would_send(chain: Chain) -> None:
         assert props[name]["column"] in arrays
     assert {"opacity", "cast_shadow", "receive_shadow"} <= props.keys()
     assert "points" in nodes["/path"]["props"]
+    assert refused(header) == set()
+    told = header["chain"]
+    assert told["modules"] == 16
+    assert told["hinge_names"] == list(chain.module.hinge_names)
+    assert np.allclose(arrays["folded_rad"], chain.folded_rad)
+    assert np.allclose(arrays["folded_positions"], chain.folded_poses.positions)
 
 
-def test_viser_still_has_the_messages_that_the_page_makes() -> None:
+def test_viser_has_the_messages_that_pages_make() -> None:
     for name, fields in {
         "SceneNodeUpdateMessage": {"name", "updates", "owner"},
         "SetPositionMessage": {"name", "position", "owner"},
@@ -44,29 +59,7 @@ def test_viser_still_has_the_messages_that_the_page_makes() -> None:
         assert fields <= set(kind.__dataclass_fields__), name
 
 
-def refused(header: dict[str, Any]) -> set[str]:
-    """Types of a scene's messages that the view does not hand on to viser's client."""
-    bridge = (STATIC / "js/viewer/bridge.js").read_text(encoding="utf-8")
-    taken = set(re.findall(r'"(\w+Message)"', bridge.partition("SHOWN")[2].partition("]")[0]))
-    # None of them brings text that could be a script; of a theme the links are left out.
-    assert not [name for name in taken if re.search("Gui|Notification|Html|Label", name)]
-    return {message["type"] for message in header["messages"]} - taken
-
-
-def test_the_view_takes_the_messages_of_the_scene(chain: Chain) -> None:
-    assert refused(decode(bundle_of(chain))[0]) == set()
-
-
-def test_the_chain_is_told_in_full(chain: Chain) -> None:
-    header, arrays = decode(bundle_of(chain))
-    told = header["chain"]
-    assert told["modules"] == 16
-    assert told["hinge_names"] == list(chain.module.hinge_names)
-    assert np.allclose(arrays["folded_rad"], chain.folded_rad)
-    assert np.allclose(arrays["folded_positions"], chain.folded_poses.positions)
-
-
-def test_chains_of_one_kind_and_length_share_a_scene_but_not_a_shape() -> None:
+def test_chains_of_one_kind_and_length_differ_only_in_shape() -> None:
     one, two = (
         Chain.from_angles(TETRAHEDRON, np.deg2rad(angles), name=name)
         for angles, name in (([90.0, 90.0], "a"), ([-90.0, 90.0], "b"))
@@ -77,17 +70,12 @@ def test_chains_of_one_kind_and_length_share_a_scene_but_not_a_shape() -> None:
     assert not np.allclose(first[1]["folded_rad"], second[1]["folded_rad"])
 
 
-def test_no_server_stays_behind(chain: Chain) -> None:
-    bundle_of(chain)
+def test_scenes_do_not_wait_for_each_other_and_leave_no_server(chain: Chain) -> None:
     before = threading.active_count()
-    decode(bundle_of(Chain.from_angles(TETRAHEDRON, np.deg2rad([0.0, 90.0, 0.0, 90.0]), name="c")))
-    assert threading.active_count() <= before
-
-
-def test_one_scene_keeps_no_other_waiting(chain: Chain) -> None:
     with viser_scene(chain):
         other = Chain.from_angles(TETRAHEDRON, np.deg2rad([90.0] * 5), name="d")
         made = threading.Thread(target=bundle_of, args=(other,), daemon=True)
         made.start()
         made.join(20.0)
         assert not made.is_alive()
+    assert threading.active_count() <= before

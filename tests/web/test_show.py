@@ -23,7 +23,6 @@ from planner.progress import Progress
 from tests.planner.peels import snake
 from tests.web.conftest import ERROR_AT_END
 from web.pictures.colours import (
-    MAX_ERROR_RGB,
     NO_ERROR_RGB,
     SELECTED_RGB,
     UNKNOWN_ERROR_RGB,
@@ -71,67 +70,58 @@ def linear(rgb: tuple[int, int, int]) -> list[int]:
     return instance_colours(np.array([rgb], np.uint8))[0].tolist()
 
 
-def test_it_is_a_plain_viser_server_of_this_machine(shown: Shown) -> None:
+def test_frames_are_posed_as_in_the_timeline(shown: Shown, timeline_path: Path) -> None:
     assert type(shown.server) is viser.ViserServer
     assert shown.url == f"http://127.0.0.1:{shown.server.get_port()}"
-
-
-def test_a_frame_is_where_the_timeline_has_it(shown: Shown, timeline_path: Path) -> None:
     view = TimelineView(timeline_path)
     for frame in (0, 40, 199):
         shown.frame = frame
         assert np.allclose(positions(shown), view.snapshot(frame).positions, atol=1e-6)
-        assert shown._slider.value == frame + 1  # people count from 1
-        assert f"Frame {frame + 1} of 200" in shown._text.content
+        assert shown._controls.slider.value == frame + 1  # people count from 1
+        assert f"Frame {frame + 1} of 200" in shown._controls.text.content
+    for asked, got in ((-5, 0), (10**12, 199)):
+        shown.frame = asked
+        assert shown.frame == shown._controls.slider.value - 1 == got
 
 
-@pytest.mark.parametrize(("asked", "got"), [(-5, 0), (10**12, 199)])
-def test_frames_that_are_not_there_are_the_nearest(shown: Shown, asked: int, got: int) -> None:
-    shown.frame = asked
-    assert shown.frame == shown._slider.value - 1 == got
-
-
-def test_colours_tell_joint_errors_or_where_a_module_is(shown: Shown, chain: Chain) -> None:
+def test_colours_show_joint_errors_or_the_place_in_the_chain(shown: Shown, chain: Chain) -> None:
     shown.frame = 50
     assert (colours(shown) == linear(UNKNOWN_ERROR_RGB)).all()  # nothing is off while it explodes
-    assert "No joint error recorded" in shown._text.content
+    assert "No joint error recorded" in shown._controls.text.content
     shown.frame = 199
-    carries = 6
-    assert (
-        colours(shown)[carries].tolist()
-        == instance_colours(error_colours(np.array([ERROR_AT_END]), 5e-3))[0].tolist()
-    )
-    assert colours(shown)[carries - 2].tolist() == linear(NO_ERROR_RGB) != linear(MAX_ERROR_RGB)
-    assert "0.003 rad" in shown._text.content
-    shown._colours.value = COLOUR_ALONG_CHAIN
+    red = instance_colours(error_colours(np.array([ERROR_AT_END]), 5e-3))[0]
+    assert colours(shown)[6].tolist() == red.tolist()
+    assert colours(shown)[4].tolist() == linear(NO_ERROR_RGB)
+    assert "0.003 rad" in shown._controls.text.content
+    shown._controls.colours.value = COLOUR_ALONG_CHAIN
     ramp = instance_colours(ramp_colours(np.linspace(0.0, 1.0, len(chain))))
     assert (colours(shown) == ramp).all()
 
 
-def test_a_module_that_is_clicked_on_tells_of_itself(shown: Shown) -> None:
+def test_clicked_module_is_described(shown: Shown) -> None:
     shown.frame = 199
     shown._select(6)
     assert colours(shown)[6].tolist() == linear(SELECTED_RGB)
-    assert "**Module 7** of 16" in shown._module.content
-    assert "joint_6_z: " in shown._module.content
-    assert f"error {ERROR_AT_END} rad" in shown._module.content
+    assert "**Module 7** of 16" in shown._controls.module.content
+    assert "joint_6_z: " in shown._controls.module.content
+    assert f"error {ERROR_AT_END} rad" in shown._controls.module.content
     shown._select(0)
-    assert "without a joint of its own" in shown._module.content
+    assert "without a joint of its own" in shown._controls.module.content
     shown._select(0)  # once more lets go of it
-    assert shown._module.content == "Click on a module."
+    assert shown._controls.module.content == "Click on a module."
 
 
-def test_it_plays_to_its_end_and_again_from_the_first_frame(shown: Shown) -> None:
-    shown._speed.value = "4×"
+def test_playing_stops_at_the_end_and_begins_again(shown: Shown) -> None:
+    shown._controls.speed.value = "4×"
     shown.frame = 190
     shown.play()
-    assert shown._button.label == "Pause"
-    until(lambda: shown._button.label == "Play")
+    assert shown._controls.button.label == "Pause"
+    until(lambda: shown._controls.button.label == "Play")
     assert shown.frame == 199
     shown.play()
     until(lambda: 0 < shown.frame < 190)
     shown.pause()
-    assert shown._button.label == "Play"
+    assert shown._controls.button.label == "Play"
 
 
 def test_closing_frees_the_port_and_all_threads(timeline_path: Path) -> None:
@@ -147,17 +137,19 @@ def test_closing_frees_the_port_and_all_threads(timeline_path: Path) -> None:
     until(lambda: not {t for t in threading.enumerate() if t.is_alive()} - before)
 
 
-@pytest.mark.parametrize(
-    "address",
-    [{"host": "192.0.2.1"}, {"host": "no such host"}, {"port": 70_000}, {"host": "x" * 300}],
-)
-def test_an_address_that_cannot_be_is_refused(timeline_path: Path, address: dict) -> None:
-    with pytest.raises(InputError) as refused:
-        show(timeline_path, **{"port": 0, **address})
-    assert refused.value.code == "no-such-address"
+def test_unusable_addresses_and_places_without_a_timeline_are_refused(
+    timeline_path: Path, tmp_path: Path
+) -> None:
+    hosts = [{"host": host} for host in ("192.0.2.1", "no such host", "x" * 300)]
+    for address in (*hosts, {"port": 70_000}):
+        with pytest.raises(InputError) as refused:
+            show(timeline_path, **{"port": 0, **address})
+        assert refused.value.code == "no-such-address"
+    with pytest.raises(TimelineError, match="contains no timeline"):
+        show(tmp_path, port=0)
 
 
-def test_a_notebook_gets_a_frame_that_leads_there(shown: Shown) -> None:
+def test_notebook_gets_an_escaped_iframe(shown: Shown) -> None:
     found: list[tuple[str, dict[str, str | None]]] = []
 
     class Reader(HTMLParser):
@@ -171,39 +163,29 @@ def test_a_notebook_gets_a_frame_that_leads_there(shown: Shown) -> None:
     assert found[0][1]["src"] == f"http://127.0.0.1:{shown.server.get_port()}"
 
 
-def test_what_holds_no_timeline_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(TimelineError, match="contains no timeline"):
-        show(tmp_path, port=0)
-
-
-def test_what_grows_is_followed(
+def test_newest_frame_is_followed_until_another_is_chosen(
     growing: tuple[Path, TimelineWriter, Callable[[int], None]],
 ) -> None:
     path, writer, add = growing
     with show(Timeline.open(path), port=0) as shown:
-        assert shown._slider.max == 10
+        assert shown._controls.slider.max == 10
         add(5)
-        until(lambda: shown._slider.max == 15)
+        until(lambda: shown._controls.slider.max == 15)
         assert shown.frame == 0
-    writer.close()
-
-
-def test_the_newest_frame_is_shown_until_somebody_looks_back(
-    growing: tuple[Path, TimelineWriter, Callable[[int], None]],
-) -> None:
-    path, writer, add = growing
     with show.live(port=0) as live:
-        assert live._text.content == "Nothing to show yet."
+        assert live._controls.text.content == "Nothing to show yet."
         live(Progress(stage="play_back", fraction=0.25, directory=str(path.parent)))
-        until(lambda: live.frame == 9)
-        until(lambda: live._text.content.startswith("Play back, 25%\n\n**Frame 10 of 10**"))
+        until(lambda: live.frame == 14)
+        until(
+            lambda: live._controls.text.content.startswith("Play back, 25%\n\n**Frame 15 of 15**")
+        )
         live.frame = 3
         add(5)
-        until(lambda: live._last == 14)
+        until(lambda: live._playhead.last == 19)
         assert live.frame == 3
-        live.frame = 14
+        live.frame = 19
         add(5)
-        until(lambda: live.frame == 19)
+        until(lambda: live.frame == 24)
         live.pause()
         writer.close()
         live(Progress(stage="export", fraction=1.0, directory=str(path.parent)))
@@ -221,25 +203,25 @@ def folded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Path]:
     return fold(snake((2, 2, 3)), directory=directory), directory
 
 
-def test_a_plan_is_posed_as_its_timeline(folded: tuple[Plan, Path]) -> None:
+def test_plan_is_posed_as_its_timeline(folded: tuple[Plan, Path]) -> None:
     plan, directory = folded
     with show(plan, port=0) as shown, show(directory, port=0) as whole:
         first = int(np.argmax(Timeline.open(directory / "timeline.zarr").frames().phase))
-        assert whole._last == first + shown._last
-        assert shown._text.content.startswith("**Frame 1 of")
-        for frame in (0, shown._last // 2, shown._last):
+        assert whole._playhead.last == first + shown._playhead.last
+        assert shown._controls.text.content.startswith("**Frame 1 of")
+        for frame in (0, shown._playhead.last // 2, shown._playhead.last):
             shown.frame, whole.frame = frame, first + frame
             # The plan has what the hinges should be, the timeline what a robot made of it.
             assert np.abs(positions(shown) - positions(whole)).max() < 0.01
             assert (colours(shown) == colours(whole)).all()
-
-
-def test_a_plan_from_a_file_has_no_errors_to_colour_by(folded: tuple[Plan, Path]) -> None:
-    plan, directory = folded
+    # In its file a plan has no errors to colour by.
     assert np.isfinite(plan.motion.joint_error_rad).any()
     with show(Plan.load(directory / "plan.npz"), port=0) as shown:
-        shown.frame = shown._last
+        shown.frame = shown._playhead.last
         assert (colours(shown) == linear(UNKNOWN_ERROR_RGB)).all()
+    with pytest.raises(InputError) as refused:
+        show(replace(plan, motion=plan.motion[:0]), port=0)
+    assert refused.value.code == "no-frames"
 
 
 def test_windows_are_posed_as_their_timeline(peeled: Path) -> None:
@@ -255,7 +237,7 @@ def test_windows_are_posed_as_their_timeline(peeled: Path) -> None:
         assert (one.phase, one.framed, one.time_s) == (other.phase, other.framed, other.time_s)
 
 
-def test_a_plan_of_windows_knows_the_errors_of_its_joints(peeled: Path) -> None:
+def test_plan_of_windows_has_joint_errors(peeled: Path) -> None:
     plan, view = Workspace(peeled).read_plan(), TimelineView(peeled / "timeline.zarr")
     moments = MotionMoments(plan.chain, plan.motion)
     first = len(view) - len(moments)
@@ -265,14 +247,7 @@ def test_a_plan_of_windows_knows_the_errors_of_its_joints(peeled: Path) -> None:
     assert np.array_equal(errors, recorded, equal_nan=True) and np.nanmax(errors) > 0.0
 
 
-def test_a_plan_without_frames_is_refused(folded: tuple[Plan, Path]) -> None:
-    plan, _ = folded
-    with pytest.raises(InputError) as refused:
-        show(replace(plan, motion=plan.motion[:0]), port=0)
-    assert refused.value.code == "no-frames"
-
-
-def test_a_fold_is_followed_while_it_is_computed_and_kept_when_its_folder_has_gone() -> None:
+def test_live_fold_is_followed_and_kept_without_its_folder() -> None:
     with show.live(port=0) as live:
         assert isinstance(live, Live)
         told: list[Progress] = []
@@ -281,14 +256,14 @@ def test_a_fold_is_followed_while_it_is_computed_and_kept_when_its_folder_has_go
         def watch(progress: Progress) -> None:
             live(progress)
             told.append(progress)
-            seen.add(live._last)
+            seen.add(live._playhead.last)
 
         plan = fold(snake((2, 2, 3)), progress=watch)
         directory = told[-1].directory
         assert directory is not None and not Path(directory).exists()
-        assert live._text.content.startswith("Done")
-        assert live.frame == live._last > 0
-        assert live._last >= len(plan.motion)
+        assert live._controls.text.content.startswith("Done")
+        assert live.frame == live._playhead.last > 0
+        assert live._playhead.last >= len(plan.motion)
         apart = distances(plan.chain.folded_poses.positions)
         assert np.abs(distances(positions(live)) - apart).max() < 0.01
         live.frame = 0  # it is held, though its folder has gone

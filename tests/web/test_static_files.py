@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from difflib import SequenceMatcher
 
-import pytest
-
 from tests.case import case
 from web.static_files import COMMENTS, STATIC, code_of, scripts_of, text_of
 
@@ -42,11 +40,11 @@ TYPE = re.compile(r"/\*\* @.*?\*/ ?")
 """A type within a line of code."""
 
 
-def test_only_lines_that_are_comments_and_types_go() -> None:
+def test_comments_and_types_are_removed() -> None:
     assert COMMENTS.sub("", WRITTEN) == SENT
 
 
-def test_no_line_of_a_script_goes_that_does_something() -> None:
+def test_scripts_lose_only_comments() -> None:
     for name in SCRIPTS:
         with case(name):
             untyped = ((line, TYPE.sub("", line)) for line in text_of(name).splitlines())
@@ -66,7 +64,7 @@ def test_no_line_of_a_script_goes_that_does_something() -> None:
             assert all(re.match(r"\s*(//|/\*\*|\*)", line) for line in gone), gone
 
 
-def test_a_page_needs_at_once_what_is_imported_and_later_the_rest() -> None:
+def test_scripts_of_a_page_are_imported_at_once_or_later() -> None:
     at_once = scripts_of("js/pages/fold.js", later=False)
     all_of_them = scripts_of("js/pages/fold.js")
     assert {"js/player/player.js", "js/panels/plots.js"} <= set(at_once)
@@ -80,6 +78,6 @@ def test_a_page_needs_at_once_what_is_imported_and_later_the_rest() -> None:
     )
 
 
-@pytest.mark.parametrize("name", MAX_SCRIPTS)
-def test_page_loads_no_more_scripts_at_once_than_its_requests_allow(name: str) -> None:
-    assert len(scripts_of(f"js/pages/{name}.js", later=False)) <= MAX_SCRIPTS[name]
+def test_page_loads_no_more_scripts_at_once_than_its_requests_allow() -> None:
+    for name, most in MAX_SCRIPTS.items():
+        assert len(scripts_of(f"js/pages/{name}.js", later=False)) <= most, name

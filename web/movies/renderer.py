@@ -100,7 +100,7 @@ class Stage:
         self._ends = [self._mesh(len(self._pieces)) for _ in range(2)]
         for end, colour in zip(self._ends, (FIRST_MODULE_RGB, LAST_MODULE_RGB), strict=True):
             end.rgba[:3] = np.array(colour) / 255.0
-        self._shade, self._ground = self._plane(0), self._plane(1)
+        self._planes = self._plane(0), self._plane(1)
         # They come last: what a picture does not need is cut off.
         self._before = self._scene.ngeom
         self._faces = [[self._mesh(k) for k in range(len(self._pieces))] for _ in range(modules)]
@@ -183,11 +183,12 @@ class Stage:
         )
         self._paint(shade_colours(shadow, self._theme))
         half = shadow.side / 2
-        self._shade.pos = (*shadow.middle, shot.ground)
-        self._shade.size = (half, half, 1.0)
+        shade, ground = self._planes
+        shade.pos = (*shadow.middle, shot.ground)
+        shade.size = (half, half, 1.0)
         far = 60.0 * shot.view.distance
-        self._ground.pos = (*shadow.middle, shot.ground - 4e-4 * shot.view.distance)
-        self._ground.size = (far, far, 1.0)
+        ground.pos = (*shadow.middle, shot.ground - 4e-4 * shot.view.distance)
+        ground.size = (far, far, 1.0)
 
     def _paint(self, colours: Picture) -> None:
         at = int(self._model.tex_adr[0])

@@ -77,8 +77,27 @@ class Scene:
         self.pitch = min(MAX_SCENE_PITCH, MAX_SCENE_LENGTH / span)
         self._ground: float | None = None
         self._last: Snapshot | None = None
-        n = len(chain)
-        scene = server.scene
+        self._table = table
+        self._add_lights(shadows)
+        self._modules, self._ends = self._add_modules(shadows), self._add_ends()
+        self._add_path()
+        self._floor = server.scene.add_grid(
+            "/ground",
+            width=60.0,
+            height=60.0,
+            cell_thickness=0.0,
+            section_thickness=0.0,
+            cell_size=100.0,
+            section_size=100.0,
+            shadow_opacity=0.16 if shadows else 0.0,
+            fade_distance=40.0,
+            visible=table is None,
+        )
+        if table is not None:
+            self._add_table(table, shadows)
+
+    def _add_lights(self, shadows: bool) -> None:
+        scene = self._server.scene
         scene.set_up_direction("+z")
         # One soft light from above with a shadow, and a sky that leaves the greys grey.
         scene.configure_default_lights(True, cast_shadow=shadows)
@@ -89,9 +108,11 @@ class Scene:
         scene.add_light_directional(
             "/side", color=(255, 250, 242), intensity=0.9, position=(-0.3, -1.0, 0.5)
         )
-        server.initial_camera.fov = FIELD_OF_VIEW_RAD
-        mesh = module_mesh(chain.module)
-        self._modules = scene.add_batched_meshes_simple(
+        self._server.initial_camera.fov = FIELD_OF_VIEW_RAD
+
+    def _add_modules(self, shadows: bool) -> viser.BatchedMeshHandle:
+        mesh, n = module_mesh(self._chain.module), len(self._chain)
+        return self._server.scene.add_batched_meshes_simple(
             "/modules",
             mesh.vertices * self.pitch,
             mesh.faces,
@@ -102,8 +123,10 @@ class Scene:
             cast_shadow=shadows,
             receive_shadow=shadows,
         )
+
+    def _add_ends(self) -> viser.BatchedMeshHandle:
         stud = stud_mesh()
-        self._ends = scene.add_batched_meshes_simple(
+        return self._server.scene.add_batched_meshes_simple(
             "/ends",
             stud.vertices * self.pitch,
             stud.faces,
@@ -116,29 +139,17 @@ class Scene:
             cast_shadow=False,
             receive_shadow=False,
         )
-        # The way that the chain takes through its modules, for a look into them.
-        line = scene.add_line_segments(
+
+    def _add_path(self) -> None:
+        """Add the line through the modules' centres, hidden at first."""
+        n = len(self._chain)
+        self._server.scene.add_line_segments(
             "/path",
             np.zeros((n - 1, 2, 3), np.float32),
             instance_colours(path_colours(n)),
             thickness=PATH_THICKNESS_PITCH * self.pitch,
+            visible=False,
         )
-        line.visible = False
-        self._floor = scene.add_grid(
-            "/ground",
-            width=60.0,
-            height=60.0,
-            cell_thickness=0.0,
-            section_thickness=0.0,
-            cell_size=100.0,
-            section_size=100.0,
-            shadow_opacity=0.16 if shadows else 0.0,
-            fade_distance=40.0,
-        )
-        self._table = table
-        if table is not None:
-            self._floor.visible = False
-            self._add_table(table, shadows)
 
     def _add_table(self, table: TableTop, shadows: bool) -> None:
         """The table, and for each module a disc on it that tells how hard it presses."""

@@ -52,7 +52,8 @@ class Live(Shown):
                 timeline = Timeline.open(result(directory, TIMELINE))
                 whole = MotionMoments(timeline.chain, timeline.motion(), timeline.id)
             with self._lock:  # what is told and what is shown change together
-                self._whole, self._directory, self._heading = whole, None, "Done"
+                self._whole, self._directory = whole, None
+                self._controls.heading = "Done"
                 if not self._closed:
                     self._look()
             return
@@ -60,7 +61,7 @@ class Live(Shown):
             if directory != self._directory:
                 self._directory, self._whole = directory, None
             told = progress.stage.replace("_", " ").capitalize()
-            self._heading = f"{told}, {progress.fraction:.0%}"
+            self._controls.heading = f"{told}, {progress.fraction:.0%}"
 
     @property
     def _growing(self) -> bool:

@@ -15,6 +15,7 @@ import threading
 import time
 import webbrowser
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -48,6 +49,7 @@ FRAME_POLL_S: Final = 0.1
 """Time between two checks for new frames of a running fold while nothing plays, in s. A larger
 value shows new frames later. Chosen."""
 SPEEDS: Final = {"0.25×": 0.25, "0.5×": 0.5, "1×": 1.0, "2×": 2.0, "4×": 4.0}
+NO_MODULE_TEXT: Final = "Click on a module."
 COLOUR_BY_ERROR: Final = "Joint error"
 COLOUR_ALONG_CHAIN: Final = "Along the chain"
 MAX_PORT: Final = 65_535
@@ -56,6 +58,57 @@ GROUND_SETTLING_S: Final = 10.0
 """Time by which the motion of the displayed ground is advanced when the view jumps to another
 frame, in s; it exceeds the ground's time constants, so that the ground is in its final position at
 once. Chosen."""
+
+
+@dataclass(slots=True, kw_only=True)
+class _Playhead:
+    """Position of the playback.
+
+    Attributes:
+        follows: True to go to new frames as they come.
+        playing: True while it plays.
+        frame: Displayed frame.
+        place: Exact position in frames while it plays.
+        last: Last frame that there is; −1 without any.
+    """
+
+    follows: bool
+    playing: bool = False
+    frame: int = 0
+    place: float = 0.0
+    last: int = -1
+
+
+class _Controls:
+    """Controls beside the view.
+
+    Attributes:
+        heading: Text above the figures of the frame. No words that come from files: viser takes
+            them for Markdown, in which there can be more than text.
+        figures: Figures of the frame.
+    """
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        gui.configure_theme(show_share_button=False)
+        gui.main_panel.dock_right()  # beside the chain, not before it
+        self.heading, self.figures = "", "Nothing to show yet."
+        self.text = gui.add_markdown(self.figures)
+        self.slider = gui.add_slider("Frame", min=1, max=2, step=1, initial_value=1)
+        self.button = gui.add_button("Play")
+        self.speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1×")
+        self.colours = gui.add_dropdown(
+            "Colours", (COLOUR_BY_ERROR, COLOUR_ALONG_CHAIN), initial_value=COLOUR_BY_ERROR
+        )
+        self.follow = gui.add_checkbox(
+            "Follow", True, hint="Keep the chain in view for all viewers."
+        )
+        self.module = gui.add_markdown(NO_MODULE_TEXT)
+
+    def write(self) -> None:
+        """Write the heading and the figures where they have changed."""
+        text = f"{self.heading}\n\n{self.figures}" if self.heading else self.figures
+        if text != self.text.content:
+            self.text.content = text
 
 
 class Shown:
@@ -89,26 +142,19 @@ class Shown:
             InputError: ``no-such-address``.
         """
         self._find = moments
-        self._heading = ""
-        """What is told above the figures of the frame. No words that come from files: viser takes
-        them for Markdown, in which there can be more than text."""
-        self._told = "Nothing to show yet."
-        self._follows = follows
+        self._playhead = _Playhead(follows=follows)
         self._lock = threading.RLock()
         self._wake = threading.Event()
         self._closed = False
-        self._playing = False
         self._moments: MotionSource | None = None
         self._id = ""
-        self._last = -1
-        self._frame = 0
-        self._place = 0.0
         self._selected: int | None = None
         self._scene: Scene | None = None
         self.server: viser.ViserServer = _server(host, port)
         self.url = _url(host, self.server.get_port())
         self._cameras = Cameras(self.server)
-        self._add_controls()
+        self._controls = _Controls(self.server.gui)
+        self._listen()
         with self._lock:
             self._look()
         self._thread = threading.Thread(target=self._run, name="foldback-show", daemon=True)
@@ -137,7 +183,7 @@ class Shown:
     @property
     def frame(self) -> int:
         """Frame that is shown, from 0 on; set it to show another one, the nearest that there is."""
-        return self._frame
+        return self._playhead.frame
 
     @frame.setter
     def frame(self, frame: int) -> None:
@@ -147,7 +193,7 @@ class Shown:
     def play(self) -> None:
         """Play on from the frame that is shown, from the first one when that is the last."""
         with self._lock:
-            if self._frame >= self._last and not self._growing:
+            if self._playhead.frame >= self._playhead.last and not self._growing:
                 self._go(0)
             self._set_playing(True)
 
@@ -168,59 +214,47 @@ class Shown:
         with quiet():
             self.server.stop()
 
-    def _add_controls(self) -> None:
-        gui = self.server.gui
-        gui.configure_theme(show_share_button=False)
-        gui.main_panel.dock_right()  # beside the chain, not before it
-        self._text = gui.add_markdown(self._told)
-        self._slider = gui.add_slider("Frame", min=1, max=2, step=1, initial_value=1)
-        self._button = gui.add_button("Play")
-        self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1×")
-        self._colours = gui.add_dropdown(
-            "Colours", (COLOUR_BY_ERROR, COLOUR_ALONG_CHAIN), initial_value=COLOUR_BY_ERROR
-        )
-        self._follow = gui.add_checkbox(
-            "Follow", True, hint="Keep the chain in view for all viewers."
-        )
-        self._module = gui.add_markdown("Click on a module.")
+    def _listen(self) -> None:
+        """React to the controls."""
+        controls = self._controls
 
-        @self._slider.on_update
+        @controls.slider.on_update
         def _(event: viser.GuiEvent[Any]) -> None:
             if event.client is None:
                 return  # moved by what is shown, not by somebody
             with self._lock:
                 self._set_playing(False)
-                self._seek(self._slider.value - 1)
+                self._seek(controls.slider.value - 1)
 
-        @self._button.on_click
+        @controls.button.on_click
         def _(event: viser.GuiEvent[Any]) -> None:
             del event
-            (self.pause if self._playing else self.play)()
+            (self.pause if self._playhead.playing else self.play)()
 
         def draw(event: viser.GuiEvent[Any]) -> None:
             del event
             with self._lock:
                 self._draw()
 
-        self._colours.on_update(draw)
+        controls.colours.on_update(draw)
 
-        @self._follow.on_update
+        @controls.follow.on_update
         def _(event: viser.GuiEvent[Any]) -> None:
-            self._cameras.following = self._follow.value
+            self._cameras.following = controls.follow.value
             draw(event)
 
     def _run(self) -> None:
         """Play, and look for new frames, until it is closed."""
         drawn = time.monotonic()
         while not self._closed:
-            self._wake.wait(DRAW_INTERVAL_S if self._playing else FRAME_POLL_S)
+            self._wake.wait(DRAW_INTERVAL_S if self._playhead.playing else FRAME_POLL_S)
             self._wake.clear()
             now = time.monotonic()
             with self._lock:
                 if not self._closed:
                     self._look()
                     self._play_on(now - drawn)
-                    self._write()
+                    self._controls.write()
             drawn = now
 
     def _look(self) -> None:
@@ -235,40 +269,43 @@ class Shown:
             self.server.gui.set_panel_label(found.chain.name)
             self._scene = Scene(self.server, found.chain, stretch=found.stretch)
             self._scene.on_click(self._select)
-        elif same and last == self._last:
+        elif same and last == self._playhead.last:
             return
-        self._last = last
-        self._slider.max = max(last, 1) + 1
-        self._go(last if self._follows else self._frame)
+        self._playhead.last = last
+        self._controls.slider.max = max(last, 1) + 1
+        self._go(last if self._playhead.follows else self._playhead.frame)
 
     @property
     def _growing(self) -> bool:
         return self._moments is None or self._moments.growing
 
     def _play_on(self, passed_s: float) -> None:
-        if not self._playing:
+        head = self._playhead
+        if not head.playing:
             return
-        per_second = min(max(self._last / DEFAULT_DURATION_S, MIN_PLAYED_FPS), MAX_PLAYED_FPS)
-        self._place += passed_s * per_second * SPEEDS.get(self._speed.value, 1.0)
-        if (frame := min(int(self._place), self._last)) != self._frame:
+        per_second = min(max(head.last / DEFAULT_DURATION_S, MIN_PLAYED_FPS), MAX_PLAYED_FPS)
+        head.place += passed_s * per_second * SPEEDS.get(self._controls.speed.value, 1.0)
+        if (frame := min(int(head.place), head.last)) != head.frame:
             self._go(frame)
-        if frame >= self._last:
-            self._follows = self._growing
+        if frame >= head.last:
+            head.follows = self._growing
             self._set_playing(False)
 
     def _set_playing(self, playing: bool) -> None:
-        self._playing, self._place = playing, float(self._frame)
-        self._button.label = "Pause" if playing else "Play"
+        self._playhead.playing, self._playhead.place = playing, float(self._playhead.frame)
+        self._controls.button.label = "Pause" if playing else "Play"
         self._wake.set()
 
     def _seek(self, frame: int) -> None:
         """Go to a requested frame; at the end of a growing timeline, follow it."""
         self._go(frame)
-        self._place = float(self._frame)
-        self._follows = self._growing and self._frame >= self._last
+        head = self._playhead
+        head.place = float(head.frame)
+        head.follows = self._growing and head.frame >= head.last
 
     def _go(self, frame: int) -> None:
-        self._frame = min(max(int(frame), 0), max(self._last, 0))
+        head = self._playhead
+        head.frame = min(max(int(frame), 0), max(head.last, 0))
         self._draw()
 
     def _select(self, module: int) -> None:
@@ -281,29 +318,23 @@ class Shown:
         if moments is None or scene is None:
             return
         try:
-            snapshot = moments.snapshot(self._frame)
+            snapshot = moments.snapshot(self._playhead.frame)
         except TimelineError:
             return  # it is being replaced: what is shown stays until that is there
         with self.server.atomic():
             scene.show(snapshot, self._painted(snapshot, moments.error_scale_rad))
             scene.move_ground(GROUND_SETTLING_S)
-            self._slider.value = self._frame + 1
-            self._told = _told(snapshot, self._last, moments.error_scale_rad)
-            self._write()
+            self._controls.slider.value = self._playhead.frame + 1
+            self._controls.figures = _told(snapshot, self._playhead.last, moments.error_scale_rad)
+            self._controls.write()
             if self._selected is not None:
-                self._module.content = _told_of(moments.chain, self._selected, snapshot)
+                self._controls.module.content = _told_of(moments.chain, self._selected, snapshot)
             else:
-                self._module.content = "Click on a module."
+                self._controls.module.content = NO_MODULE_TEXT
         self._cameras.keep_in_view(scene.points(snapshot), scene.radius)
 
-    def _write(self) -> None:
-        """Write the progress and the figures of the frame."""
-        text = f"{self._heading}\n\n{self._told}" if self._heading else self._told
-        if text != self._text.content:
-            self._text.content = text
-
     def _painted(self, snapshot: Snapshot, scale_rad: float) -> NDArray[np.uint8]:
-        if self._colours.value == COLOUR_ALONG_CHAIN:
+        if self._controls.colours.value == COLOUR_ALONG_CHAIN:
             colours = ramp_colours(np.linspace(0.0, 1.0, len(snapshot.positions)))
         else:
             colours = error_colours(snapshot.module_error_rad, scale_rad)

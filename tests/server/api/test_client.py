@@ -7,6 +7,8 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ import pytest
 from foldback_client import Client, Problem, Progress, Retries
 from foldback_client.upload import FoldOptions, MovieOptions, ShapeOptions
 from tests.server.here import ServiceHere
-from tests.server.relay import relayed
+from tests.server.relay import Relay, Trouble, relayed
 from tests.server.service import PATIENCE_S, SNAKE, Service
 
 ROOT = Path(__file__).parents[3]
@@ -24,27 +26,40 @@ QUICK = Retries(first_s=0.01)
 FOLDS = "/api/folds"
 
 
-def client_of(service: Service, **options: Any) -> Client:
-    return Client(str(service.http.base_url), **{"retries": QUICK, **options})
+def client_of(service: Service) -> Client:
+    return Client(str(service.http.base_url), retries=QUICK)
 
 
-def test_a_fold_is_asked_for_followed_and_downloaded(service: Service, tmp_path: Path) -> None:
+@contextmanager
+def through(
+    service: Service, trouble: Trouble, retries: Retries = QUICK, retry_after: str = "0"
+) -> Iterator[tuple[Client, Relay]]:
+    """A client that reaches a service through a relay which makes trouble."""
+    with (
+        relayed(service.http.base_url, trouble, retry_after) as relay,
+        Client(relay.address, retries=retries) as client,
+    ):
+        yield client, relay
+
+
+def test_fold_is_requested_followed_downloaded_and_deleted(
+    service: Service, tmp_path: Path
+) -> None:
     told: list[Progress] = []
     with client_of(service) as client:
         fold = client.fold(SNAKE, seed=41).wait(PATIENCE_S, told.append)
         assert fold.verified and not fold.existing
-        assert [progress.status for progress in told][-1] == "verified"
+        assert told[-1].status == "verified"
         assert told[-1].frames == fold.state["progress"]["frames"] > 0
-        pages = list(fold.frames(stride=7, poses=True))
+        (page,) = fold.frames(stride=7, poses=True)
+        assert len(page) == len(range(0, page.total, 7))
+        assert page.positions.shape == (len(page), 16, 3)
         with np.load(fold.download("plan.npz", tmp_path / "mine.npz")) as plan:
             folded = plan["joint_angles_rad"][-1]
-        total = pages[0].total
-        assert sum(len(page) for page in pages) == len(range(0, total, 7))
-        last = next(fold.frames(start=total - 1))
+        last = next(fold.frames(start=page.total - 1))
         np.testing.assert_allclose(last.joint_angles_rad[-1], folded, atol=1e-4)
-        assert pages[0].positions.shape == (len(pages[0]), 16, 3)
         assert last.positions is None and isinstance(last.phase[0], np.integer)
-        for name in ("plan.json", "model.xml", "certificate.json", "urdf", "csv"):
+        for name in ("plan.json", "urdf"):
             assert fold.download(name, tmp_path).stat().st_size > 100
         assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
         again = client.get(fold.id)
@@ -56,19 +71,22 @@ def test_a_fold_is_asked_for_followed_and_downloaded(service: Service, tmp_path:
     assert (caught.value.status, caught.value.code) == (404, "no-such-fold")
 
 
-def test_frames_come_page_by_page(service: Service, finished: Any) -> None:
+def test_frames_of_long_fold_come_in_pages(service: Service, finished: Any) -> None:
     # A second web process on the same folds, which gives few frames at once.
-    sparing = ServiceHere(service.data_dir, frames_per_answer=20).start()
-    with client_of(sparing) as client:
+    with (
+        ServiceHere(service.data_dir, frames_per_answer=20).start() as sparing,
+        client_of(sparing) as client,
+    ):
         pages = list(client.get(finished["id"]).frames(start=3))
-    assert sparing.stop() == 0
-    assert len(pages) > 2
+        sparse = list(client.get(finished["id"]).frames(stride=2))
+    assert len(pages) > 2 and max(map(len, pages)) <= 20
     assert [page.start for page in pages[1:]] == [page.stop for page in pages[:-1]]
     assert (pages[0].start, pages[-1].stop) == (3, pages[-1].total)
+    assert sum(map(len, sparse)) == len(range(0, pages[0].total, 2))
 
 
 @pytest.mark.long
-def test_all_kinds_of_sources_are_taken(desk: Service, tmp_path: Path) -> None:
+def test_client_takes_each_kind_of_source(desk: Service, tmp_path: Path) -> None:
     path = tmp_path / "path.json"
     path.write_text(json.dumps(SNAKE))
     solid = np.zeros((4, 4, 2), bool)
@@ -98,7 +116,7 @@ def test_all_kinds_of_sources_are_taken(desk: Service, tmp_path: Path) -> None:
             client.fold(SNAKE, module_sise=0.9)  # pyright: ignore[reportCallIssue]
 
 
-def test_the_wishes_are_those_of_the_interface(desk: Service) -> None:
+def test_client_options_are_those_of_the_interface(desk: Service) -> None:
     described = desk.http.get("/api/openapi.json").json()
 
     def fields(path: str) -> set[str]:
@@ -115,7 +133,7 @@ def test_the_wishes_are_those_of_the_interface(desk: Service) -> None:
 
 
 @pytest.mark.long
-def test_a_movie_is_asked_for_and_taken(service: Service, finished: Any, tmp_path: Path) -> None:
+def test_movie_is_requested_and_downloaded(service: Service, finished: Any, tmp_path: Path) -> None:
     drawn: list[tuple[int, int]] = []
     with client_of(service) as client:
         path = client.get(finished["id"]).movie(
@@ -135,7 +153,7 @@ def test_a_movie_is_asked_for_and_taken(service: Service, finished: Any, tmp_pat
     assert not (tmp_path / "large.mp4").exists()
 
 
-def test_problems_say_what_the_service_said(desk: Service) -> None:
+def test_problem_carries_the_response_of_the_service(desk: Service) -> None:
     with client_of(desk) as client, pytest.raises(Problem) as caught:
         client.fold(b'{"format": "foldback-path/1", "cells": [[0,0,0],[5,0,0],[6,0,0]]}')
     problem = caught.value
@@ -145,75 +163,71 @@ def test_problems_say_what_the_service_said(desk: Service) -> None:
         client.ask("GET", "http://example.org/api/folds")
 
 
-def test_an_upload_whose_answer_was_lost_has_one_owner(desk: Service) -> None:
-    def lose_the_first(method: str, path: str, time: int) -> str | None:
-        return "lose" if (method, path, time) == ("POST", FOLDS, 1) else None
+def lost(method: str) -> Trouble:
+    """Lose the answer to the first request of a method."""
+    return lambda asked, _path, time: "lose" if (asked, time) == (method, 1) else None
 
-    with (
-        relayed(desk.http.base_url, lose_the_first) as relay,
-        Client(relay.address, retries=QUICK) as client,
-    ):
+
+def test_request_whose_answer_was_lost_is_repeated(desk: Service) -> None:
+    with through(desk, lost("POST")) as (client, relay):
         fold = client.fold(SNAKE, seed=43)
         assert relay.asked.count(("POST", FOLDS)) == 2
         assert fold.existing  # the first one did arrive
         assert fold.cancel().status == "cancelled"
-
-
-def test_a_deletion_whose_answer_was_lost_is_done(desk: Service) -> None:
-    def lose(method: str, path: str, time: int) -> str | None:
-        return "lose" if method == "DELETE" and time == 1 else None
-
-    with (
-        relayed(desk.http.base_url, lose) as relay,
-        Client(relay.address, retries=QUICK) as client,
-    ):
+    with through(desk, lost("DELETE")) as (client, relay):
         client.fold(SNAKE, seed=44).delete()
         assert [method for method, _ in relay.asked].count("DELETE") == 2
         with pytest.raises(Problem, match="no-such-fold"):
             client.get("nosuchfold").delete()
 
 
-@pytest.mark.parametrize("status", [429, 503])
-def test_a_busy_service_is_asked_again(desk: Service, status: int) -> None:
-    with (
-        relayed(desk.http.base_url, lambda m, p, time: status if time < 4 else None) as relay,
-        Client(relay.address, retries=QUICK) as client,
-    ):
-        assert client.shapes()
-        assert len(relay.asked) == 4
-
-
-def test_not_for_ever_nor_for_what_will_not_change(desk: Service) -> None:
-    three = Retries(attempts=3, first_s=0.01)
-    busy = relayed(desk.http.base_url, lambda method, path, time: 503)
-    for_long = relayed(desk.http.base_url, lambda method, path, time: 429, retry_after="600")
-    broken = relayed(desk.http.base_url, lambda method, path, time: 500)
-    for relaying, count, status in ((busy, 3, 503), (for_long, 1, 429), (broken, 1, 500)):
-        with relaying as relay, Client(relay.address, retries=three) as client:
+@pytest.mark.parametrize(
+    ("status", "times", "retry_after", "requests"),
+    [
+        (429, 3, "0", 4),
+        (503, 3, "0", 4),
+        (503, 9, "0", 5),  # as often as it may
+        (429, 9, "600", 1),  # too long to wait
+        (500, 9, "0", 1),  # no retry changes that
+    ],
+)
+def test_busy_service_is_asked_again_a_few_times(
+    desk: Service, status: int, times: int, retry_after: str, requests: int
+) -> None:
+    retries = Retries(attempts=5, first_s=0.01)
+    trouble: Trouble = lambda method, path, time: status if time <= times else None  # noqa: E731
+    with through(desk, trouble, retries, retry_after) as (client, relay):
+        if requests > times:
+            assert client.shapes()
+        else:
             with pytest.raises(Problem) as caught:
                 client.shapes()
-            assert (caught.value.status, len(relay.asked)) == (status, count)
-            assert caught.value.code == f"http-{status}"
-    assert Retries().pause_s(1, 600.0) is None
+            assert (caught.value.status, caught.value.code) == (status, f"http-{status}")
+        assert len(relay.asked) == requests
+
+
+def test_service_that_is_away_is_told_after_all_attempts() -> None:
     away = pytest.raises(ConnectionError, match="3 attempts")
-    with Client("http://127.0.0.1:9", retries=three) as client, away:
+    with Client("http://127.0.0.1:9", retries=Retries(attempts=3, first_s=0.01)) as client, away:
         client.shapes()
 
 
-def test_waits_grow_and_differ() -> None:
+def test_pauses_between_retries_grow_and_differ() -> None:
     retries = Retries(attempts=20, first_s=1.0, longest_s=30.0)
     waits = [retries.pause_s(attempt) or 0.0 for attempt in range(1, 20)]
     for attempt, wait in enumerate(waits):
         assert min(30.0, 2.0**attempt) / 2 <= wait <= min(30.0, 2.0**attempt)
     assert len(set(waits)) == len(waits)
     assert (retries.pause_s(1, 7.0) or 0.0) > 7.0
-    assert retries.pause_s(20) is None
+    assert retries.pause_s(20) is retries.pause_s(1, 600.0) is None
 
 
-@pytest.mark.parametrize("trouble", [429, pytest.param(503, marks=pytest.mark.long), "cut"])
-def test_a_fold_is_followed_without_its_events(desk: Service, trouble: int | str) -> None:
+@pytest.mark.parametrize("trouble", [429, "cut"])
+def test_fold_is_followed_without_its_events(desk: Service, trouble: int | str) -> None:
     with client_of(desk) as owner:
         fold = owner.fold(SNAKE, seed=50 + len(str(trouble)))
+        with pytest.raises(TimeoutError, match="still queued after"):
+            fold.wait(0.3)
 
         def no_events(method: str, path: str, time: int) -> int | str | None:
             if not path.endswith("/events"):
@@ -222,40 +236,21 @@ def test_a_fold_is_followed_without_its_events(desk: Service, trouble: int | str
                 fold.cancel()
             return trouble
 
-        with (
-            relayed(desk.http.base_url, no_events) as relay,
-            Client(relay.address, retries=QUICK) as client,
-        ):
+        with through(desk, no_events) as (client, relay):
             assert client.get(fold.id).wait(PATIENCE_S).status == "cancelled"
             assert [path.endswith("/events") for _, path in relay.asked].count(True) == 3
 
 
-def test_waiting_ends_when_it_has_lasted_long_enough(desk: Service) -> None:
-    with client_of(desk) as client:
-        fold = client.fold(SNAKE, seed=46)
-        with pytest.raises(TimeoutError, match="still queued after"):
-            fold.wait(0.3)
-        assert fold.status == "queued"
-
-
-def test_a_download_is_whole_or_not_there(service: Service, finished: Any, tmp_path: Path) -> None:
-    def cut(until: int) -> Any:
+def test_download_is_whole_or_absent(service: Service, finished: Any, tmp_path: Path) -> None:
+    def cut(until: int) -> Trouble:
         return lambda method, path, time: "cut" if "plan" in path and time < until else None
 
     mine = tmp_path / "plan.npz"
-    with (
-        relayed(service.http.base_url, cut(3)) as relay,
-        Client(relay.address, retries=QUICK) as client,
-    ):
+    with through(service, cut(3)) as (client, _):
         client.get(finished["id"]).download("plan.npz", mine)
-        whole = service.http.get(f"/api/folds/{finished['id']}/plan.npz").content
-        assert mine.read_bytes() == whole
+    assert mine.read_bytes() == (service.directory(finished["id"]) / "plan.npz").read_bytes()
     mine.write_bytes(b"older")
-    with (
-        relayed(service.http.base_url, cut(100)) as relay,
-        Client(relay.address, retries=QUICK) as client,
-        pytest.raises(ConnectionError),
-    ):
+    with through(service, cut(100)) as (client, _), pytest.raises(ConnectionError):
         client.get(finished["id"]).download("plan.npz", mine)
     assert mine.read_bytes() == b"older"
     assert [path.name for path in tmp_path.iterdir()] == ["plan.npz"]
@@ -276,7 +271,7 @@ def run(*arguments: str, cwd: Path) -> str:
     return done.stdout
 
 
-def test_it_needs_httpx_alone(service: Service, finished: Any, tmp_path: Path) -> None:
+def test_client_needs_only_httpx(service: Service, finished: Any, tmp_path: Path) -> None:
     code = """
 import sys
 
@@ -296,7 +291,7 @@ print(type(page.joint_angles_rad).__name__, len(page))
     assert re.fullmatch(r"list \d+", said.strip())
 
 
-def test_the_code_of_its_page_runs(service: Service, tmp_path: Path) -> None:
+def test_code_of_the_api_page_runs(service: Service, tmp_path: Path) -> None:
     (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "api.md").read_text(), re.S)
     code = code.replace("http://127.0.0.1:8000", str(service.http.base_url).rstrip("/"))
     said = run("-c", code, cwd=tmp_path)
@@ -305,7 +300,7 @@ def test_the_code_of_its_page_runs(service: Service, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_the_example_runs(service: Service, tmp_path: Path) -> None:
+def test_example_07_runs(service: Service, tmp_path: Path) -> None:
     example = ROOT / "examples" / "07_fold_by_api.py"
     arguments = ("--url", str(service.http.base_url), "--shape", "wrench-24")
     printed = run(str(example), *arguments, cwd=tmp_path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,6 @@ from server.pages.cards import included_folds
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.tables import CounterRow
-from tests.server.bucket import Bucket
 
 NAMES = sorted(path.stem for path in FINISHED_FOLDS_DIR.glob("*.fold"))
 SMALL = "tetra-cube-2"
@@ -33,10 +33,11 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Setting
     store.close()
 
 
-def test_finished_folds_are_five_with_cubes_tetrahedra_and_refold(
+def test_finished_folds_are_five_and_hold_files_as_they_were_certified(
     imported: tuple[Settings, Store],
 ) -> None:
-    rows = imported[1].list_public()
+    store = imported[1]
+    rows = store.list_public()
     assert len(rows) == len(NAMES) == 5
     assert {row.module for row in rows} == {"cube", "tetrahedron"}
     assert [row.refold for row in rows if row.refold] == ["wrench-80"]
@@ -44,22 +45,13 @@ def test_finished_folds_are_five_with_cubes_tetrahedra_and_refold(
         ("verified", "the service itself", 0, True)
     }
     assert sum(path.stat().st_size for path in FINISHED_FOLDS_DIR.glob("*.fold")) < 1_600_000
-
-
-def test_finished_folds_hold_files_as_they_were_certified(
-    imported: tuple[Settings, Store],
-) -> None:
-    store = imported[1]
-    changed = {
-        row.name: manifest.changed_fields(store.directory(row.id)) for row in store.list_public()
-    }
-    assert set(map(str, changed.values())) == {"[]"}
-    for row in store.list_public():
+    for row in rows:
         directory = store.directory(row.id)
+        assert manifest.changed_fields(directory) == [], row.name
         assert not damaged_among(directory, [path.name for path in directory.iterdir()])
 
 
-def test_import_of_finished_folds_twice_and_after_deletion_brings_nothing(
+def test_second_import_of_finished_folds_brings_nothing(
     imported: tuple[Settings, Store],
 ) -> None:
     settings, store = imported
@@ -81,47 +73,35 @@ def small_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.usefixtures("small_folder")
 @pytest.mark.long
-def test_import_of_finished_fold_into_bucket_serves_same_files(
-    bucket: Bucket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_import_of_finished_fold_into_bucket_keeps_its_files(
+    bucket_url: str, tmp_path: Path
 ) -> None:
-    for name, value in bucket.environment.items():
-        monkeypatch.setenv(name, value)
-    settings = Settings(data_dir=tmp_path / "data", storage_url=bucket.bucket())
-    store = Store(settings)
-    assert import_finished(settings, store, Gallery()) == [SMALL]
-    (row,) = store.list_public()
-    assert manifest.changed_fields(store.directory(row.id)) == []
-    store.close()
+    settings = Settings(data_dir=tmp_path / "data", storage_url=bucket_url)
+    with closing(Store(settings)) as store:
+        assert import_finished(settings, store, Gallery()) == [SMALL]
+        (row,) = store.list_public()
+        assert manifest.changed_fields(store.directory(row.id)) == []
 
 
-def test_import_of_damaged_finished_fold_leaves_service_with_others(
+def test_import_skips_damaged_finished_folds_and_those_that_are_there(
     small_folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (small_folder / "broken.fold").write_bytes(b"no archive")
     settings = Settings(data_dir=tmp_path / "data")
-    store = Store(settings)
-    assert import_finished(settings, store, Gallery()) == [SMALL]
-    assert "the finished fold broken could not be imported" in caplog.text
-    store.close()
+    with closing(Store(settings)) as store:
+        assert import_finished(settings, store, Gallery()) == [SMALL]
+        assert "the finished fold broken could not be imported" in caplog.text
+        with store.changing() as session:  # as if it had been folded here
+            session.execute(sa.delete(CounterRow).where(CounterRow.name == f"finished {SMALL}"))
+        assert import_finished(settings, store, Gallery()) == []
+        (row,) = store.list_public()
+        assert [path.name for path in settings.folds_dir.iterdir()] == [row.id]
 
 
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=[] if n == SMALL else pytest.mark.long) for n in NAMES]
 )
-def test_finished_fold_is_verified_again(name: str, tmp_path: Path) -> None:
+def test_finished_fold_verifies_again(name: str, tmp_path: Path) -> None:
     unpack((FINISHED_FOLDS_DIR / f"{name}.fold").read_bytes(), tmp_path)
     found = verify(tmp_path)
     assert (found.problems, found.notes) == ((), ())
-
-
-@pytest.mark.usefixtures("small_folder")
-def test_import_of_finished_fold_that_was_folded_here_brings_no_second_one(tmp_path: Path) -> None:
-    settings = Settings(data_dir=tmp_path / "data")
-    store = Store(settings)
-    import_finished(settings, store, Gallery())
-    with store.changing() as session:
-        session.execute(sa.delete(CounterRow).where(CounterRow.name == f"finished {SMALL}"))
-    assert import_finished(settings, store, Gallery()) == []
-    (row,) = store.list_public()
-    assert [path.name for path in settings.folds_dir.iterdir()] == [row.id]
-    store.close()

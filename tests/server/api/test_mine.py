@@ -12,6 +12,7 @@ import pytest
 from foldback_client import Client, Problem
 from server.settings import Settings
 from server.store.folds import Store
+from server.store.owned import change_fold, folds_made
 from server.store.owner import new_token
 from tests.server.rows import SOMEBODY, a_fold
 from tests.server.service import SNAKE, Service, bearer
@@ -33,7 +34,7 @@ def looked_at(service: Service, token: str, **form: Any) -> dict[str, Any]:
     return answer.json()
 
 
-def test_folds_are_listed_by_pages_to_who_made_them(desk: Service) -> None:
+def test_folds_of_an_owner_are_listed_in_pages(desk: Service) -> None:
     mine, stranger = new_token(), new_token()
     ids = [desk.fold(SNAKE, seed=str(seed), token=mine)["id"] for seed in range(5)]
     desk.fold(SNAKE, seed="9", token=stranger)
@@ -53,9 +54,7 @@ def test_folds_are_listed_by_pages_to_who_made_them(desk: Service) -> None:
         assert answer.status_code == 422, before
 
 
-def test_the_same_moment_breaks_no_list(store: Store) -> None:
-    from server.store.owned import folds_made
-
+def test_pages_of_folds_of_the_same_moment_are_whole(store: Store) -> None:
     for name in "bdac":
         store.add(a_fold(name, created_at=1.7e9 + 0.1), SOMEBODY)
     first = folds_made(store, SOMEBODY, before=None, limit=3)
@@ -64,7 +63,7 @@ def test_the_same_moment_breaks_no_list(store: Store) -> None:
     assert (rest.next, rest.total) == (None, 4)
 
 
-def test_a_name_is_its_owner_s_and_shows_at_once(service: Service, finished: Any) -> None:
+def test_renamed_fold_shows_its_name_everywhere_at_once(service: Service, finished: Any) -> None:
     here, token = f"/folds/{finished['id']}", finished["accepted"]["owner_token"]
     service.http.get(here)  # so that there is an answer of before
     before, plan = service.state(finished["id"]), service.http.get(f"/api{here}/plan.json")
@@ -79,7 +78,7 @@ def test_a_name_is_its_owner_s_and_shows_at_once(service: Service, finished: Any
     service.http.patch(f"/api{here}", json={"name": before["name"]}, headers=bearer(token))
 
 
-def test_what_is_no_name_and_no_key_is_refused(desk: Service) -> None:
+def test_bad_names_and_tokens_are_refused(desk: Service) -> None:
     fold = desk.fold(SNAKE, seed="20")
     here, mine = f"/api/folds/{fold['id']}", bearer(fold["owner_token"])
     before = desk.state(fold["id"])["name"]
@@ -95,7 +94,7 @@ def test_what_is_no_name_and_no_key_is_refused(desk: Service) -> None:
     assert desk.state(fold["id"])["name"] == before
 
 
-def test_upload_sent_again_after_its_fold_changed_hands_is_a_new_fold(desk: Service) -> None:
+def test_upload_repeated_after_a_transfer_is_a_new_fold(desk: Service) -> None:
     old = new_token()
     fold = desk.fold(SNAKE, seed="21", token=old)
     here, body = f"/api/folds/{fold['id']}", {"owner_token": new_token()}
@@ -103,9 +102,7 @@ def test_upload_sent_again_after_its_fold_changed_hands_is_a_new_fold(desk: Serv
     assert desk.fold(SNAKE, seed="21", token=old)["id"] != fold["id"]
 
 
-def test_what_is_computed_gives_no_other_name(store: Store) -> None:
-    from server.store.owned import change_fold
-
+def test_name_of_the_input_does_not_replace_that_of_the_owner(store: Store) -> None:
     for name in ("renamed", "left"):
         store.add(a_fold(name, status="queued"), SOMEBODY)
     assert change_fold(store, "renamed", SOMEBODY, name="Mine", heir=None)
@@ -114,7 +111,7 @@ def test_what_is_computed_gives_no_other_name(store: Store) -> None:
     assert [store.fold(n).name for n in ("renamed", "left")] == ["Mine", "of its file"]
 
 
-def test_how_long_a_fold_is_kept_is_told(tmp_path: Any) -> None:
+def test_expiry_of_folds_by_their_kind(tmp_path: Any) -> None:
     with closing(Store(Settings(data_dir=tmp_path, keep_days=2))) as store:
         for name, values in (
             ("seen", {"seen_at": 1e9}),
@@ -130,7 +127,7 @@ def test_how_long_a_fold_is_kept_is_told(tmp_path: Any) -> None:
             assert store.kept_until(store.fold(name)) is None
 
 
-def test_a_list_does_not_keep_what_is_in_it(service: Service, finished: Any) -> None:
+def test_listing_folds_does_not_postpone_their_expiry(service: Service, finished: Any) -> None:
     token = finished["accepted"]["owner_token"]
     drawing = made(service, token)["folds"][0]["links"]["drawing"]
     with closing(Store(Settings(data_dir=service.data_dir))) as store:
@@ -145,7 +142,7 @@ def test_a_list_does_not_keep_what_is_in_it(service: Service, finished: Any) -> 
     assert service.http.get("/folds/nosuchfold/drawing.svg").status_code == 404
 
 
-def test_shapes_that_were_looked_at_are_listed_as_they_were_last(desk: Service) -> None:
+def test_previews_of_an_owner_are_listed_with_their_last_options(desk: Service) -> None:
     mine, stranger = new_token(), new_token()
     sent = looked_at(desk, mine)
     looked_at(desk, mine, preview=sent["id"], seed="3", start="0,0,0", as_voxels="true")
@@ -167,7 +164,7 @@ def test_shapes_that_were_looked_at_are_listed_as_they_were_last(desk: Service) 
     assert made(desk, mine, "previews")["previews"] == []
 
 
-def test_lists_have_a_rate(here_with: Callable[..., Service]) -> None:
+def test_lists_are_limited_by_a_rate(here_with: Callable[..., Service]) -> None:
     service = here_with(lists_per_second_of_visitor=0.1).start()
     asked = [
         service.http.get(f"/api/mine/{what}", headers=bearer(new_token()))
@@ -178,9 +175,9 @@ def test_lists_have_a_rate(here_with: Callable[..., Service]) -> None:
     assert 0 < int(asked[2].headers["retry-after"]) <= 10
 
 
-def test_the_client_lists_and_renames(desk: Service) -> None:
+def test_client_lists_and_renames(desk: Service) -> None:
     with Client(str(desk.http.base_url)) as client:
-        folds = [client.fold(SNAKE, seed=seed) for seed in range(30, 56)]
+        folds = [client.fold(SNAKE, seed=seed) for seed in range(30, 56)]  # two pages
         assert [fold.id for fold in client.mine()] == [fold.id for fold in folds[::-1]]
         assert folds[0].rename("A snake").state["title"] == "A snake"
         assert next(iter(client.mine())).state["title"] != "A snake"

@@ -35,7 +35,7 @@ class Extended(FoldRequest):
     )
 
 
-def test_the_api_takes_a_new_option() -> None:
+def test_api_takes_a_new_option() -> None:
     app = FastAPI()
 
     @app.post("/folds")
@@ -66,7 +66,7 @@ def test_the_api_takes_a_new_option() -> None:
     assert asyncio.run(posted(pace="hasty")).status_code == 422
 
 
-def test_the_command_line_takes_a_new_option() -> None:
+def test_command_line_takes_a_new_option() -> None:
     seen: list[FoldRequest] = []
     app = typer.Typer()
 
@@ -85,13 +85,10 @@ def test_the_command_line_takes_a_new_option() -> None:
     assert "got the pace 'hasty', expected one of: brisk, slow." in told.output
 
 
-def test_the_client_and_the_docs_have_a_new_option() -> None:
+def test_client_docs_and_preview_page_have_a_new_option() -> None:
     assert '\n    pace: Literal["brisk", "slow"]\n' in make_options.client_types(Extended)
     row = "| `pace` | `brisk`, `slow` | `brisk` | Pace: `brisk`, or `slow` for spectators. |"
     assert row in make_options.page(make_options.PAGE.read_text(encoding="utf-8"), Extended)
-
-
-def test_the_preview_page_has_a_control_for_a_new_option() -> None:
     facts = {"name": "Cup", "most_modules": 100}
     html = rendered("preview.html", facts=facts, facts_json="{}", options=options_of(Extended))
     _, _, more = html.partition('id="more"')  # the script sends all fields in there
@@ -101,7 +98,7 @@ def test_the_preview_page_has_a_control_for_a_new_option() -> None:
         assert f'name="{name}"' in control
 
 
-def test_the_preview_page_names_every_choice() -> None:
+def test_preview_page_names_every_choice() -> None:
     html = rendered("preview.html", facts={"name": "Cup", "most_modules": 100}, facts_json="{}")
     for each in options_of(FoldRequest).values():
         for value, choice in each.choices.items() if each.label else ():
@@ -109,19 +106,19 @@ def test_the_preview_page_names_every_choice() -> None:
             assert choice.label in html
 
 
-def test_the_client_and_the_docs_are_up_to_date() -> None:
+def test_client_and_docs_are_up_to_date() -> None:
     page = make_options.PAGE.read_text(encoding="utf-8")
     assert make_options.page(page) == page
     assert make_options.client_types() == make_options.CLIENT.read_text(encoding="utf-8")
 
 
-def test_a_request_is_read_as_it_was_written() -> None:
+def test_request_survives_json() -> None:
     request = FoldRequest(filename="a.stl", start=(1, 2, 3), modules=64, refold=True)
     assert FoldRequest.from_json(request.to_json()) == request
     older = {"filename": "a.stl", "preset": "paper", "unknown": 1}
     assert FoldRequest.from_json(older) == FoldRequest(filename="a.stl", preset="paper")
 
 
-def test_columns_of_a_fold_are_options() -> None:
+def test_requested_columns_are_options() -> None:
     assert set(REQUESTED_COLUMNS) <= set(options_of(FoldRequest))
     assert set(REQUESTED_COLUMNS) <= set(FoldRow.__table__.columns.keys())

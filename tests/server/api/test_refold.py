@@ -17,7 +17,7 @@ from planner.readers.gallery import Gallery
 from planner.verification.verify import verify
 from server.cli.command_line import application
 from tests.planner.plans import changed
-from tests.server.service import SNAKE, SPIRAL, Service, bearer, owner
+from tests.server.service import SNAKE, SPIRAL, Service, owner
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def mallet(service: Service, wrench: str) -> dict[str, Any]:
     return {"accepted": accepted, "state": service.wait_over(accepted["id"])}
 
 
-def test_a_finished_fold_goes_on_to_another_shape(
+def test_finished_fold_is_refolded_into_another_shape(
     service: Service, wrench: str, mallet: dict[str, Any]
 ) -> None:
     state = mallet["state"]
@@ -47,7 +47,7 @@ def test_a_finished_fold_goes_on_to_another_shape(
     assert verify(service.directory(state["id"])).verified
 
 
-def test_a_robot_is_to_be_brought_to_the_shape_that_it_begins_with(
+def test_play_of_refold_begins_with_the_folded_shape(
     service: Service, wrench: str, mallet: dict[str, Any]
 ) -> None:
     base = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
@@ -63,46 +63,33 @@ def test_a_robot_is_to_be_brought_to_the_shape_that_it_begins_with(
         assert (told["is"], told["error_rad"]) == ("waiting", pytest.approx(error))
 
 
-def test_it_is_a_fold_of_its_own_that_is_not_listed(
+def test_refold_is_an_unlisted_fold_that_keeps_its_beginning(
     service: Service, wrench: str, mallet: dict[str, Any]
 ) -> None:
-    token = mallet["accepted"]["owner_token"]
-    again = service.fold(refold=wrench, shape="mallet-24", token=token)
-    assert again["existing"]
-    assert again["id"] == mallet["accepted"]["id"]
-    listed = service.http.get("/api/folds").json()["folds"]
-    assert again["id"] not in {f["id"] for f in listed}
-    plain = service.fold(shape="mallet-24", token=token)
-    assert plain["id"] != again["id"]
-    assert service.state(plain["id"])["refold"] is None
-    service.http.post(f"/api/folds/{plain['id']}/cancel", headers=bearer(token))
-
-
-def test_a_refold_keeps_its_beginning_and_is_repeated_as_one(
-    service: Service, wrench: str, mallet: dict[str, Any]
-) -> None:
-    fold_id = mallet["accepted"]["id"]
+    accepted = mallet["accepted"]
+    token, fold_id = accepted["owner_token"], accepted["id"]
+    for form in ({"refold": wrench, "shape": "mallet-24"}, {"fold": fold_id}):
+        again = service.fold(**form, token=token)
+        assert (again["existing"], again["id"]) == (True, fold_id)
+    assert fold_id not in {f["id"] for f in service.http.get("/api/folds").json()["folds"]}
     theirs, mine = service.directory(wrench), service.directory(fold_id)
     assert (mine / "start.npz").read_bytes() == (theirs / "plan.npz").read_bytes()
     assert (mine / "start.json").read_bytes() == (theirs / "chain.json").read_bytes()
-    repeated = service.fold(fold=fold_id)
-    assert (repeated["existing"], repeated["id"]) == (True, fold_id)
-    other = service.fold(fold=fold_id, seed="1")
+    plain, other = service.fold(shape="mallet-24", token=token), service.fold(fold=fold_id, seed=1)
+    assert plain["id"] != fold_id and service.state(plain["id"])["refold"] is None
     assert service.state(other["id"])["refold"] == mallet["state"]["refold"]
     request = json.loads((service.directory(other["id"]) / "request.json").read_bytes())
     assert request["refold"] is True
-    service.http.post(f"/api/folds/{other['id']}/cancel", headers=owner(other))
+    for fold in (plain, other):
+        if not fold["existing"]:
+            service.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
 
 
-def test_what_fits_is_listed(service: Service, wrench: str) -> None:
+def test_shapes_that_fit_are_listed_and_others_are_refused(service: Service, wrench: str) -> None:
     found = service.http.get(f"/api/folds/{wrench}/refolds").json()["shapes"]
     assert [(s["name"], s["modules"]) for s in found] == [("mallet-24", 24)]
-    link = service.state(wrench)["links"]["refolds"]
-    assert service.http.get(link).json()["shapes"] == found
+    assert service.state(wrench)["links"]["refolds"] == f"/api/folds/{wrench}/refolds"
     assert service.http.get("/api/folds/nosuchfold/refolds").status_code == 404
-
-
-def test_a_shape_that_differs_is_refused_with_those_that_fit(service: Service, wrench: str) -> None:
     for shape, what in (("mallet-64", "64 cubes"), ("tetra-dodecahedron", "24 tetrahedra")):
         status, problem = service.refused(refold=wrench, shape=shape)
         assert (status, problem["code"]) == (422, "refold-differs")
@@ -110,7 +97,7 @@ def test_a_shape_that_differs_is_refused_with_those_that_fit(service: Service, w
         assert "examples that fit: mallet-24, wrench-24." in problem["detail"]
 
 
-def test_what_is_only_known_after_a_search_is_refused_then(service: Service, wrench: str) -> None:
+def test_refold_that_differs_after_a_search_fails(service: Service, wrench: str) -> None:
     box = [[x, y, z] for x in range(3) for y in range(3) for z in range(3)][:26]
     answer = service.http.post(
         "/api/folds",
@@ -124,30 +111,26 @@ def test_what_is_only_known_after_a_search_is_refused_then(service: Service, wre
     assert "examples that fit: mallet-24, wrench-24." in state["error"]["detail"]
 
 
-def test_only_a_finished_fold_with_a_plan_is_refolded(desk: Service) -> None:
-    waiting = desk.fold(SNAKE, seed="31")
-    status, problem = desk.refused(refold=waiting["id"], shape="mallet-24")
-    assert (status, problem["code"]) == (409, "refold-not-ready")
-    assert "queued" in problem["detail"]
-    desk.http.post(f"/api/folds/{waiting['id']}/cancel", headers=owner(waiting))
-    status, problem = desk.refused(refold=waiting["id"], shape="mallet-24")
-    assert (status, problem["code"]) == (422, "refold-no-plan")
-    assert desk.refused(refold="nosuchfold", shape="mallet-24")[0] == 404
-    assert desk.refused(refold=waiting["id"])[1]["code"] == "file-or-shape"
-
-
-def test_a_plan_that_never_comes_to_its_shape_is_no_beginning(
+def test_only_finished_folds_with_a_plan_that_folds_are_refolded(
     desk: Service, service: Service, wrench: str
 ) -> None:
-    over = desk.fold(SNAKE, seed="32")
-    desk.http.post(f"/api/folds/{over['id']}/cancel", headers=owner(over))
-    theirs, mine = service.directory(wrench), desk.directory(over["id"])
+    waiting = desk.fold(SNAKE, seed="31")
+
+    def refused(fold_id: str = waiting["id"]) -> tuple[int, str, str]:
+        status, problem = desk.refused(refold=fold_id, shape="mallet-24")
+        return status, problem["code"], problem["detail"]
+
+    assert refused()[:2] == (409, "refold-not-ready")
+    desk.http.post(f"/api/folds/{waiting['id']}/cancel", headers=owner(waiting))
+    assert refused()[:2] == (422, "refold-no-plan")
+    assert refused("nosuchfold")[0] == 404
+    theirs, mine = service.directory(wrench), desk.directory(waiting["id"])
     plan = Plan.load(theirs / "plan.npz")
     changed(plan, joint_angles_rad=0.9 * plan.joint_angles_rad).save_npz(mine / "plan.npz")
     shutil.copyfile(theirs / "chain.json", mine / "chain.json")
-    status, problem = desk.refused(refold=over["id"], shape="mallet-24")
-    assert (status, problem["code"]) == (422, "refold-not-folded")
-    assert "wrench-24 that does not start straight and end folded" in problem["detail"]
+    status, code, detail = refused()
+    assert (status, code) == (422, "refold-not-folded")
+    assert "wrench-24 that does not start straight and end folded" in detail
 
 
 def cli(*arguments: object) -> tuple[int, str]:
@@ -157,7 +140,7 @@ def cli(*arguments: object) -> tuple[int, str]:
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_two_examples_are_refolded_on_the_command_line(tmp_path: Path) -> None:
+def test_examples_and_directories_are_refolded_on_the_command_line(tmp_path: Path) -> None:
     code, told = cli("wrench-24", "mallet-24", "--out", tmp_path, "--json")
     assert code == 0, told
     summary = json.loads(told.splitlines()[-1])
@@ -173,7 +156,7 @@ def test_two_examples_are_refolded_on_the_command_line(tmp_path: Path) -> None:
     assert (back.start.name, back.chain.name) == ("mallet-24", "wrench-24")
 
 
-def test_the_command_line_refuses_what_differs_and_what_is_no_plan(tmp_path: Path) -> None:
+def test_command_line_refuses_refolds_that_differ_or_have_no_plan(tmp_path: Path) -> None:
     code, told = cli("wrench-160", "hammer", "--out", tmp_path, "--json")
     assert code == 2
     error = json.loads(told.splitlines()[-1])["error"]
@@ -191,11 +174,9 @@ def test_the_command_line_refuses_what_differs_and_what_is_no_plan(tmp_path: Pat
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_a_plan_that_is_not_verified_exits_with_3(tmp_path: Path) -> None:
-    files = []
-    for name, cells in (("spiral", SPIRAL), ("snake", SNAKE)):
-        files.append(tmp_path / f"{name}.json")
-        files[-1].write_text(json.dumps(cells))
+def test_refold_that_is_not_verified_exits_with_3(tmp_path: Path) -> None:
+    files = [tmp_path / "spiral.json", tmp_path / "snake.json"]
+    for file, cells in zip(files, (SPIRAL, SNAKE), strict=True):
+        file.write_text(json.dumps(cells))
     code, told = cli(*files, "--out", tmp_path / "out", "--preset", "direct", "--json")
-    assert code == 3
-    assert json.loads(told.splitlines()[-1])["status"] == "failed"
+    assert (code, json.loads(told.splitlines()[-1])["status"]) == (3, "failed")

@@ -12,79 +12,79 @@ class Driven:
 
     def __init__(self, *, speed: float = 1.0, ramp_s: float = 0.1) -> None:
         self.now = 100.0
-        self.pace = RobotClock(
+        self.clock = RobotClock(
             10.0, speed=speed, ramp_s=ramp_s, threshold_rad=0.05, silence_s=1.0, now=self.now
         )
 
     def run(self, seconds: float, error: float | None) -> float:
         """How far the clock gets, with a report at every tick."""
-        before = self.pace.time_s
+        before = self.clock.time_s
         for _ in range(round(seconds / TICK)):
             if error is not None:
-                self.pace.report(error, self.now)
+                self.clock.report(error, self.now)
             self.now += TICK
-            self.pace.advance(self.now)
-        return self.pace.time_s - before
+            self.clock.advance(self.now)
+        return self.clock.time_s - before
 
 
-def test_nothing_moves_before_the_first_report() -> None:
+def test_clock_waits_for_the_first_report() -> None:
     driven = Driven()
     assert driven.run(0.5, None) == 0.0
-    assert driven.pace.waiting(driven.now) == "start"
+    assert driven.clock.waiting(driven.now) == "start"
 
 
 @pytest.mark.parametrize("speed", [0.5, 1.0, 20.0])
-def test_it_runs_at_its_speed_after_a_ramp(speed: float) -> None:
+def test_clock_reaches_its_speed_after_a_ramp(speed: float) -> None:
     driven = Driven(speed=speed)
     driven.run(0.1, 0.0)
-    assert driven.pace.rate == pytest.approx(speed)
+    assert driven.clock.rate == pytest.approx(speed)
     assert driven.run(0.2, 0.0) == pytest.approx(0.2 * speed)
 
 
-def test_it_stands_above_the_threshold_and_goes_on_below() -> None:
+def test_clock_stands_while_the_error_is_above_the_threshold() -> None:
     driven = Driven()
     driven.run(0.5, 0.0)
     # It runs down within its ramp, over half of what it would have gone.
     assert driven.run(1.0, 0.06) == pytest.approx(0.05, abs=0.01)
-    assert driven.pace.rate == 0.0
-    assert driven.pace.waiting(driven.now) == "error"
+    assert driven.clock.rate == 0.0
+    assert driven.clock.waiting(driven.now) == "error"
     assert driven.run(0.5, 0.04) == pytest.approx(0.45, abs=0.01)
 
 
-def test_a_dead_robot_stops_it() -> None:
+def test_clock_stops_without_reports() -> None:
     driven = Driven()
     driven.run(0.5, 0.0)
     driven.run(1.2, None)
-    assert driven.pace.waiting(driven.now) == "silence"
+    assert driven.clock.waiting(driven.now) == "silence"
     assert driven.run(1.0, None) == 0.0
 
 
 @pytest.mark.parametrize("word", ["paused", "behind"])
-def test_it_stands_while_it_is_told_to(word: str) -> None:
+def test_clock_stands_while_paused_or_behind(word: str) -> None:
     driven = Driven()
     driven.run(0.5, 0.0)
-    setattr(driven.pace, word, True)
+    setattr(driven.clock, word, True)
     driven.run(0.2, 0.0)
     assert driven.run(0.5, 0.0) == 0.0
-    setattr(driven.pace, word, False)
+    setattr(driven.clock, word, False)
     assert driven.run(0.5, 0.0) > 0.4
 
 
-def test_a_delay_is_not_made_up_for() -> None:
+def test_clock_does_not_catch_up_after_a_delay() -> None:
     driven = Driven()
     driven.run(0.5, 0.0)
     driven.now += 5.0
-    driven.pace.report(0.0, driven.now)
-    before = driven.pace.time_s
-    driven.pace.advance(driven.now)
-    assert driven.pace.time_s - before == pytest.approx(MAX_CLOCK_STEP_S)
+    driven.clock.report(0.0, driven.now)
+    before = driven.clock.time_s
+    driven.clock.advance(driven.now)
+    assert driven.clock.time_s - before == pytest.approx(MAX_CLOCK_STEP_S)
 
 
-def test_it_is_over_only_when_the_robot_is_there_too() -> None:
+def test_clock_is_over_when_the_robot_has_arrived() -> None:
     driven = Driven(speed=100.0)
     driven.run(0.5, 0.0)
-    driven.pace.report(0.2, driven.now)
-    assert driven.pace.time_s == 10.0
-    assert not driven.pace.over(driven.now)
-    driven.pace.report(0.01, driven.now)
-    assert driven.pace.over(driven.now)
+    driven.clock.report(0.2, driven.now)
+    assert driven.clock.time_s == 10.0
+    assert not driven.clock.over(driven.now)
+    driven.clock.report(0.01, driven.now)
+    assert driven.clock.over(driven.now)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -43,9 +44,7 @@ def smoothed(service: Service, wrench: str) -> dict[str, Any]:
     return {"accepted": accepted, "state": service.wait_over(accepted["id"])}
 
 
-def test_a_verified_fold_is_smoothed_as_a_fold_of_its_own(
-    service: Service, wrench: str, smoothed: dict[str, Any]
-) -> None:
+def test_verified_fold_is_smoothed(service: Service, wrench: str, smoothed: dict[str, Any]) -> None:
     state = smoothed["state"]
     assert state["status"] == "verified", state
     assert (state["smooths"], state["refold"], state["shape"]) == (wrench, None, "wrench-24")
@@ -60,10 +59,9 @@ def test_a_verified_fold_is_smoothed_as_a_fold_of_its_own(
     assert len(body["phase"]) == told["after"]["frames"]
     assert service.http.get(f"{here}/plan.json").json()["smoothing"] == told
     assert verify(service.directory(state["id"])).verified
-    assert service.state(wrench)["smooths"] is None
 
 
-def test_it_leads_to_the_recorded_one_only_while_that_is_there(
+def test_link_from_smoothed_to_original_fold_ends_with_the_original(
     service: Service,
     asked: dict[str, Any],
     smoothed: dict[str, Any],
@@ -87,28 +85,24 @@ def test_it_leads_to_the_recorded_one_only_while_that_is_there(
     assert wrench not in other.http.get(f"/folds/{shown}").text
 
 
-def test_its_page_says_what_has_changed(
+def test_page_of_smoothed_fold_compares_figures(
     service: Service, wrench: str, smoothed: dict[str, Any]
 ) -> None:
     fold_id = smoothed["state"]["id"]
     facts = service.http.get(f"/folds/{fold_id}/facts").json()
-    assert facts["name"] == "Small wrench, smoothed"
-    assert not facts["smoothable"]
-    assert facts["smoothing"]["compare"] == f"/compare?a={wrench}&b={fold_id}"
+    assert (facts["name"], facts["smoothable"]) == ("Small wrench, smoothed", False)
     rows = {row["label"]: row for row in facts["smoothing"]["rows"]}
     told = smoothed["state"]["summary"]["smoothing"]
-    frames = rows["Frames"]
-    assert frames["before"] == str(told["before"]["frames"])
-    assert frames["after"] == str(told["after"]["frames"])
+    assert rows["Frames"]["before"] == str(told["before"]["frames"])
+    assert rows["Frames"]["after"] == str(told["after"]["frames"])
     assert {"Folding time", "Largest torque", "Clearance"} < set(rows)
     assert facts["compare"][0]["id"] == wrench
     assert service.http.get(facts["smoothing"]["compare"]).status_code == 200
     recorded = service.http.get(f"/folds/{wrench}/facts").json()
-    assert recorded["smoothable"]
-    assert recorded["smoothing"] is None
+    assert (recorded["smoothable"], recorded["smoothing"]) == (True, None)
 
 
-def test_it_is_asked_for_once_and_repeated_as_one(
+def test_smoothed_fold_is_requested_once_and_unlisted(
     service: Service, wrench: str, smoothed: dict[str, Any]
 ) -> None:
     fold_id = smoothed["accepted"]["id"]
@@ -125,39 +119,33 @@ def test_it_is_asked_for_once_and_repeated_as_one(
     service.http.post(f"/api/folds/{other['id']}/cancel", headers=owner(other))
 
 
-def test_it_is_computed_again_from_what_it_was_made_of(
+def test_requeued_smoothing_starts_from_the_recorded_plan(
     service: Service, smoothed: dict[str, Any]
 ) -> None:
     fold_id = smoothed["accepted"]["id"]
     recorded = service.directory(fold_id) / "recorded.npz"
-    before = service.state(fold_id), recorded.read_bytes()
-    admin_tasks = AdminTasks(Settings(data_dir=service.data_dir))
-    try:
+    before = recorded.read_bytes()
+    with closing(AdminTasks(Settings(data_dir=service.data_dir))) as admin_tasks:
         admin_tasks.requeue(fold_id, force=True)
-    finally:
-        admin_tasks.close()
-    after = service.wait_over(fold_id), recorded.read_bytes()
-    assert after[0]["status"] == before[0]["status"] == "verified"
-    assert after[1] == before[1]
+    assert service.wait_over(fold_id)["status"] == "verified"
+    assert recorded.read_bytes() == before
 
 
 @pytest.mark.long
-def test_one_that_was_cancelled_before_it_began_is_folded_again(
+def test_smoothing_cancelled_while_queued_is_requested_again(
     service: Service, finished: dict[str, Any], here_with: Callable[..., ServiceHere]
 ) -> None:
     idle = here_with()
-    recorded = finished["id"]
-    idle.take_over(service, recorded)
+    idle.take_over(service, finished["id"])
     idle.start()
-    accepted = idle.fold(smooth=recorded)
+    accepted = idle.fold(smooth=finished["id"])
     idle.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
-    assert idle.wait_over(accepted["id"])["status"] == "cancelled"
     again = idle.fold(fold=accepted["id"])
     assert not again["existing"]
-    assert idle.state(again["id"])["smooths"] == recorded
+    assert idle.state(again["id"])["smooths"] == finished["id"]
 
 
-def test_options_that_it_cannot_have_are_refused(
+def test_options_that_do_not_suit_smoothing_are_refused(
     service: Service, wrench: str, smoothed: dict[str, Any]
 ) -> None:
     for form, code in (
@@ -173,20 +161,23 @@ def test_options_that_it_cannot_have_are_refused(
     assert service.refused(smooth="a\x00b")[0] == 422
 
 
-def test_only_a_verified_fold_is_smoothed(desk: Service, service: Service, wrench: str) -> None:
+def test_only_verified_folds_are_smoothed(desk: Service, service: Service, wrench: str) -> None:
     waiting = desk.fold(SNAKE, seed="43")
-    status, problem = desk.refused(smooth=waiting["id"])
-    assert (status, problem["code"]) == (409, "smooth-not-ready")
+    here = desk.directory(waiting["id"])
+
+    def refused() -> tuple[int, str]:
+        status, problem = desk.refused(smooth=waiting["id"])
+        return status, problem["code"]
+
+    assert refused() == (409, "smooth-not-ready")
     desk.http.post(f"/api/folds/{waiting['id']}/cancel", headers=owner(waiting))
-    status, problem = desk.refused(smooth=waiting["id"])
-    assert (status, problem["code"]) == (422, "smooth-no-plan")
-    theirs, mine = service.directory(wrench), desk.directory(waiting["id"])
+    assert refused() == (422, "smooth-no-plan")
+    theirs = service.directory(wrench)
     plan = Plan.load(theirs / "plan.npz")
     failed = replace(plan.certificate, verdict="failed: it overlaps")
-    replace(plan, certificate=failed).save_npz(mine / "plan.npz")
-    shutil.copyfile(theirs / "chain.json", mine / "chain.json")
-    status, problem = desk.refused(smooth=waiting["id"])
-    assert (status, problem["code"]) == (422, "smooth-not-verified")
+    replace(plan, certificate=failed).save_npz(here / "plan.npz")
+    shutil.copyfile(theirs / "chain.json", here / "chain.json")
+    assert refused() == (422, "smooth-not-verified")
     assert not desk.http.get(f"/folds/{waiting['id']}/facts").json()["smoothable"]
 
 
@@ -196,7 +187,7 @@ def cli(*arguments: object) -> tuple[int, str]:
 
 
 @pytest.mark.long
-def test_a_plan_is_smoothed_on_the_command_line(
+def test_plan_is_smoothed_on_the_command_line(
     service: Service, wrench: str, tmp_path: Path
 ) -> None:
     recorded = service.directory(wrench)
@@ -213,13 +204,13 @@ def test_a_plan_is_smoothed_on_the_command_line(
     np.testing.assert_array_equal(*(plan.joint_angles_rad for plan in plans))
 
 
-def test_the_command_line_refuses_what_is_no_plan(
+def test_command_line_smooths_only_plans_into_another_directory(
     service: Service, wrench: str, tmp_path: Path
 ) -> None:
-    code, told = cli("smooth", tmp_path, "--out", tmp_path / "out", "--json")
-    assert code == 2
-    assert json.loads(told.splitlines()[-1])["error"]["code"] == "not-a-plan"
     here = service.directory(wrench)
-    code, told = cli("smooth", here, "--out", here, "--json")
-    assert code == 2
-    assert json.loads(told.splitlines()[-1])["error"]["code"] == "smooth-in-place"
+    for source, out, refused in (
+        (tmp_path, tmp_path / "out", "not-a-plan"),
+        (here, here, "smooth-in-place"),
+    ):
+        code, told = cli("smooth", source, "--out", out, "--json")
+        assert (code, json.loads(told.splitlines()[-1])["error"]["code"]) == (2, refused)

@@ -108,7 +108,7 @@ def completed(context: Context, origin: Origin, request: FoldRequest) -> Source:
         (Origin(file=FILE), FoldRequest(), {}),
     ],
 )
-def test_an_input_completes_the_request(
+def test_input_completes_the_request(
     context: Context, origin: Origin, request_: FoldRequest, expected: dict[str, Any]
 ) -> None:
     source = completed(context, origin, request_)
@@ -118,7 +118,7 @@ def test_an_input_completes_the_request(
     assert (source.repeats is not None) == (origin.fold is not None)
 
 
-def test_the_name_of_an_upload_is_its_last_part(context: Context) -> None:
+def test_filename_is_the_last_part_of_its_path(context: Context) -> None:
     assert completed(context, Origin(file=FILE), FoldRequest()).request.filename == "cup.stl"
 
 
@@ -132,7 +132,7 @@ def test_the_name_of_an_upload_is_its_last_part(context: Context) -> None:
         (Origin(smooth="voxels"), FoldRequest(), False),
     ],
 )
-def test_only_a_gallery_shape_with_default_options_is_public(
+def test_only_gallery_shapes_with_default_options_are_public(
     context: Context, origin: Origin, request_: FoldRequest, public: bool
 ) -> None:
     assert completed(context, origin, request_).public == public
@@ -148,20 +148,18 @@ def test_only_a_gallery_shape_with_default_options_is_public(
         (Origin(shape="no-such"), "no-such-shape"),
     ],
 )
-def test_an_origin_that_names_no_input_is_refused(
-    context: Context, origin: Origin, code: str
-) -> None:
+def test_origin_without_one_input_is_refused(context: Context, origin: Origin, code: str) -> None:
     with pytest.raises(Unusable) as refused, open_source(context, origin, FoldRequest()):
         pass
     assert refused.value.code == code
 
 
-def test_a_form_names_an_origin_by_its_fields() -> None:
+def test_origin_is_read_from_the_form() -> None:
     origin = asyncio.run(origin_in_form(shape="cup", refold="x"))
     assert origin == Origin(shape="cup", refold="x")
 
 
-def test_a_bad_option_is_refused_before_its_input_is_looked_up() -> None:
+def test_bad_option_is_refused_before_the_input_is_looked_up() -> None:
     nothing = cast(Any, None)  # no context is needed for it
     request = FoldRequest(world="table", preset="paper")
     with pytest.raises(Unusable) as refused:

@@ -6,6 +6,7 @@ import json
 import socket
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from unittest.mock import MagicMock
 
@@ -31,43 +32,36 @@ def foldback(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.CompletedProcess(arguments, done.exit_code, done.stdout, done.stderr)
 
 
-def test_every_command_is_offered() -> None:
+def test_every_command_is_offered_and_explained() -> None:
+    """What they say is stored and compared: see tests/server/contract."""
     files = {path.stem for folder in COMMAND_DIRS for path in folder.glob("*.py")} - SHARED
     assert set(COMMANDS) == {*files, "admin"}  # a folder of its own: server/operate
     listed = foldback("--help")
     assert listed.returncode == 0
     for command in COMMANDS:
         assert f" {command} " in listed.stdout
+        answer = foldback(command, "--help")
+        assert (answer.returncode, f"foldback {command}" in answer.stdout) == (0, True)
+        assert COMMANDS[command].rstrip(".") in " ".join(answer.stdout.split())
+    assert foldback("--version").stdout.strip() == f"foldback {version('foldback')}"
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_explains_itself(command: str) -> None:
-    answer = CliRunner().invoke(application(), [command, "--help"], prog_name="foldback")
-    assert answer.exit_code == 0, answer.output
-    assert f"foldback {command}" in answer.stdout
-    assert COMMANDS[command].rstrip(".") in " ".join(answer.stdout.split())
-
-
-def test_cells_in_no_order_are_told_and_read_as_voxels_when_asked(tmp_path: Path) -> None:
+def test_unordered_cells_are_read_as_voxels_on_request(tmp_path: Path) -> None:
     cells = [[x, y, z] for x in range(3) for y in range(2) for z in range(2)]
     cells[1], cells[6] = cells[6], cells[1]
-    file = tmp_path / "cells.json"
+    file, out = tmp_path / "cells.json", str(tmp_path / "path.json")
     file.write_text(json.dumps(cells))
-    out = str(tmp_path / "path.json")
-    told = foldback("shape", str(file), "--out", out, "--json")
-    assert told.returncode == 0, told.stderr
     note = "Read as voxels, because cells 0 and 1 are not neighbours."
-    assert json.loads(told.stdout.splitlines()[-1])["notes"][0] == note
-    asked = foldback("shape", str(file), "--out", out, "--as-voxels", "--json")
-    assert asked.returncode == 0, asked.stderr
-    assert note not in json.loads(asked.stdout.splitlines()[-1])["notes"]
+    for options in ((), ("--as-voxels",)):
+        told = foldback("shape", str(file), "--out", out, "--json", *options)
+        assert told.returncode == 0, told.stderr
+        assert (note in json.loads(told.stdout.splitlines()[-1])["notes"]) == (not options)
     refused = foldback("fold", str(file), "--out", str(tmp_path / "fold"))
     assert refused.returncode == 2
-    assert "cells 0 and 1" in refused.stderr
-    assert "--as-voxels" in refused.stderr
+    assert "cells 0 and 1" in refused.stderr and "--as-voxels" in refused.stderr
 
 
-def test_that_it_compiles_is_told_while_it_does(
+def test_compiling_is_told_while_it_lasts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def compiling(*_: object, **__: object) -> dict[str, object]:
@@ -80,28 +74,21 @@ def test_that_it_compiles_is_told_while_it_does(
     assert "compiling(once on each machine)" in capsys.readouterr().err
 
 
-def test_a_name_that_is_none_gets_the_nearest_ones(tmp_path: Path) -> None:
+def test_unknown_names_folders_and_commands_are_refused_with_advice(tmp_path: Path) -> None:
     answer = foldback("fold", "wrench-161", "--out", str(tmp_path / "fold"))
     assert answer.returncode == 2
-    assert "wrench-160" in answer.stderr
-    assert "mallet" not in answer.stderr
+    assert "wrench-160" in answer.stderr and "mallet" not in answer.stderr
     assert f"{len(Gallery().shapes())} examples" in answer.stderr
     assert len(answer.stderr) < 300
-
-
-def test_a_folder_that_is_not_there_is_told_so(tmp_path: Path) -> None:
-    answer = foldback("verify", str(tmp_path / "nowhere"))
-    assert answer.returncode == 2
-    assert "Folder not found" in answer.stderr
     file = tmp_path / "file"
     file.touch()
-    assert "This is not a folder" in foldback("verify", str(file)).stderr
-
-
-def test_an_unknown_command_is_an_error() -> None:
-    answer = foldback("unfold")
-    assert answer.returncode == 2
-    assert "unfold" in answer.stderr
+    for arguments, words in (
+        (("verify", str(tmp_path / "nowhere")), "Folder not found"),
+        (("verify", str(file)), "This is not a folder"),
+        (("unfold",), "unfold"),
+    ):
+        answer = foldback(*arguments)
+        assert (answer.returncode, words in answer.stderr) == (2, True), arguments
 
 
 def imported(*arguments: str) -> set[str]:
@@ -123,35 +110,29 @@ PHYSICS = {"mujoco", "numba", "numpy", "scipy", "zarr"}
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize("asked", [["--help"], ["--version"]])
-def test_what_all_commands_are_for_is_told_without_importing_any(asked: list[str]) -> None:
-    assert not imported(*asked) & {*WEB, *PHYSICS, "planner", "pydantic"}
+@pytest.mark.parametrize(
+    ("arguments", "packages"),
+    [
+        (["--help"], {*WEB, *PHYSICS, "planner", "pydantic"}),
+        (["serve", "--help"], {*WEB, *PHYSICS}),  # the supervisor starts its workers first
+        (["worker", "--help"], {*WEB, *PHYSICS}),
+    ],
+)
+def test_help_imports_no_heavy_packages(arguments: list[str], packages: set[str]) -> None:
+    assert not imported(*arguments) & packages
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize("command", ["serve", "worker"])
-def test_heavy_packages_are_not_imported_before_they_are_needed(command: str) -> None:
-    """The supervisor starts its workers before the web process imports viser and the like."""
-    assert not imported(command, "--help") & {*WEB, *PHYSICS}
-
-
-@pytest.mark.processes
-def test_a_path_is_folded_without_what_other_inputs_need(tmp_path: Path) -> None:
+def test_path_is_folded_without_packages_of_other_inputs(tmp_path: Path) -> None:
     path = tmp_path / "path.json"
     path.write_text(json.dumps([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]))
     found = imported("fold", str(path), "--out", str(tmp_path / "fold"))
     assert found >= PHYSICS
     # Web servers, what searches for paths, what opens windows, what reads meshes and fills cells.
     assert not found & {*WEB, "web", "pysat", "trimesh", "glfw", "PIL", "mcap"}
-    assert not found & {
-        f"planner.{name}"
-        for name in (
-            "shapes.voxelise",
-            "pathfinding.filling",
-            "pathfinding.shape_overlap",
-            "shapes.decimation",
-        )
-    }
+    others = ("pathfinding.filling", "pathfinding.shape_overlap")
+    others += ("shapes.voxelise", "shapes.decimation")
+    assert not found & {f"planner.{name}" for name in others}
 
 
 COMPUTING = {"llvmlite", "mujoco", "numba", "pysat", "scipy", "zarr", "planner.pipeline.stages"}
@@ -177,7 +158,7 @@ SHOWING = {"PIL", "trimesh", "viser"}
     ],
     ids=["serving", "computing"],
 )
-def test_each_process_starts_without_what_others_compute_with(
+def test_each_process_starts_without_packages_of_others(
     processes: dict[str, set[str]],
 ) -> None:
     """A service starts several, and users wait for it: see docs/decisions/0021-compiling.md.
@@ -197,7 +178,7 @@ def test_each_process_starts_without_what_others_compute_with(
         assert not found & without, process
 
 
-def test_the_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("keep_secrets", "set_up_logs", "signal"):  # of the process: the tests are in it
         monkeypatch.setattr(f"server.cli.serve.{name}", MagicMock())
     run = MagicMock()
@@ -208,7 +189,7 @@ def test_the_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.Monkey
     assert (settings.data_dir, shape) == (tmp_path, "cross")
 
 
-def test_a_port_that_is_taken_is_a_clear_failure(
+def test_taken_port_is_a_clear_failure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     # What it changes of its process, which is that of the tests.
@@ -218,5 +199,4 @@ def test_a_port_that_is_taken_is_a_clear_failure(
         port = str(taken.getsockname()[1])
         place = ("--data-dir", str(tmp_path))
         answer = foldback("serve", "--workers", "0", "--port", port, *place)
-    assert answer.returncode == 1
-    assert "in use" in caplog.text
+    assert (answer.returncode, "in use" in caplog.text) == (1, True)

@@ -18,9 +18,11 @@ from urllib.parse import urlsplit
 
 import pytest
 import sqlalchemy as sa
+import typer
 from alembic import command
 from sqlalchemy.orm import Session
 
+from server.cli.doctor import doctor
 from server.doctor import data, drawing, machine
 from server.doctor.doctor import CHECKS
 from server.doctor.finding import Finding, examine
@@ -36,6 +38,13 @@ from tests.server.service import Service
 
 def settings(tmp_path: Path, **values: Any) -> Settings:
     return Settings(**{"data_dir": tmp_path / "data", **values})
+
+
+def told(found: Finding, verdict: str, *words: str) -> None:
+    """Check what a finding says and its remedy."""
+    assert found.verdict == verdict, found
+    for word in words:
+        assert word in f"{found.found} {found.remedy}"
 
 
 def powerless() -> list[str]:
@@ -64,7 +73,9 @@ def alone(check: str, *prefix: str, **values: Any) -> Finding:
 
 @pytest.mark.long
 @pytest.mark.processes
-def test_all_is_well_and_nothing_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_of_a_sound_machine_finds_no_problem_and_writes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name in os.environ:
         if name.startswith("FOLDBACK_"):
             monkeypatch.delenv(name)
@@ -78,13 +89,9 @@ def test_all_is_well_and_nothing_is_made(tmp_path: Path, monkeypatch: pytest.Mon
     assert not list(tmp_path.iterdir())
 
 
-def test_a_problem_is_told_in_a_line_and_by_the_exit_code(
+def test_problem_is_told_in_a_line_and_by_the_exit_code(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import typer
-
-    from server.cli.doctor import doctor
-
     monkeypatch.setattr("server.doctor.doctor.CHECKS", (("database", data.database),))
     (tmp_path / "foldback.db").write_bytes(b"garbage\n" * 1000)
     with pytest.raises(typer.Exit) as ended:
@@ -98,7 +105,7 @@ def test_a_problem_is_told_in_a_line_and_by_the_exit_code(
     doctor(data_dir=tmp_path)
 
 
-def test_a_check_that_fails_keeps_no_other_from_running(tmp_path: Path) -> None:
+def test_failed_check_does_not_stop_the_others(tmp_path: Path) -> None:
     def broken(settings: Settings) -> Finding:
         raise RuntimeError("boom")
 
@@ -108,51 +115,58 @@ def test_a_check_that_fails_keeps_no_other_from_running(tmp_path: Path) -> None:
     assert second.verdict == "ok"
 
 
-def test_a_package_that_is_too_old(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_package_that_is_too_old_is_a_problem(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert machine.python(settings(tmp_path)).verdict == "ok"
     old = tmp_path / "numpy-0.1.dist-info"
     old.mkdir()
     (old / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.1\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    found = machine.python(settings(tmp_path))
-    assert found.verdict == "problem"
-    assert "numpy is 0.1, expected" in found.found
+    told(machine.python(settings(tmp_path)), "problem", "numpy is 0.1, expected")
 
 
 @pytest.mark.processes
-def test_a_directory_that_cannot_be_written(tmp_path: Path) -> None:
+def test_closed_full_or_volatile_data_directory_is_told(tmp_path: Path) -> None:
     closed = tmp_path / "closed"
     closed.mkdir(mode=0o500)
-    found = alone("data.directory", *powerless(), data_dir=str(closed / "data"))
-    assert found.verdict == "problem"
-    assert f"{closed} cannot be written (Permission denied)" in found.found
+    told(
+        alone("data.directory", *powerless(), data_dir=str(closed / "data")),
+        "problem",
+        f"{closed} cannot be written (Permission denied)",
+    )
     closed.chmod(0o700)
     # Tests may be in memory, of which it warns.
     assert data.directory(settings(closed)).verdict != "problem"
+    told(
+        data.directory(settings(tmp_path, min_free_disk_bytes=2**60)),
+        "problem",
+        "MiB free",
+        "expire",
+    )
+    told(
+        data.directory(settings(tmp_path, data_dir="/dev/shm/foldback-nowhere")), "warning", "tmpfs"
+    )
 
 
-def test_a_disk_that_is_full_or_does_not_last(tmp_path: Path) -> None:
-    found = data.directory(settings(tmp_path, min_free_disk_bytes=2**60))
-    assert found.verdict == "problem" and "MiB free" in found.found
-    assert "expire" in (found.remedy or "")
-    found = data.directory(settings(tmp_path, data_dir="/dev/shm/foldback-nowhere"))
-    assert found.verdict == "warning" and "tmpfs" in found.found
-
-
-def test_a_database_file_that_is_garbage(tmp_path: Path) -> None:
-    check, file = data.database, "foldback.db"
-    here = settings(tmp_path, data_dir=tmp_path)
-    assert check(here).verdict == "ok"
-    assert not (tmp_path / file).exists()
-    (tmp_path / file).write_bytes(b"garbage\n" * 1000)
-    found = check(here)
-    assert found.verdict == "problem"
-    assert "not a database" in found.found
-    assert (tmp_path / file).read_bytes() == b"garbage\n" * 1000
+def test_missing_and_damaged_databases_are_told(tmp_path: Path, postgres: Postgres) -> None:
+    here, file = settings(tmp_path, data_dir=tmp_path), tmp_path / "foldback.db"
+    assert data.database(here).verdict == "ok" and not file.exists()
+    garbage = b"garbage\n" * 1000
+    file.write_bytes(garbage)
+    told(data.database(here), "problem", "not a database")
+    assert file.read_bytes() == garbage
+    url = postgres.database()
+    assert data.database(settings(tmp_path, database_url=url)).verdict == "ok"
+    gone = url.replace("foldback@", "foldback:geheim@").replace(f":{postgres.port}/", ":1/")
+    found = data.database(settings(tmp_path, database_url=gone))
+    assert found.verdict == "problem" and "geheim" not in found.line
+    missing = data.database(settings(tmp_path, database_url=f"{url}x"))
+    assert missing.verdict == "problem" and "does not exist" in missing.found
 
 
 @pytest.mark.parametrize("kind", DATABASES)
-def test_a_schema_that_is_behind_or_ahead(
+def test_schema_behind_or_ahead_is_told(
     kind: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     url = None if kind == "sqlite" else request.getfixturevalue("postgres").database()
@@ -162,41 +176,23 @@ def test_a_schema_that_is_behind_or_ahead(
         alembic = config()
         alembic.attributes["connection"] = connection
         command.upgrade(alembic, "0001")
-    found = data.database(here)
-    assert found.verdict == "warning"
-    assert "version 0001, 12 behind 0013" in found.found
-    assert "foldback serve" in (found.remedy or "")
+    told(data.database(here), "warning", "version 0001, ", "foldback serve")
     migrate(engine)
     assert data.database(here).verdict == "ok"
     with engine.begin() as connection:
         connection.execute(sa.text("UPDATE alembic_version SET version_num = '0099'"))
-    found = data.database(here)
-    assert found.verdict == "problem"
-    assert "newer" in found.found
+    told(data.database(here), "problem", "newer")
     engine.dispose()
 
 
-def test_a_database_server_that_is_not_there(tmp_path: Path, postgres: Postgres) -> None:
-    url, check = postgres.database(), data.database
-    assert check(settings(tmp_path, database_url=url)).verdict == "ok"
-    gone = url.replace("foldback@", "foldback:geheim@").replace(f":{postgres.port}/", ":1/")
-    found = check(settings(tmp_path, database_url=gone))
-    assert found.verdict == "problem"
-    assert "geheim" not in found.line
-    missing = check(settings(tmp_path, database_url=f"{url}x"))
-    assert missing.verdict == "problem" and "does not exist" in missing.found
-
-
-def test_a_storage_that_is_none(tmp_path: Path) -> None:
+def test_storage_that_is_no_directory_is_a_problem(tmp_path: Path) -> None:
     here = settings(tmp_path, data_dir=tmp_path)
     here.folds_dir.mkdir()
     assert data.storage(here).verdict == "ok"
     assert not list(here.folds_dir.iterdir())
     here.folds_dir.rmdir()
     here.folds_dir.touch()
-    found = data.storage(here)
-    assert found.verdict == "problem"
-    assert "NotADirectoryError" in found.found
+    told(data.storage(here), "problem", "NotADirectoryError")
 
 
 @pytest.fixture
@@ -212,69 +208,61 @@ def alien() -> Iterator[int]:
         def log_message(self, *_: object) -> None:
             pass
 
-    server = http.server.HTTPServer(("127.0.0.1", 0), Quiet)
-    thread = threading.Thread(target=server.serve_forever)
-    thread.start()
-    yield server.server_port
-    server.shutdown()
-    thread.join()
-    server.server_close()
+    with http.server.HTTPServer(("127.0.0.1", 0), Quiet) as server:
+        threading.Thread(target=server.serve_forever).start()
+        yield server.server_port
+        server.shutdown()
 
 
-def test_a_port_that_is_taken(tmp_path: Path, alien: int, desk: Service) -> None:
-    found = machine.port(settings(tmp_path, port=alien))
-    assert found.verdict == "problem"
-    assert "another program" in found.found
+def test_taken_port_and_foreign_address_are_problems(
+    tmp_path: Path, alien: int, desk: Service
+) -> None:
+    told(machine.port(settings(tmp_path, port=alien)), "problem", "another program")
     ours = urlsplit(str(desk.http.base_url)).port
-    found = machine.port(settings(tmp_path, port=ours))
-    assert found.verdict == "ok"
-    assert "foldback already answers" in found.found
-
-
-def test_an_address_of_another_machine(tmp_path: Path) -> None:
-    found = machine.port(settings(tmp_path, host="203.0.113.1", port=8123))
-    assert found.verdict == "problem"
-    assert "FOLDBACK_HOST" in (found.remedy or "")
+    told(machine.port(settings(tmp_path, port=ours)), "ok", "foldback already answers")
+    told(
+        machine.port(settings(tmp_path, host="203.0.113.1", port=8123)), "problem", "FOLDBACK_HOST"
+    )
 
 
 @pytest.mark.parametrize(("limit", "verdict"), [(200, "problem"), (512, "warning"), (1024, "ok")])
-def test_few_open_files(tmp_path: Path, limit: int, verdict: str) -> None:
+def test_limit_of_open_files_is_judged(tmp_path: Path, limit: int, verdict: str) -> None:
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (limit, before[1]))
     try:
         found = machine.files(settings(tmp_path))
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
-    assert found.verdict == verdict
-    assert f"{limit} can be open" in found.found
+    assert (found.verdict, f"{limit} can be open" in found.found) == (verdict, True)
     assert verdict == "ok" or "ulimit" in (found.remedy or "")
 
 
-def test_memory_of_what_reads_and_retimes_beside_folds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(machine, "_allowed_bytes", lambda: [1500 * 2**20])
-    found = machine.memory(settings(tmp_path, child_memory_bytes=2**28))
-    assert found.verdict == "warning"
-    assert "6 processes that read uploads" in found.found
-
-
-def test_more_folds_than_memory(tmp_path: Path) -> None:
+def test_too_little_memory_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert machine.memory(settings(tmp_path, child_memory_bytes=2**28)).verdict == "ok"
-    found = machine.memory(settings(tmp_path, workers=64, folds_per_worker=64))
-    assert found.verdict == "warning"
-    assert "4096 folds at once" in found.found
+    told(
+        machine.memory(settings(tmp_path, workers=64, folds_per_worker=64)),
+        "warning",
+        "4096 folds at once",
+    )
+    monkeypatch.setattr(machine, "_allowed_bytes", lambda: [1500 * 2**20])
+    told(
+        machine.memory(settings(tmp_path, child_memory_bytes=2**28)),
+        "warning",
+        "6 processes that read uploads",
+    )
 
 
-def test_names_on_an_address_that_others_reach(tmp_path: Path) -> None:
-    assert machine.names(settings(tmp_path)).verdict == "ok"
-    assert machine.names(settings(tmp_path, host="0.0.0.0")).verdict == "warning"
-    assert machine.names(settings(tmp_path, allowed_hosts="*")).verdict == "warning"
-    named = settings(tmp_path, host="0.0.0.0", allowed_hosts="fold.example.org")
-    assert machine.names(named).verdict == "ok"
+def test_open_host_names_are_a_warning(tmp_path: Path) -> None:
+    for verdict, values in (
+        ("ok", {}),
+        ("warning", {"host": "0.0.0.0"}),
+        ("warning", {"allowed_hosts": "*"}),
+        ("ok", {"host": "0.0.0.0", "allowed_hosts": "fold.example.org"}),
+    ):
+        assert machine.names(settings(tmp_path, **values)).verdict == verdict, values
 
 
-def test_a_clock_that_went_back(tmp_path: Path) -> None:
+def test_clock_set_back_is_a_warning(tmp_path: Path) -> None:
     here = settings(tmp_path, data_dir=tmp_path)
     engine = engine_for(here.store_url)
     migrate(engine)
@@ -282,65 +270,55 @@ def test_a_clock_that_went_back(tmp_path: Path) -> None:
     with Session(engine) as session, session.begin():
         session.add(a_fold("later", created_at=time.time() + 7200))
     engine.dispose()
-    found = data.database(here)
-    assert found.verdict == "warning" and "s apart" in found.found
+    told(data.database(here), "warning", "s apart")
     later = time.time() + 7200
     os.utime(tmp_path / "foldback.db", (later, later))
-    found = machine.clock(here)
-    assert found.verdict == "warning" and "2.0 hours" in found.found
+    told(machine.clock(here), "warning", "2.0 hours")
 
 
 @pytest.mark.processes
-def test_no_opengl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_opengl_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(GL_SETTING, "egl")
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_DIRS", str(tmp_path))  # there is no driver
-    found = drawing.gl(settings(tmp_path))
-    assert found.verdict == "warning"
-    assert "no movies: egl: " in found.found
-    assert "apt-get install" in (found.remedy or "")
+    told(drawing.gl(settings(tmp_path)), "warning", "no movies: egl: ", "apt-get install")
     monkeypatch.setenv(GL_SETTING, "off")
     assert "switched off" in drawing.gl(settings(tmp_path)).found
 
 
 @pytest.mark.processes
-def test_an_opengl_that_crashes_does_not_take_the_doctor_along(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_crash_of_opengl_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "sitecustomize.py").write_text(
         "import os, signal\n"
         f"if os.environ.get({GL_SETTING!r}): os.kill(os.getpid(), signal.SIGSEGV)"
     )
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
-    found = drawing.gl(settings(tmp_path))
-    assert found.verdict == "warning"
-    assert "egl: it crashed (signal 11); osmesa: it crashed (signal 11)" in found.found
+    told(
+        drawing.gl(settings(tmp_path)),
+        "warning",
+        "egl: it crashed (signal 11); osmesa: it crashed (signal 11)",
+    )
 
 
-def test_encoder_without_ffmpeg_says_how_to_get_it(
+def test_missing_or_poor_encoder_is_a_warning(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, without_ffmpeg: dict[str, str]
 ) -> None:
-    for name, value in without_ffmpeg.items():
-        monkeypatch.setenv(name, value)
-    found = drawing.encoder(settings(tmp_path))
-    assert found.verdict == "warning"
-    assert found.found.startswith("movies are GIF only: no ffmpeg is on PATH")
-    assert "apt install ffmpeg" in (found.remedy or "")
-
-
-def test_no_encoder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / "nowhere"))
-    assert drawing.encoder(settings(tmp_path)).verdict == "warning"
     poor = tmp_path / "ffmpeg"
     poor.write_text("#!/bin/sh\necho ' V..... mpeg4   MPEG-4'\n")
     poor.chmod(0o755)
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(poor))
+    told(drawing.encoder(settings(tmp_path)), "warning", "without x264")
+    for name, value in without_ffmpeg.items():
+        monkeypatch.setenv(name, value)
     found = drawing.encoder(settings(tmp_path))
-    assert found.verdict == "warning" and "without x264" in found.found
+    assert found.verdict == "warning" and "apt install ffmpeg" in (found.remedy or "")
+    assert found.found.startswith("movies are GIF only: no ffmpeg is on PATH")
 
 
 @pytest.mark.processes
 @pytest.mark.long
-def test_kernels_that_cannot_be_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernels_that_cannot_be_cached_are_a_problem(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert str(tmp_path) in drawing.kernels(settings(tmp_path)).found
     monkeypatch.delenv("NUMBA_CACHE_DIR")

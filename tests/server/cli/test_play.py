@@ -49,7 +49,7 @@ def told(directory: Path) -> dict[str, Any]:
     return found
 
 
-def test_a_stuck_plan_says_why_and_where(directory: Path) -> None:
+def test_stuck_plan_tells_why_and_where(directory: Path) -> None:
     explosion = {"status": "stalled", "reason": "it stuck", "steps": 90, "frames": 2}
     plan = {
         "certificate": {"verdict": "failed: the explosion stalled: it stuck"},
@@ -61,7 +61,7 @@ def test_a_stuck_plan_says_why_and_where(directory: Path) -> None:
     assert (found["heading"], found["modules"]) == ("The chain is knotted", [5, 6])
 
 
-def test_what_came_to_no_plan_says_how_far_it_came(directory: Path) -> None:
+def test_directory_without_a_plan_tells_how_far_it_came(directory: Path) -> None:
     before = sorted(directory.iterdir())
     found = told(directory)
     assert (found["heading"], found["text"]) == ("Not finished", "The chain was still unfolding.")
@@ -69,7 +69,7 @@ def test_what_came_to_no_plan_says_how_far_it_came(directory: Path) -> None:
     assert sorted(directory.iterdir()) == before
 
 
-def test_its_pages_lead_to_none_that_are_not_there(directory: Path) -> None:
+def test_links_of_the_pages_are_answered(directory: Path) -> None:
     app = create_player_app(directory)
 
     async def found() -> tuple[dict[str, set[int]], dict[str, Any]]:

@@ -17,13 +17,14 @@ from server.settings import Settings, unknown_names
 
 
 @pytest.mark.parametrize("name", ["origins", "embed_origins", "allowed_hosts", "trusted_proxies"])
-def test_lists_have_commas_or_are_json(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lists_are_read_from_commas_or_json(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     values = ("127.0.0.1", "::1") if name == "trusted_proxies" else ("https://a.org", "http://b:8")
-    for text in (" , ".join(values), f'["{values[0]}", "{values[1]}"]'):
+    texts = [" , ".join(values), f'["{values[0]}", "{values[1]}"]']
+    if "origins" in name:
+        texts.append("https://a.org/, http://b:8")
+    for text in texts:
         monkeypatch.setenv(f"FOLDBACK_{name.upper()}", text)
         assert getattr(Settings(), name) == values
-    monkeypatch.setenv(f"FOLDBACK_{name.upper()}", values[0])
-    assert getattr(Settings(), name) == values[:1]
 
 
 @pytest.mark.parametrize(
@@ -35,19 +36,11 @@ def test_lists_have_commas_or_are_json(name: str, monkeypatch: pytest.MonkeyPatc
         "sqlite:////data/x.db",
     ],
 )
-def test_addresses_of_databases_may_have_any_password(
+def test_database_addresses_may_have_any_password(
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("FOLDBACK_DATABASE_URL", url)
     assert Settings().database_url == url
-
-
-@pytest.mark.parametrize("name", ["origins", "embed_origins"])
-def test_a_slash_at_the_end_of_an_origin_is_left_out(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv(f"FOLDBACK_{name.upper()}", "https://a.org/, http://b:8")
-    assert getattr(Settings(), name) == ("https://a.org", "http://b:8")
 
 
 @pytest.mark.parametrize(
@@ -68,6 +61,7 @@ def test_a_slash_at_the_end_of_an_origin_is_left_out(
         ("STAGE_CPU_SECONDS", "inf", "got 'inf', expected a finite number"),
         ("STAGE_SECONDS", "nan", "got 'nan', expected a finite number"),
         ("METRICS_PUBLIC", "perhaps", "got 'perhaps', expected true or false"),
+        ("LOG_FORMAT", "xml", "got 'xml', expected 'text' or 'json'"),
         ("LOG_LEVEL", "loud", "got 'loud', expected 'debug', 'info', 'warning' or 'error'"),
         ("STORAGE_BYTES", "", "got '', expected a whole number"),
         ("DATABASE_URL", "mysql://us:secret@db/x", "expected an address like postgresql://"),
@@ -75,7 +69,7 @@ def test_a_slash_at_the_end_of_an_origin_is_left_out(
         ("DATABASE_URL", "postgresql://us:secret@db:port/x", "expected an address like"),
     ],
 )
-def test_a_value_that_cannot_be_is_told_in_a_line(
+def test_bad_value_is_told_in_a_line(
     name: str,
     value: str,
     words: str,
@@ -97,7 +91,7 @@ def test_a_value_that_cannot_be_is_told_in_a_line(
 @pytest.mark.parametrize(
     "command", [["serve"], ["worker"], ["doctor"], ["admin", "list"], ["serve", "--port", "70000"]]
 )
-def test_every_command_says_so(
+def test_every_command_tells_of_bad_settings(
     command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module in ("serve", "worker"):  # this process keeps none
@@ -112,7 +106,7 @@ def test_every_command_says_so(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_name_that_is_no_setting_is_told(
+def test_unknown_setting_is_told_with_a_suggestion(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     for name in list(os.environ):
@@ -129,6 +123,6 @@ def test_a_name_that_is_no_setting_is_told(
     assert found.remedy
 
 
-def test_names_are_known_in_any_case() -> None:
+def test_names_of_settings_are_known_in_any_case() -> None:
     assert unknown_names(["foldback_port", "FOLDBACK_HOST", "PATH", "FOLDBACKS"]) == {}
     assert unknown_names(["FOLDBACK_QQQ"]) == {"FOLDBACK_QQQ": None}

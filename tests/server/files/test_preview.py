@@ -6,7 +6,6 @@ import asyncio
 import json
 import shutil
 import struct
-import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -16,13 +15,13 @@ import httpx
 import numpy as np
 import pytest
 
-from server.errors import Unavailable
-from server.files.preview_scenes import MAX_PENDING_SCENES, SCENES_AT_ONCE, PreviewScenes
+from server.files.preview_scenes import PreviewScenes
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.owner import new_token
 from server.store.previews import NoSuchPreviewError, Previews
 from server.store.tables import PreviewRow
+from tests.case import case
 from tests.server.service import PATIENCE_S, SNAKE, Service
 from web.pictures.isometric import isometric_svg
 from web.timeline.columns import decode
@@ -65,14 +64,11 @@ def is_path(cells: list[list[int]]) -> bool:
     return bool((steps == 1).all()) and len({tuple(c) for c in cells}) == len(cells)
 
 
-def test_a_mesh_becomes_about_as_many_modules_as_asked_for(desk: Service) -> None:
+def test_mesh_becomes_about_as_many_modules_as_requested(desk: Service) -> None:
     found = report(desk, stl(), modules="128")
-    assert found["kind"] == "mesh"
-    assert found["modules"] == 128  # a box of 4 by 2 by 2 blocks
-    assert found["method"] == "blocks"
-    assert found["has_path"]
-    assert is_path(found["cells"])
-    assert len(found["cells"]) == 128
+    assert (found["kind"], found["method"]) == ("mesh", "blocks")
+    assert found["modules"] == len(found["cells"]) == 128  # a box of 4 by 2 by 2 blocks
+    assert found["has_path"] and is_path(found["cells"])
     assert found["iou"] == pytest.approx(1.0, abs=0.02)
     assert found["knot"]["verdict"] == "unknot"
     assert found["expected_as_published_s"] > found["expected_s"] > 0
@@ -80,18 +76,12 @@ def test_a_mesh_becomes_about_as_many_modules_as_asked_for(desk: Service) -> Non
     cells, vertices = np.array(found["cells"]), np.array(found["mesh"]["vertices"])
     np.testing.assert_allclose(vertices.min(axis=0), cells.min(axis=0) - 0.5, atol=0.2)
     np.testing.assert_allclose(vertices.max(axis=0), cells.max(axis=0) + 0.5, atol=0.2)
-
-
-def test_an_earlier_preview_is_looked_at_again_with_other_options(desk: Service) -> None:
-    first = report(desk, stl(), modules="64")
-    again = report(desk, preview=first["id"], modules="216", full="false")
-    assert again["id"] == first["id"]
-    assert again["key"] != first["key"]
-    assert again["modules"] > first["modules"]
-    assert again["cells"] == []
-    assert again["mesh"] is None
-    same = report(desk, preview=first["id"], modules="64")
-    assert same == first
+    # It is looked at again with other options.
+    again = report(desk, preview=found["id"], modules="216", full="false")
+    assert again["id"] == found["id"] and again["key"] != found["key"]
+    assert again["modules"] > found["modules"]
+    assert (again["cells"], again["mesh"]) == ([], None)
+    assert report(desk, preview=found["id"], modules="128") == found
 
 
 def test_cells_without_a_path_are_explained_and_repaired(desk: Service) -> None:
@@ -108,7 +98,7 @@ def test_cells_without_a_path_are_explained_and_repaired(desk: Service) -> None:
     assert is_path(doubled["cells"])
 
 
-def test_a_list_of_cells_in_no_order_is_taken_as_voxels_and_that_is_said(desk: Service) -> None:
+def test_unordered_cells_are_previewed_as_voxels(desk: Service) -> None:
     cells = box(4, 3, 2)[::-1]
     cells[0], cells[7] = cells[7], cells[0]
     data = json.dumps(cells).encode()
@@ -121,18 +111,15 @@ def test_a_list_of_cells_in_no_order_is_taken_as_voxels_and_that_is_said(desk: S
     assert asked["cells"] == found["cells"]
     assert not any(note.startswith("Read as voxels") for note in asked["notes"])
     # A fold is told what to do; it does not guess.
-    refused = desk.http.post("/api/folds", data={"preview": found["id"]})
-    assert (refused.status_code, refused.json()["code"]) == (422, "not-adjacent")
-    assert "voxels" in refused.json()["detail"]
+    status, problem = desk.refused(preview=found["id"])
+    assert (status, problem["code"]) == (422, "not-adjacent")
+    assert "voxels" in problem["detail"]
     assert desk.fold(preview=found["id"], as_voxels="true")["id"]
-
-
-def test_cells_that_come_twice_are_an_error_still(desk: Service) -> None:
     refused = ask(desk, json.dumps([*box(2, 2, 1), [0, 0, 0]]).encode())
     assert (refused.status_code, refused.json()["code"]) == (422, "repeated-cell")
 
 
-def test_a_path_begins_where_it_is_asked_to(desk: Service) -> None:
+def test_path_starts_at_the_requested_cell(desk: Service) -> None:
     found = report(desk, stl(), modules="64")
     cell = found["cells"][17]
     start = ",".join(map(str, cell))
@@ -151,92 +138,65 @@ def test_a_path_begins_where_it_is_asked_to(desk: Service) -> None:
 
 
 @pytest.mark.parametrize("module", ["cube", "tetrahedron"])
-def test_what_came_of_it_is_drawn_for_browsers_without_3d(desk: Service, module: str) -> None:
+def test_preview_is_drawn_and_shown_in_3d(desk: Service, module: str) -> None:
     found = report(desk, voxels(box(3, 2, 2), name="<script>"), module=module)
-    where = f"/previews/{found['id']}/drawing.svg"
-    answer = desk.http.get(where, params={"key": found["key"]})
+    where, key = f"/previews/{found['id']}", found["key"]
+    answer = desk.http.get(f"{where}/drawing.svg", params={"key": key})
     assert answer.status_code == 200
     assert answer.headers["content-type"].startswith("image/svg+xml")
     assert answer.headers["content-security-policy"] == "default-src 'none'"
-    assert "script" not in answer.text
-    drawn = ElementTree.fromstring(answer.text)
-    assert len(list(drawn)) > 2
-    assert len(answer.content) < 200_000
-    for key in ("", "0" * 24, "../../upload", found["key"][:-1]):
-        assert desk.http.get(where, params={"key": key}).status_code == 404
-    elsewhere = desk.http.get("/previews/nosuch/drawing.svg", params={"key": found["key"]})
-    assert elsewhere.status_code == 404
-
-
-@pytest.mark.parametrize("module", ["cube", "tetrahedron"])
-def test_what_came_of_it_is_shown_in_3d(desk: Service, module: str) -> None:
-    found = report(desk, stl(), modules="64", module=module)
-    where = f"/previews/{found['id']}/scene"
-    answer = desk.http.get(f"{where}/{found['key']}")
+    assert "script" not in answer.text and len(answer.content) < 200_000
+    assert len(list(ElementTree.fromstring(answer.text))) > 2
+    answer = desk.http.get(f"{where}/scene/{key}")
     assert answer.status_code == 200
     assert answer.headers["cache-control"].startswith("private")
     header, arrays = decode(answer.content)
     assert header["hull"]["modules"] == found["modules"]
     assert arrays["cells"].tolist() == found["cells"]
-    assert {"/solid", "/cells", "/path"} <= {m.get("name") for m in header["messages"]}
-    for key in ("0" * 24, "upload.json", "..%2Fupload", found["key"][:-1], found["key"].upper()):
-        assert desk.http.get(f"{where}/{key}").status_code == 404
+    assert {"/cells", "/path"} <= {m.get("name") for m in header["messages"]}
+    for wrong in ("0" * 24, "upload.json", "..%2Fupload", key[:-1], key.upper()):
+        assert desk.http.get(f"{where}/scene/{wrong}").status_code == 404
+        assert desk.http.get(f"{where}/drawing.svg?key={wrong}").status_code == 404
     for preview in ("nosuch", "..", "x" * 40):
-        refused = desk.http.get(f"/previews/{preview}/scene/{found['key']}")
-        assert refused.status_code == 404
+        assert desk.http.get(f"/previews/{preview}/scene/{key}").status_code == 404
+        assert desk.http.get(f"/previews/{preview}/drawing.svg?key={key}").status_code == 404
 
 
-def test_scenes_are_made_a_few_at_once_and_each_once(
+def test_scenes_are_cached_and_need_a_report(
     store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Limits of what is made at once: see tests/server/limits."""
     previews = Previews(Settings(data_dir=tmp_path), store)
     scenes = PreviewScenes(previews)
-    preview_id = "thing"
     (tmp_path / "upload").mkdir()
     (tmp_path / "upload" / "input").write_bytes(b"")
-    row = PreviewRow(id=preview_id, visitor="a", created_at=time.time(), seen_at=time.time())
+    row = PreviewRow(id="thing", visitor="a", created_at=time.time(), seen_at=time.time())
     previews.add(row, tmp_path / "upload")
-    keys = [f"{k:024x}" for k in range(MAX_PENDING_SCENES + 1)]
-    for key in keys[:-1]:
-        place = previews.directory(preview_id) / key
-        place.mkdir()
-        (place / "report.json").write_text(json.dumps({"cells": [[0, 0, int(key, 16)]]}))
-    go_on = threading.Event()
-    made: list[Any] = []
+    key, other = ("0" * 23 + end for end in "12")
+    place = previews.directory("thing") / key
+    place.mkdir()
+    (place / "report.json").write_text(json.dumps({"cells": []}))
+    made: list[object] = []
 
-    def draw(report: Any) -> bytes:
-        made.append(report["cells"])
-        assert go_on.wait(30)
-        return json.dumps(report).encode()
+    def draw(report: object) -> bytes:
+        made.append(report)
+        return b"a scene"
 
     monkeypatch.setattr("server.files.preview_scenes.preview_scene_of", draw)
 
-    async def ask() -> None:
-        async with asyncio.TaskGroup() as group:
-            asked = [
-                group.create_task(scenes.scene(preview_id, k, visitor=k)) for k in keys[:-1] * 2
-            ]
-            while len(scenes._flight) < MAX_PENDING_SCENES:
-                await asyncio.sleep(0.01)
-            with pytest.raises(Unavailable) as refused:
-                await scenes.scene(preview_id, keys[-1], visitor="z")
-            assert len(made) <= SCENES_AT_ONCE
-            assert (refused.value.retry_after_s or 0) > 0
-            go_on.set()
-        assert len({task.result() for task in asked}) == MAX_PENDING_SCENES
-        assert await scenes.scene(preview_id, keys[0], visitor="z") == asked[0].result()
-        assert len(made) == MAX_PENDING_SCENES
-        with pytest.raises(NoSuchPreviewError):
-            await scenes.scene(preview_id, keys[-1], visitor="z")  # there is no report
-        shutil.rmtree(previews.directory(preview_id))
-        with pytest.raises(NoSuchPreviewError):
-            await scenes.scene(preview_id, keys[0], visitor="z")
-        scenes.close()
+    def scene(key: str) -> bytes:
+        return asyncio.run(scenes.scene("thing", key, visitor="a"))
 
-    asyncio.run(ask())
+    assert scene(key) == scene(key) == b"a scene" and len(made) == 1
+    with pytest.raises(NoSuchPreviewError):
+        scene(other)  # there is no report
+    shutil.rmtree(previews.directory("thing"))
+    with pytest.raises(NoSuchPreviewError):
+        scene(key)
+    scenes.close()
 
 
-def test_the_page_of_a_fold_draws_what_its_preview_has_found(desk: Service) -> None:
+def test_page_of_a_fold_draws_the_cells_of_its_preview(desk: Service) -> None:
     found = report(desk, stl(), modules="64", seed="5")
     fold = desk.fold(preview=found["id"], modules="64", seed="5")
     page = desk.http.get(f"/folds/{fold['id']}").text
@@ -248,7 +208,7 @@ def test_the_page_of_a_fold_draws_what_its_preview_has_found(desk: Service) -> N
     assert '<div class="cover-art"></div>' in page
 
 
-def test_blocks_are_no_remedy_for_cells_apart(desk: Service) -> None:
+def test_blocks_are_not_offered_for_cells_apart(desk: Service) -> None:
     apart = voxels([[0, 0, 0], [1, 0, 0], [2, 0, 0], [9, 0, 0]])
     found = report(desk, apart, method="blocks")
     assert not found["has_path"]
@@ -267,41 +227,23 @@ def test_blocks_are_no_remedy_for_cells_apart(desk: Service) -> None:
     assert any("There is always a path" in note for note in whole["notes"])
 
 
-def test_a_path_stays_as_it_is_and_its_knot_is_told(desk: Service) -> None:
+def test_path_is_previewed_unchanged_with_its_knot(desk: Service) -> None:
     found = report(desk, json.dumps(SNAKE).encode())
-    assert found["kind"] == "path"
-    assert found["modules"] == len(SNAKE)
-    assert found["knot"]["verdict"] == "unknot"
-    assert found["feasibility"] is None
+    assert (found["kind"], found["modules"]) == ("path", len(SNAKE))
+    assert (found["knot"]["verdict"], found["feasibility"]) == ("unknot", None)
 
 
-@pytest.mark.parametrize(
-    ("form", "code"),
-    [
+def test_bad_options_and_files_are_refused(desk: Service) -> None:
+    for form, code in (
         ({"modules": "2"}, "bad-modules"),
-        ({"modules": "100000"}, "bad-modules"),
         ({"modules": "1001"}, "too-many-modules"),
-        ({"modules": "many"}, "bad-modules"),
         ({"method": "magic"}, "unknown-method"),
-        ({"ends": "inside"}, "unknown-ends"),
-        ({"seed": "-1"}, "bad-seed"),
         ({"shape": "mallet-64"}, "file-or-shape"),
-    ],
-    ids=str,
-)
-def test_bad_options_are_refused(desk: Service, form: dict[str, str], code: str) -> None:
-    answer = ask(desk, voxels(box(2, 2, 2)), **form)
-    assert answer.status_code == 422, answer.text
-    assert answer.json()["code"] == code
-
-
-def test_nothing_to_preview_is_refused(desk: Service) -> None:
+    ):
+        answer = ask(desk, voxels(box(2, 2, 2)), **form)
+        assert (answer.status_code, answer.json()["code"]) == (422, code)
     assert ask(desk, modules="64").json()["code"] == "file-or-shape"
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
+    for data in (
         b"",
         bytes(500),
         b"solid nothing\nendsolid nothing\n",
@@ -312,32 +254,23 @@ def test_nothing_to_preview_is_refused(desk: Service) -> None:
         b"PK\x03\x04" + bytes(60),
         stl(hole=True)[:200],
         b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
-    ],
-    ids=lambda data: repr(data[:12]),
-)
-def test_bad_files_get_a_clear_word(desk: Service, data: bytes) -> None:
-    answer = ask(desk, data)
-    assert answer.status_code == 422, answer.text
-    assert answer.headers["content-type"] == "application/problem+json"
-    assert answer.json()["code"]
-    assert len(answer.json()["detail"]) > 20
+    ):
+        with case(data[:12]):
+            answer = ask(desk, data)
+            assert answer.status_code == 422, answer.text
+            assert answer.headers["content-type"] == "application/problem+json"
+            assert answer.json()["code"] and len(answer.json()["detail"]) > 20
+    for preview in ("nosuchpreview", "../../etc", "..", "x" * 300, ""):
+        assert ask(desk, preview=preview).status_code in (404, 422)
+        assert desk.refused(preview=preview)[0] in (404, 422)
 
 
-@pytest.mark.parametrize("preview", ["nosuchpreview", "../../etc", "..", "x" * 300, ""])
-def test_unknown_previews_are_told_so(desk: Service, preview: str) -> None:
-    assert ask(desk, preview=preview).status_code in (404, 422)
-    answer = desk.http.post("/api/folds", data={"preview": preview})
-    assert answer.status_code in (404, 422)
-
-
-def test_a_preview_beyond_its_time_is_told_so(here_with) -> None:
+def test_preview_beyond_its_time_is_refused(here_with) -> None:
     service = here_with(preview_seconds=0.02).start()
     answer = ask(service, stl(), modules="2000")
-    assert answer.status_code == 504
-    assert answer.json()["code"] == "preview-too-slow"
+    assert (answer.status_code, answer.json()["code"]) == (504, "preview-too-slow")
     assert "fewer modules" in answer.json()["detail"]
-    # The service goes on, and so do those who fold.
-    assert service.fold(SNAKE)["id"]
+    assert service.fold(SNAKE)["id"]  # the service goes on
 
 
 def test_old_previews_make_room_for_new_ones(here_with) -> None:
@@ -353,33 +286,19 @@ def test_old_previews_make_room_for_new_ones(here_with) -> None:
     assert ask(service, preview=ids[0]).status_code == 404
 
 
-def test_a_fold_takes_a_preview_and_its_options(desk: Service) -> None:
+def test_fold_takes_a_preview_and_its_options(desk: Service) -> None:
     found = report(desk, stl(), modules="64")
-    token = new_token()
-    first = desk.fold(token=token, preview=found["id"], modules="64")
+    asked = {"token": new_token(), "preview": found["id"]}
+    first = desk.fold(**asked, modules="64")
     request = json.loads((desk.directory(first["id"]) / "request.json").read_text())
-    assert request["modules"] == 64
-    assert request["filename"] == "thing.bin"
-    assert desk.fold(token=token, preview=found["id"], modules="64")["id"] == first["id"]
-    others = [
-        {"modules": "72"},
-        {"modules": "64", "method": "blocks"},
-        {"modules": "64", "ends": "surface"},
-        {"modules": "64", "repair": "true"},
-    ]
-    ids = {desk.fold(token=token, preview=found["id"], **options)["id"] for options in others}
-    assert len(ids | {first["id"]}) == 1 + len(others)
-
-
-def test_a_fold_of_cells_without_a_path_is_refused_at_once(desk: Service) -> None:
-    answer = desk.http.post("/api/folds", files={"file": ("cross.json", voxels(CROSS))})
-    assert answer.status_code == 422
-    assert answer.json()["code"] == "no-path"
-    assert "repair" in answer.json()["detail"]
+    assert (request["modules"], request["filename"]) == (64, "thing.bin")
+    assert desk.fold(**asked, modules="64")["id"] == first["id"]
+    for other in ({"modules": "72"}, {"modules": "64", "ends": "surface"}):
+        assert desk.fold(**asked, **other)["id"] != first["id"]
 
 
 @pytest.mark.slow
-def test_a_mesh_is_folded(service: Service) -> None:
+def test_mesh_is_folded(service: Service) -> None:
     accepted = service.http.post(
         "/api/folds", files={"file": ("brick.stl", stl())}, data={"modules": "24"}
     ).json()
@@ -388,7 +307,7 @@ def test_a_mesh_is_folded(service: Service) -> None:
     assert state["modules"] == report(service, stl(), modules="24")["modules"]
 
 
-def test_cells_alone_take_no_search(desk: Service) -> None:
+def test_cells_are_previewed_without_a_search(desk: Service) -> None:
     cross = report(desk, voxels(CROSS), path="false")
     assert (cross["kind"], cross["has_path"], cross["feasibility"]) == ("voxels", False, None)
     assert sorted(cross["cells"]) == sorted(CROSS)
@@ -401,25 +320,21 @@ def test_cells_alone_take_no_search(desk: Service) -> None:
     assert (path["kind"], path["has_path"], path["cells"]) == ("path", True, SNAKE)
 
 
-def test_pages_of_previews(desk: Service) -> None:
+def test_pages_of_previews_and_of_their_folds(desk: Service) -> None:
     found = report(desk, voxels(box(2, 2, 2), name="<script>alert(1)</script>"))
     page = desk.http.get(found["links"]["page"])
     assert page.status_code == 200
     assert "unsafe-inline" not in page.headers["content-security-policy"].split("style-src")[0]
     assert desk.http.get("/previews/nosuchpreview").status_code == 404
     assert desk.http.get("/shapes/new").status_code == 200
-    drawing = desk.http.get("/shapes/mallet-64.svg")
-    assert drawing.headers["content-type"] == "image/svg+xml"
+    assert desk.http.get("/shapes/mallet-64.svg").headers["content-type"] == "image/svg+xml"
     assert desk.http.get("/shapes/nothing.svg").status_code == 404
-
-
-def test_the_page_of_a_fold_of_a_mesh_waits_for_its_cells(desk: Service) -> None:
     for data, name in ((stl(), "brick.stl"), (voxels(box(4, 2, 2)), "box.json")):
         accepted = desk.http.post("/api/folds", files={"file": (name, data)}).json()
         assert desk.http.get(accepted["links"]["page"]).status_code == 200
 
 
-def test_a_preview_that_nobody_waits_for_is_given_up(here_with) -> None:
+def test_preview_without_a_waiting_client_is_ended(here_with) -> None:
     service = here_with(preview_seconds=300.0).start()
     report(service, voxels(box(2, 2, 2)))
     (busy,) = service.children("preparer")

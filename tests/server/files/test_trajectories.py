@@ -100,7 +100,7 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory / "plan.npz"
 
 
-def test_it_is_what_the_planner_gives_and_leaves_no_files(
+def test_trajectory_is_that_of_the_planner_and_leaves_no_files(
     make: Make, plan: Path, tmp_path: Path
 ) -> None:
     found = asyncio.run(make().of(Wanted.of(plan, 1.0, 2.0), "a"))
@@ -115,7 +115,7 @@ def test_it_is_what_the_planner_gives_and_leaves_no_files(
     assert [*(tmp_path / "scratch").iterdir(), *(tmp_path / "motions").iterdir()] == []
 
 
-def test_what_has_taken_over_the_child_changes_no_plan_and_no_trajectory(
+def test_hijacked_child_changes_no_plan_and_no_trajectory(
     make: Make, here: Here, plan: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before, call = plan.read_bytes(), here.call
@@ -138,7 +138,7 @@ def test_what_has_taken_over_the_child_changes_no_plan_and_no_trajectory(
     assert np.array_equal(corners, retime_plan(Plan.load(plan), 1.0, 2.0).path.frames)
 
 
-def test_of_what_the_child_has_written_no_more_is_read_than_there_may_be(
+def test_files_of_the_child_are_read_within_bounds(
     make: Make, here: Here, plan: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     call, spoiled = here.call, Path()
@@ -178,29 +178,7 @@ def test_of_what_the_child_has_written_no_more_is_read_than_there_may_be(
         asyncio.run(make().motors(wanted, robot, "a"))
 
 
-def test_visitors_take_turns(make: Make, here: Here, plan: Path) -> None:
-    async def ask() -> list[str]:
-        trajectories = make()
-        here.go_on.clear()
-        done: list[str] = []
-
-        async def one(visitor: str, speed: float) -> None:
-            await trajectories.of(Wanted.of(plan, speed, 2.0), visitor)
-            done.append(visitor)
-
-        asked = [asyncio.create_task(one("a", 1.0 + k)) for k in range(4)]
-        await asyncio.sleep(0)
-        asked.append(asyncio.create_task(one("b", 9.0)))
-        await asyncio.sleep(0)
-        here.go_on.set()
-        await asyncio.gather(*asked)
-        trajectories.close()
-        return done
-
-    assert "b" in asyncio.run(ask())[:3]
-
-
-def test_one_address_cannot_have_all_that_are_sent(make: Make) -> None:
+def test_trajectories_sent_to_one_address_are_limited(make: Make) -> None:
     trajectories = make()
     places = [trajectories.stream("a") for _ in range(STREAMS_OF_ADDRESS)]
     with pytest.raises(TooMany) as refused:
@@ -212,11 +190,11 @@ def test_one_address_cannot_have_all_that_are_sent(make: Make) -> None:
 
 
 @pytest.mark.processes
-def test_nothing_is_compiled_after_the_start(plan: Path) -> None:
+def test_retiming_compiles_nothing_after_the_start(plan: Path) -> None:
     assert compiled_later(IMPORTS, WORK, str(plan)) == []
 
 
-def test_all_who_want_the_same_wait_for_one_and_hold_no_thread(
+def test_equal_requests_share_one_trajectory_without_threads(
     make: Make, here: Here, plan: Path
 ) -> None:
     async def ask() -> None:
@@ -239,7 +217,7 @@ def test_all_who_want_the_same_wait_for_one_and_hold_no_thread(
     asyncio.run(ask())
 
 
-def test_they_are_kept_by_their_bytes_and_share_what_no_bound_changes(
+def test_cached_trajectories_are_bounded_by_bytes_and_share_frames(
     make: Make, here: Here, plan: Path
 ) -> None:
     async def ask() -> None:
@@ -260,7 +238,7 @@ def test_they_are_kept_by_their_bytes_and_share_what_no_bound_changes(
     asyncio.run(ask())
 
 
-def test_what_is_in_use_is_bounded_too(make: Make, plan: Path) -> None:
+def test_trajectories_in_use_are_bounded(make: Make, plan: Path) -> None:
     async def ask() -> None:
         one = (await make().of(Wanted.of(plan, 1.0, 2.0), "a")).trajectory
         trajectories = make(used_bytes=int(1.5 * one.nbytes), kept_bytes=0)
@@ -279,25 +257,19 @@ def test_what_is_in_use_is_bounded_too(make: Make, plan: Path) -> None:
 @pytest.mark.parametrize(
     ("enough", "advice"), [(4.0, "use rate=4"), (None, "request a higher rate")]
 )
-def test_rows_between_which_modules_overlap_are_refused_with_advice(
-    plan: Path, tmp_path: Path, enough: float | None, advice: str
+def test_rate_at_which_modules_overlap_is_refused_with_advice(
+    make: Make,
+    here: Here,
+    plan: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    enough: float | None,
+    advice: str,
 ) -> None:
-    class Overlapping(Here):
-        def call(self, task: str, place: Path) -> dict[str, Any]:
-            assert json.loads((place / "request.json").read_bytes())["rate_hz"] == 1.0
-            return {
-                "min_clearance": -0.36,
-                "clearance_bound": -0.36,
-                "overlap": True,
-                "sufficient_rate_hz": enough,
-            }
+    def overlapping(task: str, place: Path) -> dict[str, Any]:
+        assert json.loads((place / "request.json").read_bytes())["rate_hz"] == 1.0
+        found = {"min_clearance": -0.36, "clearance_bound": -0.36, "overlap": True}
+        return {**found, "sufficient_rate_hz": enough}
 
-    trajectories = Trajectories(
-        cast("Pool", Overlapping()),
-        Scratch(tmp_path / "motions"),
-        Scratch(tmp_path / "kept"),
-        total=4,
-        per_visitor=2,
-    )
+    monkeypatch.setattr(here, "call", overlapping)
     with pytest.raises(Unusable, match=advice):
-        asyncio.run(trajectories.clearance(Wanted.of(plan, 1.0, 2.0), 1.0, "visitor"))
+        asyncio.run(make().clearance(Wanted.of(plan, 1.0, 2.0), 1.0, "visitor"))

@@ -52,28 +52,18 @@ def desk() -> Desk:
     return Desk()
 
 
-def test_the_same_is_answered_for_a_second(desk: Desk) -> None:
+def test_response_is_reused_for_a_second(desk: Desk) -> None:
     first, second = desk.get("/folds/a"), desk.get("/folds/a")
     assert first.text == second.text == "a 1"
     assert first.headers == second.headers
     desk.now = RESPONSE_CACHE_S
     assert desk.get("/folds/a").text == "a 2"
+    assert desk.get("/folds/a?from=1").text == "a 3"
+    assert desk.get("/folds/a", Host="other").text == "a 4"
+    assert desk.get("/folds/b").text == "b 5"
 
 
-def test_one_that_is_gone_elsewhere_is_told_of_to_the_next_and_all_after(desk: Desk) -> None:
-    desk.get("/folds/a")
-    desk.now, desk.status = RESPONSE_CACHE_S, "deleted"
-    assert [desk.get("/folds/a").text for _ in range(2)] == ["a 2", "a 3"]
-
-
-def test_who_asks_otherwise_gets_another_answer(desk: Desk) -> None:
-    assert desk.get("/folds/a").text == "a 1"
-    assert desk.get("/folds/a?from=1").text == "a 2"
-    assert desk.get("/folds/a", Host="other").text == "a 3"
-    assert desk.get("/folds/b").text == "b 4"
-
-
-def test_who_has_it_already_is_told_so(desk: Desk) -> None:
+def test_known_etag_is_not_modified(desk: Desk) -> None:
     desk.get("/folds/a")
     known = desk.get("/folds/a", **{"If-None-Match": '"1"'})
     assert (known.status_code, known.content) == (304, b"")
@@ -81,26 +71,26 @@ def test_who_has_it_already_is_told_so(desk: Desk) -> None:
     assert len(desk.asked) == 1
 
 
-@pytest.mark.parametrize("status", ["running", "failed", "cancelled"])
-def test_what_may_change_is_asked_for_each_time(desk: Desk, status: str) -> None:
-    desk.status = status
-    assert [desk.get("/folds/a").text for _ in range(2)] == ["a 1", "a 2"]
+@pytest.mark.parametrize("status", ["running", "failed", "cancelled", "deleted"])
+def test_response_that_may_change_is_not_reused(desk: Desk, status: str) -> None:
+    desk.get("/folds/a")
+    desk.now, desk.status = RESPONSE_CACHE_S, status
+    assert [desk.get("/folds/a").text for _ in range(2)] == ["a 2", "a 3"]
 
 
-def test_what_is_deleted_is_told_at_once(desk: Desk) -> None:
+def test_deletion_ends_reuse_at_once(desk: Desk) -> None:
     for path in ("/folds/a", "/folds/b"):
         desk.get(path)
     desk.ask("DELETE", "/folds/a")
     assert (desk.get("/folds/a").text, desk.get("/folds/b").text) == ("a 3", "b 2")
 
 
-def test_a_deleted_fold_is_gone_from_its_page_too(service: Service) -> None:
+def test_deleted_fold_is_gone_from_all_its_addresses(service: Service) -> None:
     fold = service.fold(SNAKE, seed="77")
     assert service.wait_over(fold["id"])["status"] == "verified"
     places = [f"/folds/{fold['id']}", f"/folds/{fold['id']}/batch?to=4", f"/api/folds/{fold['id']}"]
-    before = [service.http.get(place) for place in places]
-    again = [service.http.get(place) for place in places]
-    for a, b in zip(before, again, strict=True):
+    for place in places:
+        a, b = service.http.get(place), service.http.get(place)
         assert (a.status_code, a.content) == (b.status_code, b.content) == (200, a.content)
         assert a.headers["x-request-id"] != b.headers["x-request-id"]
         for name in ("content-security-policy", "cache-control", "content-type"):

@@ -1,28 +1,31 @@
-"""Requests of a few addresses do not delay those of others."""
+"""Requests of a few addresses do not delay those of others: limits for one visitor."""
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import socket
 from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any
 
+import httpx
 import pytest
+from starlette.requests import HTTPConnection
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from server.http.client_address import address_of
 from server.limits.token_buckets import TokenBuckets
 from server.settings import Settings
 from tests.server.here import ServiceHere
-from tests.server.http.test_bounds import from_address
 from tests.server.http.test_threats_uploads import connected, status_of
-from tests.server.service import Service
+from tests.server.service import SNAKE, Service
 
 ServiceWith = Callable[..., Service]
 
 
-def test_robots_whose_motions_are_not_worked_out_yet_hold_nobody_up(
+def test_robots_that_wait_for_their_motion_hold_up_no_others(
     service: Service, finished: dict[str, Any]
 ) -> None:
     fold = finished["id"]
@@ -60,7 +63,7 @@ def test_websocket_holds_its_connection_until_it_is_closed(
         assert status_of(stack.enter_context(connected(other)), b"/health") == 200
 
 
-def test_refused_websocket_is_hung_up_on_whatever_its_peer_does(desk: Service) -> None:
+def test_refused_websocket_is_closed_whatever_its_peer_does(desk: Service) -> None:
     with connected(desk) as client:
         assert not upgraded(client, "aaaaaaaaaaaaaaaaaaaa")
         data = b""
@@ -69,7 +72,7 @@ def test_refused_websocket_is_hung_up_on_whatever_its_peer_does(desk: Service) -
         assert data.endswith(b"}")  # the whole problem, then the end of the connection
 
 
-def test_pings_are_answered_at_a_rate(service: Service, finished: dict[str, Any]) -> None:
+def test_pings_are_limited_by_a_rate(service: Service, finished: dict[str, Any]) -> None:
     with (
         ServiceHere(service.data_dir, requests_per_second_of_visitor=1).start() as other,
         connected(other) as client,
@@ -97,7 +100,7 @@ def upgraded(client: socket.socket, fold_id: str) -> bool:
     return status.endswith(b"101")
 
 
-def test_requests_have_a_rate(here_with: ServiceWith) -> None:
+def test_requests_are_limited_by_a_rate(here_with: ServiceWith) -> None:
     service = here_with(requests_per_second_of_visitor=0.01, requests_at_once_of_visitor=3).start()
     own = from_address("2001:db8:1:2::1")
     answers = [service.http.get("/api/shapes", headers=own) for _ in range(4)]
@@ -115,7 +118,7 @@ def test_requests_have_a_rate(here_with: ServiceWith) -> None:
     assert service.http.get("/", headers=from_address("2001:db8:1:3::1")).status_code == 200
 
 
-def test_a_bucket_fills_up_and_few_are_remembered() -> None:
+def test_token_buckets_refill_and_few_are_remembered() -> None:
     now = 0.0
     buckets = TokenBuckets(10.0, 5.0, most=3, clock=lambda: now)
     assert [buckets.take("a") for _ in range(6)] == [0.0] * 5 + [pytest.approx(0.1)]
@@ -130,6 +133,63 @@ def test_a_bucket_fills_up_and_few_are_remembered() -> None:
     assert len(buckets) == 3
 
 
-def test_no_few_addresses_have_all_streams() -> None:
+def test_few_addresses_cannot_take_all_streams() -> None:
     settings = Settings()
     assert 16 * settings.max_streams_of_visitor <= settings.max_streams
+
+
+ServiceWith = Callable[..., Service]
+
+
+def from_address(address: str) -> dict[str, str]:
+    """What a proxy in front of the service says of a visitor."""
+    return {"X-Forwarded-For": address}
+
+
+@pytest.mark.parametrize(
+    ("settings", "second", "whose"),
+    [
+        ({"max_streams_of_visitor": 1}, "203.0.113.1", "of yours"),
+        ({"max_streams": 1}, "203.0.113.2", "in all"),
+    ],
+)
+def test_event_streams_are_bounded(
+    here_with: ServiceWith, settings: dict[str, int], second: str, whose: str
+) -> None:
+    service = here_with(**settings).start()
+    address = f"/api/folds/{service.fold(SNAKE)['id']}/events"
+
+    def follow(visitor: str) -> contextlib.AbstractContextManager[httpx.Response]:
+        return service.http.stream("GET", address, headers=from_address(visitor))
+
+    service.http.timeout = 20.0
+    with follow("203.0.113.1") as open_stream:
+        lines = open_stream.iter_lines()  # held, for httpx hangs up when it is thrown away
+        assert next(lines) == "event: progress"
+        with follow(second) as refused:
+            assert refused.status_code == 429
+            refused.read()
+            assert refused.headers["content-type"] == "application/problem+json"
+            assert int(refused.headers["retry-after"]) > 0
+            assert refused.json()["code"] == "too-many-streams"
+            assert whose in refused.json()["detail"]
+    for _ in range(600):  # once the service has noticed that the first one left
+        with follow(second) as again:
+            if again.status_code == 200:
+                return
+    raise AssertionError("the place of a stream that ended is not given back")
+
+
+@pytest.mark.parametrize(
+    ("host", "address"),
+    [
+        ("203.0.113.7", "203.0.113.0/24|203.0.113.7"),
+        ("::ffff:203.0.113.7", "203.0.113.0/24|203.0.113.7"),
+        ("2001:db8:1:2ff:3:4:5:6", "2001:db8:1::/48|2001:db8:1:200::/56|2001:db8:1:2ff::/64"),
+        ("fe80::1%eth0", "fe80::/48|fe80::/56|fe80::/64"),
+        ("testclient", "testclient"),
+        ("a|b", "ab"),
+    ],
+)
+def test_addresses_of_one_visitor_are_one(host: str, address: str) -> None:
+    assert address_of(HTTPConnection({"type": "http", "client": (host, 1)})) == address

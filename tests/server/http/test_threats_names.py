@@ -11,6 +11,7 @@ import pytest
 from planner.exports.export import export_name
 from planner.names import MAX_NAME_LENGTH, clean_name
 from server.api.source import clean_filename
+from tests.case import case
 from tests.server.service import SNAKE, Service, bearer
 
 INVISIBLE = {
@@ -35,12 +36,13 @@ INVISIBLE = {
 """Texts that show nothing."""
 
 
-@pytest.mark.parametrize("text", INVISIBLE.values(), ids=INVISIBLE)
-def test_clean_name_of_invisible_text_is_empty_and_inside_a_name_is_dropped(text: str) -> None:
-    assert clean_name(text) == clean_name(f" {text} {text}") == ""
-    assert clean_name(f"{text}wrench{text.replace(chr(0x301), '')} 12").isprintable()
-    assert clean_filename(f"a/{text}") is None
-    assert export_name(text) == "fold"
+def test_clean_name_drops_invisible_text() -> None:
+    for kind, text in INVISIBLE.items():
+        with case(kind):
+            assert clean_name(text) == clean_name(f" {text} {text}") == ""
+            assert clean_name(f"{text}wrench{text.replace(chr(0x301), '')} 12").isprintable()
+            assert clean_filename(f"a/{text}") is None
+            assert export_name(text) == "fold"
 
 
 @pytest.mark.parametrize(
@@ -63,34 +65,34 @@ def test_clean_name_keeps_what_shows(name: str, clean: str) -> None:
     assert clean_name(clean) == clean
 
 
+def _title(service: Service, data: object, filename: str = "ok.json") -> str:
+    file = {"file": (filename, json.dumps(data))}
+    answer: httpx.Response = service.http.post("/api/folds", files=file)
+    assert answer.status_code == 202, answer.text
+    return str(service.state(answer.json()["id"])["title"])
+
+
 def named_in_path(service: Service, name: str) -> str:
-    data = {"format": "foldback-path/1", "name": name, "cells": SNAKE}
-    return _title(service, json.dumps(data), "ok.json")
+    return _title(service, {"format": "foldback-path/1", "name": name, "cells": SNAKE})
 
 
 def named_in_chain(service: Service, name: str) -> str:
     angles = [[90.0 if k % 2 else -90.0, 0.0] for k in range(3)]
-    data = {
-        "format": "foldback-chain/1",
-        "module": "cube",
-        "name": name,
-        "joint_angles_deg": angles,
-    }
-    return _title(service, json.dumps(data), "ok.json")
+    chain = {"format": "foldback-chain/1", "module": "cube", "joint_angles_deg": angles}
+    return _title(service, {**chain, "name": name})
 
 
 def named_by_file(service: Service, name: str) -> str:
-    return _title(service, json.dumps(SNAKE), f"{name}.json")
+    return _title(service, SNAKE, f"{name}.json")
 
 
 def named_in_preview(service: Service, name: str) -> str:
-    data = json.dumps({"format": "foldback-path/1", "name": name, "cells": SNAKE})
+    file = {
+        "file": ("ok.json", json.dumps({"format": "foldback-path/1", "name": name, "cells": SNAKE}))
+    }
     headers = bearer("N" * 32)
     answer = service.http.post(
-        "/api/shapes/preview",
-        headers=headers,
-        files={"file": ("ok.json", data)},
-        data={"full": "false"},
+        "/api/shapes/preview", headers=headers, files=file, data={"full": "false"}
     )
     assert answer.status_code == 200, answer.text
     previews = service.http.get("/api/mine/previews", headers=headers).json()["previews"]
@@ -106,17 +108,10 @@ def renamed(service: Service, name: str) -> str:
     return str(service.state(fold["id"])["title"])
 
 
-def _title(service: Service, data: str, filename: str) -> str:
-    answer: httpx.Response = service.http.post("/api/folds", files={"file": (filename, data)})
-    assert answer.status_code == 202, answer.text
-    accepted: dict[str, Any] = answer.json()
-    return str(service.state(accepted["id"])["title"])
-
-
 @pytest.mark.parametrize(
     "way", [named_in_path, named_in_chain, named_by_file, named_in_preview, renamed]
 )
-def test_titles_show_something_wherever_names_come_from(desk: Service, way: Any) -> None:
+def test_titles_are_visible_wherever_names_come_from(desk: Service, way: Any) -> None:
     blank = "\u3164\u2800\ufe0f\u200b\u0301\U000e0041\u00ad"
     shown = way(desk, blank)
     assert shown and shown == clean_name(shown)

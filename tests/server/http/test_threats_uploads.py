@@ -6,11 +6,11 @@ import io
 import json
 import socket
 import struct
-import threading
 import time
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
+from itertools import product
 from pathlib import Path
 
 import httpx
@@ -24,6 +24,7 @@ from server.jobs import housekeeping
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.tables import FoldRow
+from tests.case import case
 from tests.server.here import ServiceHere
 from tests.server.service import PATIENCE_S, SNAKE, Service, owner
 
@@ -35,6 +36,7 @@ HEAD = (
 )
 PART = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a.bin"\r\n\r\n'
 END = b"\r\n--x--\r\n"
+FORM = "application/x-www-form-urlencoded"
 
 
 @contextmanager
@@ -72,47 +74,34 @@ def length(size: int) -> bytes:
 def test_twenty_large_uploads_at_once_fit_into_little_memory(service: Service) -> None:
     web = psutil.Process(service.process.pid)
     service.http.post("/api/folds", files={"file": ("a.bin", b"\x89PNG" * MIB)})
-    before, most = _settled(web), 0
-    stop = threading.Event()
-
-    def watch() -> None:
-        nonlocal most
-        while not stop.wait(0.02):
-            most = max(most, web.memory_info().rss)
-
-    watching = threading.Thread(target=watch)
-    watching.start()
-    piece, size = b"\x89PNG" * (MIB // 4), 20
-    clients = [connected(service) for _ in range(20)]
-    sockets = [client.__enter__() for client in clients]
-    try:
-        for k, client in enumerate(sockets):
+    before = most = _settled(web)
+    piece, size = b"\x89PNG" * (MIB // 4), 8
+    with ExitStack() as stack:
+        clients = [stack.enter_context(connected(service)) for _ in range(20)]
+        for k, client in enumerate(clients):
             client.sendall(head(f"203.0.113.{k}", length(size * MIB)) + PART)
         for _ in range(size):
-            for client in sockets:
+            for client in clients:
                 client.sendall(piece)
+            most = max(most, web.memory_info().rss)
         assert sum(1 for _ in service.data_dir.glob("uploads/*/")) == 1
-        for client in sockets[:3]:  # read, counted, copied, and refused by the reader
+        for client in clients[:3]:  # read, counted, copied, and refused by the reader
             client.sendall(END)
             status, _, body = answer_of(client)
             assert (status, json.loads(body)["code"]) == (422, "wrong-kind")
-    finally:
-        for client in clients:
-            client.__exit__(None, None, None)
-        stop.set()
-        watching.join()
+            most = max(most, web.memory_info().rss)
     assert most - before < 64 * MIB, f"grew by {(most - before) / MIB:.0f} MiB"
 
 
-def test_a_visitor_has_few_uploads_at_once_and_all_have_not_many(
-    here_with: ServiceWith,
-) -> None:
+def test_uploads_at_once_are_limited_for_a_visitor_and_for_all(here_with: ServiceWith) -> None:
     service = here_with(max_uploads=2, max_uploads_of_visitor=1).start()
 
+    def answer_to(visitor: str) -> httpx.Response:
+        headers = {"X-Forwarded-For": visitor}
+        return service.http.post("/api/folds", data={"shape": "mallet-64"}, headers=headers)
+
     def refused(visitor: str, whose: str) -> None:
-        answer = service.http.post(
-            "/api/folds", data={"shape": "mallet-64"}, headers={"X-Forwarded-For": visitor}
-        )
+        answer = answer_to(visitor)
         assert answer.status_code == 429, answer.text
         assert answer.headers["content-type"] == "application/problem+json"
         assert int(answer.headers["retry-after"]) > 0
@@ -132,7 +121,7 @@ def test_a_visitor_has_few_uploads_at_once_and_all_have_not_many(
         begin(second, "2001:db8::1")
         refused("2001:db8:0:0:1:2:3:4", "of yours")
         refused("198.51.100.3", "in all")
-    _until(lambda: _status(service, "203.0.113.1") == 202)
+    _until(lambda: answer_to("203.0.113.1").status_code == 202)
 
 
 def _settled(process: psutil.Process) -> int:
@@ -144,13 +133,6 @@ def _settled(process: psutil.Process) -> int:
         if (now := process.memory_info().rss) > found + MIB:
             found, since = now, time.monotonic()
     return found
-
-
-def _status(service: Service, visitor: str) -> int:
-    answer = service.http.post(
-        "/api/folds", data={"shape": "mallet-64"}, headers={"X-Forwarded-For": visitor}
-    )
-    return answer.status_code
 
 
 def _until(what: Callable[[], bool]) -> None:
@@ -178,14 +160,14 @@ def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     patience.undo()
 
 
-def test_an_upload_of_which_nothing_comes_is_over(hasty: Service) -> None:
+def test_stalled_upload_times_out(hasty: Service) -> None:
     with connected(hasty) as client:
         client.sendall(head("x", b"Content-Length: 1000") + PART)
         status, _, body = answer_of(client)
     assert (status, json.loads(body)["code"]) == (408, "too-slow")
 
 
-def test_an_upload_that_trickles_is_over_at_last(here_with: ServiceWith) -> None:
+def test_slow_upload_times_out(here_with: ServiceWith) -> None:
     service = here_with(upload_seconds=1.0).start()
     with connected(service) as client:
         client.sendall(head("x", b"Content-Length: 100000") + PART)
@@ -200,28 +182,25 @@ def test_an_upload_that_trickles_is_over_at_last(here_with: ServiceWith) -> None
     assert (status, json.loads(body)["code"]) == (408, "too-slow")
 
 
-@pytest.mark.parametrize("begun", [b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: localhost\r\nX: "])
-def test_who_does_not_say_what_he_wants_is_hung_up_on(hasty: Service, begun: bytes) -> None:
-    with connected(hasty) as client:
-        client.sendall(begun)
-        with pytest.raises(ConnectionResetError):
-            client.recv(1)
-            raise ConnectionResetError  # an end without a reset is one, too
+def test_connection_without_a_whole_request_is_closed(hasty: Service) -> None:
+    for begun in (b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: localhost\r\nX: "):
+        with connected(hasty) as client, suppress(ConnectionResetError):
+            client.sendall(begun)
+            assert client.recv(1) == b""
 
 
-def test_an_endless_head_is_refused(hasty: Service) -> None:
-    with connected(hasty) as client:
-        client.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"y" * 60_000)
-        assert answer_of(client)[0] == 400
-    with connected(hasty) as client:
-        client.sendall(b"GET /" + b"y" * 60_000)
-        assert answer_of(client)[0] == 400
-    with connected(hasty) as client:
-        client.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n" + b"A: b\r\n" * 200 + b"\r\n")
-        assert answer_of(client)[0] == 400
+def test_endless_head_is_refused(hasty: Service) -> None:
+    for data in (
+        b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"y" * 60_000,
+        b"GET /" + b"y" * 60_000,
+        b"GET / HTTP/1.1\r\nHost: localhost\r\n" + b"A: b\r\n" * 200 + b"\r\n",
+    ):
+        with connected(hasty) as client:
+            client.sendall(data)
+            assert answer_of(client)[0] == 400
 
 
-def test_who_takes_nothing_is_hung_up_on(hasty: Service) -> None:
+def test_client_that_does_not_read_is_disconnected(hasty: Service) -> None:
     url = hasty.http.base_url
     with socket.socket() as client:
         client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -235,14 +214,14 @@ def test_who_takes_nothing_is_hung_up_on(hasty: Service) -> None:
                 time.sleep(0.1)
 
 
-def test_one_address_has_a_few_connections(hasty: Service) -> None:
+def test_connections_of_one_address_are_limited(hasty: Service) -> None:
     with ExitStack() as stack:
         clients = [stack.enter_context(connected(hasty)) for _ in range(16)]
         assert sum(status_of(client, b"/api/shapes") == 200 for client in clients) <= 8
     _until(lambda: _answers(hasty))
 
 
-def test_health_is_answered_when_all_connections_are_taken(here_with: ServiceWith) -> None:
+def test_health_is_answered_while_all_connections_are_taken(here_with: ServiceWith) -> None:
     service = here_with(max_connections=3).start()
     with ExitStack() as stack:
         for _ in range(3):
@@ -251,7 +230,7 @@ def test_health_is_answered_when_all_connections_are_taken(here_with: ServiceWit
             assert status_of(stack.enter_context(connected(service)), path) == status
 
 
-def test_chunks_of_one_byte_are_read_at_a_rate(here_with: ServiceWith) -> None:
+def test_tiny_chunks_are_read_at_a_rate(here_with: ServiceWith) -> None:
     service = here_with(requests_per_second_of_visitor=1).start()
     with connected(service) as client:
         client.sendall(
@@ -269,7 +248,7 @@ def test_chunks_of_one_byte_are_read_at_a_rate(here_with: ServiceWith) -> None:
             client.recv(1)
 
 
-def test_fields_of_a_trailer_are_counted_like_those_of_a_head(here_with: ServiceWith) -> None:
+def test_trailer_fields_are_read_at_a_rate(here_with: ServiceWith) -> None:
     service = here_with(requests_per_second_of_visitor=1).start()
     head = b"POST /nowhere HTTP/1.1\r\nHost: localhost\r\nX-Forwarded-For: 203.0.113.1\r\n"
     trailer = b"0\r\n" + b"a:b\r\n" * 5000 + b"\r\n"
@@ -300,9 +279,8 @@ def _answers(service: Service) -> bool:
         return False
 
 
-@pytest.mark.parametrize(
-    ("told", "body"),
-    [
+def test_false_lengths_are_refused(hasty: Service) -> None:
+    for told, body in (
         (b"Content-Length: 999999999999", PART + b"[[0,0,0]]" + END),
         (b"Content-Length: 18446744073709551617", PART),
         (b"Content-Length: 30", PART + b"[" * 1000 + END),
@@ -311,59 +289,36 @@ def _answers(service: Service) -> bool:
         (b"Transfer-Encoding: chunked", b"fffffffffffffffff\r\nabc"),
         (b"Transfer-Encoding: chunked\r\nContent-Length: 5", b"0\r\n\r\nGET /health"),
         (b"Transfer-Encoding: chunked", b"5\r\n--x\r\n\r\n0\r\n\r\n"),
-    ],
-)
-def test_lies_about_lengths_are_refused(hasty: Service, told: bytes, body: bytes) -> None:
-    with connected(hasty) as client:
-        client.sendall(head("x", told) + body)
-        status = answer_of(client)[0]
-    assert status == 0 or 400 <= status < 500 or status == 507
+    ):
+        with case(told), connected(hasty) as client:
+            client.sendall(head("x", told) + body)
+            status = answer_of(client)[0]
+            assert status == 0 or 400 <= status < 500 or status == 507
     assert hasty.http.get("/health").status_code == 200
 
 
-@pytest.mark.parametrize(
-    "form",
-    [
-        b"".join(
-            b'--x\r\nContent-Disposition: form-data; name="f%d"; filename="a"\r\n\r\n1\r\n' % k
-            for k in range(100)
-        )
-        + b"--x--\r\n",
-        b"".join(
-            b'--x\r\nContent-Disposition: form-data; name="seed"\r\n\r\n%d\r\n' % k
-            for k in range(200)
-        )
-        + b"--x--\r\n",
-        b'--x\r\nContent-Disposition: form-data; name="shape"\r\n\r\n' + b"a" * 100_000 + END,
-        b'--x\r\nContent-Disposition: form-data; name="file"; x="' + b"a" * 100_000 + b'"\r\n',
-        b"--x\r\n" + b"A: b\r\n" * 10_000,
-    ],
-    ids=["files", "fields", "long field", "long header", "many headers"],
-)
-def test_a_form_has_few_and_small_parts(desk: Service, form: bytes) -> None:
-    answer = desk.http.post(
-        "/api/folds",
-        content=form,
-        headers={"Content-Type": "multipart/form-data; boundary=x"},
-    )
-    assert 400 <= answer.status_code < 500, answer.text
-    assert answer.headers["content-type"] == "application/problem+json"
+def test_forms_have_few_and_small_parts(desk: Service) -> None:
+    field = b'--x\r\nContent-Disposition: form-data; name="'
+    for kind, form in {
+        "files": (field + b'f"; filename="a"\r\n\r\n1\r\n') * 100 + b"--x--\r\n",
+        "fields": (field + b'seed"\r\n\r\n1\r\n') * 200 + b"--x--\r\n",
+        "long field": field + b'shape"\r\n\r\n' + b"a" * 100_000 + END,
+        "long header": field + b'file"; x="' + b"a" * 100_000 + b'"\r\n',
+        "many headers": b"--x\r\n" + b"A: b\r\n" * 10_000,
+    }.items():
+        headers = {"Content-Type": "multipart/form-data; boundary=x"}
+        answer = desk.http.post("/api/folds", content=form, headers=headers)
+        assert 400 <= answer.status_code < 500, (kind, answer.text)
+        assert answer.headers["content-type"] == "application/problem+json"
 
 
-@pytest.mark.parametrize("kind", ["application/json", "application/x-www-form-urlencoded", ""])
-def test_what_is_no_upload_is_small(desk: Service, kind: str) -> None:
+def test_requests_without_a_file_are_small(desk: Service) -> None:
     data = b"shape=" + b"a" * 180_000
-    shapes = ("/api/shapes/preview", "/api/shapes/offers")
-    for path in ("/api/folds", "/api/folds/nosuch/movies", *shapes):
+    paths = ("/api/folds", "/api/folds/nosuch/movies", "/api/shapes/preview", "/api/shapes/offers")
+    for kind, path in product(("application/json", FORM, ""), paths):
         answer = desk.http.post(path, content=data, headers={"Content-Type": kind})
         assert 400 <= answer.status_code < 500, answer.text
-    answer = desk.http.post("/api/folds", content=data, headers={"Content-Type": FORM})
-    assert answer.status_code == 413
-
-
-def test_what_is_too_large_is_told_so_however_it_comes(desk: Service) -> None:
-    data = b"shape=" + b"a" * 180_000
-    with connected(desk) as client:
+    with connected(desk) as client:  # told so, however slowly it comes
         client.sendall(
             b"POST /api/folds HTTP/1.1\r\nHost: localhost\r\nContent-Type: %s\r\n"
             b"Content-Length: %d\r\n\r\n" % (FORM.encode(), len(data))
@@ -373,9 +328,6 @@ def test_what_is_too_large_is_told_so_however_it_comes(desk: Service) -> None:
             time.sleep(0.02)
         status, _, body = answer_of(client)
     assert (status, json.loads(body)["code"]) == (413, "too-large")
-
-
-FORM = "application/x-www-form-urlencoded"
 
 
 def bomb(name: str, inside: bytes = b"") -> bytes:
@@ -491,7 +443,7 @@ def test_hostile_files_are_refused(desk: Service, name: str) -> None:
     assert answer.json()["code"] not in ("internal", "crashed"), answer.text
 
 
-def test_what_another_process_takes_in_is_left_alone(tmp_path: Path) -> None:
+def test_uploads_of_other_processes_are_left_alone(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path)
     first = Uploads(settings)
     with first.stored(io.BytesIO(b"abc"), "a") as upload:
@@ -504,52 +456,42 @@ def test_what_another_process_takes_in_is_left_alone(tmp_path: Path) -> None:
         (settings.uploads_dir / "link").symlink_to(outside)
         second = Uploads(settings)
         assert upload.directory.is_dir() and not dead.exists() and outside.is_dir()
-        assert {p.name for p in settings.uploads_dir.iterdir()} == {
-            first.place.name,
-            second.place.name,
-        }
+        left = {path.name for path in settings.uploads_dir.iterdir()}
+        assert left == {first.place.name, second.place.name}
     assert not upload.directory.exists()
     second.close()
     first.close()
     assert not list(settings.uploads_dir.iterdir())
 
 
-def test_an_upload_is_counted_and_its_digest_told(tmp_path: Path) -> None:
+def test_stored_upload_has_its_size_and_digest(tmp_path: Path) -> None:
     uploads = Uploads(Settings(data_dir=tmp_path))
     with uploads.stored(io.BytesIO(b"abc" * 1_000_000), None) as upload:
-        assert upload.size == 3_000_000
-        assert (upload.directory / "input").stat().st_size == 3_000_000
+        assert upload.size == (upload.directory / "input").stat().st_size == 3_000_000
         assert upload.digest.startswith("f4096a13")
     uploads.close()
 
 
-def test_an_upload_that_breaks_off_leaves_nothing(hasty: Service) -> None:
+def test_broken_off_upload_leaves_no_files(hasty: Service) -> None:
     with connected(hasty) as client:
         client.sendall(head("x", length(8 * MIB)) + PART + bytes(4 * MIB))
     _until(lambda: hasty.fold(SNAKE)["id"] is not None)
     _until(lambda: [p.name for p in hasty.data_dir.glob("uploads/*/*")] == [])
 
 
-def test_uploads_that_are_cancelled_at_once_fill_no_disk(
+def test_uploads_cancelled_at_once_fill_no_disk(
     here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert housekeeping.MAX_CANCELLED_BYTES <= 16 * MIB
     monkeypatch.setattr(housekeeping, "MAX_CANCELLED_BYTES", 2**20)
     service = here_with().start()
-    size = 2**19
-    for number in range(8):
-        data = json.dumps(SNAKE).encode() + size * b" "
-        answer = service.http.post("/api/folds", files={"file": ("a.json", data)})
-        fold = answer.json()
-        here = f"/api/folds/{fold['id']}"
-        answer = service.http.post(f"{here}/cancel", headers=owner(fold))
-        assert answer.json()["status"] == "cancelled", number
+    for _ in range(5):
+        data = json.dumps(SNAKE).encode() + 2**19 * b" "
+        fold = service.http.post("/api/folds", files={"file": ("a.json", data)}).json()
+        answer = service.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
+        assert answer.json()["status"] == "cancelled"
     files = [path.stat().st_size for path in service.directory(".").rglob("input")]
     assert len(files) == 2  # the last one, and what fits into 1 MiB beside it
-    store = Store(Settings(data_dir=service.data_dir))
-    try:
-        with store.reading() as session:
-            counted = session.scalar(sa.select(sa.func.sum(FoldRow.bytes))) or 0
-    finally:
-        store.close()
+    with closing(Store(service.settings)) as store, store.reading() as session:
+        counted = session.scalar(sa.select(sa.func.sum(FoldRow.bytes))) or 0
     assert sum(files) <= counted < sum(files) + 10_000

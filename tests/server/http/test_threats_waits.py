@@ -19,7 +19,7 @@ from server.api import fold_states
 from server.api import frames as frame_routes
 from server.jobs.remaining import EtaEstimator
 from server.store.tables import FoldRow
-from tests.server.http.test_bounds import from_address
+from tests.server.http.test_threats_crowding import from_address
 from tests.server.service import PATIENCE_S, SNAKE, Service
 from tests.web.conftest import unfolding
 from web.timeline.view import TimelineView
@@ -64,7 +64,7 @@ async def ask(
         ({"max_waits": 3}, [f"198.51.{k}.1" for k in range(5)], "in all"),
     ],
 )
-def test_waits_beyond_quota_are_refused_with_retry_after(
+def test_waits_beyond_the_quota_are_refused(
     here_with: ServiceWith, settings: dict[str, int], visitors: list[str], whose: str
 ) -> None:
     service = here_with(**{"max_waits_of_visitor": 1, **settings}).start()
@@ -82,7 +82,7 @@ def test_waits_beyond_quota_are_refused_with_retry_after(
         assert service.http.get(address + wait, headers=own).status_code == 200
 
 
-def test_many_waits_are_looked_after_by_one_thread_and_answered_together(
+def test_waits_share_one_thread_and_are_answered_together(
     here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     service = here_with().start()
@@ -112,7 +112,7 @@ def test_many_waits_are_looked_after_by_one_thread_and_answered_together(
     assert others <= len(visitors)
 
 
-def test_new_network_displaces_the_wait_of_the_largest_one(here_with: ServiceWith) -> None:
+def test_wait_of_a_new_network_displaces_one_of_the_largest(here_with: ServiceWith) -> None:
     service = here_with(max_waits=4, max_waits_of_visitor=2).start()
     fold, _, _ = growing_fold(service)
     crowd = ["203.0.113.1", "203.0.113.2", "198.51.100.1", "198.51.100.2", "192.0.2.1"]
@@ -120,7 +120,7 @@ def test_new_network_displaces_the_wait_of_the_largest_one(here_with: ServiceWit
     assert {answer.status_code for answer in answers} == {200}
 
 
-def test_states_of_many_folds_are_read_by_one_thread(
+def test_states_of_all_folds_are_read_by_one_thread(
     here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     service = here_with().start()
@@ -138,7 +138,7 @@ def test_states_of_many_folds_are_read_by_one_thread(
     assert len(threads) == 1 and threads.pop().startswith("fold-states")
 
 
-def test_costly_batches_of_one_visitor_leave_threads_to_others(
+def test_batches_of_one_visitor_leave_threads_to_others(
     here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     service = here_with().start()

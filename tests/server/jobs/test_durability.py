@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import psutil
 import pytest
-import sqlalchemy as sa
 
 from planner.file_names import TIMELINE
 from planner.motion.timeline import Timeline
@@ -19,14 +19,14 @@ from planner.pipeline.fold_layout import last_frame, result
 from planner.plan.plan import Plan
 from planner.progress import STAGES
 from server.api.schemas import PAUSED_MESSAGE
-from server.jobs.execution import MAX_CRASHES, PausedError
-from server.jobs.queue import MAX_LOSSES, FoldClaim, Lane, Queue
+from server.jobs import execution
+from server.jobs.execution import Execution, PausedError
+from server.jobs.queue import MAX_LOSSES, FoldClaim
 from server.jobs.runner import Runner
 from server.jobs.slices import Slice
 from server.processes.children import Child, ChildError
 from server.processes.fork_server import ForkServer
 from server.store.folds import Store
-from server.store.tables import FoldRow
 from tests.server.here import FORKS, ServiceHere
 from tests.server.processes.test_fork_server import before_others
 from tests.server.service import PATIENCE_S, SNAKE, STAIRS, Service, over
@@ -45,7 +45,7 @@ def check_finished(service: Service, fold_id: str) -> None:
 
 
 @pytest.mark.long
-def test_a_worker_killed_in_mid_explosion(service_with) -> None:
+def test_fold_of_a_killed_worker_is_finished_by_its_successor(service_with) -> None:
     service = service_with().start()
     fold_id = service.fold(shape="wrench-160")["id"]
     waiting = service.fold(SNAKE)["id"]
@@ -59,7 +59,7 @@ def test_a_worker_killed_in_mid_explosion(service_with) -> None:
 
 
 @pytest.mark.long
-def test_a_server_killed_in_mid_explosion(service_with) -> None:
+def test_fold_of_a_killed_service_is_finished_by_the_next(service_with) -> None:
     service = service_with()
     with ServiceHere(service.data_dir).start() as taking_in:
         # A smaller one may be over before its explosion has been seen.
@@ -79,7 +79,7 @@ def test_a_server_killed_in_mid_explosion(service_with) -> None:
 
 
 @pytest.mark.long
-def test_an_orderly_stop_keeps_the_fold_for_the_next_start(service_with) -> None:
+def test_stopped_service_keeps_its_fold_for_the_next_start(service_with) -> None:
     service = service_with().start()
     fold_id = service.fold(shape="wrench-160")["id"]
     assert service.wait_exploding(fold_id)["status"] == "running"
@@ -93,35 +93,26 @@ def test_an_orderly_stop_keeps_the_fold_for_the_next_start(service_with) -> None
     check_finished(service, fold_id)
 
 
-@pytest.mark.long
-def test_a_living_worker_takes_over_from_one_that_stays_dead(service_with) -> None:
-    service = service_with(workers=0).start()
-    with service.worker() as first:
-        fold_id = service.fold(shape="wrench-160")["id"]
-        service.wait_exploding(fold_id)
-        with service.worker() as second:
-            service.wait_workers(2)
-            first.kill()
-            check_finished(service, fold_id)
-            assert second.poll() is None
-            assert service.http.get("/ready").json()["workers"] == 1
+@contextmanager
+def running(
+    service: ServiceHere, claim: FoldClaim, *, fork_server: ForkServer = FORKS
+) -> Iterator[tuple[Store, Execution]]:
+    """What a worker runs a fold with; its stages are computed in a child, as everywhere."""
+    with closing(Store(service.settings)) as store:
+        runner = Runner(service.settings, store, fork_server=fork_server)
+        try:
+            yield store, runner.execution(claim)
+        finally:
+            runner.stop()
 
 
 def compute(
-    service: ServiceHere, fold_id: str, *, fork_server: ForkServer = FORKS
+    service: ServiceHere, fold_id: str, *, fork_server: ForkServer = FORKS, losses: int = 0
 ) -> dict[str, Any]:
-    """Does what a worker does with a fold, and tells how it stands then.
-
-    Its stages are computed in a child, as everywhere.
-    """
-    store = Store(service.settings)
-    runner = Runner(service.settings, store, fork_server=fork_server)
-    try:
-        claim = FoldClaim(fold_id, "tests", STAGES[0], files=0, losses=0)
-        runner.execution(claim).run()
-    finally:
-        runner.stop()
-        store.close()
+    """Does what a worker does with a fold, and tells how it stands then."""
+    claim = FoldClaim(fold_id, "tests", STAGES[0], files=0, losses=losses)
+    with running(service, claim, fork_server=fork_server) as (_, execution):
+        execution.run()
     return service.state(fold_id)
 
 
@@ -182,34 +173,38 @@ def recorded_by(process: psutil.Process, directory: Path) -> bool:
 
 
 @pytest.fixture(scope="module")
-def held(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Held]:
+def forks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Held]:
     code = tmp_path_factory.mktemp("held") / "code"
     hold = code.parent / "hold"
     code.mkdir()
-    hold.touch()
     (code / "sitecustomize.py").write_text(HELD.format(str(hold)))
-    server = ForkServer(["stages"], warm=False, environment={"PYTHONPATH": before_others(code)})
-    server.start()
-    yield Held(server, hold)
-    server.close()
+    environment = {"PYTHONPATH": before_others(code)}
+    hold.touch()
+    with closing(ForkServer(["stages"], warm=False, environment=environment)) as server:
+        server.start()
+        yield Held(server, hold)
 
 
-def test_a_fold_whose_process_dies_again_and_again_fails_alone(
-    here_with: HereWith, held: Held
-) -> None:
+@pytest.fixture
+def held(forks: Held, monkeypatch: pytest.MonkeyPatch) -> Held:
+    """The fork server; a fold fails when its process has died twice."""
+    monkeypatch.setattr(execution, "MAX_CRASHES", 2)
+    return forks
+
+
+def test_fold_whose_process_dies_repeatedly_fails_alone(here_with: HereWith, held: Held) -> None:
     service = here_with().start()
     options = {"strategy": "simultaneous"}
     accepted = service.fold(STAIRS, **options)
     directory, killed = service.directory(accepted["id"]), set[int]()
     with ThreadPoolExecutor(1) as worker:
         computing = worker.submit(compute, service, accepted["id"], fork_server=held.server)
-        for _ in range(MAX_CRASHES):
+        for _ in range(2):
             held.kill_child(directory, killed)
         state = computing.result()
-    assert state["status"] == "failed"
-    assert state["error"]["code"] == "crashed"
-    assert "SIGKILL" in state["error"]["detail"]
-    assert f"happened {MAX_CRASHES} times" in state["error"]["detail"]
+    assert (state["status"], state["error"]["code"]) == ("failed", "crashed")
+    for words in ("SIGKILL", "happened 2 times"):
+        assert words in state["error"]["detail"]
     # What was there of it stays, and tells where it was.
     assert state["summary"]["stuck"]["kind"] == "stopped"
     assert Timeline.open(directory / "timeline.zarr").status == "failed"
@@ -218,7 +213,7 @@ def test_a_fold_whose_process_dies_again_and_again_fails_alone(
     assert not again["existing"] and again["id"] != accepted["id"]
 
 
-def test_a_fold_goes_on_when_its_process_or_its_fork_server_is_killed(
+def test_fold_goes_on_when_its_process_or_fork_server_is_killed(
     here_with: HereWith, held: Held
 ) -> None:
     service = here_with().start()
@@ -226,7 +221,7 @@ def test_a_fold_goes_on_when_its_process_or_its_fork_server_is_killed(
     directory, killed = service.directory(fold_id), set[int]()
     with ThreadPoolExecutor(1) as worker:
         computing = worker.submit(compute, service, fold_id, fork_server=held.server)
-        for _ in range(MAX_CRASHES - 1):
+        for _ in range(1):
             held.kill_child(directory, killed)
         held.child(directory, killed)
         held.hold.unlink()
@@ -238,7 +233,7 @@ def test_a_fold_goes_on_when_its_process_or_its_fork_server_is_killed(
 
 
 @pytest.mark.long
-def test_a_fold_makes_room_for_a_cheaper_one_and_goes_on_by_itself(
+def test_fold_makes_room_for_a_cheaper_one_and_goes_on(
     service_with: Callable[..., Service],
 ) -> None:
     service = service_with(slice_seconds=0.2).start()
@@ -252,7 +247,7 @@ def test_a_fold_makes_room_for_a_cheaper_one_and_goes_on_by_itself(
     check_finished(service, long)
 
 
-def test_a_fold_that_takes_too_long_is_ended_with_a_clear_word(here_with: HereWith) -> None:
+def test_fold_beyond_its_time_limit_fails(here_with: HereWith) -> None:
     service = here_with(stage_seconds=0.2).start()
     state = compute(service, service.fold(shape="wrench-160", settings="robots=0")["id"])
     assert (state["status"], state["error"]["code"]) == ("failed", "time-limit")
@@ -260,7 +255,7 @@ def test_a_fold_that_takes_too_long_is_ended_with_a_clear_word(here_with: HereWi
 
 
 @pytest.mark.long
-def test_a_verified_plan_outlasts_the_search_for_a_better_one(
+def test_verified_plan_is_kept_when_the_search_for_a_better_one_fails(
     here_with: HereWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     call, calls = Child.call, list[str]()
@@ -284,7 +279,7 @@ def test_a_verified_plan_outlasts_the_search_for_a_better_one(
     "stage",
     [pytest.param(s, marks=[pytest.mark.long] * (s not in ("explode", "export"))) for s in STAGES],
 )
-def test_no_result_of_a_stage_that_was_cut_off_for_others_is_kept(
+def test_result_of_a_paused_stage_is_not_kept(
     here_with: HereWith, monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:
     call = Child.call
@@ -298,22 +293,15 @@ def test_no_result_of_a_stage_that_was_cut_off_for_others_is_kept(
     monkeypatch.setattr(Slice, "over", lambda part: setattr(part, "ended", True) or True)
     service = here_with().start()
     fold_id = service.fold(STAIRS)["id"]
-    store = Store(service.settings)
-    runner = Runner(service.settings, store, fork_server=FORKS)
-    try:
-        claim = FoldClaim(fold_id, "one", stage, files=1, losses=0)
+    claim = FoldClaim(fold_id, "one", stage, files=1, losses=0)
+    with running(service, claim) as (store, execution):
         with pytest.raises(PausedError):
-            runner.execution(claim).run()
-        assert store.fold(fold_id).checkpoint is None
-        assert (store.fold(fold_id).status, store.fold(fold_id).pauses) == ("queued", 1)
-    finally:
-        runner.stop()
-        store.close()
+            execution.run()
+        row = store.fold(fold_id)
+        assert (row.checkpoint, row.status, row.pauses) == (None, "queued", 1)
 
 
-def test_a_fold_that_needs_too_much_memory_is_ended_with_a_clear_word(
-    here_with: HereWith,
-) -> None:
+def test_fold_beyond_its_memory_limit_is_refused(here_with: HereWith) -> None:
     service = here_with(child_memory_bytes=128 * 2**20).start()
     cells = [[x, 0, 0] for x in range(3000)]
     answer = service.http.post("/api/folds", files={"file": ("long.json", str(cells))})
@@ -327,25 +315,13 @@ def test_a_fold_that_needs_too_much_memory_is_ended_with_a_clear_word(
     assert service.http.get("/health").status_code == 200
 
 
-def test_a_fold_that_is_lost_with_its_worker_again_and_again_fails(here_with: HereWith) -> None:
+def test_fold_lost_with_its_workers_repeatedly_fails(here_with: HereWith) -> None:
     service = here_with().start()
-    fold_id = service.fold(SNAKE)["id"]
-    store = Store(service.settings)
-    with store.changing() as session:
-        session.execute(sa.update(FoldRow).values(losses=MAX_LOSSES))
-    claim = Queue(store).claim(Lane.QUICK, "tests")
-    assert isinstance(claim, FoldClaim)
-    runner = Runner(service.settings, store, fork_server=FORKS)
-    try:
-        runner.execution(claim).run()
-    finally:
-        runner.stop()
-        store.close()
-    state = service.state(fold_id)
+    state = compute(service, service.fold(SNAKE)["id"], losses=MAX_LOSSES)
     assert (state["status"], state["error"]["code"]) == ("failed", "internal")
 
 
-def test_what_was_being_uploaded_at_the_end_leaves_nothing(here_with: HereWith) -> None:
+def test_unfinished_upload_of_an_ended_service_is_removed(here_with: HereWith) -> None:
     service = here_with()
     left = service.data_dir / "uploads" / "halfway"
     left.mkdir(parents=True)

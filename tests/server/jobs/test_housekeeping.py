@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
-
-import pytest
 
 from server.jobs.housekeeping import (
     CANCELLED_FOLD_S,
@@ -21,12 +20,15 @@ from server.jobs.housekeeping import (
 from server.settings import Settings
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError, Store, new_id
-from server.store.tables import FoldRow
-from tests.server.bucket import Bucket
-from tests.server.rows import SOMEBODY, a_movie, statements
+from tests.server.rows import SOMEBODY, a_fold, a_movie, statements
 
 MIB = 2**20
 GALLERY: dict[str, Any] = {"public": True, "shape": "wrench-24"}
+
+
+def swept(tmp_path: Path, store: Store, **settings: object) -> int:
+    """How many folds a sweep removes."""
+    return housekeeping(tmp_path, store, **settings).sweep()
 
 
 def housekeeping(tmp_path: Path, store: Store, **settings: object) -> Housekeeping:
@@ -36,24 +38,8 @@ def housekeeping(tmp_path: Path, store: Store, **settings: object) -> Housekeepi
 def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
     """A fold that is over and was last looked at so many days ago; its id."""
     then = time.time() - days * DAY_S
-    values: dict[str, object] = {
-        "id": new_id(),
-        "name": "snake",
-        "status": "verified",
-        "created_at": then,
-        "ended_at": then,
-        "seen_at": then,
-        "modules": 16,
-        "module": "cube",
-        "public": False,
-        "preset": "default",
-        "seed": 0,
-        "visitor": "somebody",
-        "bytes": size,
-        "progress": {},
-        "summary": {},
-    }
-    row = FoldRow(**{**values, **more})
+    usual: dict[str, object] = {"ended_at": then, "visitor": "somebody", "bytes": size}
+    row = a_fold(**usual | {"created_at": then, "seen_at": then} | more)
     store.add(row, SOMEBODY)
     place = store.folders.place(row.id)
     place.mkdir()
@@ -99,9 +85,7 @@ def left(store: Store, *folds: str) -> list[bool]:
     return found
 
 
-def test_housekeeping_removes_what_killed_processes_left_half_written(
-    store: Store, tmp_path: Path
-) -> None:
+def test_half_written_files_of_killed_processes_are_removed(store: Store, tmp_path: Path) -> None:
     place = store.folders.place(fold(store, days=0))
     (place / EXPORTS_DIR).mkdir()
     names = (".figures.zarr.a1b2.partial", ".figures.zarr.4711", f"{EXPORTS_DIR}/.a.csv.1.partial")
@@ -119,13 +103,7 @@ def test_housekeeping_removes_what_killed_processes_left_half_written(
     assert (place / "plan.json").exists()
 
 
-def test_nothing_is_forgotten_unless_it_is_asked_for(tmp_path: Path, store: Store) -> None:
-    old = fold(store, days=5000, size=10**12)
-    assert housekeeping(tmp_path, store).sweep() == 0
-    assert left(store, old) == [True]
-
-
-def test_what_nobody_looks_at_expires(tmp_path: Path, store: Store) -> None:
+def test_unseen_folds_expire_when_the_settings_say_so(tmp_path: Path, store: Store) -> None:
     folds = [
         fold(store, days=31),
         fold(store, days=29),
@@ -134,58 +112,47 @@ def test_what_nobody_looks_at_expires(tmp_path: Path, store: Store) -> None:
         fold(store, days=31, status="queued", ended_at=None),
         fold(store, days=31, status="running", ended_at=None),
     ]
-    assert housekeeping(tmp_path, store, keep_days=30).sweep() == 1
-    assert left(store, *folds) == [False, True, True, True, True, True]
+    late, seen = (fold(store, days=31) for _ in range(2))
+    before = store.fold(late).seen_at
+    assert before is not None
+    for looked in (late, seen):
+        store.looked(store.fold(looked))
+    assert not store.expire(late, before)
+    assert swept(tmp_path, store) == 0
+    assert swept(tmp_path, store, keep_days=30) == 1
+    assert left(store, *folds, late, seen) == [False, *7 * [True]]
 
 
-def test_looking_at_a_fold_keeps_it(tmp_path: Path, store: Store) -> None:
-    seen = fold(store, days=31)
-    store.looked(store.fold(seen))
-    assert housekeeping(tmp_path, store, keep_days=30).sweep() == 0
-    assert left(store, seen) == [True]
-
-
-def test_the_longest_unseen_make_room(tmp_path: Path, store: Store) -> None:
-    folds = [fold(store, days=days) for days in (4, 3, 2, 0)]
+def test_longest_unseen_folds_make_room_and_fresh_ones_stay(tmp_path: Path, store: Store) -> None:
+    folds = [fold(store, days=days) for days in (4, 3, 2, 0, 0)]
     pinned = fold(store, days=9, pinned=True)
-    assert housekeeping(tmp_path, store, storage_bytes=3 * MIB).sweep() == 2
-    assert left(store, *folds, pinned) == [False, False, True, True, True]
+    assert swept(tmp_path, store, storage_bytes=4 * MIB) == 2
+    assert left(store, *folds, pinned) == [False, False, True, True, True, True]
+    assert swept(tmp_path, store, storage_bytes=MIB) == 1
+    assert left(store, *folds, pinned) == [False, False, False, True, True, True]
 
 
-def test_what_somebody_has_just_looked_at_stays(tmp_path: Path, store: Store) -> None:
-    folds = [fold(store, days=0), fold(store, days=0)]
-    assert housekeeping(tmp_path, store, storage_bytes=MIB).sweep() == 0
-    assert left(store, *folds) == [True, True]
-
-
-def test_a_visitor_has_a_bound_of_his_own(tmp_path: Path, store: Store) -> None:
+def test_storage_of_a_visitor_has_a_bound_of_its_own(tmp_path: Path, store: Store) -> None:
     greedy = [fold(store, days=days, visitor="greedy") for days in (3, 2, 1)]
     modest = fold(store, days=9, visitor="modest")
-    assert housekeeping(tmp_path, store, storage_of_visitor_bytes=2 * MIB).sweep() == 1
+    assert swept(tmp_path, store, storage_of_visitor_bytes=2 * MIB) == 1
     assert left(store, *greedy, modest) == [False, True, True, True]
 
 
-def test_who_wants_it_after_all_is_in_time(store: Store) -> None:
-    late = fold(store, days=31)
-    seen = store.fold(late).seen_at
-    assert seen is not None
-    store.looked(store.fold(late))
-    assert not store.expire(late, seen)
-    assert left(store, late) == [True]
-
-
-def test_a_cancelled_fold_goes_an_hour_after_the_last_look(tmp_path: Path, store: Store) -> None:
+def test_cancelled_fold_is_removed_an_hour_after_the_last_look(
+    tmp_path: Path, store: Store
+) -> None:
     hour = CANCELLED_FOLD_S / DAY_S
     old, late, pinned, seen = (
         fold(store, days=days, status="cancelled", pinned=days > 2 * hour, visitor=f"{days}")
         for days in (1.1 * hour, 0.9 * hour, 3 * hour, 1.2 * hour)
     )
     store.looked(store.fold(seen))
-    housekeeping(tmp_path, store).sweep()
+    swept(tmp_path, store)
     assert left(store, old, late, pinned, seen) == [False, True, True, True]
 
 
-def test_of_one_visitor_only_the_latest_cancelled_folds_stay(store: Store) -> None:
+def test_only_the_latest_cancelled_folds_of_a_visitor_stay(store: Store) -> None:
     folds = [
         fold(store, days=n / 1e4, size=1, status="cancelled")
         for n in range(MAX_CANCELLED_FOLDS + 2)
@@ -195,7 +162,7 @@ def test_of_one_visitor_only_the_latest_cancelled_folds_stay(store: Store) -> No
     assert left(store, *folds, others) == MAX_CANCELLED_FOLDS * [True] + [False, False, True]
 
 
-def test_a_sweep_reads_no_rows_that_stay(tmp_path: Path, store: Store) -> None:
+def test_sweep_reads_no_rows_that_stay(tmp_path: Path, store: Store) -> None:
     for _ in range(3):
         fold(store, days=1)
     old = [fold(store, days=days, status="cancelled") for days in (1, 2)]
@@ -218,7 +185,7 @@ def test_a_sweep_reads_no_rows_that_stay(tmp_path: Path, store: Store) -> None:
     assert deleted == len(old) and not any(one[0].startswith("DELETE") for one in again)
 
 
-def test_cancelling_one_upload_after_the_other_fills_no_disk(store: Store) -> None:
+def test_bytes_of_cancelled_folds_of_a_visitor_are_limited(store: Store) -> None:
     large: dict[str, Any] = {"size": 8 * MIB, "status": "cancelled"}
     folds = [fold(store, days=n / 1e4, **large) for n in range(8)]
     others = fold(store, days=1e-4, visitor="another", **large)
@@ -229,7 +196,7 @@ def test_cancelling_one_upload_after_the_other_fills_no_disk(store: Store) -> No
     assert left(store, others) == [True]
 
 
-def test_of_the_gallery_what_was_cancelled_or_failed_and_done_again_goes(
+def test_cancelled_and_repeated_folds_of_the_gallery_are_removed(
     tmp_path: Path, store: Store
 ) -> None:
     failed: dict[str, Any] = {"status": "failed", "visitor": "another"}
@@ -243,11 +210,11 @@ def test_of_the_gallery_what_was_cancelled_or_failed_and_done_again_goes(
         fold(store, days=1, **failed, **GALLERY),  # nothing came after it
         fold(store, days=3, **failed, **GALLERY, content_key="key"),  # it would fail so again
     ]
-    housekeeping(tmp_path, store).sweep()
+    swept(tmp_path, store)
     assert left(store, *gone, *stay) == [False, False, True, True, True, True]
 
 
-def test_what_can_be_made_again_goes_before_any_fold_and_spends_nobody_s_quota(
+def test_derived_files_make_room_before_folds_and_count_for_no_visitor(
     tmp_path: Path, store: Store
 ) -> None:
     folds = [fold(store, days=days) for days in (3, 2)]
@@ -255,22 +222,22 @@ def test_what_can_be_made_again_goes_before_any_fold_and_spends_nobody_s_quota(
         derive(store, name, 2 * MIB)
     movies = [movie(store, folds[0], of_owner=True), movie(store, folds[1], of_owner=False)]
     quota = {"storage_of_visitor_bytes": 2 * MIB}
-    housekeeping(tmp_path, store, storage_bytes=8 * MIB, **quota).sweep()
+    swept(tmp_path, store, storage_bytes=8 * MIB, **quota)
     assert left(store, *folds) == [True, True]
     assert [store.fold(name).derived_bytes for name in folds] == [2 * MIB, 2 * MIB]
-    housekeeping(tmp_path, store, storage_bytes=7 * MIB, **quota).sweep()
+    swept(tmp_path, store, storage_bytes=7 * MIB, **quota)
     assert [store.fold(name).derived_bytes for name in folds] == [0, 2 * MIB]
     # The movie that the owner has asked for is the last to go, then folds.
     for bound, there in ((3, [True, False]), (2, [False, False])):
-        housekeeping(tmp_path, store, storage_bytes=bound * MIB, **quota).sweep()
+        swept(tmp_path, store, storage_bytes=bound * MIB, **quota)
         assert [path.exists() for path in movies] == there
     assert [store.fold(name).derived_bytes for name in folds] == [0, 0]
     assert left(store, *folds) == [True, True]
-    housekeeping(tmp_path, store, storage_bytes=1 * MIB).sweep()
+    swept(tmp_path, store, storage_bytes=1 * MIB)
     assert left(store, *folds) == [False, True]
 
 
-def test_what_an_earlier_version_counted_as_the_fold_s_own_counts_apart(
+def test_derived_bytes_counted_by_an_earlier_version_are_separated(
     tmp_path: Path, store: Store
 ) -> None:
     old, counted = fold(store, days=1, size=MIB + 2), fold(store, days=1)
@@ -283,36 +250,29 @@ def test_what_an_earlier_version_counted_as_the_fold_s_own_counts_apart(
     assert (store.fold(counted).bytes, store.fold(counted).derived_bytes) == (MIB, MIB)
 
 
-def test_what_was_counted_twice_is_set_right_when_room_is_made(
+def test_derived_bytes_counted_twice_are_corrected_when_room_is_made(
     tmp_path: Path, store: Store
 ) -> None:
     twice, fresh = fold(store, days=2), fold(store, days=1)
     derive(store, twice, MIB)
     derive(store, fresh, MIB, age_s=0.0)
+    made = movie(store, fresh, of_owner=False, age_s=0.0)
     for name in (twice, fresh):  # two processes have made the same file
         store.add_derived(name, MIB)
-    housekeeping(tmp_path, store, storage_bytes=2 * MIB).sweep()
+    swept(tmp_path, store, storage_bytes=2 * MIB)
     assert [store.fold(name).derived_bytes for name in (twice, fresh)] == [0, MIB]
+    assert made.exists() and left(store, twice, fresh) == [True, True]  # made for who just asked
 
 
-def test_what_was_just_made_stays_for_who_has_asked(tmp_path: Path, store: Store) -> None:
-    fresh = fold(store, days=1)
-    derive(store, fresh, MIB, age_s=0.0)
-    made = movie(store, fresh, of_owner=False, age_s=0.0)
-    housekeeping(tmp_path, store, storage_bytes=MIB).sweep()
-    assert (store.fold(fresh).derived_bytes, made.exists()) == (MIB, True)
-    assert left(store, fresh) == [True]
-
-
-def test_a_full_disk_has_what_can_be_made_again_go(tmp_path: Path, store: Store) -> None:
+def test_full_disk_removes_derived_files(tmp_path: Path, store: Store) -> None:
     full = fold(store, days=1)
     derive(store, full, MIB)
-    housekeeping(tmp_path, store, min_free_disk_bytes=2**60).sweep()
+    swept(tmp_path, store, min_free_disk_bytes=2**60)
     assert store.fold(full).derived_bytes == 0
     assert left(store, full) == [True]
 
 
-def test_files_of_no_fold_go_when_they_were_seen_twice(tmp_path: Path, store: Store) -> None:
+def test_orphaned_files_are_removed_at_the_second_sweep(tmp_path: Path, store: Store) -> None:
     kept, orphan, fresh = fold(store, days=1), new_id(), new_id()
     for name in (orphan, fresh):
         store.folders.place(name).mkdir()
@@ -328,25 +288,14 @@ def test_files_of_no_fold_go_when_they_were_seen_twice(tmp_path: Path, store: St
     assert left(store, kept) == [True]
 
 
-def test_copies_of_folds_forgotten_elsewhere_go_too(
-    tmp_path: Path, bucket: Bucket, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name, value in bucket.environment.items():
-        monkeypatch.setenv(name, value)
-    settings = Settings(data_dir=tmp_path / "data", storage_url=bucket.bucket())
-    store = Store(settings)
-    try:
+def test_copies_of_folds_removed_elsewhere_are_removed(tmp_path: Path, bucket_url: str) -> None:
+    settings = Settings(data_dir=tmp_path / "data", storage_url=bucket_url)
+    with closing(Store(settings)) as store:
         kept, orphan = fold(store, days=1), new_id()
         copies = {name: settings.cache_dir / f"{name}-1" for name in (kept, orphan)}
         for copy in copies.values():
             copy.mkdir()
         sweeping = Housekeeping(settings, store)
-        sweeping.sweep_orphans()
-        assert copies[orphan].exists()
-        sweeping.sweep_orphans()
-        assert {name: copy.exists() for name, copy in copies.items()} == {
-            kept: True,
-            orphan: False,
-        }
-    finally:
-        store.close()
+        for there in (True, False):
+            sweeping.sweep_orphans()
+            assert (copies[kept].exists(), copies[orphan].exists()) == (True, there)

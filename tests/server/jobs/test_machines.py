@@ -2,36 +2,44 @@
 
 from __future__ import annotations
 
-import signal
-import threading
+import json
+import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import psutil
+import psycopg
 import pytest
 
 from server.store.owner import new_token
 from tests.server.bucket import Bucket
 from tests.server.here import ServiceHere
 from tests.server.hosts import Hosts
+from tests.server.jobs.test_movies import LONG, SMALL
+from tests.server.jobs.test_movies import wait as wait_movie
 from tests.server.postgres import Postgres
 from tests.server.service import PATIENCE_S, SNAKE, Service, over, owner
+from tests.tools import OPENGL
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
-def hosts_with(tmp_path: Path, postgres: Postgres, bucket: Bucket) -> Iterator[Any]:
-    made: list[Hosts] = []
+def hosts_with(
+    tmp_path: Path, postgres: Postgres, bucket: Bucket
+) -> Iterator[Callable[..., Hosts]]:
+    with ExitStack() as stack:
 
-    def make(**settings: object) -> Hosts:
-        made.append(Hosts(tmp_path, postgres, bucket, **settings))
-        return made[-1]
+        def make(**settings: object) -> Hosts:
+            hosts = Hosts(tmp_path, postgres, bucket, **settings)
+            stack.callback(hosts.close)
+            return hosts
 
-    yield make
-    for hosts in made:
-        hosts.close()
+        yield make
 
 
 def check_whole(service: Service, fold_id: str) -> dict[str, Any]:
@@ -44,7 +52,7 @@ def check_whole(service: Service, fold_id: str) -> dict[str, Any]:
 
 
 @pytest.mark.long
-def test_what_one_takes_in_another_computes_and_a_third_shows(hosts_with: Any) -> None:
+def test_machines_take_in_compute_and_show_one_fold(hosts_with: Callable[..., Hosts]) -> None:
     hosts = hosts_with()
     first, second = hosts.web(), hosts.web()
     # Large enough to be seen at work on a quick machine; with a seed it is the visitor's own.
@@ -77,7 +85,7 @@ def test_what_one_takes_in_another_computes_and_a_third_shows(hosts_with: Any) -
 
 
 @pytest.mark.long
-def test_the_folds_of_a_host_that_is_gone_are_taken_over(hosts_with: Any) -> None:
+def test_folds_of_a_lost_host_are_taken_over(hosts_with: Callable[..., Hosts]) -> None:
     hosts = hosts_with(lease_s=2)
     web = hosts.web()
     with hosts.worker() as doomed:
@@ -95,46 +103,7 @@ def test_the_folds_of_a_host_that_is_gone_are_taken_over(hosts_with: Any) -> Non
 
 
 @pytest.mark.long
-def test_a_worker_that_wakes_up_again_does_no_harm(hosts_with: Any) -> None:
-    hosts = hosts_with(lease_s=2)
-    web = hosts.web()
-    with hosts.worker() as sleeper:
-        fold_id = web.fold(shape="wrench-160")["id"]
-        web.wait_exploding(fold_id)
-        sleeper.send_signal(signal.SIGSTOP)
-        try:
-            with hosts.worker() as heir:
-                deadline = time.monotonic() + PATIENCE_S
-                while "taking over" not in hosts.logs():
-                    assert time.monotonic() < deadline
-                    time.sleep(0.1)
-                sleeper.send_signal(signal.SIGCONT)
-                ended = check_whole(web, fold_id)
-                heir.kill()
-        finally:
-            sleeper.send_signal(signal.SIGCONT)
-        # It is of use again.
-        check_whole(web, web.fold(SNAKE)["id"])
-        assert web.state(fold_id) == ended
-
-
-@pytest.mark.long
-def test_a_worker_that_ends_hands_back_at_once(hosts_with: Any) -> None:
-    hosts = hosts_with(lease_s=3600)  # nobody would notice that it is gone
-    web = hosts.web()
-    with hosts.worker() as first:
-        fold_id = web.fold(shape="wrench-160")["id"]
-        web.wait_exploding(fold_id)
-        with hosts.worker():
-            web.wait_workers(2)
-            first.terminate()
-            assert first.wait(PATIENCE_S) == 0
-            check_whole(web, fold_id)
-            web.wait_workers(1)
-
-
-@pytest.mark.long
-def test_a_worker_may_finish_what_it_has_begun(hosts_with: Any) -> None:
+def test_draining_worker_finishes_its_fold(hosts_with: Callable[..., Hosts]) -> None:
     hosts = hosts_with(drain_s=PATIENCE_S)
     web = hosts.web()
     with hosts.worker() as worker:
@@ -143,12 +112,12 @@ def test_a_worker_may_finish_what_it_has_begun(hosts_with: Any) -> None:
         waiting = web.fold(SNAKE, seed=1)["id"]
         worker.terminate()
         assert worker.wait(PATIENCE_S) == 0
-        assert web.state(fold_id)["status"] == "verified"
-        assert web.state(waiting)["status"] == "queued"
+    assert web.state(fold_id)["status"] == "verified"
+    assert web.state(waiting)["status"] == "queued"
 
 
 @pytest.mark.long
-def test_a_database_that_is_away_for_a_while_costs_nothing(tmp_path: Path, bucket: Bucket) -> None:
+def test_fold_survives_a_database_outage(tmp_path: Path, bucket: Bucket) -> None:
     postgres = Postgres().start()
     hosts = Hosts(tmp_path, postgres, bucket)
     try:
@@ -169,9 +138,7 @@ def test_a_database_that_is_away_for_a_while_costs_nothing(tmp_path: Path, bucke
 
 
 @pytest.mark.long
-def test_a_storage_that_is_away_for_a_while_costs_nothing(
-    tmp_path: Path, postgres: Postgres
-) -> None:
+def test_fold_survives_a_storage_outage(tmp_path: Path, postgres: Postgres) -> None:
     bucket = Bucket().start()
     hosts = Hosts(tmp_path, postgres, bucket)
     try:
@@ -198,12 +165,10 @@ def test_a_storage_that_is_away_for_a_while_costs_nothing(
 
 
 @pytest.mark.long
-def test_cancelling_frees_the_core(hosts_with: Any) -> None:
+def test_cancellation_on_another_host_frees_the_core(hosts_with: Callable[..., Hosts]) -> None:
     hosts = hosts_with()
     first, second = hosts.web(), hosts.web()
     with hosts.worker() as worker:
-        import psutil
-
         accepted = first.fold(shape="wrench-160", preset="paper")
         first.wait_exploding(accepted["id"])
         computing = [
@@ -214,29 +179,94 @@ def test_cancelling_frees_the_core(hosts_with: Any) -> None:
         answer = second.http.post(f"/api/folds/{accepted['id']}/cancel", headers=owner(accepted))
         assert answer.status_code == 202
         second.wait_over(accepted["id"])
-        _, alive = psutil.wait_procs(computing, timeout=PATIENCE_S)
-        assert not alive
+        assert not psutil.wait_procs(computing, timeout=PATIENCE_S)[1]
         check_whole(first, second.fold(SNAKE)["id"])
 
 
 @pytest.mark.long
-def test_two_that_ask_for_the_same_get_the_same(
-    hosts_with: Any, bucket: Bucket, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.usefixtures("bucket_url")
+def test_equal_requests_at_once_to_two_hosts_get_one_fold(
+    hosts_with: Callable[..., Hosts],
 ) -> None:
-    for name, value in bucket.environment.items():
-        monkeypatch.setenv(name, value)
     hosts = hosts_with()
     webs = [hosts.web(ServiceHere), hosts.web(ServiceHere)]  # they share nothing in this process
     token = new_token()
-    got: list[str] = []
-
-    def ask(web: Service) -> None:
-        got.append(web.fold(SNAKE, token=token)["id"])
-
-    threads = [threading.Thread(target=ask, args=(web,)) for web in webs * 4]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(got) == len(threads)
+    with ThreadPoolExecutor(8) as threads:
+        got = list(threads.map(lambda web: web.fold(SNAKE, token=token)["id"], webs * 4))
     assert len(set(got)) == 1
+
+
+@pytest.mark.long
+def test_two_web_processes_share_previews_files_and_movies(
+    hosts_with: Callable[..., Hosts],
+) -> None:
+    OPENGL.get()
+    hosts = hosts_with(lease_s=2.0)
+    here, there = hosts.web(), hosts.web()
+
+    def size(fold_id: str) -> int:
+        with psycopg.connect(hosts.database_url) as connection:
+            sizes = (
+                "SELECT bytes + (SELECT coalesce(sum(bytes), 0) FROM movies WHERE fold_id = %s) "
+                "FROM folds WHERE id = %s"
+            )
+            return connection.execute(sizes, [fold_id, fold_id]).fetchone()[0]  # type: ignore[index]
+
+    with hosts.worker() as first:
+        # A preview is looked at, and folded, elsewhere.
+        file = {"file": ("path.json", json.dumps(SNAKE))}
+        preview = here.http.post("/api/shapes/preview", files=file).json()
+        assert there.http.get(f"/previews/{preview['id']}").status_code == 200
+        drawing = f"/previews/{preview['id']}/drawing.svg?key={preview['key']}"
+        assert there.http.get(drawing).content == here.http.get(drawing).content
+        scene = f"/previews/{preview['id']}/scene/{preview['key']}"
+        assert there.http.get(scene).status_code == 200
+        other = {"preview": preview["id"], "seed": "5"}
+        more = there.http.post("/api/shapes/preview", data=other).json()
+        assert here.http.get(f"/previews/{preview['id']}/scene/{more['key']}").status_code == 200
+        assert there.http.get("/previews/nosuchpreview").status_code == 404
+        accepted = there.fold(preview=preview["id"])
+        fold_id = accepted["id"]
+        assert here.wait_over(fold_id)["status"] == "verified"
+
+        # What is made of a fold is made wherever it is asked for, also when a copy was dropped.
+        for path in (
+            f"/api/folds/{fold_id}/plan.json",
+            f"/api/folds/{fold_id}/plan.npz",
+            f"/api/folds/{fold_id}/exports/urdf",
+            f"/folds/{fold_id}/picture.png",
+            f"/folds/{fold_id}/standalone.html",
+        ):
+            assert here.http.get(path).status_code == there.http.get(path).status_code == 200, path
+            for copy in (there.data_dir / "cache").iterdir():
+                shutil.rmtree(copy)
+            assert there.http.get(path).status_code == 200, path
+
+        # A movie is asked for here, followed there, and taken from both.
+        before = size(fold_id)
+        movies = f"/api/folds/{fold_id}/movies"
+        movie = here.http.post(movies, json=SMALL).json()
+        assert there.http.post(movies, json=SMALL).json()["token"] is None
+        ready = wait_movie(there, movie, lambda m: m["status"] in ("ready", "failed"))
+        assert (ready["status"], ready["frames_done"]) == ("ready", 4), ready
+        file = there.http.get(movie["links"]["file"]).content
+        assert file[4:8] == b"ftyp"
+        assert here.http.get(movie["links"]["file"]).content == file
+        assert size(fold_id) == before + len(file)
+        headers = {"Authorization": f"Bearer {movie['token']}"}
+        assert there.http.delete(movie["links"]["self"], headers=headers).status_code == 204
+        assert here.http.get(movie["links"]["file"]).json()["code"] == "no-such-movie"
+        assert size(fold_id) == before
+
+        long = here.http.post(movies, json=LONG).json()
+        begun = wait_movie(there, long, lambda m: m["frames_done"] > 1)["frames_done"]
+        first.kill()
+        first.wait()
+    # Its worker is gone for good: another one makes the movie, from its beginning.
+    with hosts.worker():
+        wait_movie(there, long, lambda m: m["status"] == "running" and m["frames_done"] < begun)
+        wait_movie(here, long, lambda m: m["frames_done"] > 0)
+        assert (
+            there.http.delete(f"/api/folds/{fold_id}", headers=owner(accepted)).status_code == 204
+        )
+        assert here.http.get(long["links"]["self"]).json()["code"] == "no-such-fold"

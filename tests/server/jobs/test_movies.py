@@ -56,18 +56,13 @@ def over(movie: dict[str, Any]) -> bool:
 
 def children(service: Service) -> list[psutil.Process]:
     """Processes that make movies, encoders included."""
-    found = []
-    for process in psutil.Process(service.process.pid).children(recursive=True):
-        try:
-            words = process.cmdline()
-        except psutil.Error:
-            continue
-        if "foldback movies" in words or any("ffmpeg" in word for word in words):
-            found.append(process)
-    return found
+    makers = service.processes("foldback movies")
+    return [*makers, *(child for maker in makers for child in maker.children())]
 
 
-def test_a_movie_from_the_wish_to_the_file(service: Service, finished: dict[str, Any]) -> None:
+def test_movie_is_requested_made_downloaded_and_deleted(
+    service: Service, finished: dict[str, Any]
+) -> None:
     answer = service.http.post(f"/api/folds/{finished['id']}/movies", json=SMALL)
     assert answer.status_code == 202
     movie = answer.json()
@@ -93,7 +88,7 @@ def test_a_movie_from_the_wish_to_the_file(service: Service, finished: dict[str,
 
 
 @pytest.mark.long
-def test_a_gif_moves_and_its_address_alone_deletes_it_not(
+def test_gif_moves_and_is_deleted_by_its_owner_only(
     service: Service, finished: dict[str, Any]
 ) -> None:
     made = ask(service, finished["id"], **SMALL, format="gif")
@@ -114,33 +109,17 @@ def test_a_gif_moves_and_its_address_alone_deletes_it_not(
     assert service.http.delete(here, headers=owner(finished["accepted"])).status_code == 204
 
 
-@pytest.mark.parametrize(
-    ("options", "code", "where"),
-    [
+def test_bad_movies_are_refused(service: Service, finished: dict[str, Any]) -> None:
+    here = f"/api/folds/{finished['id']}/movies"
+    for options, code, where in (
         ({"width": 127}, "bad-movie", "width"),
         ({"seconds": 3600}, "bad-movie", "seconds"),
         ({"format": "avi"}, "bad-request", "body.format"),
         ({"widht": 128}, "bad-request", "body.widht"),
-    ],
-)
-def test_refusals(
-    service: Service, finished: dict[str, Any], options: dict[str, Any], code: str, where: str
-) -> None:
-    answer = service.http.post(f"/api/folds/{finished['id']}/movies", json=options)
-    assert answer.status_code == 422
-    assert (answer.json()["code"], answer.json()["where"]) == (code, where)
-
-
-@pytest.mark.long
-def test_frames_that_are_not_there_fail_the_movie(
-    service: Service, finished: dict[str, Any]
-) -> None:
-    movie = wait(service, ask(service, finished["id"], **SMALL, last_frame=10**6), over)
-    assert movie["status"] == "failed"
-    assert (movie["problem"]["code"], movie["problem"]["where"]) == ("bad-movie", "last_frame")
-
-
-def test_unknown_folds_and_movies(service: Service, finished: dict[str, Any]) -> None:
+    ):
+        answer = service.http.post(here, json=options)
+        assert answer.status_code == 422
+        assert (answer.json()["code"], answer.json()["where"]) == (code, where)
     for fold_id, code in (("nosuchfold", "no-such-fold"), (finished["id"], "no-such-movie")):
         answer = service.http.get(f"/api/folds/{fold_id}/movies/0123456789ab")
         assert (answer.status_code, answer.json()["code"]) == (404, code)
@@ -148,9 +127,14 @@ def test_unknown_folds_and_movies(service: Service, finished: dict[str, Any]) ->
 
 
 @pytest.mark.long
-def test_deleted_while_it_is_made_it_stops_within_a_second(
-    service: Service, finished: dict[str, Any]
-) -> None:
+def test_movie_of_missing_frames_fails(service: Service, finished: dict[str, Any]) -> None:
+    movie = wait(service, ask(service, finished["id"], **SMALL, last_frame=10**6), over)
+    assert movie["status"] == "failed"
+    assert (movie["problem"]["code"], movie["problem"]["where"]) == ("bad-movie", "last_frame")
+
+
+@pytest.mark.long
+def test_movie_deleted_while_it_is_made_stops(service: Service, finished: dict[str, Any]) -> None:
     movie = ask(service, finished["id"], **LONG)
     wait(service, movie, lambda m: m["frames_done"] > 1)
     making = children(service)
@@ -171,7 +155,9 @@ def test_deleted_while_it_is_made_it_stops_within_a_second(
 
 
 @pytest.mark.long
-def test_as_many_as_there_may_be(service_with: Callable[..., Service]) -> None:
+def test_number_of_waiting_movies_is_limited_and_they_survive_a_restart(
+    service_with: Callable[..., Service],
+) -> None:
     service = service_with(movies_waiting=2, movies_waiting_of_visitor=1).start()
     accepted = service.fold(SNAKE)
     early = service.http.post(f"/api/folds/{accepted['id']}/movies", json=SMALL)
@@ -198,7 +184,7 @@ def test_as_many_as_there_may_be(service_with: Callable[..., Service]) -> None:
     assert service.http.get(short["links"]["self"]).json()["code"] == "no-such-fold"
 
 
-def test_the_picture_of_a_fold(service: Service, finished: dict[str, Any]) -> None:
+def test_picture_of_a_fold(service: Service, finished: dict[str, Any]) -> None:
     answer = service.http.get(f"/folds/{finished['id']}/picture.png")
     assert answer.status_code == 200
     assert answer.headers["Content-Type"] == "image/png"
@@ -215,7 +201,7 @@ def film(directory: Path, out: Path, *words: str, **environment: str) -> Any:
 
 
 @pytest.mark.long
-def test_the_command_films_a_directory(
+def test_movie_command_films_a_directory(
     service: Service, finished: dict[str, Any], tmp_path: Path
 ) -> None:
     directory = service.directory(finished["id"])
@@ -242,7 +228,7 @@ def test_the_command_films_a_directory(
         pytest.param({"PYOPENGL_PLATFORM": "none"}, id="no library", marks=pytest.mark.long),
     ],
 )
-def test_without_opengl_it_says_what_to_install(
+def test_movie_without_opengl_says_what_to_install(
     service: Service, finished: dict[str, Any], tmp_path: Path, environment: dict[str, str]
 ) -> None:
     directory = service.directory(finished["id"])
@@ -278,20 +264,8 @@ def test_movie_without_ffmpeg_says_how_to_get_it_and_gif_works(
     assert done.exit_code == 0, done.stderr
 
 
-@pytest.mark.parametrize(
-    ("request_json", "on_table"),
-    [
-        ('{"world": "table"}', True),
-        ('{"world": "floating"}', False),
-        ("{}", False),
-        ("[]", False),
-        ("what", False),
-        (None, False),
-    ],
-)
-def test_only_folds_on_a_table_are_filmed_on_one(
-    tmp_path: Path, request_json: str | None, on_table: bool
-) -> None:
-    if request_json is not None:
-        (tmp_path / "request.json").write_text(request_json)
-    assert is_on_table(tmp_path) == on_table
+def test_only_folds_on_a_table_are_filmed_on_one(tmp_path: Path) -> None:
+    assert not is_on_table(tmp_path)
+    for text in ('{"world": "floating"}', "{}", "[]", "what", '{"world": "table"}'):
+        (tmp_path / "request.json").write_text(text)
+        assert is_on_table(tmp_path) == ("table" in text), text

@@ -1,47 +1,33 @@
-"""Estimated remaining time of folds, from measurements on this machine only."""
+"""Estimated remaining time of folds: one source for previews, comparisons and the folds."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import closing
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from planner.pipeline.request import FoldRequest
 from planner.progress import COMPILING
-from server.api.schemas import progress_of
+from server.api.schemas import ExpectedTimes, progress_of
 from server.jobs.remaining import EtaEstimator, left_s
 from server.settings import Settings
 from server.store.durations import MIN_SIMILAR_FOLDS, Duration, typical_s
+from server.store.estimates import Estimates, expected_of_cost, plain_fold
 from server.store.folds import Store
 from server.store.leases import Leases, Preparing
 from server.store.worker_identity import WorkerIdentities
 from tests.server.rows import SOMEBODY, a_fold
+from tests.server.store.test_leases import Clock
 
 USUAL = {"read": 0.5, "explode": 8.0, "play_back": 4.0, "certify": 2.0, "export": 0.5}
 NOW = 1_000_000.0
 
 
-class Clock:
-    """A clock that stands still until it is moved on."""
-
-    def __init__(self) -> None:
-        self.now = NOW
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    with closing(Store(Settings(data_dir=tmp_path))) as store:
-        yield store
-
-
 @pytest.fixture
 def clock() -> Clock:
-    return Clock()
+    return Clock(NOW)
 
 
 @pytest.fixture
@@ -89,14 +75,24 @@ def test_remaining_uses_only_similar_folds(
     assert (fresh.of(store.fold(fold)).remaining_s or 0) > expected
 
 
-def test_typical_duration_with_one_slow_fold_is_not_decided_by_it() -> None:
-    usual, slow = (Duration(modules=160, stage_s={"explode": s}) for s in (3.0, 360.0))
+def test_typical_duration_is_the_median_of_folds_of_its_size() -> None:
+    def known(*seconds: float, modules: int = 160) -> list[Duration]:
+        return [Duration(modules=modules, stage_s={"explode": s}) for s in seconds]
+
     row = a_fold("now", modules=160)
-    assert typical_s([slow], row) is None
-    assert typical_s([slow, usual, usual], row) == {"explode": 3.0}
+    assert typical_s(known(360.0), row) is None
+    assert typical_s(known(360.0, 3.0, 3.0), row) == {"explode": 3.0}
+    several = known(1.0, 2.0, 30.0)
+    assert typical_s(several, row) == {"explode": 2.0}
+    # Twice as many modules take longer, and a fold of the same size counts most.
+    larger = typical_s(several, a_fold("now", modules=320))
+    assert larger is not None and larger["explode"] > 4.0
+    both = [*several, *known(9.0, 9.0, 9.0, 9.0, modules=500)]
+    assert typical_s(both, row) == {"explode": 2.0}
+    assert typical_s(several, a_fold("now", modules=0)) is None
 
 
-def test_what_is_left_of_the_stage_and_the_stages_after_it(
+def test_remaining_is_the_rest_of_the_stage_and_those_after_it(
     store: Store, remaining: EtaEstimator
 ) -> None:
     for name in ("first", "second", "third"):
@@ -105,7 +101,7 @@ def test_what_is_left_of_the_stage_and_the_stages_after_it(
     assert remaining.of(store.fold(fold)).remaining_s == round(4.0 + 4.0 + 2.0 + 0.5)
 
 
-def test_it_runs_down_like_a_clock_and_follows_what_is_seen_bit_by_bit(
+def test_remaining_runs_down_and_follows_reports_gradually(
     store: Store, remaining: EtaEstimator, clock: Clock
 ) -> None:
     ended(store, "another")
@@ -128,7 +124,7 @@ def test_it_runs_down_like_a_clock_and_follows_what_is_seen_bit_by_bit(
     assert max(after) > after[0]
 
 
-def test_a_clock_that_is_set_back_by_hours_changes_little(
+def test_clock_that_is_set_back_changes_little(
     store: Store, remaining: EtaEstimator, clock: Clock
 ) -> None:
     ended(store, "another")
@@ -140,7 +136,7 @@ def test_a_clock_that_is_set_back_by_hours_changes_little(
     assert abs(after - before) <= 1
 
 
-def test_longer_than_usual_is_said_and_never_less_than_nothing(
+def test_remaining_of_an_overdue_fold_ends_at_zero(
     store: Store, remaining: EtaEstimator, clock: Clock
 ) -> None:
     ended(store, "another")
@@ -152,7 +148,7 @@ def test_longer_than_usual_is_said_and_never_less_than_nothing(
     assert remaining.of(store.fold(fold)).remaining_s == 0
 
 
-def test_in_the_queue_it_is_the_wait_and_the_fold(store: Store, remaining: EtaEstimator) -> None:
+def test_remaining_in_the_queue_includes_the_wait(store: Store, remaining: EtaEstimator) -> None:
     ended(store, "another")
     first = a_fold("first", status="queued", modules=160)
     second = a_fold("second", status="queued", modules=160)
@@ -164,21 +160,7 @@ def test_in_the_queue_it_is_the_wait_and_the_fold(store: Store, remaining: EtaEs
     assert two.remaining_s == 2 * sum(USUAL.values())
 
 
-def test_the_middle_of_folds_of_its_size_counts() -> None:
-    row = a_fold("now", modules=160)
-    known = [Duration(modules=160, stage_s={"explode": s}) for s in (1.0, 2.0, 30.0)]
-    assert typical_s(known, row) == {"explode": 2.0}
-    # Twice as many modules take longer, and a fold of the same size counts most.
-    larger = typical_s(known, a_fold("now", modules=320))
-    assert larger is not None and larger["explode"] > 4.0
-    both = [*known, *[Duration(modules=500, stage_s={"explode": 9.0})] * 4]
-    assert typical_s(both, row) == {"explode": 2.0}
-    assert typical_s(known, a_fold("now", modules=0)) is None
-
-
-def test_what_the_stage_before_has_said_is_not_of_the_next(
-    store: Store, remaining: EtaEstimator
-) -> None:
+def test_fraction_of_an_earlier_stage_is_not_used(store: Store, remaining: EtaEstimator) -> None:
     ended(store, "another")
     fold = running(store, "explode", 1.0, began_at=NOW - 8.0)
     told = store.fold(fold).progress
@@ -189,7 +171,7 @@ def test_what_the_stage_before_has_said_is_not_of_the_next(
     assert 6 <= (remaining.of(row).remaining_s or 0) <= 7
 
 
-def test_a_slow_machine_is_slow_in_the_next_stage_too() -> None:
+def test_slow_stages_raise_the_estimate_of_later_ones() -> None:
     spent = {"read": 0.5, "explode": 24.0}
     left = left_s(USUAL, stage="play_back", fraction=0.0, spent_s=spent, elapsed_s=0.0)
     assert left == pytest.approx(6.5 * (3.0 + 24.0) / (3.0 + 8.0))
@@ -199,7 +181,7 @@ def test_a_slow_machine_is_slow_in_the_next_stage_too() -> None:
     assert left == pytest.approx(6.5)
 
 
-def test_a_fold_that_chooses_goes_through_stages_again() -> None:
+def test_estimate_with_a_preference_repeats_stages() -> None:
     spent = {"explode": 3.0, "play_back": 4.0}
     once = left_s(USUAL, stage="certify", fraction=0.0, spent_s=spent, elapsed_s=0.0)
     again = left_s(USUAL, stage="certify", fraction=0.0, spent_s=spent, elapsed_s=0.0, chooses=True)
@@ -244,3 +226,44 @@ def test_smoothing_before_its_first_report_is_not_an_explosion(
 ) -> None:
     fold = running(store, "explode", 0.0, began_at=NOW, smooths="another")
     assert progress_of(store.fold(fold), remaining)["message"] == "smoothing"
+
+
+REPORT = {"modules": 160, "module": "cube"}
+
+
+def add_ended(store: Store, count: int) -> None:
+    for k in range(count):
+        store.add(a_fold(f"ended {k}", modules=160, progress={"stage_s": USUAL}), SOMEBODY)
+
+
+def told_everywhere(store: Store, tmp_path: Path) -> tuple[float, float]:
+    """What a preview tells of a shape of 160, and what the page of its fold tells then."""
+    estimates = Estimates(store)
+    preview = ExpectedTimes.of(REPORT, "floating", estimates.total_s)
+    leases = Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), 1000.0)
+    leases.heartbeat("one", host="here", pid=1, folds_at_once=1)
+    store.add(a_fold("asked", status="queued", modules=160, created_at=time.time()), SOMEBODY)
+    outlook = EtaEstimator(store, leases, estimates).of(store.fold("asked"))
+    assert outlook.remaining_s is not None
+    return preview.expected_s, outlook.remaining_s
+
+
+@pytest.mark.parametrize("measured", [False, True])
+def test_estimates_of_preview_and_fold_agree(store: Store, tmp_path: Path, measured: bool) -> None:
+    add_ended(store, MIN_SIMILAR_FOLDS - (not measured))
+    preview_s, fold_s = told_everywhere(store, tmp_path)
+    expected = expected_of_cost(plain_fold(160, FoldRequest()))
+    assert preview_s == pytest.approx(sum(USUAL.values()) if measured else expected)
+    assert fold_s == round(preview_s)
+
+
+def test_estimate_of_other_options_uses_their_own_samples(store: Store) -> None:
+    add_ended(store, MIN_SIMILAR_FOLDS)
+    times = ExpectedTimes.of(REPORT, "floating", Estimates(store).total_s)
+    assert times.expected_as_published_s == pytest.approx(
+        expected_of_cost(plain_fold(160, FoldRequest(preset="paper")))
+    )
+    assert times.expected_preferred_s == pytest.approx(
+        expected_of_cost(plain_fold(160, FoldRequest(prefer="time")))
+    )
+    assert Estimates(store).stages_s(plain_fold(0, FoldRequest())) is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -89,14 +90,10 @@ def test_quota_gives_turns_to_networks_before_visitors() -> None:
     assert begun == [HOME[0], STREET[0]]  # one network has only one of the two places
     for k in (0, 4, 1):
         permits[k].leave()
-    assert begun[2:] == [
-        HOME[1],
-        OTHER,
-        HOME[2],
-    ]  # not after all of one network
+    assert begun[2:] == [HOME[1], OTHER, HOME[2]]  # not after all of one network
 
 
-def test_turn_whose_place_went_to_another_network_is_refused() -> None:
+def test_turn_displaced_by_another_network_is_refused() -> None:
     quota = Quota("uploads", total=4, per_visitor=4, at_once=1, timeout_s=30.0)
     inside, go_on = threading.Event(), threading.Event()
 
@@ -121,9 +118,7 @@ def test_turn_whose_place_went_to_another_network_is_refused() -> None:
             task.result(30.0)
 
 
-def test_single_flight_tells_those_whose_place_went_to_another_network() -> None:
-    import asyncio
-
+def test_single_flight_refuses_those_displaced_by_another_network() -> None:
     async def ask() -> None:
         flight = SingleFlight("files", at_once=1, total=4, per_visitor=4)
         go_on = threading.Event()

@@ -1,24 +1,23 @@
-"""Quotas: few expensive computations at once, and no visitor occupies all slots."""
+"""Quotas: few expensive computations at once, and no visitor occupies all slots or the queue."""
 
 from __future__ import annotations
 
 import asyncio
-import queue
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
 
 from server.errors import ServiceError, TooMany, Unavailable
 from server.files.artifacts import Artifacts
 from server.limits.fair_threads import CURRENT_VISITOR, FairThreads
+from server.limits.queue_room import Waiting, check_room
 from server.limits.quota import Permit, Quota
 from server.settings import Settings
 from server.store.folds import Store
 
 
-def test_one_visitor_cannot_take_all_places() -> None:
+def test_visitor_cannot_take_all_places() -> None:
     quota = Quota("answers", at_once=1, total=3, per_visitor=2, timeout_s=30.0)
     go_on, inside = threading.Event(), threading.Semaphore(0)
 
@@ -53,54 +52,18 @@ def test_one_visitor_cannot_take_all_places() -> None:
         assert len(quota) == 1
 
 
-def test_visitors_take_turns_and_one_never_has_all() -> None:
-    quota = Quota("answers", at_once=2, at_once_per_visitor=1, total=9, per_visitor=6)
-    through: queue.SimpleQueue[tuple[str, threading.Event]] = queue.SimpleQueue()
-
-    def work(visitor: str) -> None:
-        go_on = threading.Event()
-        with quota.turn(visitor):
-            through.put((visitor, go_on))
-            assert go_on.wait(30.0)
-
-    with ThreadPoolExecutor(8) as threads:
-        done: list[Future[None]] = []
-        for count, visitor in enumerate(["a", "a", "a", "a", "b", "c"], 1):
-            done.append(threads.submit(work, visitor))
-            while len(quota) < count:
-                pass
-        inside = dict([through.get(timeout=30.0), through.get(timeout=30.0)])
-        assert set(inside) == {"a", "b"}  # and not two of one
-        for ends, follows in (("b", "c"), ("a", "a"), ("a", "a"), ("a", "a")):
-            inside.pop(ends).set()
-            visitor, go_on = through.get(timeout=30.0)
-            assert visitor == follows
-            inside[visitor] = go_on
-        for go_on in inside.values():
-            go_on.set()
-        for one in done:
-            one.result(30.0)
-    assert len(quota) == 0
-
-
-def test_who_is_not_waited_for_leaves_the_line() -> None:
-    quota = Quota("answers", at_once=1, total=3, per_visitor=2)
+def test_waiting_ends_when_it_is_unwanted_or_takes_too_long() -> None:
+    quota = Quota("answers", at_once=1, total=3, per_visitor=2, timeout_s=0.01)
     with quota.turn("a"):
         with pytest.raises(ServiceError) as refused, quota.turn("b", unwanted=lambda: True):
             pass
         assert (refused.value.code, len(quota)) == ("gone", 1)
-
-
-def test_nobody_waits_for_ever() -> None:
-    quota = Quota("answers", at_once=1, total=3, per_visitor=2, timeout_s=0.01)
-    with quota.turn("a"), pytest.raises(Unavailable), quota.turn("b"):
-        pass
+        with pytest.raises(Unavailable), quota.turn("b"):
+            pass
     assert len(quota) == 0
 
 
-def test_one_visitor_cannot_take_all_making_of_artifacts(tmp_path: Path) -> None:
-    store = Store(Settings(data_dir=tmp_path))
-
+def test_visitor_cannot_take_all_making_of_artifacts(store: Store) -> None:
     async def ask() -> None:
         shop = Artifacts(store, total=3, per_visitor=2)
         go_on = threading.Event()
@@ -125,10 +88,9 @@ def test_one_visitor_cannot_take_all_making_of_artifacts(tmp_path: Path) -> None
         shop.close()
 
     asyncio.run(ask())
-    store.close()
 
 
-def test_places_come_back() -> None:
+def test_places_are_given_back() -> None:
     quota = Quota("event streams", total=3, per_visitor=2)
     first, _ = quota.enter("a"), quota.enter("a")
     with pytest.raises(TooMany, match="2 event streams of yours") as refused:
@@ -141,7 +103,7 @@ def test_places_come_back() -> None:
     quota.enter("a")
 
 
-def test_whoever_is_no_visitor_is_bounded_with_all_others() -> None:
+def test_calls_without_a_visitor_are_bounded_with_all_others() -> None:
     quota = Quota("connections", total=None, per_visitor=1)
     assert [quota.enter(None) for _ in range(3)]
     quota.enter("a")
@@ -149,7 +111,7 @@ def test_whoever_is_no_visitor_is_bounded_with_all_others() -> None:
         quota.enter("a")
 
 
-def test_visitors_take_turns_and_who_leaves_the_line_has_none() -> None:
+def test_visitors_take_turns_at_the_places() -> None:
     begun: list[Permit] = []
     quota = Quota("files", total=9, per_visitor=9, at_once=2, at_once_per_visitor=1)
     a1, a2, a3, b1, b2 = (quota.enter(who, begun.append) for who in "aaabb")
@@ -164,7 +126,7 @@ def test_visitors_take_turns_and_who_leaves_the_line_has_none() -> None:
     assert (begun[-1], len(quota)) == (a3, 2)
 
 
-def test_fair_threads_with_many_calls_of_one_visitor_serve_another_next() -> None:
+def test_fair_threads_serve_another_visitor_next() -> None:
     done: list[str | None] = []
     go_on, inside = threading.Event(), threading.Event()
 
@@ -191,3 +153,47 @@ def test_fair_threads_with_many_calls_of_one_visitor_serve_another_next() -> Non
         with pytest.raises(ZeroDivisionError):
             threads.submit(lambda: 1 // 0).result(30.0)
     assert threads.submit(hold).cancelled()
+
+
+SETTINGS = Settings(
+    largest_queue=12,
+    largest_queue_of_visitor=4,
+    largest_queue_seconds=1200.0,
+    largest_queue_seconds_of_visitor=400.0,
+)
+
+
+def of(network: int, visitor: int, cost_s: float, count: int = 1) -> list[Waiting]:
+    return count * [Waiting(f"2001:db8:{network}::/48|{visitor}", cost_s)]
+
+
+@pytest.mark.parametrize(
+    ("waiting", "wanted", "refused"),
+    [
+        ([], (0, 0, 1200.0), None),
+        ([], (0, 0, 1300.0), "0 folds are waiting"),
+        (of(0, 0, 300.0), (0, 0, 90.0), None),
+        (of(0, 0, 300.0), (0, 0, 110.0), "your waiting folds"),
+        (of(0, 0, 1.0, 4), (0, 0, 1.0), "4 of your folds"),
+        # A network alone fills half of the queue, whoever its visitors are.
+        (of(0, 0, 300.0) + of(0, 1, 200.0), (0, 2, 90.0), None),
+        (of(0, 0, 300.0) + of(0, 1, 200.0), (0, 2, 210.0), "2 of them from your network"),
+        (of(0, 0, 300.0) + of(0, 1, 300.0), (1, 0, 550.0), None),
+        # The one that holds the most is refused first.
+        (of(0, 0, 400.0) + of(1, 0, 100.0), (0, 1, 310.0), "network"),
+        (of(0, 0, 400.0) + of(1, 0, 100.0), (1, 1, 310.0), None),
+        (of(0, 0, 400.0) + of(1, 0, 400.0), (2, 0, 2.0), None),
+        (of(0, 0, 1.0, 3) + of(0, 1, 1.0, 3), (0, 2, 1.0), "6 of them from your network"),
+        (of(0, 0, 1.0, 3) + of(0, 1, 1.0, 3), (1, 0, 1.0), None),
+    ],
+)
+def test_queue_room_is_shared_by_networks_and_visitors(
+    waiting: list[Waiting], wanted: tuple[int, int, float], refused: str | None
+) -> None:
+    (fold,) = of(*wanted)
+    if refused is None:
+        check_room(waiting, fold, SETTINGS)
+        return
+    with pytest.raises(TooMany, match=refused) as error:
+        check_room(waiting, fold, SETTINGS)
+    assert error.value.code == "queue-full" and error.value.retry_after_s

@@ -77,91 +77,62 @@ def written(logger: logging.Logger, formatter: logging.Formatter) -> io.StringIO
     return stream
 
 
-def test_a_line_says_what_it_is_about(logger: logging.Logger) -> None:
-    as_json, as_text = (
-        written(logger, JsonLines({"worker": "h/0"})),
-        written(logger, TextLines({"worker": "h/0"})),
-    )
+def test_lines_hold_the_fields_of_their_context(logger: logging.Logger) -> None:
+    fields = {"worker": "h/0"}
+    as_json, as_text = (written(logger, kind(fields)) for kind in (JsonLines, TextLines))
     with about(fold="abc", request="r1"):
         logger.warning("%d of %d", 1, 2, extra={"movie": "m"})
-    logger.info("after")
-    first, second = (json.loads(line) for line in as_json.getvalue().splitlines())
-    time = first.pop("time")
-    assert time.endswith("Z") and "T" in time
-    assert first == {
-        "level": "warning",
-        "logger": "foldback.test",
-        "message": "1 of 2",
-        "fold": "abc",
-        "movie": "m",
-        "worker": "h/0",
-        "request": "r1",
-    }
-    assert "fold" not in second and second["worker"] == "h/0"
-    assert "[fold=abc movie=m worker=h/0 request=r1]: 1 of 2" in as_text.getvalue()
-
-
-def test_what_it_is_about_is_apart_in_threads(logger: logging.Logger) -> None:
-    stream = written(logger, JsonLines({}))
-    with about(fold="abc"):
         thread = threading.Thread(target=logger.info, args=("elsewhere",))
         thread.start()
         thread.join()
-    assert "fold" not in json.loads(stream.getvalue())
+    logger.info("after")
+    first, *others = (json.loads(line) for line in as_json.getvalue().splitlines())
+    time = first.pop("time")
+    assert time.endswith("Z") and "T" in time
+    about_it = {"fold": "abc", "movie": "m", "worker": "h/0", "request": "r1"}
+    told = {"level": "warning", "logger": "foldback.test", "message": "1 of 2"}
+    assert first == told | about_it
+    for other in others:
+        assert "fold" not in other and other["worker"] == "h/0"
+    assert "[fold=abc movie=m worker=h/0 request=r1]: 1 of 2" in as_text.getvalue()
 
 
 @pytest.mark.parametrize("kind", [JsonLines, TextLines])
-def test_nothing_leaves_its_line(logger: logging.Logger, kind: type[logging.Formatter]) -> None:
+def test_text_and_tracebacks_cannot_forge_lines(
+    logger: logging.Logger, kind: type[logging.Formatter]
+) -> None:
     stream = written(logger, kind({}))
     with about(fold=FORGED):
         logger.error("got %s", FORGED)
     (line,) = stream.getvalue().splitlines()
     assert line.isprintable()
-
-
-@pytest.mark.parametrize("kind", [JsonLines, TextLines])
-def test_a_traceback_cannot_pass_for_lines(
-    logger: logging.Logger, kind: type[logging.Formatter]
-) -> None:
-    stream = written(logger, kind({}))
     try:
         raise ValueError(FORGED)
     except ValueError:
         logger.exception("failed")
-    first, *others = stream.getvalue().split("\n")[:-1]
+    _, first, *others = stream.getvalue().split("\n")[:-1]
     assert "failed" in first
     assert all(line.startswith("  ") and line.isprintable() for line in others)
     assert "Traceback" in stream.getvalue()
-
-
-def test_escaping_leaves_what_prints() -> None:
     assert escaped("größer ≥ 3") == "größer ≥ 3"
     assert escaped("a\nb\x00\u202ec") == "a\\nb\\x00\\u202ec"
 
 
-def test_a_request_leaves_one_line_with_its_route(told: Told) -> None:
+def test_request_leaves_one_line_with_its_route(told: Told) -> None:
     answer = told.http.get("/api/folds/abc123", headers={"X-Request-ID": "proxy-7.a"})
     assert answer.headers["x-request-id"] == "proxy-7.a"
     line = access(told, "proxy-7.a")
     assert line["duration_ms"] >= 0
-    assert (line["method"], line["route"], line["status"], line["fold"]) == (
-        "GET",
-        "/api/folds/{fold_id}",
-        404,
-        "abc123",
-    )
-    assert "path" not in line
+    assert (line["method"], line["status"], line["fold"]) == ("GET", 404, "abc123")
+    assert line["route"] == "/api/folds/{fold_id}" and "path" not in line
+    for odd in ("", "a b", "x" * 65, "<script>", "a;b", "a\tb"):
+        answer = told.http.get("/health", headers={"X-Request-ID": odd})
+        given = answer.headers["x-request-id"]
+        assert given != odd and given.isalnum() and len(given) == 32
+        assert access(told, given)["route"] == "/health"
 
 
-@pytest.mark.parametrize("came", ["", "a b", "x" * 65, "<script>", "a;b", "a\tb"])
-def test_an_odd_request_id_is_replaced(told: Told, came: str) -> None:
-    answer = told.http.get("/health", headers={"X-Request-ID": came})
-    given = answer.headers["x-request-id"]
-    assert given != came and given.isalnum() and len(given) == 32
-    assert access(told, given)["route"] == "/health"
-
-
-def test_secrets_are_not_logged(told: Told) -> None:
+def test_secrets_are_not_logged_in_requests(told: Told) -> None:
     headers = {
         "Authorization": "Bearer very-secret-token-of-somebody",
         "X-Request-ID": "secrets",
@@ -173,22 +144,14 @@ def test_secrets_are_not_logged(told: Told) -> None:
     assert "secret-" not in told.text
 
 
-def test_no_line_can_be_forged_from_outside(told: Told) -> None:
-    ids = []
-    for path in (
-        "/nowhere%0a%7b%22level%22:%22error%22%7d%0d%1b%5b2K",
-        "/folds/a%0ab%E2%80%A8",
-        "/" + "n" * 5000,
-    ):
-        ids.append(told.http.get(path).headers["x-request-id"])
+def test_requests_cannot_forge_lines(told: Told) -> None:
+    paths = ("/nowhere%0a%7b%22level%22:%22error%22%7d%0d%1b%5b2K", "/folds/a%0ab%E2%80%A8")
+    ids = [told.http.get(path).headers["x-request-id"] for path in (*paths, "/" + "n" * 5000)]
     found = [access(told, request_id) for request_id in ids]
     assert found[0]["path"].startswith("/nowhere\n{")
     assert "fold" not in found[1]
     assert len(found[2]["path"]) == 200
     assert {line["level"] for line in lines(told)} == {"info"}
-
-
-def test_a_raw_request_cannot_forge_either(told: Told) -> None:
     address = urlsplit(str(told.http.base_url))
     for request in (
         b"G\x0bT / HTTP/1.1\r\nHost: localhost\r\n\r\n",
@@ -203,7 +166,7 @@ def test_a_raw_request_cannot_forge_either(told: Told) -> None:
     assert all("level" in line for line in lines(told))
 
 
-def test_a_worker_says_which_fold(told: Told) -> None:
+def test_worker_logs_its_fold(told: Told) -> None:
     accepted = told.service.fold(STAIRS)
     assert told.service.wait_over(accepted["id"])["status"] == "verified"
     (end,) = [
@@ -216,45 +179,19 @@ def test_a_worker_says_which_fold(told: Told) -> None:
     assert accepted["owner_token"] not in told.text
 
 
-def test_the_figures_are_open_when_an_operator_opens_them(told: Told) -> None:
-    answer = told.http.get("/metrics", headers={"X-Forwarded-For": "203.0.113.9"})
-    assert answer.status_code == 200
-
-
-def test_text_lines_show_the_fold(desk: Service) -> None:
-    desk.http.get("/api/folds/abc", headers={"X-Request-ID": "text"})
-    deadline = time.monotonic() + PATIENCE_S
-    while "request=text" not in (found := desk.log.read_text()):
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-    assert "[fold=abc request=text]: GET /api/folds/{fold_id} 404" in found
-
-
 @pytest.mark.processes
-def test_what_is_below_the_level_is_not_told() -> None:
+@pytest.mark.parametrize(("level", "lines"), [("ERROR", 1), ("info", 3)])
+def test_lines_below_the_level_are_left_out(level: str, lines: int) -> None:
     code = (
         "import logging; from server.ops.logs import set_up_logs; "
         "from server.settings import Settings; set_up_logs(Settings()); "
         "logging.getLogger('foldback.access').info('small'); "
         "logging.getLogger('foldback').error('big'); logging.getLogger('alembic').warning('alien')"
     )
-    told = run(code, FOLDBACK_LOG_LEVEL="ERROR").stderr.splitlines()
-    assert len(told) == 1 and told[0].endswith("error foldback: big")
-    assert len(run(code, FOLDBACK_LOG_LEVEL="info").stderr.splitlines()) == 3
-
-
-@pytest.mark.processes
-def test_a_format_that_is_none_is_refused() -> None:
-    answer = run("from server.settings import Settings; Settings()", FOLDBACK_LOG_FORMAT="xml")
-    assert answer.returncode != 0
-    assert "'text' or 'json'" in answer.stderr
-
-
-def run(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", code],
-        env={"PYTHONPATH": str(Path(__file__).parents[3]), **environment},
-        capture_output=True,
-        text=True,
-        check=False,
+    environment = {"PYTHONPATH": str(Path(__file__).parents[3]), "FOLDBACK_LOG_LEVEL": level}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
     )
+    told = done.stderr.splitlines()
+    assert len(told) == lines
+    assert [line for line in told if line.endswith("error foldback: big")]

@@ -35,14 +35,14 @@ def maker() -> ModuleType:
     return module
 
 
-def test_the_table_of_settings_is_that_of_the_code(page: str, maker: ModuleType) -> None:
+def test_table_of_settings_is_up_to_date(page: str, maker: ModuleType) -> None:
     assert maker.with_table(page) == page, "run `python docs/make_settings.py`"
     for name in Settings.model_fields:
         assert f"| `FOLDBACK_{name.upper()}` |" in page
     assert all(field.description for field in Settings.model_fields.values())
 
 
-def test_the_figures_are_those_that_are_told(page: str) -> None:
+def test_table_of_metrics_and_alerts_name_existing_ones(page: str) -> None:
     shown = page.partition("| metric | meaning |")[2].partition("\n\n")[0]
     figures = Figures(
         folds=dict.fromkeys(STATUSES, 0),
@@ -68,7 +68,7 @@ def test_the_figures_are_those_that_are_told(page: str) -> None:
         assert rule["annotations"]["summary"].endswith(".")
 
 
-def test_the_commands_are_there(page: str) -> None:
+def test_page_names_all_admin_commands(page: str) -> None:
     offered = {command.name or command.callback.__name__ for command in admin.registered_commands}
     told = set(re.findall(r"^foldback admin (\w+)", page, re.MULTILINE))
     assert offered - {"unpin"} == told

@@ -30,7 +30,7 @@ def leave_the_process_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("start", [server_of, worker.work])
 @pytest.mark.parametrize(("settings", "words"), MISSING)
-def test_what_is_missing_and_what_to_do(
+def test_missing_database_or_storage_is_told_with_a_remedy(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -47,7 +47,9 @@ def test_what_is_missing_and_what_to_do(
 
 
 @pytest.mark.parametrize("command", ["serve", "worker"])
-def test_one_line_and_what_to_do(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unusable_data_directory_is_told_with_a_remedy(
+    command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name in os.environ:
         if name.startswith("FOLDBACK_"):
             monkeypatch.delenv(name)

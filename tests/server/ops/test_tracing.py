@@ -44,17 +44,14 @@ def receiver() -> Iterator[tuple[str, list[ExportTraceServiceRequest]]]:
         def log_message(self, *_: object) -> None:
             pass
 
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Receiver)
-    thread = threading.Thread(target=server.serve_forever)
-    thread.start()
-    yield f"http://127.0.0.1:{server.server_port}/v1/traces", got
-    server.shutdown()
-    thread.join()
-    server.server_close()
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Receiver) as server:
+        threading.Thread(target=server.serve_forever).start()
+        yield f"http://127.0.0.1:{server.server_port}/v1/traces", got
+        server.shutdown()
 
 
 @pytest.mark.slow
-def test_a_fold_is_a_trace_with_a_span_for_each_stage(
+def test_fold_is_a_trace_with_a_span_for_each_stage(
     tmp_path: Path, receiver: tuple[str, list[ExportTraceServiceRequest]]
 ) -> None:
     endpoint, got = receiver
@@ -86,7 +83,7 @@ def test_a_fold_is_a_trace_with_a_span_for_each_stage(
     assert about["operationUUID"] == "thefold"
 
 
-def test_nothing_is_traced_unless_told_so() -> None:
+def test_tracing_is_off_by_default() -> None:
     start_tracing(Settings())
     with span("fold"):
         assert tracing._provider is None

@@ -82,7 +82,7 @@ def asked(
     return asyncio.run(ask())
 
 
-def test_a_crowd_gets_one_picture(store: Store, drawn: Drawn) -> None:
+def test_picture_is_drawn_once_for_many_requests(store: Store, drawn: Drawn) -> None:
     directory = fold_in(store, "verified")
     answers = asked(store, directory, drawn, 20)
     assert {answer.content for answer in answers} == {b"a picture of first"}
@@ -121,7 +121,7 @@ def test_recent_pictures_beyond_the_limit_are_dropped() -> None:
     assert recent.get(1) is None
 
 
-def test_while_a_fold_computes_its_picture_is_not_kept(store: Store, drawn: Drawn) -> None:
+def test_picture_of_a_running_fold_is_not_stored(store: Store, drawn: Drawn) -> None:
     directory = fold_in(store, "running")
     (first,) = asked(store, directory, drawn)
     assert first.headers["Cache-Control"] == "private, no-cache"
@@ -131,7 +131,7 @@ def test_while_a_fold_computes_its_picture_is_not_kept(store: Store, drawn: Draw
     assert second.content == b"a picture of second"
 
 
-def test_a_picture_of_an_earlier_chain_is_drawn_anew(store: Store, drawn: Drawn) -> None:
+def test_picture_of_an_earlier_chain_is_drawn_again(store: Store, drawn: Drawn) -> None:
     directory = fold_in(store, "verified")
     asked(store, directory, drawn)
     take(directory, "second")
@@ -141,7 +141,7 @@ def test_a_picture_of_an_earlier_chain_is_drawn_anew(store: Store, drawn: Drawn)
     assert answer.content == b"a picture of second"
 
 
-def test_a_full_disk_takes_no_picture_away(
+def test_picture_is_shown_although_the_disk_is_full(
     store: Store, drawn: Drawn, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(path: Path, data: bytes) -> None:
@@ -152,7 +152,7 @@ def test_a_full_disk_takes_no_picture_away(
     assert (answer.status_code, answer.content) == (200, b"a picture of first")
 
 
-def test_where_there_is_no_chain_there_is_no_picture(store: Store, drawn: Drawn) -> None:
+def test_picture_without_a_chain_is_not_found(store: Store, drawn: Drawn) -> None:
     directory = fold_in(store, "running")
     (directory / "chain.json").unlink()
     assert asked(store, directory, drawn)[0].status_code == 404

@@ -35,7 +35,7 @@ def words(**settings: object) -> str:
     return re.sub(r"\s+", " ", answer.text)
 
 
-def test_the_page_says_what_the_settings_are() -> None:
+def test_privacy_page_tells_the_settings() -> None:
     plain = words()
     assert "Stored until you delete it." in plain and "storage runs low, the folds" not in plain
     assert "Who runs this service" not in plain
@@ -49,7 +49,7 @@ def test_the_page_says_what_the_settings_are() -> None:
     assert 'href="https://example.org/imprint?a=1&amp;b=2"' in bounded
 
 
-def test_each_fold_says_what_becomes_of_it() -> None:
+def test_fold_tells_its_visibility_and_retention() -> None:
     settings = Settings(keep_days=1)
     mine, shared, pinned = (
         ShownFold.of(a_fold("a", public=public, pinned=pinned))
@@ -69,7 +69,7 @@ def test_each_fold_says_what_becomes_of_it() -> None:
         assert told.startswith("Stored while there is space;")
 
 
-def test_times_have_their_largest_unit() -> None:
+def test_times_are_told_in_their_largest_unit() -> None:
     times = (30 * 86400.0, 43200.0, 3600.0, 90.0, 5400.0, 0.5 * 86400.0, 1.5 * 86400.0)
     assert [time_words(s) for s in times] == [
         *("30 days", "12 hours", "1 hour", "90 seconds", "90 minutes", "12 hours", "36 hours"),
@@ -77,6 +77,6 @@ def test_times_have_their_largest_unit() -> None:
 
 
 @pytest.mark.parametrize("url", ["javascript:alert(1)", "example.org", 'https://a"b', "//x"])
-def test_an_imprint_is_an_address_of_the_web(url: str) -> None:
+def test_imprint_must_be_a_web_address(url: str) -> None:
     with pytest.raises(ValidationError, match=r"expected an address like https"):
         Settings(imprint_url=url)

@@ -37,23 +37,25 @@ with TestClient(app, base_url="http://127.0.0.1:8000") as client:
     pages += ["/shapes/cat.svg", "/shapes/tetra-ring.svg", "/api/preparing"]
     for row in context.store.list_public():
         page, api = f"/folds/{row.id}", f"/api/folds/{row.id}"
+        assert "Included with foldback, computed with version" in client.get(page).text
+        if row.modules > 100 and row.id != first:
+            continue  # a cube chain, a tetrahedron chain, a refold and the first one are enough
         pages += [page, f"{page}/facts", f"{page}/drawing.svg", f"{page}/bundle", api]
         pages += [f"{page}/batch?from=0&to=50", f"{page}/figures", f"{api}/frames?to=5&poses=true"]
         pages += [f"{api}/plan.json", f"{api}/plan.npz", f"{api}/exports"]
         if row.modules < 100:  # what is made for the occasion takes seconds for the longest chain
             pages += [f"{api}/model.xml", f"{page}/standalone.html"]
-        assert "Included with foldback, computed with version" in client.get(page).text
     for page in pages:
         assert client.get(page).status_code == 200, page
     assert f'href="/folds/{first}"' in client.get("/").text
 """
 
 
-def test_what_pages_need_is_there() -> None:
+def test_files_of_the_landing_page_are_there() -> None:
     landing.warm_up(Gallery())
 
 
 @pytest.mark.processes
 @pytest.mark.slow
-def test_pages_without_compiler_answer(tmp_path: Path) -> None:
+def test_pages_are_answered_without_a_compiler(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-W", "ignore", "-c", PROGRAM, str(tmp_path)], check=True)

@@ -10,17 +10,20 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from planner.errors import InputError
+from planner.pipeline import stages
 from planner.progress import COMPILING, STAGES
 from server.limits.quota import Quota
 from server.processes import children
 from server.processes.children import EVENTS, Child, ChildError, Pool, Reader
-from server.processes.fork_server import ForkServer
+from server.processes.fork_server import ForkServer, Kind
 from server.processes.limits import ChildLimits
 from tests.server.here import FORKS
 from tests.server.service import SNAKE
@@ -45,151 +48,127 @@ ONE = {"at_once": 1, "at_once_per_visitor": 1, "total": 9, "per_visitor": 6}
 
 @pytest.fixture
 def directory(tmp_path: Path) -> Path:
-    (tmp_path / "request.json").write_text(json.dumps({"filename": "snake.json"}))
-    (tmp_path / "input").write_text(json.dumps(SNAKE))
-    return tmp_path
+    return upload_in(tmp_path)
+
+
+def upload_in(directory: Path) -> Path:
+    """Put an upload into a directory, as children get it."""
+    (directory / "request.json").write_text(json.dumps({"filename": "snake.json"}))
+    (directory / "input").write_text(json.dumps(SNAKE))
+    return directory
+
+
+@contextmanager
+def made(kind: Kind = "reader", limits: ChildLimits = LIMITS, **more: Any) -> Iterator[Child]:
+    """A child for a while; it is started by itself unless there is a fork server."""
+    child = Child(kind, limits, **more)
+    try:
+        yield child
+    finally:
+        child.close()
 
 
 @pytest.fixture
-def fork_server() -> ForkServer:
-    return FORKS
+def child() -> Iterator[Child]:
+    with made(fork_server=FORKS) as child:
+        yield child
 
 
-@pytest.fixture
-def child(fork_server: ForkServer) -> Iterator[Child]:
-    child = Child("reader", LIMITS, fork_server=fork_server)
-    yield child
-    child.close()
-
-
-@pytest.fixture
-def spawned() -> Iterator[Child]:
-    """One that is started by itself, as where nothing can be forked."""
-    child = Child("reader", LIMITS)
-    yield child
-    child.close()
-
-
-def test_the_stages_are_those_of_the_planner() -> None:
-    from planner.pipeline import stages
-
+def test_stages_are_those_of_the_planner() -> None:
     assert tuple(stages.STAGES) == STAGES
 
 
-def test_a_child_answers_again_and_again(child: Child, directory: Path) -> None:
-    for _ in range(2):
-        found = child.call("check", directory, wall_s=60)
-        assert found == {"name": "snake", "module": "cube", "modules": 16}
+@pytest.mark.parametrize("forked", [True, False])
+def test_child_answers_repeatedly_until_it_hangs(directory: Path, forked: bool) -> None:
+    with made(fork_server=FORKS if forked else None) as child:
+        for _ in range(2):
+            found = child.call("check", directory, wall_s=60)
+            assert found == {"name": "snake", "module": "cube", "modules": 16}
+        os.kill(child.pid, signal.SIGSTOP)
+        with pytest.raises(ChildError, match="longer than") as late:
+            child.call("check", directory, wall_s=0.1)
+        assert late.value.code == "time-limit"
+        assert not child.alive
+        with pytest.raises(ChildError, match="SIGKILL"):
+            child.call("check", directory, wall_s=60)
 
 
-def test_one_that_is_started_by_itself_is_no_different(spawned: Child, directory: Path) -> None:
-    assert spawned.call("check", directory, wall_s=60)["modules"] == 16
-    os.kill(spawned.pid, signal.SIGSTOP)
-    with pytest.raises(ChildError, match="longer than"):
-        spawned.call("check", directory, wall_s=0.1)
-    assert not spawned.alive
-    with pytest.raises(ChildError, match="SIGKILL"):
-        spawned.call("check", directory, wall_s=60)
-
-
-def test_bad_input_is_told_from_a_crash(child: Child, directory: Path) -> None:
+def test_bad_input_fault_and_crash_are_told_apart(child: Child, directory: Path) -> None:
     (directory / "input").write_text("[[0,0,0],[0,0,2],[0,0,3]]")
     with pytest.raises(InputError) as refused:
         child.call("check", directory, wall_s=60)
     assert (refused.value.code, refused.value.where) == ("not-adjacent", "cells 0 and 1")
-    assert child.alive
-
-
-def test_a_fault_inside_is_a_clear_word(child: Child, directory: Path) -> None:
     (directory / "request.json").unlink()
     with pytest.raises(ChildError, match="FileNotFoundError"):
         child.call("check", directory, wall_s=60)
     assert child.alive
-
-
-def test_a_crash_is_a_clear_word(child: Child, directory: Path) -> None:
-    child.call("check", directory, wall_s=60)
     os.kill(child.pid, signal.SIGSEGV)
     with pytest.raises(ChildError, match="SIGSEGV") as crashed:
         child.call("check", directory, wall_s=60)
     assert crashed.value.code == "crashed"
 
 
-def test_time_is_limited(child: Child, directory: Path) -> None:
-    child.call("check", directory, wall_s=60)
-    os.kill(child.pid, signal.SIGSTOP)
-    with pytest.raises(ChildError) as late:
-        child.call("check", directory, wall_s=0.1)
-    assert late.value.code == "time-limit"
-    assert not child.alive
-
-
 @pytest.mark.parametrize(("limit", "value"), [("MAX_START_S", 0.0), ("MAX_START_CPU_S", 0.1)])
-def test_a_start_is_limited(
+def test_start_of_a_child_is_limited(
     directory: Path, monkeypatch: pytest.MonkeyPatch, limit: str, value: float
 ) -> None:
     monkeypatch.setattr(children, limit, value)
-    child = Child("stages", LIMITS)
-    with pytest.raises(ChildError, match="did not start: took too long"):
+    started = pytest.raises(ChildError, match="did not start: took too long")
+    with made("stages") as child, started:
         child.call("check", directory, wall_s=60)
-    child.close()
 
 
-def test_what_a_child_says_while_it_starts_is_told(directory: Path, tmp_path: Path) -> None:
+def test_reports_of_a_starting_child_are_passed_on(directory: Path, tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text(
         f"{WITHOUT_LIBRARIES}"
         "it = stand_in('planner.pipeline.warm_up')\n"
         "told = Progress(stage='read', fraction=0.0, message=COMPILING)\n"
         "it.warm_up = lambda tell, soon, directory: tell(told)\n"
     )
-    limits = replace(LIMITS, warm=True)
-    child = Child("stages", limits, environment={"PYTHONPATH": str(tmp_path)})
     told: list[object] = []
-    try:
+    limits, place = replace(LIMITS, warm=True), {"PYTHONPATH": str(tmp_path)}
+    with made("stages", limits, environment=place) as child:
         child.call("read", directory, wall_s=60, on_progress=lambda e: told.append(e["message"]))
-    finally:
-        child.close()
     assert told[:1] == [COMPILING]
 
 
-def test_who_does_not_heed_a_cancel_is_ended(child: Child, directory: Path) -> None:
+def test_child_that_ignores_a_cancellation_is_ended(child: Child, directory: Path) -> None:
     child.call("check", directory, wall_s=60)
     os.kill(child.pid, signal.SIGSTOP)
     result = child.call("check", directory, wall_s=60, cancelled=lambda: True)
-    assert result["status"] == "cancelled"
-    assert not child.alive
+    assert (result["status"], child.alive) == ("cancelled", False)
 
 
-def test_memory_is_limited(directory: Path, fork_server: ForkServer) -> None:
+def test_memory_of_a_child_is_limited(directory: Path) -> None:
     limits = ChildLimits(memory_bytes=2**24, cpu_s=60.0)
-    child = Child("reader", limits, fork_server=fork_server)
-    with pytest.raises(ChildError) as greedy:
+    with (
+        made("reader", limits, fork_server=FORKS) as child,
+        pytest.raises(ChildError, match="16 MiB") as greedy,
+    ):
         child.call("check", directory, wall_s=60)
-    child.close()
     assert greedy.value.code == "memory-limit"
-    assert "16 MiB" in greedy.value.detail
 
 
-def test_the_reader_is_replaced_when_an_upload_was_too_much(
-    directory: Path, fork_server: ForkServer
-) -> None:
-    pool = Pool("reader", LIMITS, wall_s=60, fork_server=fork_server)
+@pytest.fixture
+def pool() -> Iterator[Pool]:
+    with closing(Pool("reader", LIMITS, wall_s=60, fork_server=FORKS)) as pool:
+        yield pool
+
+
+def test_reader_that_died_or_hangs_is_replaced(directory: Path, pool: Pool) -> None:
     reader = Reader(pool, Quota("uploads", **ONE))
-    try:
-        assert reader.check(directory, visitor="a")["modules"] == 16
-        (child,) = pool._idle
-        os.kill(child.pid, signal.SIGKILL)
-        child._process.wait()
-        assert reader.check(directory, visitor="a")["modules"] == 16
-        os.kill(pool._idle[0].pid, signal.SIGSTOP)
-        pool._wall_s = 0.1
-        with pytest.raises(InputError, match="longer than") as late:
-            reader.check(directory, visitor="a")
-        assert late.value.code == "unreadable"
-        pool._wall_s = 60
-        assert reader.check(directory, visitor="a")["modules"] == 16
-    finally:
-        reader.close()
+    assert reader.check(directory, visitor="a")["modules"] == 16
+    (child,) = pool._idle
+    os.kill(child.pid, signal.SIGKILL)
+    child._process.wait()
+    assert reader.check(directory, visitor="a")["modules"] == 16
+    os.kill(pool._idle[0].pid, signal.SIGSTOP)
+    pool._wall_s = 0.1
+    with pytest.raises(InputError, match="longer than") as late:
+        reader.check(directory, visitor="a")
+    assert late.value.code == "unreadable"
+    pool._wall_s = 60
+    assert reader.check(directory, visitor="a")["modules"] == 16
 
 
 @pytest.fixture(scope="module")
@@ -220,92 +199,64 @@ def overrun(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
         "[os.write(n, bytes(2**16)) for _ in range(2**10)]",
     ],
 )
-def test_a_child_that_closes_its_output_or_sends_rubbish_is_ended(
+def test_child_that_closes_its_output_or_sends_rubbish_is_ended(
     directory: Path, overrun: ForkServer, does: str
 ) -> None:
     (directory / "input").write_text(does)
-    child = Child("reader", LIMITS, fork_server=overrun)
-    try:
+    with made(fork_server=overrun) as child:
         with pytest.raises(ChildError, match="was stopped"):
             child.call("check", directory, wall_s=60)
         assert not child.alive
-    finally:
-        child.close()
 
 
-def test_a_child_that_tells_without_end_has_to_wait(directory: Path, overrun: ForkServer) -> None:
+def test_child_that_reports_endlessly_has_to_wait(directory: Path, overrun: ForkServer) -> None:
     event = {"event": "progress", **dict.fromkeys(EVENTS["progress"], 0)}
     line = json.dumps(event).encode() + b"\n"
     (directory / "input").write_text(f"[os.write(n, {line!r}) for _ in range(10**6)]")
-    child = Child("reader", LIMITS, fork_server=overrun)
+    with made(fork_server=overrun) as child:
 
-    def filled(_: object) -> None:
-        # Takes nothing more, so that the queue fills however slow the child is.
-        while not child._events.full():
-            time.sleep(0.01)
-        raise InterruptedError
+        def filled(_: object) -> None:
+            # Takes nothing more, so that the queue fills however slow the child is.
+            while not child._events.full():
+                time.sleep(0.01)
+            raise InterruptedError
 
-    try:
         with pytest.raises(InterruptedError):
             child.call("check", directory, wall_s=60, on_progress=filled)
-    finally:
-        child.close()
     assert not child.alive
 
 
-def test_whatever_goes_wrong_no_child_is_left_over(
-    directory: Path, fork_server: ForkServer
-) -> None:
-    pool = Pool("reader", LIMITS, wall_s=60, fork_server=fork_server)
-
+def test_failure_in_the_parent_leaves_no_child(directory: Path, pool: Pool) -> None:
     def fails() -> bool:
         raise RuntimeError("the gate is gone")
 
-    try:
-        pool.call("check", directory)
-        (child,) = pool._children._all
-        os.kill(child.pid, signal.SIGSTOP)
-        with pytest.raises(RuntimeError, match="gate"):
-            pool.call("check", directory, cancelled=fails)
-        assert not child.alive and not pool._children._all
-    finally:
-        pool.close()
+    pool.call("check", directory)
+    (child,) = pool._children._all
+    os.kill(child.pid, signal.SIGSTOP)
+    with pytest.raises(RuntimeError, match="gate"):
+        pool.call("check", directory, cancelled=fails)
+    assert not child.alive and not pool._children._all
 
 
-def test_a_slow_upload_of_one_visitor_does_not_hold_up_another(
-    directory: Path, fork_server: ForkServer
-) -> None:
-    pool = Pool("reader", LIMITS, wall_s=60, fork_server=fork_server)
+def test_slow_upload_of_one_visitor_does_not_delay_others(directory: Path, pool: Pool) -> None:
     reader = Reader(pool, Quota("uploads", **{**ONE, "at_once": 2}))
-    try:
-        reader.check(directory, visitor="a")
-        (child,) = pool._idle
-        os.kill(child.pid, signal.SIGSTOP)
-        with ThreadPoolExecutor(2) as threads:
-            slow = threads.submit(reader.check, directory, visitor="a")
-            second = threads.submit(reader.check, directory, visitor="a")
-            assert reader.check(directory, visitor="b")["modules"] == 16
-            assert not (slow.done() or second.done())
-            os.kill(child.pid, signal.SIGCONT)
-            assert (slow.result()["modules"], second.result()["modules"]) == (16, 16)
-    finally:
-        reader.close()
+    reader.check(directory, visitor="a")
+    (child,) = pool._idle
+    os.kill(child.pid, signal.SIGSTOP)
+    with ThreadPoolExecutor(2) as threads:
+        slow = threads.submit(reader.check, directory, visitor="a")
+        second = threads.submit(reader.check, directory, visitor="a")
+        assert reader.check(directory, visitor="b")["modules"] == 16
+        assert not (slow.done() or second.done())
+        os.kill(child.pid, signal.SIGCONT)
+        assert (slow.result()["modules"], second.result()["modules"]) == (16, 16)
 
 
-def test_a_child_ends_with_its_parent() -> None:
-    child = subprocess.Popen(
-        [
-            sys.executable,
-            "-P",
-            "-m",
-            "server.processes.child",
-            "reader",
-            json.dumps(asdict(LIMITS)),
-        ],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-    )
-    with child:
+def test_child_ends_with_its_parent() -> None:
+    command = [sys.executable, "-P", "-m", "server.processes.child", "reader"]
+    with subprocess.Popen(
+        [*command, json.dumps(asdict(LIMITS))], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as child:
         assert json.loads(child.stdout.readline())["event"] == "ready"
         child.stdin.close()
         assert child.wait(60) == 1

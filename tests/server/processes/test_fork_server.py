@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
 import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -18,31 +17,26 @@ import pytest
 
 from planner.progress import COMPILING
 from server.processes import children
-from server.processes.children import LOST, Child, ChildError
+from server.processes.children import LOST, ChildError
 from server.processes.fork_server import ForkServer
-from server.processes.limits import ChildLimits
 from tests.server.here import FORKS
-from tests.server.processes.test_children import WITHOUT_LIBRARIES
-from tests.server.service import PATIENCE_S, SNAKE
+from tests.server.processes.test_children import WITHOUT_LIBRARIES, made, upload_in
+from tests.server.service import PATIENCE_S
 
 pytestmark = pytest.mark.processes
 
-LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
 WHOLE = {"name": "snake", "module": "cube", "modules": 16}
 
 
 @pytest.fixture
 def directory(tmp_path: Path) -> Path:
-    (tmp_path / "request.json").write_text(json.dumps({"filename": "snake.json"}))
-    (tmp_path / "input").write_text(json.dumps(SNAKE))
-    return tmp_path
+    return upload_in(tmp_path)
 
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[ForkServer]:
-    server = ForkServer(["reader"], warm=False)
-    yield server
-    server.close()
+    with closing(ForkServer(["reader"], warm=False)) as server:
+        yield server
 
 
 def pid_of(server: ForkServer) -> int:
@@ -62,98 +56,79 @@ def before_others(place: Path) -> str:
     return os.pathsep.join([str(place), *filter(None, [os.environ.get("PYTHONPATH")])])
 
 
-def test_it_says_that_it_starts_until_it_can_fork(directory: Path) -> None:
-    server = ForkServer(["reader"], warm=False)
+def test_fork_server_is_starting_until_it_can_fork(server: ForkServer, directory: Path) -> None:
     assert not server.starting
     server.start()
-    try:
-        assert server.starting
-        child = Child("reader", LIMITS, fork_server=server)
+    assert server.starting
+    with made(fork_server=server) as child:
         assert child.call("check", directory, wall_s=60) == WHOLE
-        assert not server.starting
-        child.close()
-    finally:
-        server.close()
     assert not server.starting
 
 
 def test_children_of_one_server_are_processes_of_their_own(directory: Path) -> None:
-    made = [Child("reader", LIMITS, fork_server=FORKS) for _ in range(2)]
-    try:
-        assert [child.call("check", directory, wall_s=60) for child in made] == [WHOLE, WHOLE]
-        pids = {child.pid for child in made}
-        assert len(pids) == 2
-        for pid in pids:
-            process = psutil.Process(pid)
+    with made(fork_server=FORKS) as one, made(fork_server=FORKS) as other:
+        for child in (one, other):
+            assert child.call("check", directory, wall_s=60) == WHOLE
+            process, pid = psutil.Process(child.pid), child.pid
             assert process.cmdline()[0] == "foldback reader"
             assert (process.ppid(), os.getpgid(pid), os.getsid(pid)) == (pid_of(FORKS), pid, pid)
-    finally:
-        for child in made:
-            child.close()
-    assert not pids & {one.pid for one in psutil.Process(pid_of(FORKS)).children()}
+        pids = {one.pid, other.pid}
+        assert len(pids) == 2
+    assert not pids & {each.pid for each in psutil.Process(pid_of(FORKS)).children()}
 
 
-def test_when_it_ends_its_children_end_and_the_next_one_has_another(
+def test_killed_fork_server_takes_its_children_along_and_is_replaced(
     server: ForkServer, directory: Path
 ) -> None:
-    child = Child("reader", LIMITS, fork_server=server)
-    child.call("check", directory, wall_s=60)
-    process, first = psutil.Process(child.pid), pid_of(server)
-    os.kill(first, signal.SIGKILL)
-    assert not psutil.wait_procs([process], timeout=PATIENCE_S)[1]
-    with pytest.raises(ChildError) as ended:
+    with made(fork_server=server) as child:
         child.call("check", directory, wall_s=60)
-    assert ended.value.code == LOST
-    child.close()
-    child = Child("reader", LIMITS, fork_server=server)
-    assert child.call("check", directory, wall_s=60) == WHOLE
-    child.close()
+        process, first = psutil.Process(child.pid), pid_of(server)
+        os.kill(first, signal.SIGKILL)
+        assert not psutil.wait_procs([process], timeout=PATIENCE_S)[1]
+        with pytest.raises(ChildError) as ended:
+            child.call("check", directory, wall_s=60)
+        assert ended.value.code == LOST
+    with made(fork_server=server) as child:
+        assert child.call("check", directory, wall_s=60) == WHOLE
     assert pid_of(server) != first
 
 
-def test_one_that_was_ended_before_it_was_forked_does_not_stay(
+def test_child_ended_before_it_was_forked_does_not_stay(
     server: ForkServer, directory: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    child = Child("reader", LIMITS, fork_server=server)
-    child.call("check", directory, wall_s=60)
-    os.kill(pid_of(server), signal.SIGSTOP)
-    monkeypatch.setattr(children, "MAX_START_S", 0.0)
-    early = Child("reader", LIMITS, fork_server=server)
-    with pytest.raises(ChildError, match="did not start: took too long"):
-        early.call("check", directory, wall_s=60)
-    assert not early.alive
-    os.kill(pid_of(server), signal.SIGCONT)
-    early.close()
-    assert child.call("check", directory, wall_s=60) == WHOLE
-    monkeypatch.undo()
-    # It is forked in its turn, and finds that nobody is there.
-    after = Child("reader", LIMITS, fork_server=server)
-    after.call("check", directory, wall_s=60)
-    deadline = time.monotonic() + PATIENCE_S
-    wanted = {child.pid, after.pid}
-    while {one.pid for one in psutil.Process(pid_of(server)).children()} != wanted:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    for one in (child, after):
-        one.close()
+    with made(fork_server=server) as child:
+        child.call("check", directory, wall_s=60)
+        os.kill(pid_of(server), signal.SIGSTOP)
+        monkeypatch.setattr(children, "MAX_START_S", 0.0)
+        with made(fork_server=server) as early:
+            with pytest.raises(ChildError, match="did not start: took too long"):
+                early.call("check", directory, wall_s=60)
+            assert not early.alive
+            os.kill(pid_of(server), signal.SIGCONT)
+        monkeypatch.undo()
+        assert child.call("check", directory, wall_s=60) == WHOLE
+        # It is forked in its turn, and finds that nobody is there.
+        with made(fork_server=server) as after:
+            after.call("check", directory, wall_s=60)
+            deadline = time.monotonic() + PATIENCE_S
+            wanted = {child.pid, after.pid}
+            while {one.pid for one in psutil.Process(pid_of(server)).children()} != wanted:
+                assert time.monotonic() < deadline
+                time.sleep(0.01)
 
 
-def test_what_keeps_it_from_starting_is_told(tmp_path: Path, directory: Path) -> None:
-    server = spoiled(
-        tmp_path / "code", "import sys\nsys.modules['planner.pipeline.stages'] = None\n"
-    )
-    for _ in range(2):
-        child = Child("stages", LIMITS, fork_server=server)
-        with pytest.raises(ChildError, match="did not start: .*planner.pipeline.stages") as refused:
-            child.call("read", directory, wall_s=60)
-        assert refused.value.code == "no-start"
-        child.close()
-    server.close()
+def test_reason_why_a_fork_server_cannot_start_is_told(tmp_path: Path, directory: Path) -> None:
+    code = "import sys\nsys.modules['planner.pipeline.stages'] = None\n"
+    with closing(spoiled(tmp_path / "code", code)) as server:
+        for _ in range(2):
+            with made("stages", fork_server=server) as child:
+                told = "did not start: .*planner.pipeline.stages"
+                with pytest.raises(ChildError, match=told) as refused:
+                    child.call("read", directory, wall_s=60)
+                assert refused.value.code == "no-start"
 
 
-def test_fork_server_while_it_compiles_passes_each_fraction_on(
-    tmp_path: Path, directory: Path
-) -> None:
+def test_progress_of_compiling_is_passed_on(tmp_path: Path, directory: Path) -> None:
     server = spoiled(
         tmp_path / "code",
         f"{WITHOUT_LIBRARIES}import time\n"
@@ -173,12 +148,8 @@ def test_fork_server_while_it_compiles_passes_each_fraction_on(
         told.append((event["message"], event["fraction"]))
         (tmp_path / str(event["fraction"])).touch()
 
-    child = Child("stages", LIMITS, fork_server=server)
-    try:
+    with closing(server), made("stages", fork_server=server) as child:
         child.call("read", directory, wall_s=60, on_progress=tell)
-    finally:
-        child.close()
-        server.close()
     assert told[:2] == [(COMPILING, 0.25), (COMPILING, 0.5)]
 
 
@@ -197,15 +168,22 @@ time.sleep(600)
 """
 
 
-def test_it_ends_with_its_parent_and_so_do_its_children(directory: Path) -> None:
-    parent = subprocess.Popen(
-        [sys.executable, "-c", PARENT, str(directory)], stdout=subprocess.PIPE, text=True
-    )
-    with parent:
+def test_fork_server_and_its_children_end_with_their_parent(directory: Path) -> None:
+    killed_parent(PARENT, str(directory))
+
+
+def killed_parent(code: str, argument: str) -> None:
+    """Kill a program that has told the ids of its processes: they end, too."""
+    with subprocess.Popen(
+        [sys.executable, "-c", code, argument], stdout=subprocess.PIPE, text=True
+    ) as parent:
         theirs = [psutil.Process(int(pid)) for pid in parent.stdout.readline().split()]
-        assert len(theirs) == 2
+        assert theirs
         parent.kill()
-    assert not psutil.wait_procs(theirs, timeout=PATIENCE_S)[1]
+    alive = psutil.wait_procs(theirs, timeout=PATIENCE_S)[1]
+    for process in alive:
+        process.kill()
+    assert not alive
 
 
 COMPILES = f"""{WITHOUT_LIBRARIES}
@@ -227,14 +205,4 @@ time.sleep(600)
 
 def test_fork_server_that_compiles_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text(COMPILES)
-    parent = subprocess.Popen(
-        [sys.executable, "-c", STARTS, before_others(tmp_path)], stdout=subprocess.PIPE, text=True
-    )
-    with parent:
-        server = psutil.Process(int(parent.stdout.readline()))
-        parent.kill()
-    try:
-        assert not psutil.wait_procs([server], timeout=PATIENCE_S)[1]
-    finally:
-        with contextlib.suppress(psutil.NoSuchProcess):
-            server.kill()
+    killed_parent(STARTS, before_others(tmp_path))

@@ -102,7 +102,7 @@ WITH_A_THREAD = """
 import sys, threading, time
 from pathlib import Path
 from server.processes import confined
-confined.ENDING_S = 0.1
+confined.THREAD_EXIT_S = 0.1
 threading.Thread(target=lambda: time.sleep(60), daemon=True).start()
 confined.confine(confined.Allowed(writable=(Path(sys.argv[1]),)))
 """
@@ -224,7 +224,7 @@ def attacked(
 @pytest.mark.processes
 @needs_landlock
 @pytest.mark.parametrize("kind", ["reader", "preparer", "retimer", "stages", *UNFORKED])
-def test_a_process_that_was_taken_over_reaches_nothing(
+def test_hijacked_process_reaches_nothing(
     kind: Kind, tmp_path: Path, aim: dict[str, Any], forks: ForkServer
 ) -> None:
     found = attacked(kind, tmp_path, aim, None if kind in UNFORKED else forks)
@@ -238,7 +238,7 @@ def test_a_process_that_was_taken_over_reaches_nothing(
     assert "socket" not in found["files"]
 
 
-def test_packages_are_read_wherever_they_are_installed(
+def test_packages_are_readable_wherever_they_are_installed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("site-packages", "libraries"):
@@ -252,7 +252,7 @@ def test_packages_are_read_wherever_they_are_installed(
 
 @pytest.mark.processes
 @needs_landlock
-def test_who_has_threads_left_is_not_confined(tmp_path: Path) -> None:
+def test_process_with_other_threads_is_not_confined(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", WITH_A_THREAD, str(tmp_path)],
         capture_output=True,
@@ -262,7 +262,7 @@ def test_who_has_threads_left_is_not_confined(tmp_path: Path) -> None:
     assert "expected one" in done.stderr
 
 
-def test_the_filter_knows_the_calls_of_this_machine() -> None:
+def test_jumps_of_the_filter_stay_within_it() -> None:
     """Every jump of the program stays within it, on each architecture."""
     for mark, _, column in seccomp.ARCHITECTURES.values():
         code = seccomp.program(mark, column)

@@ -38,69 +38,50 @@ def broken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, 
     assert service.stop() == 0
 
 
-ROUTES = (
-    "",
-    "/events",
-    "/frames",
-    "/exports",
-    "/exports/plan.csv",
-    "/plan.json",
-    "/trajectory",
-    "/motors?module_mass=1",
-    "/refolds",
-    "/movies/abc",
+ROUTES = ("", "/events", "/frames", "/exports", "/exports/plan.csv", "/plan.json", "/trajectory")
+ROUTES += ("/motors?module_mass=1", "/refolds", "/movies/abc")
+CHANGES = (
+    ("POST", "/api/folds"),
+    ("GET", "/api/folds"),
+    ("POST", "/api/folds/{}/cancel"),
+    ("DELETE", "/api/folds/{}"),
+    ("POST", "/api/folds/{}/movies"),
 )
 
 
-@pytest.mark.parametrize("route", ROUTES)
-def test_without_a_database_every_route_says_when_to_try_again(
-    broken: tuple[Service, str], route: str
-) -> None:
+def test_without_a_database_every_route_says_when_to_try_again(broken: tuple[Service, str]) -> None:
     service, fold_id = broken
-    answer = service.http.get(f"/api/folds/{fold_id}{route}", headers=PAGE)
-    assert answer.status_code == 503, answer.text
-    assert answer.headers["content-type"] == "application/problem+json"
-    assert int(answer.headers["retry-after"]) > 0
-    assert answer.json()["code"] == "no-database"
-    assert "sqlite" not in answer.text.lower()
+    for route in ROUTES:
+        answer = service.http.get(f"/api/folds/{fold_id}{route}", headers=PAGE)
+        assert answer.status_code == 503, answer.text
+        assert answer.headers["content-type"] == "application/problem+json"
+        assert int(answer.headers["retry-after"]) > 0
+        assert answer.json()["code"] == "no-database"
+        assert "sqlite" not in answer.text.lower()
+    for method, path in CHANGES:
+        more = {"json": {}} if "movies" in path else {"data": {"shape": "mallet-64"}}
+        answer = service.http.request(
+            method,
+            path.format(fold_id),
+            headers=bearer("a" * 32),
+            **(more if method == "POST" else {}),
+        )
+        assert (answer.status_code, answer.json()["code"]) == (503, "no-database"), answer.text
 
 
-@pytest.mark.parametrize(
-    ("method", "path"),
-    [
-        ("POST", "/api/folds"),
-        ("GET", "/api/folds"),
-        ("POST", "/api/folds/{}/cancel"),
-        ("DELETE", "/api/folds/{}"),
-        ("POST", "/api/folds/{}/movies"),
-    ],
-)
-def test_nor_does_anything_change_without_one(
-    broken: tuple[Service, str], method: str, path: str
-) -> None:
+def test_without_a_database_pages_say_so_in_words(broken: tuple[Service, str]) -> None:
     service, fold_id = broken
-    more = {"json": {}} if "movies" in path else {"data": {"shape": "mallet-64"}}
-    token = {"Authorization": "Bearer " + "a" * 32}
-    answer = service.http.request(
-        method, path.format(fold_id), headers=token, **(more if method == "POST" else {})
-    )
-    assert (answer.status_code, answer.json()["code"]) == (503, "no-database"), answer.text
+    for page in ("/", "/gallery", f"/folds/{fold_id}", f"/compare?a={fold_id}&b={fold_id}"):
+        answer = service.http.get(page, headers=PAGE)
+        assert answer.status_code == 503
+        assert answer.headers["content-type"].startswith("text/html")
+        assert "default-src 'none'" in answer.headers["content-security-policy"]
+        assert int(answer.headers["retry-after"]) > 0
+        for words in ("Temporarily unavailable", "The database does not answer"):
+            assert words in answer.text
 
 
-@pytest.mark.parametrize("page", ["/", "/gallery", "/folds/{}", "/compare?a={}&b={}"])
-def test_without_a_database_pages_say_so_in_words(broken: tuple[Service, str], page: str) -> None:
-    service, fold_id = broken
-    answer = service.http.get(page.format(fold_id, fold_id), headers=PAGE)
-    assert answer.status_code == 503
-    assert answer.headers["content-type"].startswith("text/html")
-    assert "default-src 'none'" in answer.headers["content-security-policy"]
-    assert int(answer.headers["retry-after"]) > 0
-    assert (
-        "Temporarily unavailable" in answer.text and "The database does not answer" in answer.text
-    )
-
-
-def test_it_is_alive_without_a_database(broken: tuple[Service, str]) -> None:
+def test_health_and_metrics_work_without_a_database(broken: tuple[Service, str]) -> None:
     service, _ = broken
     assert service.http.get("/health").status_code == 200
     assert service.http.get("/static/page.css").status_code in (200, 404)
@@ -109,7 +90,7 @@ def test_it_is_alive_without_a_database(broken: tuple[Service, str]) -> None:
     assert "foldback_database_up 0.0" in metrics.text and "foldback_folds{" not in metrics.text
 
 
-def test_a_disk_that_takes_nothing_refuses_uploads_and_nothing_else(
+def test_full_disk_refuses_uploads_and_nothing_else(
     service_with: ServiceWith,
 ) -> None:
     service, token = service_with(workers=0), new_token()
@@ -156,38 +137,22 @@ def test_a_disk_that_takes_nothing_refuses_uploads_and_nothing_else(
         (ValueError("x"), None),
     ],
 )
-def test_what_is_trouble_and_what_is_a_fault(
-    error: Exception, kind: type[ServiceError] | None
-) -> None:
+def test_trouble_is_told_from_faults(error: Exception, kind: type[ServiceError] | None) -> None:
     trouble = of_trouble(error)
     assert (trouble and type(trouble)) == kind
     assert trouble is None or (trouble.retry_after_s or 0) > 0
 
 
-def test_who_reads_strangers_files_knows_no_secrets() -> None:
-    ours = {
-        "PATH": "/bin",
-        "HOME": "/home/us",
-        "LC_ALL": "C.UTF-8",
-        "PYTHONPATH": "/x",
-        "NUMBA_CACHE_DIR": "/y",
-        "LD_LIBRARY_PATH": "/z",
-        "MUJOCO_GL": "egl",
-    }
-    secrets = {
-        "FOLDBACK_DATABASE_URL": "postgresql://us:secret@db/folds",
-        "FOLDBACK_JOBS_URL": "postgresql://us:secret@db/jobs",
-        "AWS_SECRET_ACCESS_KEY": "secret",
-        "AWS_SESSION_TOKEN": "secret",
-        "PGPASSWORD": "secret",
-        "SOME_API_KEY": "secret",
-        "OTEL_EXPORTER_OTLP_HEADERS": "secret",
-    }
-    assert environment_of_child({**ours, **secrets}) == ours
+def test_environment_of_a_child_holds_no_secrets() -> None:
+    names = ("PATH", "HOME", "LC_ALL", "PYTHONPATH", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH")
+    ours = dict.fromkeys((*names, "MUJOCO_GL"), "/x")
+    secrets = ("FOLDBACK_DATABASE_URL", "FOLDBACK_JOBS_URL", "AWS_SECRET_ACCESS_KEY", "PGPASSWORD")
+    secrets += ("AWS_SESSION_TOKEN", "SOME_API_KEY", "OTEL_EXPORTER_OTLP_HEADERS")
+    assert environment_of_child({**ours, **dict.fromkeys(secrets, "secret")}) == ours
 
 
 @pytest.mark.processes
-def test_a_computing_process_has_limits_and_no_secrets(
+def test_child_has_limits_and_no_secrets(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "a-secret")
@@ -216,7 +181,7 @@ def test_a_computing_process_has_limits_and_no_secrets(
 
 
 @pytest.mark.processes
-def test_nobody_looks_into_the_service() -> None:
+def test_memory_of_the_service_is_unreadable() -> None:
     """A process that a parser has taken over finds no keys in its parent's environment."""
     words = (
         "import ctypes, server.processes.limits as l;"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,22 +11,17 @@ import pytest
 from server.settings import Settings
 from server.store import fold_files
 from server.store.fold_files import MIN_COPY_AGE_S, Folders
+from server.store.object_store import StorageError, open_storage
 from server.store.tables import FoldRow
-from tests.server.bucket import Bucket
 
 FOLD = "a1"
 
 
 @pytest.fixture
-def machines(
-    bucket: Bucket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> tuple[Folders, Folders]:
+def machines(bucket_url: str, tmp_path: Path) -> tuple[Folders, Folders]:
     """Where a fold is computed, and where it is read."""
-    for name, value in bucket.environment.items():
-        monkeypatch.setenv(name, value)
-    url = bucket.bucket()
     here, there = (
-        Folders(Settings(data_dir=tmp_path / name, storage_url=url, cache_bytes=2**20))
+        Folders(Settings(data_dir=tmp_path / name, storage_url=bucket_url, cache_bytes=2**20))
         for name in ("here", "there")
     )
     (tmp_path / "aside").mkdir()
@@ -38,7 +34,7 @@ def row(kept: int, status: str = "running") -> FoldRow:
     return FoldRow(id=FOLD, kept=kept, status=status)
 
 
-def test_what_is_kept_under_an_epoch_is_shown_elsewhere(
+def test_files_kept_under_an_epoch_are_shown_elsewhere(
     machines: tuple[Folders, Folders], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     here, there = machines
@@ -73,7 +69,7 @@ def test_what_is_kept_under_an_epoch_is_shown_elsewhere(
     assert not (there.bring(FOLD, 2, 3) / "frames").exists()
 
 
-def test_a_movie_is_brought_and_goes(machines: tuple[Folders, Folders], tmp_path: Path) -> None:
+def test_movie_is_fetched_and_removed(machines: tuple[Folders, Folders], tmp_path: Path) -> None:
     here, there = machines
     assert there.movie(FOLD, "m.mp4") is None
     (tmp_path / "made").write_bytes(b"movie")
@@ -85,7 +81,7 @@ def test_a_movie_is_brought_and_goes(machines: tuple[Folders, Folders], tmp_path
     assert not brought.exists()
 
 
-def test_copies_that_nobody_has_looked_at_make_room(
+def test_unseen_copies_make_room(
     machines: tuple[Folders, Folders], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     here, there = machines
@@ -102,3 +98,32 @@ def test_copies_that_nobody_has_looked_at_make_room(
     monkeypatch.setattr(fold_files, "CACHE_SWEEP_S", 0.0)
     there.shown(row(3, "verified"))
     assert [copy.is_dir() for copy in copies] == [False, True, True]
+
+
+def test_directories_of_removed_files_go_along(bucket_url: str, tmp_path: Path) -> None:
+    """Attempts of a fold are found by their directories."""
+    storage = open_storage(Settings(data_dir=tmp_path, storage_url=bucket_url))
+    assert storage is not None
+    storage.check()
+    attempt = tmp_path / "made" / "attempts" / "0" / "two"
+    attempt.parent.mkdir(parents=True)
+    (tmp_path / "made" / "one").write_bytes(b"1")
+    for there in (True, False):
+        if there:
+            attempt.write_bytes(b"2")
+        else:
+            attempt.unlink()
+        storage.keep("folds/a/1", tmp_path / "made")
+        assert storage.below("folds") == ["a"]
+        assert storage.fetch("folds/a/1", tmp_path / "copy")
+        assert (tmp_path / "copy" / "one").read_bytes() == b"1"
+        assert (tmp_path / "copy" / "attempts").exists() == there
+    assert not storage.fetch("folds/b/1", tmp_path / "other")
+
+
+def test_storage_without_obstore_says_how_to_install_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "obstore.exceptions", None)
+    with pytest.raises(StorageError, match=r"pip install 'foldback\[storage\]'"):
+        open_storage(Settings(data_dir=tmp_path, storage_url="s3://bucket"))

@@ -1,7 +1,11 @@
-"""Who lives: told by beats that are counted, not by dates."""
+"""Living workers: told by beats that are counted, not by dates, and by locks of their names."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -17,8 +21,8 @@ LEASE_S = 15.0
 class Clock:
     """Seconds that pass when told to."""
 
-    def __init__(self) -> None:
-        self.now = 1000.0
+    def __init__(self, now: float = 1000.0) -> None:
+        self.now = now
 
     def __call__(self) -> float:
         return self.now
@@ -49,7 +53,7 @@ def passing(leases: Leases, clock: Clock, seconds: float, *living: str) -> set[s
     return dead
 
 
-def test_silence_for_a_lease_is_death(leases: Leases, clock: Clock) -> None:
+def test_worker_silent_for_a_lease_is_dead(leases: Leases, clock: Clock) -> None:
     for name in ("a/x/0", "b/x/0"):
         beat(leases, name)
     assert leases.expired(()) == set()
@@ -59,14 +63,14 @@ def test_silence_for_a_lease_is_death(leases: Leases, clock: Clock) -> None:
     assert leases.at_once() == 2
 
 
-def test_who_holds_folds_and_has_no_row_is_given_a_lease_too(leases: Leases, clock: Clock) -> None:
+def test_holder_of_folds_without_a_row_gets_a_lease(leases: Leases, clock: Clock) -> None:
     for _ in range(int(LEASE_S)):
         assert leases.expired(["unknown/x/3"]) == set()
         clock.now += 1.0
     assert leases.expired(["unknown/x/3"]) == {"unknown/x/3"}
 
 
-def test_nobody_dies_of_a_database_that_was_away(leases: Leases, clock: Clock) -> None:
+def test_no_worker_dies_while_the_database_is_away(leases: Leases, clock: Clock) -> None:
     beat(leases, "a/x/0")
     assert leases.expired(()) == set()
     clock.now += 10 * LEASE_S  # nobody could beat, and nobody could look
@@ -74,7 +78,7 @@ def test_nobody_dies_of_a_database_that_was_away(leases: Leases, clock: Clock) -
     assert passing(leases, clock, LEASE_S, "a/x/0") == set()
 
 
-def test_who_was_thought_dead_comes_back(leases: Leases, clock: Clock) -> None:
+def test_worker_thought_dead_comes_back(leases: Leases, clock: Clock) -> None:
     beat(leases, "a/x/0")
     leases.expired(())
     assert passing(leases, clock, LEASE_S + 1) == {"a/x/0"}
@@ -85,7 +89,9 @@ def test_who_was_thought_dead_comes_back(leases: Leases, clock: Clock) -> None:
     assert [row.name for row in leases.workers()] == ["a/x/0"]
 
 
-def test_on_this_machine_a_lock_tells_at_once(leases: Leases, tmp_path: Path, clock: Clock) -> None:
+def test_lock_tells_of_dead_workers_of_this_machine_at_once(
+    leases: Leases, tmp_path: Path, clock: Clock
+) -> None:
     identity = WorkerIdentities(Settings(data_dir=tmp_path)).take()
     beat(leases, identity.name)
     assert leases.expired(()) == set()
@@ -122,3 +128,63 @@ def test_preparing_without_worker_lasts_while_workers_start(
     clock.now += SERVICE_START_S
     assert leases.preparing() is None
     assert Leases(store, identities, LEASE_S, clock=clock).preparing() is None
+
+
+PROBE = """
+import sys
+from pathlib import Path
+from server.settings import Settings
+from server.store.worker_identity import WorkerIdentities
+identities = WorkerIdentities(Settings(data_dir=Path(sys.argv[1])))
+print("begun", flush=True)
+while True:
+    identities.dead([sys.argv[2]])
+"""
+HOLD = """
+import sys
+from pathlib import Path
+from server.settings import Settings
+from server.store.worker_identity import WorkerIdentities
+identity = WorkerIdentities(Settings(data_dir=Path(sys.argv[1]))).take()
+print(identity.name, flush=True)
+sys.stdin.read()
+"""
+
+
+@contextmanager
+def process(code: str, *arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A process that has said its first line."""
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as started:
+        assert started.stdout is not None
+        try:
+            yield started, started.stdout.readline().strip()
+        finally:
+            started.kill()
+
+
+def test_probe_for_dead_workers_takes_no_name(tmp_path: Path) -> None:
+    identities = WorkerIdentities(Settings(data_dir=tmp_path))
+    identity = identities.take()
+    identity.close()
+    with process(PROBE, str(tmp_path), identity.name), process(PROBE, str(tmp_path), identity.name):
+        for _ in range(300):
+            taken = identities.take()
+            taken.close()
+            assert taken.name == identity.name
+
+
+def test_killed_worker_is_dead_at_once(tmp_path: Path) -> None:
+    identities = WorkerIdentities(Settings(data_dir=tmp_path))
+    with process(HOLD, str(tmp_path)) as (worker, name):
+        mine = identities.take()
+        assert mine.name != name
+        assert identities.dead([name, mine.name, "another/machine/0"]) == set()
+        worker.kill()
+        worker.wait()
+        assert identities.dead([name, mine.name]) == {name}
+    mine.close()

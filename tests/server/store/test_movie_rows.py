@@ -59,8 +59,11 @@ class Process:
         return self.store.fold("a1")
 
 
+Processes = Callable[..., list[Process]]
+
+
 @pytest.fixture
-def processes(tmp_path: Path) -> Iterator[Callable[..., list[Process]]]:
+def processes(tmp_path: Path) -> Iterator[Processes]:
     """Makes two processes with a fold that is over."""
     made: list[Process] = []
 
@@ -103,7 +106,7 @@ def left(process: Process) -> list[str]:
     return [path.name for path in folder.iterdir()] if folder.is_dir() else []
 
 
-def test_asked_for_at_once_it_is_one_job(processes: Callable[..., list[Process]]) -> None:
+def test_movie_requested_at_once_is_one_job(processes: Processes) -> None:
     both = processes()
     ready = threading.Barrier(8)
 
@@ -117,7 +120,7 @@ def test_asked_for_at_once_it_is_one_job(processes: Callable[..., list[Process]]
     assert both[0].row().status == "queued"
 
 
-def test_the_bounds_hold_over_all_processes(processes: Callable[..., list[Process]]) -> None:
+def test_limits_of_movies_hold_over_all_processes(processes: Processes) -> None:
     here, there = processes(movies_waiting_of_visitor=1, movies_waiting=2)
     here.ask(MOVIES[0], "somebody")
     with pytest.raises(TooMany) as refused:
@@ -132,7 +135,7 @@ def test_the_bounds_hold_over_all_processes(processes: Callable[..., list[Proces
 
 
 def test_movies_of_one_network_leave_room_for_others(
-    processes: Callable[..., list[Process]],
+    processes: Processes,
 ) -> None:
     here, there = processes(movies_waiting_of_visitor=1, movies_waiting=4)
     home = [visitor_at(f"2001:db8:1:{k}::1") for k in range(3)]
@@ -143,8 +146,8 @@ def test_movies_of_one_network_leave_room_for_others(
     assert here.ask(MOVIES[2], visitor_at("2001:db8:2::1"))[1]
 
 
-def test_a_movie_that_is_lost_again_and_again_fails_and_may_be_asked_for_again(
-    processes: Callable[..., list[Process]],
+def test_repeatedly_lost_movie_fails_and_is_requested_again(
+    processes: Processes,
 ) -> None:
     here, there = processes()
     here.ask(MOVIES[0], "somebody")
@@ -158,7 +161,7 @@ def test_a_movie_that_is_lost_again_and_again_fails_and_may_be_asked_for_again(
     assert new and owner.owns(state.token_hash)
 
 
-def test_done_twice_it_counts_once(processes: Callable[..., list[Process]], filming: Any) -> None:
+def test_movie_made_twice_counts_once(processes: Processes, filming: Any) -> None:
     here, there = processes()
     here.ask(MOVIES[0], "somebody")
     filming["meanwhile"] = lambda: filming.update(meanwhile=lambda: None) or there.make()
@@ -173,9 +176,7 @@ def test_done_twice_it_counts_once(processes: Callable[..., list[Process]], film
     assert left(here) == []
 
 
-def test_deleted_meanwhile_nothing_is_left(
-    processes: Callable[..., list[Process]], filming: Any
-) -> None:
+def test_movie_deleted_while_it_is_made_leaves_nothing(processes: Processes, filming: Any) -> None:
     here, there = processes()
     here.ask(MOVIES[0], "somebody")
     job = here.row().job
@@ -198,7 +199,7 @@ def test_deleted_meanwhile_nothing_is_left(
     assert not (here.settings.folds_dir / "a1").exists()
 
 
-def test_the_oldest_goes_first(processes: Callable[..., list[Process]], filming: Any) -> None:
+def test_oldest_movie_is_removed_first(processes: Processes, filming: Any) -> None:
     here, there = processes(movies_of_fold=2)
     for movie in MOVIES:
         here.ask(movie, "somebody")
@@ -212,8 +213,8 @@ def test_the_oldest_goes_first(processes: Callable[..., list[Process]], filming:
     assert here.ask(MOVIES[3], "somebody")[1]
 
 
-def test_strangers_push_out_no_movie_of_the_owner(
-    processes: Callable[..., list[Process]], filming: Any
+def test_movies_of_strangers_do_not_displace_those_of_the_owner(
+    processes: Processes, filming: Any
 ) -> None:
     here, there = processes(movies_of_fold=1)
     here.ask(MOVIES[0], "the owner", of_owner=True)
@@ -229,8 +230,8 @@ def test_strangers_push_out_no_movie_of_the_owner(
     assert len(left(here)) == 3
 
 
-def test_a_movie_asked_for_at_once_by_a_stranger_and_the_owner_is_the_owner_s(
-    processes: Callable[..., list[Process]], monkeypatch: pytest.MonkeyPatch
+def test_movie_requested_by_stranger_and_owner_is_the_owners(
+    processes: Processes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     here, there = processes()
     stranger = new_owner()
@@ -247,15 +248,12 @@ def test_a_movie_asked_for_at_once_by_a_stranger_and_the_owner_is_the_owner_s(
     assert not stranger.owns(found.token_hash)
 
 
-def test_what_a_dead_worker_left_is_swept(tmp_path: Path) -> None:
+def test_files_of_a_dead_worker_are_removed(tmp_path: Path, store: Store) -> None:
     settings = Settings(data_dir=tmp_path)
-    store = Store(settings)
     halfway = settings.scratch_dir / "halfway"
     halfway.mkdir(parents=True)
     (halfway / "movie").write_bytes(b"half")
-    living = movie_runner.Scratch(settings.scratch_dir)
-    with living.directory() as used:
+    with movie_runner.Scratch(settings.scratch_dir).directory() as used:
         MovieJobs(settings, store)
         assert (used.exists(), halfway.exists()) == (True, False)
     assert not used.exists()
-    store.close()

@@ -32,7 +32,7 @@ from server.store.previews import (
     superfluous,
 )
 from server.store.tables import PreviewRow
-from tests.server.bucket import Bucket
+from tests.server.here import give_tables
 from tests.server.postgres import DATABASES
 from tests.server.rows import new_owner
 
@@ -91,10 +91,11 @@ def desk_with(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callab
     made: list[Desk] = []
     url = None
     if request.param != "sqlite":
-        url = request.getfixturevalue("postgres").database()
+        url = request.getfixturevalue("postgres").migrated()
 
     def make(name: str = "here", **settings: Any) -> Desk:
         chosen = Settings(data_dir=tmp_path / name, database_url=url, **settings)
+        give_tables(chosen)
         made.append(Desk(chosen))
         return made[-1]
 
@@ -232,18 +233,10 @@ def test_list_of_owner_has_what_it_viewed_last(desk_with: Callable[..., Desk]) -
 
 
 def test_key_differs_for_each_option() -> None:
-    others = [
-        PreviewRequest(module="tetrahedron"),
-        PreviewRequest(modules=64),
-        PreviewRequest(method="exact"),
-        PreviewRequest(repair=True),
-        PreviewRequest(ends="surface"),
-        PreviewRequest(as_voxels=True),
-        PreviewRequest(start=(0, 0, 0)),
-        PreviewRequest(seed=1),
-        PreviewRequest(path=False),
-        PreviewRequest(world="table"),
-    ]
+    changes: dict[str, Any] = {"modules": 64, "method": "exact", "ends": "surface", "seed": 1}
+    changes |= {"repair": True, "as_voxels": True, "path": False, "start": (0, 0, 0)}
+    changes |= {"module": "tetrahedron", "world": "table"}
+    others = [PreviewRequest(**{name: value}) for name, value in changes.items()]
     assert len(others) == len(fields(PreviewRequest))
     assert len({options.key for options in (PreviewRequest(), *others)}) == len(others) + 1
 
@@ -259,14 +252,9 @@ def test_row_of_unknown_id_raises(preview_id: str, tmp_path: Path) -> None:
 
 @pytest.mark.processes
 def test_previews_in_an_object_store_are_fetched_and_deleted_everywhere(
-    bucket: Bucket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bucket_url: str, tmp_path: Path
 ) -> None:
-    for name, value in bucket.environment.items():
-        monkeypatch.setenv(name, value)
-    shared = {
-        "storage_url": bucket.bucket(),
-        "database_url": f"sqlite:///{tmp_path / 'rows.db'}",
-    }
+    shared = {"storage_url": bucket_url, "database_url": f"sqlite:///{tmp_path / 'rows.db'}"}
     here, there = (Desk(Settings(data_dir=tmp_path / name, **shared)) for name in ("a", "b"))
     with closing(here), closing(there):
         small, large, owner = here.add(), here.add(size=600_000), new_owner()

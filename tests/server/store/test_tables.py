@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -96,46 +97,41 @@ def test_migrations_lead_to_the_tables_of_the_code(engine: sa.Engine) -> None:
             assert connection.execute(sa.text("PRAGMA foreign_keys")).scalar() == 1
 
 
-def test_a_table_that_is_not_of_the_code_is_noticed(engine: sa.Engine) -> None:
-    migrate(engine)
-    with engine.begin() as connection:
-        connection.execute(sa.text("ALTER TABLE folds DROP COLUMN turn"))
-    with engine.connect() as connection:
-        assert compare_metadata(MigrationContext.configure(connection), Base.metadata)
-
-
-def written_as_then(connection: sa.Connection) -> Mapping[str, sa.Table]:
-    """The tables that are there. JSON is written as such, also "nothing" as JSON's null."""
+def write(connection: sa.Connection, **rows: list[dict[str, Any]]) -> None:
+    """Write rows into the tables that are there; JSON as such, also "nothing" as null."""
     found = sa.MetaData()
     found.reflect(connection)
-    for name in ("progress", "summary", "error"):
-        found.tables["folds"].c[name].type = sa.JSON()
-    return found.tables
+    for name, values in rows.items():
+        table = found.tables[name]
+        for column in ("progress", "summary", "error", "wishes"):
+            if column in table.c:
+                table.c[column].type = sa.JSON()
+        connection.execute(sa.insert(table), values)
 
 
-def test_the_first_schema_comes_up_with_all_its_rows(
+@contextmanager
+def migrated(engine: sa.Engine, url: str, tmp_path: Path) -> Iterator[Store]:
+    """The store of an older database; it is migrated."""
+    with closing(Store(Settings(data_dir=tmp_path, database_url=url))) as store:
+        yield store
+    with engine.connect() as connection:
+        assert Schema.of(connection).behind == 0
+
+
+def test_first_schema_is_migrated_with_all_its_rows(
     engine: sa.Engine, url: str, tmp_path: Path
 ) -> None:
     upgrade(engine, "0001")
     folds = first_folds()
+    token_hash = hashlib.sha256(TOKEN.encode()).hexdigest()
+    owners = [
+        {"fold_id": fold["id"], "token_hash": token_hash, "created_at": fold["created_at"]}
+        for fold in folds
+    ]
     with engine.begin() as connection:
-        tables = written_as_then(connection)
-        connection.execute(sa.insert(tables["folds"]), folds)
-        connection.execute(
-            sa.insert(tables["owners"]),
-            [
-                {
-                    "fold_id": fold["id"],
-                    "token_hash": hashlib.sha256(TOKEN.encode()).hexdigest(),
-                    "created_at": fold["created_at"],
-                }
-                for fold in folds
-            ],
-        )
+        write(connection, folds=folds, owners=owners)
         assert Schema.of(connection).behind == len(Schema.of(connection).known) - 1
-
-    store = Store(Settings(data_dir=tmp_path, database_url=url))
-    try:
+    with migrated(engine, url, tmp_path) as store:
         for fold in folds:
             row = store.fold(fold["id"])
             # Their keys are of another kind now, but for those of the gallery.
@@ -161,95 +157,65 @@ def test_the_first_schema_comes_up_with_all_its_rows(
         new = a_fold("new", created_at=1.8e9, content_key=hashlib.sha256(b"new").hexdigest())
         assert store.add(new, OWNER)
         assert not store.add(a_fold("twin", content_key=new.content_key), OWNER)
-    finally:
-        store.close()
-    with engine.connect() as connection:
-        assert Schema.of(connection).behind == 0
 
 
-def test_of_several_owners_the_first_stays_and_movies_count_apart(
+def test_migration_keeps_the_first_owner_and_counts_movies_apart(
     engine: sa.Engine, url: str, tmp_path: Path
 ) -> None:
     upgrade(engine, "0005")
-    verified = next(fold for fold in first_folds() if fold["status"] == "verified")
     folds = [
-        {**verified, "id": name, "content_key": name, "public": name == "open", "bytes": size}
+        verified_fold(name, public=name == "open", bytes=size)
         for name, size in (("mine", 1000), ("open", 5))
     ]
     movie = {
         **{"id": "movie", "wishes": {}, "visitor": "v", "token_hash": "", "status": "ready"},
         **{"frames_done": 1, "problem": None, "created_at": 1.0, "bytes": 400},
     }
+    owners = [
+        {"fold_id": fold["id"], "token_hash": Owner.from_token(token).digest, "created_at": at}
+        for fold in folds
+        for token, at in ((TOKEN, 1.0), ("a-stranger-who-had-the-link-only", 2.0))
+    ]
+    movies = [{**movie, "fold_id": fold["id"], "job": fold["id"]} for fold in folds]
     with engine.begin() as connection:
-        tables = sa.MetaData()
-        tables.reflect(connection)
-        written = tables.tables["folds"]
-        filmed = tables.tables["movies"]
-        for column in (*(written.c[n] for n in ("progress", "summary", "error")), filmed.c.wishes):
-            column.type = sa.JSON()
-        connection.execute(sa.insert(written), folds)
-        owners = [
-            {"fold_id": fold["id"], "token_hash": Owner.from_token(token).digest, "created_at": at}
-            for fold in folds
-            for token, at in ((TOKEN, 1.0), ("a-stranger-who-had-the-link-only", 2.0))
-        ]
-        connection.execute(sa.insert(tables.tables["owners"]), owners)
-        connection.execute(
-            sa.insert(filmed), [{**movie, "fold_id": f["id"], "job": f["id"]} for f in folds]
-        )
-    store = Store(Settings(data_dir=tmp_path, database_url=url))
-    try:
+        write(connection, folds=folds, owners=owners, movies=movies)
+    with migrated(engine, url, tmp_path) as store:
         mine, public = store.fold("mine"), store.fold("open")
-        assert (mine.owner, mine.content_key, mine.bytes) == (OWNER.digest, None, 600)
-        assert (public.owner, public.content_key, public.bytes) == (None, "open", 0)
-    finally:
-        store.close()
+    assert (mine.owner, mine.content_key, mine.bytes) == (OWNER.digest, None, 600)
+    assert (public.owner, public.content_key, public.bytes) == (None, "open", 0)
 
 
-def test_a_fold_with_gaps_does_not_stay_verified(
+def verified_fold(name: str, **values: Any) -> dict[str, Any]:
+    """The row of a fold that is verified, with some values changed."""
+    verified = next(fold for fold in first_folds() if fold["status"] == "verified")
+    return {**verified, "id": name, "content_key": name, **values}
+
+
+def test_migration_marks_verified_folds_with_gaps_as_failed(
     engine: sa.Engine, url: str, tmp_path: Path
 ) -> None:
     upgrade(engine, "0006")
-    verified = next(fold for fold in first_folds() if fold["status"] == "verified")
-    verdicts = {"gaps": "verified with gaps: 2 moments could not be bounded", "sound": "verified"}
+    reason = "2 moments could not be bounded"
+    verdicts = {"gaps": f"verified with gaps: {reason}", "sound": "verified"}
+    summary = {"status": "verified", "reason": ""}
     folds = [
-        {
-            **verified,
-            **{"id": name, "content_key": name, "bytes": 1},
-            "summary": {"status": "verified", "reason": "", "certificate": {"verdict": verdict}},
-        }
+        verified_fold(name, bytes=1, summary={**summary, "certificate": {"verdict": verdict}})
         for name, verdict in verdicts.items()
     ]
     with engine.begin() as connection:
-        connection.execute(sa.insert(written_as_then(connection)["folds"]), folds)
-    store = Store(Settings(data_dir=tmp_path, database_url=url))
-    try:
+        write(connection, folds=folds)
+    with migrated(engine, url, tmp_path) as store:
         gaps, sound = store.fold("gaps"), store.fold("sound")
-    finally:
-        store.close()
     assert (gaps.status, gaps.summary["status"]) == ("failed", "failed")
-    assert gaps.error == {
-        "code": "not-verified",
-        "detail": "2 moments could not be bounded",
-        "where": None,
-    }
-    assert gaps.summary["reason"] == gaps.error["detail"]
+    assert gaps.error == {"code": "not-verified", "detail": reason, "where": None}
+    assert gaps.summary["reason"] == reason
     assert (sound.status, sound.error) == ("verified", None)
 
 
-@pytest.mark.parametrize(
-    "revision",
-    [f"{number:04}" for number in range(1, 13)],
-)
-def test_every_version_on_the_way_comes_up(engine: sa.Engine, revision: str) -> None:
-    upgrade(engine, revision)
-    migrate(engine)
-    with engine.connect() as connection:
-        assert Schema.of(connection).behind == 0
-        assert not compare_metadata(MigrationContext.configure(connection), Base.metadata)
-
-
-def test_a_newer_database_is_refused_and_left_as_it_is(engine: sa.Engine) -> None:
+def test_newer_database_is_refused_and_left_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    engine = engine_for(f"sqlite:///{tmp_path / 'foldback.db'}")
     migrate(engine)
     with engine.begin() as connection:
         connection.execute(sa.text("UPDATE alembic_version SET version_num = '0099'"))
@@ -258,15 +224,6 @@ def test_a_newer_database_is_refused_and_left_as_it_is(engine: sa.Engine) -> Non
     with engine.connect() as connection:
         assert Schema.of(connection).found == "0099"
         assert Schema.of(connection).newer
-
-
-def test_the_service_says_so_and_does_not_start(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    engine = engine_for(f"sqlite:///{tmp_path / 'foldback.db'}")
-    migrate(engine)
-    with engine.begin() as connection:
-        connection.execute(sa.text("UPDATE alembic_version SET version_num = '0099'"))
     engine.dispose()
     with pytest.raises(SystemExit) as ended:
         server_of(Settings(data_dir=tmp_path))

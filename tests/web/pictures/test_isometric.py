@@ -1,3 +1,5 @@
+"""Isometric drawings of cells and of chains."""
+
 from __future__ import annotations
 
 import re
@@ -5,11 +7,15 @@ import xml.etree.ElementTree as ElementTree
 from itertools import product
 
 import numpy as np
-import pytest
 
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.readers.angle_strings import read_angle_string
 from web.pictures.isometric import isometric_svg
+from web.pictures.isometric_modules import chain_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
+RING = "- - - + - - - + - - -"
 
 
 def drawing(cells: object, **options: object) -> ElementTree.Element:
@@ -21,18 +27,15 @@ def faces(root: ElementTree.Element, tone: str) -> int:
     return sum(p.get("d", "").count("M") for p in paths)
 
 
-def test_one_cube_shows_three_faces() -> None:
-    root = drawing([(5, -2, 7)])
-    assert [faces(root, tone) for tone in ("top", "left", "right", "gap")] == [1, 1, 1, 3]
+def test_box_shows_only_the_faces_of_its_outside() -> None:
+    for side in (1, 2, 5):
+        root = drawing(np.array(list(product(range(side), repeat=3))) + [5, -2, 7])
+        assert [faces(root, tone) for tone in ("top", "left", "right")] == [side**2] * 3
+        assert_within_view(root)
+    assert faces(drawing(np.zeros((0, 3), dtype=int)), "gap") == 0
 
 
-@pytest.mark.parametrize("side", [2, 3, 5])
-def test_a_box_shows_only_the_faces_of_its_outside(side: int) -> None:
-    root = drawing(list(product(range(side), repeat=3)))
-    assert [faces(root, tone) for tone in ("top", "left", "right")] == [side**2] * 3
-
-
-def test_a_cell_behind_another_is_not_drawn_and_half_a_face_is() -> None:
+def test_hidden_cell_is_left_out_and_half_a_face_is_drawn() -> None:
     assert faces(drawing([(0, 0, 0), (4, 4, 4)]), "gap") == 3
     # The upper one hides half of the top of the lower one and a half of a side.
     assert faces(drawing([(0, 0, 0), (1, 0, 1)]), "gap") == 6
@@ -52,13 +55,13 @@ def test_axes_are_right_handed_with_z_upward() -> None:
     np.testing.assert_allclose(x + y + z, 0.0, atol=0.2)
 
 
-def test_everything_lies_within_the_view() -> None:
-    root = drawing([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1)])
+def assert_within_view(root: ElementTree.Element) -> None:
     left, top, width, height = (float(v) for v in root.get("viewBox", "").split())
-    for path in root.iter(f"{SVG}path"):
-        for x, y in re.findall(r"M(-?[\d.]+) ?(-?[\d.]+)", path.get("d", "")):
-            assert left <= float(x) <= left + width
-            assert top <= float(y) <= top + height
+    text = "".join(path.get("d", "") for path in root.iter(f"{SVG}path"))
+    points = np.array(re.findall(r"[ML](-?[\d.]+) ?(-?[\d.]+)", text), dtype=float)
+    assert len(points)
+    assert (points >= [left, top]).all()
+    assert (points <= [left + width, top + height]).all()
 
 
 def test_isometric_odd_and_added_cells_have_colours_of_their_own() -> None:
@@ -68,14 +71,14 @@ def test_isometric_odd_and_added_cells_have_colours_of_their_own() -> None:
     assert [faces(root, tone) for tone in ("top", "odd-top", "added-top")] == [2, 1, 1]
 
 
-def test_a_title_is_escaped_and_named_and_its_absence_is_decoration() -> None:
+def test_title_is_escaped_and_a_drawing_without_one_is_hidden() -> None:
     root = drawing([(0, 0, 0)], title='a <b> & "c"')
     assert root.get("aria-label") == 'a <b> & "c"'
     assert root.findtext(f"{SVG}title") == 'a <b> & "c"'
     assert drawing([(0, 0, 0)]).get("aria-hidden") == "true"
 
 
-def test_it_carries_no_style_or_script_and_stays_small() -> None:
+def test_drawing_is_small_and_has_no_style_or_script() -> None:
     cells = list(product(range(10), range(10), range(2)))
     text = isometric_svg(cells, size=64)
     assert "style" not in text
@@ -84,5 +87,17 @@ def test_it_carries_no_style_or_script_and_stays_small() -> None:
     assert 'width="64"' in text
 
 
-def test_no_cells_make_an_empty_drawing() -> None:
-    assert faces(drawing(np.zeros((0, 3), dtype=int)), "gap") == 0
+def test_chain_of_cubes_is_drawn_as_its_cells() -> None:
+    path = Path.from_cells([[0, 0, 0], [1, 0, 0], [1, 1, 0]])
+    assert chain_svg(Chain.from_path(path)) == isometric_svg(path.cells)
+
+
+def test_ring_of_tetrahedra_shows_outer_faces_within_the_view() -> None:
+    root = ElementTree.fromstring(chain_svg(read_angle_string(RING), title="<b> & co"))
+    assert root.findtext(f"{SVG}title") == "<b> & co"
+    drawn = root.findall(f"{SVG}path")
+    # A seam and a face for each; of 24 outer faces of the closed ring about half are seen.
+    assert len(drawn) % 2 == 0
+    assert 16 <= len(drawn) <= 28
+    assert all(p.get("fill", "").startswith("#") for p in drawn)
+    assert_within_view(root)

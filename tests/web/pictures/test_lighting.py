@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from web.pictures.camera import View
-from web.pictures.ground_shadow import MIN_BLUR_PITCH, MODULE_WIDTH_PITCH, ground_shadow
+from web.pictures.ground_shadow import MODULE_WIDTH_PITCH, ground_shadow
 from web.pictures.lighting import THEMES, fill_light, key_light, shade_colours
 from web.pictures.occlusion import MAX_OCCLUDER_DISTANCE, face_light
 
@@ -21,25 +21,19 @@ def light_on_top(*others: tuple[float, float, float]) -> tuple[float, float]:
     return float(sky[0, 0]), float(lit[0, 0])
 
 
-def test_a_face_alone_has_all_light() -> None:
+def test_face_has_light_unless_a_module_is_above_it() -> None:
     assert light_on_top() == (1.0, 1.0)
     assert light_on_top((0, 0, -1), (1, 0, -1)) == (1.0, 1.0)
-
-
-def test_a_face_under_another_module_has_none() -> None:
     assert light_on_top((0, 0, 1)) == pytest.approx((0.0, 0.0), abs=0.05)
 
 
-def test_light_comes_back_evenly_with_distance() -> None:
+def test_light_comes_back_evenly_upwards_and_sideways() -> None:
     heights = np.linspace(1.0, MAX_OCCLUDER_DISTANCE + 1.0, 200)
     sky, lit = np.array([light_on_top((0.0, 0.0, h)) for h in heights]).T
     for left in (sky, lit):
         assert (np.diff(left) >= -1e-6).all()
         assert np.abs(np.diff(left)).max() < 0.1
         assert left[-1] == 1.0
-
-
-def test_light_comes_back_evenly_to_the_side() -> None:
     lit = np.array([light_on_top((x, 0.0, 2.0))[1] for x in np.linspace(0.0, 3.0, 200)])
     assert lit[0] < 0.3
     assert lit[-1] == 1.0
@@ -55,7 +49,7 @@ def test_shadow_lies_below_and_its_rim_is_lit() -> None:
     assert rim.max() < 0.005
 
 
-def test_higher_modules_throw_wider_and_fainter_shadows_of_the_same_weight() -> None:
+def test_shadows_of_higher_modules_are_wider_fainter_and_lean() -> None:
     def weight_and_peak(height: float) -> tuple[float, float]:
         shadow = ground_shadow(np.array([[0.0, 0.0, height]]), ground=0.0, lean=np.zeros(2))
         density = -np.log1p(-shadow.shade)
@@ -65,12 +59,6 @@ def test_higher_modules_throw_wider_and_fainter_shadows_of_the_same_weight() -> 
     assert low == pytest.approx(MODULE_WIDTH_PITCH**2, rel=0.02)
     assert high == pytest.approx(MODULE_WIDTH_PITCH**2, rel=0.02)
     assert faint < sharp / 4
-    assert (
-        MIN_BLUR_PITCH < MODULE_WIDTH_PITCH
-    )  # a shadow on the ground still has the shape of its module
-
-
-def test_shadow_leans_with_height() -> None:
     lean = np.array([0.5, -0.25])
     shadow = ground_shadow(np.array([[0.0, 0.0, 4.0]]), ground=0.0, lean=lean)
     assert shadow.middle == pytest.approx(4.0 * lean)

@@ -13,9 +13,7 @@ def test_of_a_large_box_the_surface_is_drawn() -> None:
     drawn = visible_modules(BOX, CUBE, target=BOX.mean(axis=0))
     surface = ((BOX == 0) | (BOX == 19)).any(axis=1)
     assert np.array_equal(drawn, np.flatnonzero(surface))
-
-
-def test_of_a_short_chain_all_are_drawn() -> None:
+    # Of fewer all are drawn.
     assert len(visible_modules(BOX[:1000], CUBE, target=BOX[0])) == 1000
 
 

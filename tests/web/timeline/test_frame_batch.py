@@ -21,7 +21,7 @@ from web.timeline.view import TimelineView
 from web.timeline.window_columns import windows_of
 
 
-def test_a_batch_holds_what_was_recorded(timeline_path: Path) -> None:
+def test_batch_holds_the_recorded_frames(timeline_path: Path) -> None:
     header, found = decode(batch_of(TimelineView(timeline_path), 90, 130))
     frames = Timeline.open(timeline_path).frames(90, 130)
     assert (header["start"], header["stop"], header["total"]) == (90, 130, 200)
@@ -37,28 +37,27 @@ def test_a_batch_holds_what_was_recorded(timeline_path: Path) -> None:
     assert [p["name"] for p in header["outline"]["phases"]] == ["explosion", "playback"]
 
 
-def test_a_stride_spreads_frames_over_the_film(timeline_path: Path) -> None:
-    header, found = decode(batch_of(TimelineView(timeline_path), stride=50))
+def test_batch_has_a_stride_and_a_largest_size_and_ends_with_the_timeline(
+    timeline_path: Path,
+) -> None:
+    view, times = TimelineView(timeline_path), Timeline.open(timeline_path).frames().time_s
+    header, found = decode(batch_of(view, stride=50))
     assert header["stride"] == 50
-    assert len(found["time_s"]) == 4
-    assert np.array_equal(found["time_s"], Timeline.open(timeline_path).frames(stride=50).time_s)
-
-
-def test_a_batch_is_never_longer_than_asked_for(timeline_path: Path) -> None:
-    header, found = decode(batch_of(TimelineView(timeline_path), 10, largest=3000))
+    assert np.array_equal(found["time_s"], times[::50])
+    header, found = decode(batch_of(view, 10, largest=3000))
     assert 1 <= len(found["time_s"]) < 20
     assert header["stop"] == 10 + len(found["time_s"])
-    _, one = decode(batch_of(TimelineView(timeline_path), 10, largest=1))
+    _, one = decode(batch_of(view, 10, largest=1))
     assert len(one["time_s"]) == 1
-
-
-def test_past_the_end_there_is_nothing(timeline_path: Path) -> None:
-    header, found = decode(batch_of(TimelineView(timeline_path), 999))
+    header, found = decode(chosen(view, np.array([0, 3, 99, 150, 199])))
+    assert (header["total"], header["stride"]) == (5, 1)
+    assert np.array_equal(found["time_s"], times[[0, 3, 99, 150, 199]])
+    header, found = decode(batch_of(view, 999))
     assert header["start"] == header["stop"] == 200
     assert found["joint_angles_rad"].shape[0] == 0
 
 
-def test_a_timeline_that_is_begun_anew_is_another_one(
+def test_batch_of_a_timeline_begun_anew_has_another_id(
     growing: tuple[Path, TimelineWriter, Callable[[int], None]],
 ) -> None:
     path, _, add = growing
@@ -113,7 +112,7 @@ def test_no_batch_mixes_two_timelines(
     assert decode(cached_batch(timeline))[0]["total"] == 10
 
 
-def test_a_batch_of_a_finished_film_is_made_once(
+def test_batch_of_a_finished_timeline_is_made_once(
     timeline_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     timeline = TimelineView(timeline_path)
@@ -125,7 +124,7 @@ def test_a_batch_of_a_finished_film_is_made_once(
     assert cached_batch(again, 3, 90, 7) == first
 
 
-def test_a_batch_is_made_anew_when_its_film_goes_on(
+def test_batch_is_made_anew_when_its_timeline_grows(
     growing: tuple[Path, TimelineWriter, Callable[[int], None]],
 ) -> None:
     path, writer, add = growing
@@ -166,7 +165,7 @@ def off_film(tmp_path_factory: pytest.TempPathFactory) -> TimelineView:
     )
 
 
-def test_a_long_fold_is_told_by_windows(long_film: TimelineView) -> None:
+def test_long_fold_is_sent_as_windows(long_film: TimelineView) -> None:
     header, found = decode(batch_of(long_film, 30, 90, 4))
     assert (header["start"], header["stop"], header["total"]) == (30, 90, len(LONG))
     told = windows_of(found, CHAIN.folded_rad)
@@ -178,7 +177,7 @@ def test_a_long_fold_is_told_by_windows(long_film: TimelineView) -> None:
     assert set(header["outline"]["errors"]) == {None}
 
 
-def test_what_a_simulated_long_fold_is_off_by_is_told(
+def test_errors_of_a_simulated_long_fold_are_sent(
     off_film: TimelineView, long_film: TimelineView
 ) -> None:
     header, found = decode(batch_of(off_film))
@@ -193,35 +192,23 @@ def test_what_a_simulated_long_fold_is_off_by_is_told(
 
 
 @pytest.mark.parametrize("stride", [1, 3])
-@pytest.mark.parametrize("film", ["long_film", "off_film"])
-def test_a_long_batch_is_never_longer_than_asked_for(
-    film: str, stride: int, request: pytest.FixtureRequest
-) -> None:
-    long_film: TimelineView = request.getfixturevalue(film)
+def test_long_batch_has_a_largest_size(off_film: TimelineView, stride: int) -> None:
     seen: list[float] = []
     start = 0
     while start < len(LONG):
-        header, found = decode(batch_of(long_film, start, stride=stride, largest=3000))
+        header, found = decode(batch_of(off_film, start, stride=stride, largest=12000))
         assert header["start"] == start < header["stop"]
         held = 4 * len(found["steps"]) + 4 * len(found.get("errors_rad", ()))
-        assert 80 * len(found["time_s"]) + held <= 3000
+        assert 80 * len(found["time_s"]) + held <= 12000
         seen += found["time_s"].tolist()
         start = header["stop"] + -header["stop"] % stride
     assert seen == LONG.time_s[::stride].tolist()
-    assert len(decode(batch_of(long_film, 10, largest=1))[1]["time_s"]) == 1
+    assert len(decode(batch_of(off_film, 10, largest=1))[1]["time_s"]) == 1
 
 
-def test_a_long_fold_is_thinned(off_film: TimelineView) -> None:
+def test_long_fold_is_thinned(off_film: TimelineView) -> None:
     header, found = decode(thinned(off_film, 10))
     assert header["total"] == len(found["time_s"]) == len(range(0, len(LONG), 10)) + 1
     assert found["time_s"][-1] == LONG.time_s[-1]
     last = windows_of(found, CHAIN.folded_rad)[-1:]
     assert np.allclose(last.errors, OFF[-1:].errors, rtol=1 / 256)
-
-
-def test_some_frames_of_a_film(timeline_path: Path) -> None:
-    frames = np.array([0, 3, 99, 150, 199])
-    header, found = decode(chosen(TimelineView(timeline_path), frames))
-    assert (header["total"], header["stride"]) == (5, 1)
-    recorded = Timeline.open(timeline_path).frames(0, 200)
-    assert np.array_equal(found["time_s"], recorded.time_s[frames])

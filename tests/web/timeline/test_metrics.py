@@ -40,15 +40,7 @@ def test_curves_are_those_of_the_figures(fold: Path) -> None:
     assert header["largest"]["torque"] == pytest.approx(np.nanmax(figures.peak_torque_nm))
 
 
-def test_torques_of_windows_are_said_to_be_of_some_frames(tmp_path: Path) -> None:
-    chain = peels.snake((2, 2, 3))
-    windows = long_folds.fold(chain, width=8, step=0.5)
-    timeline = long_folds.write(tmp_path / "timeline.zarr", chain, windows)
-    write_figures(timeline, tmp_path / "figures.zarr", Parameters())
-    assert decode(curves_of(tmp_path))[0]["torque_at_some_frames"] is True
-
-
-def test_a_stretch_tells_of_every_module(fold: Path) -> None:
+def test_stretches_hold_the_figures_of_every_module(fold: Path) -> None:
     header, _ = decode(curves_of(fold))
     rows, total = header["rows"], header["frames"]
     found = [decode(stretch_of(fold, k))[1] for k in range(-(-total // rows))]
@@ -85,7 +77,7 @@ def test_position_errors_are_those_of_the_joint_errors(
     assert 0.3 * np.nanmax(errors) < largest <= np.nanmax(errors) * (1 + 1e-6)
 
 
-def test_of_a_peeled_chain_there_are_errors_alone(peeled: Path) -> None:
+def test_peeled_chain_has_errors_alone(peeled: Path) -> None:
     header, arrays = decode(curves_of(peeled))
     played = np.isfinite(arrays["max_error_rad"])
     assert 0 < played.sum() < len(played)
@@ -96,22 +88,20 @@ def test_of_a_peeled_chain_there_are_errors_alone(peeled: Path) -> None:
         stretch_of(peeled, header["frames"])
 
 
-def test_what_was_not_simulated_has_no_stretches(tmp_path: Path) -> None:
+def test_windows_without_simulation_have_torques_of_some_frames_and_no_stretch(
+    tmp_path: Path, fold: Path
+) -> None:
     chain = peels.snake((2, 2, 3))
-    timeline = long_folds.write(
-        tmp_path / "timeline.zarr", chain, long_folds.fold(chain, width=8, step=0.5)
-    )
+    windows = long_folds.fold(chain, width=8, step=0.5)
+    timeline = long_folds.write(tmp_path / "timeline.zarr", chain, windows)
     write_figures(timeline, tmp_path / "figures.zarr", Parameters())
-    with pytest.raises(TimelineError):
-        stretch_of(tmp_path, 0)
+    assert decode(curves_of(tmp_path))[0]["torque_at_some_frames"] is True
+    for place, stretch in ((tmp_path, 0), (fold, 10_000)):
+        with pytest.raises(TimelineError):
+            stretch_of(place, stretch)
 
 
-def test_past_the_end_is_refused(fold: Path) -> None:
-    with pytest.raises(TimelineError):
-        stretch_of(fold, 10_000)
-
-
-def test_the_plan_is_read_once_for_all_stretches(
+def test_plan_is_read_once_for_all_stretches(
     fold: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(fold, tmp_path / "fold")

@@ -29,7 +29,7 @@ def test_first_frame_is_folded_and_middle_is_straight(timeline_path: Path, chain
     assert timeline.snapshot(100).phase == "playback"
 
 
-def test_between_two_frames_the_angles_are_between(timeline_path: Path) -> None:
+def test_snapshot_is_interpolated_and_clipped_to_the_ends(timeline_path: Path) -> None:
     timeline = TimelineView(timeline_path)
     low, between, high = (timeline.snapshot(f) for f in (20, 20.25, 21))
     assert np.allclose(
@@ -37,10 +37,6 @@ def test_between_two_frames_the_angles_are_between(timeline_path: Path) -> None:
     )
     lengths = np.linalg.norm(np.diff(between.positions, axis=0), axis=1)
     assert np.allclose(lengths, 1.0, atol=1e-5)  # the chain is never torn
-
-
-def test_frames_beyond_the_ends_are_the_ends(timeline_path: Path) -> None:
-    timeline = TimelineView(timeline_path)
     assert timeline.snapshot(-5).frame == 0
     assert timeline.snapshot(1e9).frame == 199
 
@@ -65,7 +61,7 @@ def test_outline_tells_phases_and_the_largest_error(timeline_path: Path) -> None
     assert outline["errors"][10:] == sorted(outline["errors"][10:])
 
 
-def test_many_frames_are_shown_with_little_memory(
+def test_frames_are_the_same_with_a_cache_of_one_byte(
     timeline_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = TimelineView(timeline_path)
@@ -76,7 +72,7 @@ def test_many_frames_are_shown_with_little_memory(
         assert np.array_equal(timeline.snapshot(frame).positions, expected[frame])
 
 
-def test_a_growing_film_is_followed(growing: Growing) -> None:
+def test_growing_timeline_is_followed(growing: Growing) -> None:
     path, writer, add = growing
     timeline = TimelineView(path)
     assert (len(timeline), timeline.growing) == (10, True)
@@ -92,35 +88,23 @@ def test_a_growing_film_is_followed(growing: Growing) -> None:
     assert timeline.version > version
 
 
-def test_a_film_that_is_begun_anew_is_shown_anew(growing: Growing, chain: Chain) -> None:
-    path, writer, add = growing
-    add(90)
-    timeline = TimelineView(path)
-    before = timeline.snapshot(60)
-    writer.close()
-    with TimelineWriter.create(path, chain) as again:
-        again.append(unfolding(chain, 5))
-    assert timeline.refresh(at_once=True)
-    assert len(timeline) == 5
-    assert not np.array_equal(timeline.snapshot(4).positions, before.positions)
-
-
-def test_a_film_that_is_begun_anew_and_is_longer_already_is_shown_anew(
-    growing: Growing, chain: Chain
+@pytest.mark.parametrize("frames", [5, 190], ids=["shorter", "longer"])
+def test_timeline_that_is_begun_anew_is_shown_anew(
+    growing: Growing, chain: Chain, frames: int
 ) -> None:
     path, writer, add = growing
     add(90)
     timeline = TimelineView(path)
-    before = timeline.snapshot(5)
+    before = timeline.snapshot(4)
     writer.close()
     with TimelineWriter.create(path, chain) as again:
-        again.append(unfolding(chain, 190))  # the same times, other angles
+        again.append(unfolding(chain, frames))  # the same times, other angles
     assert timeline.refresh(at_once=True)
-    assert len(timeline) == 190
-    assert np.abs(timeline.snapshot(5).positions - before.positions).max() > 0.1
+    assert len(timeline) == frames
+    assert np.abs(timeline.snapshot(4).positions - before.positions).max() > 0.1
 
 
-def test_no_timeline_is_an_error(tmp_path: Path, chain: Chain) -> None:
+def test_missing_or_empty_timeline_is_an_error(tmp_path: Path, chain: Chain) -> None:
     with pytest.raises(TimelineError):
         TimelineView(tmp_path / "none.zarr")
     TimelineWriter.create(tmp_path / "empty.zarr", chain)
@@ -137,7 +121,7 @@ def long_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return long_folds.write(tmp_path_factory.mktemp("long") / "timeline.zarr", LONG_CHAIN, LONG)
 
 
-def test_a_long_fold_is_shown_as_its_windows_say(long_path: Path) -> None:
+def test_long_fold_is_posed_as_its_windows(long_path: Path) -> None:
     timeline = TimelineView(long_path)
     assert timeline.windowed
     dense = LONG.dense(LONG_CHAIN)
@@ -156,7 +140,7 @@ def test_a_long_fold_is_shown_as_its_windows_say(long_path: Path) -> None:
     )
 
 
-def test_a_peeled_chain_shows_what_its_robot_is_off_by(peeled: Path) -> None:
+def test_peeled_chain_shows_the_errors_of_its_robot(peeled: Path) -> None:
     view = TimelineView(peeled / "timeline.zarr")
     assert view.windowed
     dense = Timeline.open(view.path).frames()
@@ -175,7 +159,7 @@ def test_a_peeled_chain_shows_what_its_robot_is_off_by(peeled: Path) -> None:
     assert max(told) == pytest.approx(largest.max(), rel=1e-2)
 
 
-def test_a_timeline_from_before_errors_were_told_is_shown(long_path: Path, tmp_path: Path) -> None:
+def test_timeline_without_errors_is_shown(long_path: Path, tmp_path: Path) -> None:
     path = shutil.copytree(long_path, tmp_path / "timeline.zarr")
     shutil.rmtree(path / "errors_rad")
     view = TimelineView(path)
@@ -183,7 +167,7 @@ def test_a_timeline_from_before_errors_were_told_is_shown(long_path: Path, tmp_p
     assert set(view.outline()["errors"]) == {None}
 
 
-def test_a_camera_keeps_to_what_moves_in_a_long_fold(long_path: Path) -> None:
+def test_camera_frames_the_moving_part_of_a_long_fold(long_path: Path) -> None:
     timeline = TimelineView(long_path)
     assert timeline.snapshot(0).framed == len(LONG_CHAIN)  # all of it is folded
     straight = timeline.snapshot(len(LONG) // 2)
@@ -193,7 +177,7 @@ def test_a_camera_keeps_to_what_moves_in_a_long_fold(long_path: Path) -> None:
     assert timeline.snapshot(moving).framed == min(len(LONG_CHAIN), bent + timeline.stretch)
 
 
-def test_to_open_a_long_fold_reads_none_of_its_angles(
+def test_opening_a_long_fold_reads_no_angles(
     long_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Timeline, "windows", None)
@@ -201,7 +185,7 @@ def test_to_open_a_long_fold_reads_none_of_its_angles(
     assert len(TimelineView(long_path)) == len(LONG)
 
 
-def test_a_long_fold_that_is_begun_anew_is_shown_anew(tmp_path: Path) -> None:
+def test_long_fold_that_is_begun_anew_is_shown_anew(tmp_path: Path) -> None:
     path = long_folds.write(tmp_path / "timeline.zarr", LONG_CHAIN, LONG[:50])
     with TimelineWriter.reopen(path) as writer:
         timeline = TimelineView(path)

@@ -42,13 +42,14 @@ def assert_same(found: Motion, windows: Motion) -> None:
 
 @pytest.mark.parametrize("off", [0.0, 1e-3])
 @pytest.mark.parametrize("stride", [1, 7, 40])
-def test_what_is_told_is_what_was_recorded(stride: int, off: float) -> None:
+def test_windows_are_decoded_as_encoded(stride: int, off: float) -> None:
     windows = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True, off=off)
     assert_same(there_and_back(windows[::stride]), windows[::stride])
+    assert_same(there_and_back(windows[:0]), windows[:0])
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-3])
-def test_windows_that_lie_anywhere(off: float) -> None:
+def test_windows_anywhere_are_decoded_as_encoded(off: float) -> None:
     rng = np.random.default_rng(0)
     hinges = len(CHAIN.folded_rad)
     first = rng.integers(0, hinges + 1, 60)
@@ -62,7 +63,7 @@ def test_windows_that_lie_anywhere(off: float) -> None:
     assert_same(there_and_back(windows), windows)
 
 
-def test_what_was_not_simulated_has_no_errors_to_tell() -> None:
+def test_motion_that_was_not_simulated_has_no_error_columns() -> None:
     windows = long_folds.fold(CHAIN, width=20, step=1.3, off=1e-3)
     explosion, playback = windows[: len(windows) // 2], windows[len(windows) // 2 :]
     assert explosion.errors_rad is not None
@@ -74,12 +75,7 @@ def test_what_was_not_simulated_has_no_errors_to_tell() -> None:
     assert simulated["recorded"].all()
 
 
-def test_none_at_all() -> None:
-    windows = long_folds.fold(CHAIN, width=20, step=1.3)
-    assert_same(there_and_back(windows[:0]), windows[:0])
-
-
-def test_hinges_that_rest_cost_next_to_nothing() -> None:
+def test_resting_hinges_take_little_space() -> None:
     windows = long_folds.fold(CHAIN, width=20, step=1.3)
     one = windows[np.full(200, 30)]
     still = encode({}, window_columns(one, CHAIN.folded_rad), planes=PLANE_COLUMNS)

@@ -7,7 +7,7 @@ import { Place, viewOf } from "../player/address.js";
 import { Pair } from "../player/pair.js";
 import { offerSides, pathButton, playerOn, showScale } from "../viewer/controls.js";
 import { hasWebGL } from "../viewer/scene.js";
-import { copyText, element, get, later, radians } from "../lib/text.js";
+import { checkable, copyText, element, get, later, radians } from "../lib/text.js";
 
 const LOOK_MS = 2000; // at what is said of a fold that is not over
 const START_MS = 600; // two 3D views at once would keep both drawings waiting
@@ -39,7 +39,9 @@ async function follow(id, verdict, player) {
   player.timeline.finish();
 }
 
-const sides = facts.map(({ id, running }, k) => {
+const checking = later(() => import("../panels/checking.js"), (text) => say(text));
+const sides = facts.map((fold, k) => {
+  const { id, running } = fold;
   const side = get(`side-${k}`);
   const frame = /** @type {HTMLIFrameElement} */ (side.querySelector("iframe"));
   const canvas = /** @type {HTMLCanvasElement} */ (side.querySelector("canvas"));
@@ -49,6 +51,9 @@ const sides = facts.map(({ id, running }, k) => {
     now.textContent = error === null ? "No error recorded here" : `Error ${radians(error)}`;
   });
   if (running) follow(id, /** @type {HTMLElement} */ (side.querySelector(".verdict")), player);
+  const check = /** @type {HTMLButtonElement} */ (side.querySelector(".check-here"));
+  check.hidden = !checkable(fold);
+  check.onclick = () => checking(({ checkInDialog }) => checkInDialog(player, fold, (at) => { pair.send({ do: "seek", frame: pair.frameAt(player, at) }); }));
   webgl.then((there) => setTimeout(() => { if (there) frame.src = "/view"; }, 1500 * k));
   return { player, stage };
 });

@@ -2,14 +2,14 @@
 import { Figures } from "../player/figures.js";
 import { Source } from "../player/timeline.js";
 import { view } from "../viewer/fold_view.js";
-import { get, later } from "../lib/text.js";
+import { checkable, get, later } from "../lib/text.js";
 
 /** @type {Facts} */
 const facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
 const toast = later(() => import("../panels/toast.js"), () => {});
 const zoomKey = /Mac|iPhone|iPad/.test(navigator.platform) ? "⌘" : "Ctrl";
-const { stage } = view({
+const { stage, player } = view({
   over: !facts.running, source: new Source(`/folds/${facts.id}`), figures, load: (frame) => { frame.src = "/embed/view"; },
   onScroll: () => toast((part) => part.toast(`Click to zoom, or hold ${zoomKey}`)),
 });
@@ -18,3 +18,6 @@ const yieldScrolling = () => stage.yieldScrolling(window.parent !== window && !d
 document.addEventListener("fullscreenchange", yieldScrolling);
 yieldScrolling();
 if (!facts.running) figures.begin();
+const checking = later(() => import("../panels/checking.js"), (text) => toast((part) => part.toast(text)));
+get("check-here").hidden = !checkable(facts);
+get("check-here").onclick = () => checking(({ checkInDialog }) => checkInDialog(player, facts));

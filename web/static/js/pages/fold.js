@@ -6,7 +6,7 @@ import { Plots } from "../panels/plots.js";
 import { Source } from "../player/timeline.js";
 import { toast } from "../panels/toast.js";
 import { view } from "../viewer/fold_view.js";
-import { get, later } from "../lib/text.js";
+import { checkable, get, later } from "../lib/text.js";
 
 /** @type {Facts} */
 let facts = JSON.parse(get("facts").textContent);
@@ -19,6 +19,7 @@ const { timeline, player, place, bar } = view({
 
 // Parts that most visitors do not use.
 const asking = later(() => import("../lib/fold_request.js"), toast);
+const checking = later(() => import("../panels/checking.js").then(({ Checking }) => new Checking(drawer.check, player, facts.id)), toast);
 const choosing = later(() => import("../panels/choice.js"), toast);
 const companions = later(() => import("../panels/companions.js").then(({ Companions }) => new Companions(toast)), toast);
 const downloads = later(() => import("../panels/downloads.js").then(({ Downloads }) => new Downloads(get("panel-downloads"))), toast);
@@ -35,6 +36,7 @@ const beside = (/** @type {"compare" | "refold" | "smooth"} */ way) => companion
 get("compare").onclick = () => beside("compare");
 get("refold").onclick = () => beside("refold");
 get("smooth").onclick = () => beside("smooth");
+drawer.onCheck = () => checking((it) => it.begin("claim"));
 drawer.onChosen = (tab) => {
   listing ||= tab === "downloads";
   if (tab === "downloads") downloads((it) => it.facts(facts));
@@ -61,6 +63,7 @@ function show(now) {
   get("verdict").textContent = now.verdict.text;
   get("verdict").dataset.tone = now.verdict.tone;
   drawer.facts(now);
+  drawer.check.hidden = !checkable(now);
   get("compare").hidden = !now.comparable;
   get("refold").hidden = !now.refoldable;
   get("smooth").hidden = !now.smoothable;

@@ -42,6 +42,11 @@ export class Drawer {
     this.toast = toast;
     /** @type {(tab: string) => void} */
     this.onChosen = () => {};
+    this.onCheck = () => {};
+    this.check = element("div", { class: "group", id: "check", hidden: true }, element("h3", {}, "Check it yourself"),
+      element("p", { class: "hint" }, "This browser can prove the clearance from the plan file alone. It needs no trust in us."),
+      element("p", { class: "line" }, button("button", "Check it here", () => this.onCheck()),
+        element("a", { class: "button quiet", href: "/static/foldback_check.py", download: true }, "Download the checker")));
     get("details").onclick = () => this.open(Boolean(get("drawer").hidden));
     get("drawer-close").onclick = () => this.close();
     addEventListener("keydown", (event) => this.key(event));
@@ -104,6 +109,7 @@ export class Drawer {
     const opened = new Set([...get("panel-properties").querySelectorAll("details[open][data-group]")].map((group) => /** @type {HTMLElement} */ (group).dataset.group));
     const groups = [
       element("div", { class: "group" }, element("h3", {}, first), listed(main)),
+      this.check,
       ...(smoothing ? [this.smoothing(smoothing)] : []),
       ...(onATable ? [onTable(onATable)] : []),
       ...rest.map(({ heading, rows }) => element("details", { class: "group", "data-group": heading, open: opened.has(heading) },

@@ -1,0 +1,1 @@
+"""Benchmarks of clearance: the planner's sweeps, the independent checker, forged plans."""

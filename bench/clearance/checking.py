@@ -1,0 +1,142 @@
+"""Checking: plans proved by ``foldback_check.py``, and what the planner's certificate says.
+
+``python -m bench.clearance.checking [SEED …]`` checks the gallery with other seeds than 0.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+from rich.console import Console
+
+import foldback_check
+from bench.command import fold
+from bench.machine import machine
+from bench.scaling import CASES
+from bench.tables import Section
+from examples.run_gallery import PROCESSES, SHAPES
+from planner.file_names import PLAN
+from planner.pipeline.request import FoldRequest
+from planner.pipeline.stages import run_stages
+from planner.pipeline.warm_up import warm_up
+from planner.pipeline.workspace import Workspace
+
+BARS_S: Final = {
+    "wrench-160": 2.0,
+    "simultaneous-512": 60.0,
+    "ball-1000": 30.0,
+    "ball-10000": 600.0,
+}
+"""Seconds in which the checker, start of Python included, should prove the plan of each case."""
+
+
+def checking(reference_seconds: float) -> Section:
+    """Four plans of 160 to 10 000 modules, timed, and the gallery with seed 0."""
+    warm_up()
+    section = Section(name="checking")
+    for name, bar_s in BARS_S.items():
+        row = _timed(name, reference_seconds)
+        section.rows.append(row)
+        met = row["verdict"] == "proved" and row["s"] <= bar_s
+        section.add(
+            f"{name}: checker", f"{row['verdict']}, {row['s']:.1f} s", f"≤ {bar_s:g} s", met
+        )
+    gallery(section, (0,))
+    return section
+
+
+def gallery(section: Section, seeds: Sequence[int]) -> None:
+    """Fold and check all shapes of the gallery with some seeds."""
+    runs = [(path, seed) for seed in seeds for path in sorted(SHAPES.glob("*.json"))]
+    with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
+        rows = list(pool.map(_folded_and_checked, runs))
+    section.rows += [row for row in rows if row["verdict"] != "proved" or not row["verified"]]
+    agree = sum(row["verified"] == (row["verdict"] == "proved") for row in rows)
+    proved = sum(row["verdict"] == "proved" for row in rows)
+    seconds = sorted(row["s"] for row in rows)
+    section.add(
+        f"gallery, seeds {', '.join(map(str, seeds))}: proved at the certificate's own bound",
+        f"{proved} of {len(rows)}",
+        "all",
+        proved == len(rows),
+    )
+    section.add("verdicts that differ", str(len(rows) - agree), "0", agree == len(rows))
+    section.add(
+        "seconds of one check, median and most",
+        f"{seconds[len(seconds) // 2]:.2f}, {seconds[-1]:.2f}",
+    )
+
+
+def _timed(name: str, reference_seconds: float) -> dict[str, Any]:
+    case = CASES[name]
+    with tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder:
+        shape, out = case.shape, FilePath(folder) / "fold"
+        if case.data is not None:
+            file = FilePath(folder) / shape
+            file.write_bytes(case.data())
+            shape = str(file)
+        run = fold(shape, *case.options, out=out)
+        command = [sys.executable, foldback_check.__file__, str(out / PLAN), "--json"]
+        begun = time.perf_counter()
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        seconds = time.perf_counter() - begun
+        found = json.loads(done.stdout)
+    bound = run.summary["certificate"]["clearance_bound"]
+    return {
+        "plan": name,
+        "verified": run.code == 0,
+        "verdict": found["verdict"],
+        "modules": found["modules"],
+        "frames": found["frames"],
+        "certificate's bound": bound,
+        "rounding": found.get("rounding"),
+        "looks at pairs": found.get("looks"),
+        "s": seconds,
+        "references": seconds / reference_seconds,
+        "reason": found.get("reason", ""),
+    }
+
+
+def _folded_and_checked(run: tuple[FilePath, int]) -> dict[str, Any]:
+    path, seed = run
+    with tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder:
+        request = FoldRequest(filename=path.name, seed=seed)
+        Workspace(FilePath(folder)).write_request(request, path.read_bytes())
+        summary = run_stages(FilePath(folder))
+        found = foldback_check.check(FilePath(folder) / PLAN, end=path)
+    return {
+        "plan": f"{path.stem}, seed {seed}",
+        "verified": summary["status"] == "verified",
+        "verdict": found["verdict"],
+        "modules": found.get("modules"),
+        "frames": found.get("frames"),
+        "certificate's bound": summary["certificate"]["clearance_bound"],
+        "rounding": found.get("rounding"),
+        "looks at pairs": found.get("looks"),
+        "s": found["seconds"],
+        "references": None,
+        "reason": found.get("reason", ""),
+    }
+
+
+def main() -> None:
+    """Check the gallery with the seeds of the command line."""
+    warm_up()
+    section = Section(name="checking")
+    gallery(section, [int(seed) for seed in sys.argv[1:]] or (0,))
+    console = Console(width=160)
+    console.print(machine())
+    section.show(console)
+
+
+if __name__ == "__main__":
+    main()

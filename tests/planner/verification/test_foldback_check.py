@@ -1,0 +1,350 @@
+"""The independent checker proves what holds, and never what does not."""
+
+from __future__ import annotations
+
+import ast
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+import foldback_check
+from planner.chain.chain import Chain
+from planner.chain.module import CUBE, TETRAHEDRON
+from planner.clearance.sweep import sweep
+from planner.parameters.parameters import Parameters
+from planner.plan.claim import geometry_of
+from planner.plan.packed import unpack
+from planner.plan.plan import Plan
+from tests.planner.conftest import Fold
+from tests.planner.peels import peel, snake, windows_of
+from tests.planner.plans import unverified
+
+Array = NDArray[np.float64]
+SIZE: Final = 0.95
+FINISHED: Final = FilePath(__file__).parents[3] / "server" / "finished"
+PRISM: Final = {
+    # A hexagonal prism along x, whose joint is in the middle of its face and turns about y.
+    "corners": [
+        [x, 0.45 * np.cos(a), 0.45 * np.sin(a)]
+        for x in (-0.4, 0.4)
+        for a in np.arange(6) * np.pi / 3
+    ],
+    "faces": [[1.0, 0.0, 0.0]],
+    "edges": [[1.0, 0.0, 0.0]],
+    "anchor": [0.5, 0.0, 0.0],
+    "offset": [0.5, 0.0, 0.0],
+    "turns": [
+        [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]],
+        [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+    ],
+    "hinges": [""],
+    "rigid_links": 0,
+    "apart": 2,
+    "limit_rad": 1.6,
+}
+
+
+def verdict(path: FilePath, **options: Any) -> str:
+    return str(foldback_check.check(path, **options)["verdict"])
+
+
+def save(
+    path: FilePath, angles: Array, *, kind: str = "cube", claim: float = 0.01, **changes: Any
+) -> FilePath:
+    """Write a plan as docs/certificate.md has it, without the planner."""
+    geometry = changes.pop("geometry", None) or foldback_check.MODULES[kind]
+    hinges = len(geometry["hinges"])
+    count = angles.shape[1] // hinges + 1 + geometry["rigid_links"]
+    names = [
+        f"joint_{k}{end}"
+        for k in range(geometry["rigid_links"], count - 1)
+        for end in geometry["hinges"]
+    ]
+    links = (geometry["apart"] - 1) * (count - 1)
+    told = {
+        "chain": {"module": kind, "modules": count, "folded_rad": angles[-1].tolist()},
+        "claim": {"module": geometry},
+        "certificate": {
+            "verdict": "verified (kinematics only)",
+            "module_size": SIZE,
+            "max_joint_step_rad": 9.0,
+            "clearance_bound": claim,
+            "exempt_pairs": {"apart": geometry["apart"], "count": links},
+        },
+        **changes,
+    }
+    np.savez(
+        path,
+        plan=np.array(json.dumps(told)),
+        joint_names=np.array(names),
+        time_s=np.arange(len(angles), dtype=float),
+        joint_angles_rad=angles,
+    )
+    return path
+
+
+def rewrite(
+    source: FilePath, path: FilePath, change: Callable[[dict[str, Any], Any], None]
+) -> FilePath:
+    """Write a plan again after a change of its arrays and of what it says."""
+    with np.load(source) as file:
+        arrays = dict(file)
+    told = json.loads(str(arrays.pop("plan")))
+    change(arrays, told)
+    np.savez(path, plan=np.array(json.dumps(told)), **arrays)
+    return path
+
+
+def test_checker_needs_numpy_alone_and_shares_geometry() -> None:
+    tree = ast.parse(FilePath(foldback_check.__file__).read_text(encoding="utf-8"))
+    imported = {
+        name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names
+    }
+    assert not [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    assert imported - {"numpy"} <= sys.stdlib_module_names
+    assert geometry_of(CUBE) == foldback_check.CUBE
+    assert geometry_of(TETRAHEDRON) == foldback_check.TETRAHEDRON
+
+
+@pytest.mark.parametrize("name", ["wrench-160", "tetra-cube-2", "wrench-80-to-mallet-80"])
+def test_shipped_folds_are_proved(name: str, tmp_path: FilePath) -> None:
+    unpack((FINISHED / f"{name}.fold").read_bytes(), tmp_path)
+    found = foldback_check.check(tmp_path / "plan.npz")
+    assert found["verdict"] == "proved", found
+    assert found["rounding"] < 1e-7
+    grown = foldback_check.check(tmp_path / "plan.npz", size=1.0)
+    assert grown["verdict"] == "not proved", "modules of full size touch when they are folded"
+
+
+def test_new_plan_states_digest_and_is_proved_as_its_path(folded: Fold, tmp_path: FilePath) -> None:
+    plan = folded("wrench-24").directory / "plan.npz"
+    shapes = FilePath(__file__).parents[3] / "examples" / "shapes"
+    assert verdict(plan, end=shapes / "wrench-24.json") == "proved"
+    assert verdict(plan, end=shapes / "mallet-24.json") == "not proved"
+
+    def other(arrays: dict[str, Any], told: Any) -> None:
+        arrays["joint_angles_rad"][5, 5] += 1e-9
+
+    found = foldback_check.check(rewrite(plan, tmp_path / "plan.npz", other))
+    assert "digest" in found["reason"]
+
+
+def random_motion(random: np.random.Generator, kind: Any, modules: int) -> Array:
+    """Angles from straight on, in a few large steps: it may touch or pass through itself."""
+    hinges = (modules - 1 - kind.rigid_links) * kind.hinges_per_joint
+    limit = kind.angle_limit_rad
+    scale = random.choice([0.2, 0.6, 1.0])
+    steps = random.uniform(-scale, scale, (4, hinges)) * (random.random((4, hinges)) < 0.6)
+    return np.clip(np.vstack([np.zeros(hinges), steps.cumsum(axis=0)]), -limit, limit)
+
+
+def chain_of(kind: Any, folded: Array) -> Chain:
+    return Chain(
+        name="random",
+        module=kind,
+        folded_rad=folded,
+        folded_position=np.zeros(3),
+        folded_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+        pitch_m=0.01,
+    )
+
+
+def interpolated(q: Array, count: int) -> Array:
+    at = np.linspace(0, len(q) - 1, (len(q) - 1) * count + 1)
+    return np.stack([np.interp(at, range(len(q)), column) for column in q.T], axis=1)
+
+
+def distance(one: Array, other: Array) -> float:
+    """Distance of two convex hulls: the nearest points are convex combinations of the corners."""
+    weight = 1e4
+    rows = np.vstack([one.T, np.ones(len(one)), np.zeros(len(one))])
+    more = np.vstack([-other.T, np.zeros(len(other)), np.ones(len(other))])
+    system = np.hstack([rows, more])
+    system[3:] *= weight
+    return float(nnls(system, np.array([0.0, 0.0, 0.0, weight, weight]))[1])
+
+
+def nearest(chain: Chain, q: Array) -> float:
+    """Exact distance of the nearest modules that are not exempt, over sampled frames."""
+    corners, found = chain.module.vertices * SIZE, 9.0
+    for angles in q:
+        poses = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        hulls = poses.positions[:, None] + corners @ poses.rotations.swapaxes(1, 2)
+        for i in range(len(hulls)):
+            for j in range(i + chain.module.apart, len(hulls)):
+                if np.linalg.norm(poses.positions[i] - poses.positions[j]) < 2.0:
+                    found = min(found, distance(hulls[i], hulls[j]))
+    return found
+
+
+@pytest.mark.parametrize("kind", [CUBE, TETRAHEDRON], ids=lambda kind: kind.name)
+def test_random_motions_are_proved_only_up_to_their_clearance(
+    kind: Any, tmp_path: FilePath
+) -> None:
+    random, proved, refused = np.random.default_rng(7), 0, 0
+    for _ in range(40):
+        q = random_motion(random, kind, int(random.integers(4, 14)))
+        chain, fine = chain_of(kind, q[-1]), interpolated(q, 40)
+        least = min(sweep(chain, each, size=SIZE, share=0.0).clearance for each in (q, fine))
+        for claim in (0.5 * least, 0.98 * least, least + 1e-6, least + 0.02):
+            if claim <= 1e-6 or least > 0.19:
+                continue
+            got = verdict(save(tmp_path / "plan.npz", q, kind=kind.name, claim=claim)) == "proved"
+            proved, refused = proved + got, refused + (not got)
+            if got and claim > least:  # separating axes of faces and edges may find too little
+                assert claim <= nearest(chain, fine[::8]) + 1e-7
+            assert got or claim > 0.97 * least, (claim, least)
+    assert proved > 15
+    assert refused > 15
+
+
+def test_contacts_between_two_frames_only_are_found(tmp_path: FilePath) -> None:
+    random, found = np.random.default_rng(11), 0
+    while found < 3:
+        q = random_motion(random, CUBE, 9)[[0, 2, 4]]
+        chain = chain_of(CUBE, q[-1])
+        frames = sweep(chain, q, size=SIZE).per_frame
+        between = sweep(chain, interpolated(q, 12), size=SIZE, share=0.0).clearance
+        if frames.min() > 0.02 and between < -0.01:
+            found += 1
+            got = foldback_check.check(save(tmp_path / "plan.npz", q))
+            assert got["verdict"] == "not proved"
+
+
+@pytest.mark.parametrize("width", [6, 18])
+def test_windows_are_proved_as_all_their_frames(width: int, tmp_path: FilePath) -> None:
+    chain = snake((3, 3, 3))
+    motion = peel(chain, width=width, step=1.5)
+    ends = list(zip(motion.offsets[:-1], motion.offsets[1:], strict=True))
+    angles = [motion.angles_rad[a:b].astype(float) for a, b in reversed(ends)]
+    backwards = windows_of(chain, motion.first[::-1].tolist(), angles)
+    plan = unverified(chain, backwards, Parameters())
+    path, whole = tmp_path / "plan.npz", tmp_path / "whole.npz"
+    plan.save_npz(path)
+    dense = backwards.dense(chain).joint_angles_rad
+    size = 0.5
+    claim = 0.95 * sweep(chain, dense, size=size).clearance
+
+    def verified(arrays: dict[str, Any], told: Any) -> None:
+        told["certificate"] |= {"verdict": "verified", "clearance_bound": claim}
+
+    rewrite(path, path, verified)
+    save(whole, dense, claim=claim)
+    assert claim > 0.0
+    assert verdict(path, size=size) == verdict(whole, size=size) == "proved"
+    assert verdict(path, size=size, claim=1.06 * claim) == "not proved"
+    assert Plan.load(path).motion.is_windowed
+
+
+def test_any_convex_module_of_the_plan(tmp_path: FilePath) -> None:
+    q = np.zeros((3, 5))
+    q[1:] = [[0.5] * 5, [0.9] * 5]
+    path = save(tmp_path / "plan.npz", q, kind="prism", geometry=PRISM, claim=0.01)
+    assert verdict(path) == "proved"
+    curled = np.zeros((2, 5))
+    curled[1] = 1.5
+    assert verdict(save(path, curled, kind="prism", geometry=PRISM)) == "not proved"
+
+
+FORGERIES: Final[dict[str, Callable[[dict[str, Any], Any], None]]] = {
+    "a larger claim": lambda a, t: t["certificate"].update(clearance_bound=0.06),
+    "no claim": lambda a, t: t["certificate"].update(clearance_bound=None),
+    "a claim that is no number": lambda a, t: t["certificate"].update(clearance_bound=float("nan")),
+    "a failed verdict": lambda a, t: t["certificate"].update(verdict="failed: overlap"),
+    "larger modules": lambda a, t: t["certificate"].update(module_size=0.999),
+    "modules beyond the pitch": lambda a, t: t["certificate"].update(module_size=1.01),
+    "more exempt pairs": lambda a, t: t["certificate"]["exempt_pairs"].update(apart=3),
+    "other modules": lambda a, t: t["claim"]["module"].update(apart=1),
+    "smaller corners": lambda a, t: t["claim"]["module"]["corners"].pop(),
+    "a mirrored name": lambda a, t: a.update(joint_names=a["joint_names"][::-1]),
+    "one frame less at the end": lambda a, t: a.update(
+        joint_angles_rad=a["joint_angles_rad"][:-1], time_s=a["time_s"][:-1]
+    ),
+    "frames in another order": lambda a, t: a["joint_angles_rad"].__setitem__(
+        slice(20, 120), a["joint_angles_rad"][119:19:-1].copy()
+    ),
+    "a hinge turned too far": lambda a, t: a["joint_angles_rad"].__setitem__((60, 3), 1.7),
+    "no number among the angles": lambda a, t: a["joint_angles_rad"].__setitem__((60, 3), np.nan),
+    "times that fall": lambda a, t: a["time_s"].__setitem__(60, 0.0),
+    "another folded shape": lambda a, t: t["chain"]["folded_rad"].__setitem__(7, 0.1),
+    "a start that is not straight": lambda a, t: a["joint_angles_rad"].__setitem__((0, 4), 0.01),
+}
+
+
+@pytest.mark.parametrize("forgery", FORGERIES)
+def test_forged_plan_is_not_proved(forgery: str, folded: Fold, tmp_path: FilePath) -> None:
+    plan = folded("wrench-24").directory / "plan.npz"
+
+    def change(arrays: dict[str, Any], told: Any) -> None:
+        del told["claim"]["angles_sha256"]  # whoever forges a plan knows how to work that out
+        FORGERIES[forgery](arrays, told)
+
+    try:
+        found = foldback_check.check(rewrite(plan, tmp_path / "plan.npz", change))
+    except ValueError:
+        return
+    assert found["verdict"] == "not proved", found
+
+
+def test_module_that_is_no_solid_proves_nothing(tmp_path: FilePath) -> None:
+    q = np.zeros((3, 5))
+    q[1:] = [[0.5] * 5, [0.9] * 5]
+    changes = {
+        "corners": [[float("nan")] * 3] * 8,
+        "anchor": [float("inf"), 0.0, 0.0],
+        "offset": [float("nan")] * 3,
+        "faces": [[2.0, 0.0, 0.0]],
+        "edges": [[float("nan")] * 3],
+        "apart": 5,
+        "rigid_links": -1,
+    }
+    for name, value in changes.items():
+        path = save(tmp_path / "plan.npz", q, kind="prism", geometry=PRISM)
+
+        def change(arrays: dict[str, Any], told: Any, name: str = name, value: Any = value) -> None:
+            told["claim"]["module"][name] = value
+
+        rewrite(path, path, change)
+        try:
+            assert verdict(path) == "not proved", name
+        except ValueError:
+            continue
+
+
+def test_files_that_are_no_plans_exit_with_two(tmp_path: FilePath, capsys: Any) -> None:
+    path = tmp_path / "plan.npz"
+    for content in (b"", b"PK\x03\x04", b"{}"):
+        path.write_bytes(content)
+        assert foldback_check.main([str(path)]) == 2
+    np.savez(path, plan=np.array("[1, 2]"))
+    assert foldback_check.main([str(path)]) == 2
+    assert "no plan" in capsys.readouterr().err
+
+
+def test_rounding_bound_covers_what_double_precision_loses() -> None:
+    random = np.random.default_rng(3)
+    for told in (foldback_check.CUBE, foldback_check.TETRAHEDRON):
+        module = foldback_check.Module(told, SIZE)
+        count, hinges = 200, len(module.names)
+        q = random.uniform(-1.5, 1.5, (count - 1, hinges, 1))
+        x, axes = module.poses(q, np.zeros((3, 1)), np.eye(3)[:, :, None])
+        exact, turn = np.zeros(3, np.longdouble), np.eye(3, dtype=np.longdouble)
+        worst = 0.0
+        for m in range(count - 1):
+            before = turn
+            for k, part in enumerate(np.array(told["turns"], np.longdouble)):
+                turn = turn @ part
+                if k < hinges:
+                    c, s = np.cos(np.longdouble(q[m, k, 0])), np.sin(np.longdouble(q[m, k, 0]))
+                    turn = turn @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]], np.longdouble)
+            exact = exact + before @ module.anchor + turn @ module.offset
+            worst = max(worst, float(np.abs(x[m + 1, 0] - exact).max()))
+            worst = max(worst, float(np.abs(axes[m + 1, 0].T - turn).max()))
+        assert 0.0 < worst < count * count * 30 * foldback_check.U

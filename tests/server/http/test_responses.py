@@ -1,0 +1,74 @@
+"""Responses for errors of the service, and names of downloaded files in all scripts."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from fastapi.responses import FileResponse
+
+from server.errors import ServiceError, TooMany, Unidentified, WebsocketNeeded
+from server.http.downloads import MAX_STEM_CHARACTERS, download_stem
+from server.http.problems import HTTP_STATUSES, Problem, response_of
+from server.store.previews import NoSuchPreviewError
+
+
+def test_every_error_has_an_http_status() -> None:
+    kinds = [kind for kind in ServiceError.__subclasses__() if kind.__module__ == "server.errors"]
+    assert set(kinds) == set(HTTP_STATUSES)
+    assert Problem.of(NoSuchPreviewError("a")).status == 404
+
+
+def test_response_carries_the_error() -> None:
+    error = TooMany("queue-full", "Three are waiting.", where="body.file", retry_after_s=7)
+    answer = response_of(error)
+    assert (answer.status_code, answer.headers["Retry-After"]) == (429, "7")
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert json.loads(bytes(answer.body)) == {
+        "type": "about:blank",
+        "title": "Too Many Requests",
+        "status": 429,
+        "code": "queue-full",
+        "detail": "Three are waiting.",
+        "message": "Three are waiting.",
+        "where": "body.file",
+    }
+
+
+@pytest.mark.parametrize(
+    ("kind", "header"),
+    [(Unidentified, ("WWW-Authenticate", "Bearer")), (WebsocketNeeded, ("Upgrade", "websocket"))],
+)
+def test_errors_have_their_headers(kind: type[ServiceError], header: tuple[str, str]) -> None:
+    assert Problem.of(kind("code", "detail")).headers == dict([header])
+
+
+@pytest.mark.parametrize(
+    ("name", "stem"),
+    [
+        ("wrench-160", "wrench-160"),
+        ("Schlüssel", "Schlüssel"),
+        ("Schlu\u0308ssel", "Schlüssel"),
+        ("キリン 2", "キリン-2"),
+        ("ключ", "ключ"),
+        ('../a"b\r\nc', "a-b--c"),
+        ("\u202egpj.exe", "gpj-exe"),
+        ("…", "fold"),
+        ("", "fold"),
+    ],
+)
+def test_download_stem_keeps_letters_of_all_scripts_and_nothing_else(name: str, stem: str) -> None:
+    assert download_stem(name) == stem
+
+
+def test_download_stem_is_short_and_encoded_in_headers(tmp_path: Path) -> None:
+    stem = download_stem("龍" * 500)
+    assert len(stem) == MAX_STEM_CHARACTERS
+    assert len(f"{stem}-trajectory.json".encode()) <= 255
+    path = tmp_path / "page"
+    path.write_bytes(b"")
+    header = FileResponse(path, filename=f"{download_stem('ключ')}.html").headers
+    assert header["content-disposition"] == (
+        "attachment; filename*=utf-8''%D0%BA%D0%BB%D1%8E%D1%87.html"
+    )

@@ -1,0 +1,166 @@
+// The check of a plan by this browser: a worker goes through the motion, and the page says how far it is and what came out.
+import { button, element, number, svg, whole } from "../lib/text.js";
+
+/** @typedef {import("../check/worker.js").Asked} Asked */
+/** @typedef {import("../check/worker.js").Progress} Progress */
+/** @typedef {import("../check/worker.js").Proved} Proved */
+/** @typedef {import("../check/worker.js").Refused} Refused */
+/** @typedef {import("../check/plan.js").Place} Place */
+
+const NOT_CLAIMED = [
+  "Real joints have play and modules bend. The check is about rigid modules on exact hinges.",
+  "Modules that share a joint are left out. They overlap there by design.",
+  "Simulated robots are samples. They do not stand for every robot.",
+];
+
+const TOUCHING = 1e-3; // widths of a cell that are not worth a number
+const FULL = 1 - 1e-4; // cells' widths: larger modules fill theirs
+
+// Widths of a cell as a percentage, rounded down.
+/** @param {number} share */
+const percent = (share) => `${(Math.floor(1000 * share) / 10).toFixed(1)} %`;
+/** @param {Place} place */
+const pair = ({ modules: [i, j] }) => `modules ${whole(i + 1)} and ${whole(j + 1)}`;
+/** @param {number} seconds */
+const took = (seconds) => `${seconds < 9.95 ? number(seconds) : whole(seconds)} s`;
+
+// What came out of a check, in words.
+/**
+ * @param {Asked["way"]} way
+ * @param {Proved | Refused} said
+ */
+export function outcome(way, said) {
+  if (said.is === "refused") return refusal(way, said);
+  const { plan: { modules, size, claim }, touch, joint, seconds } = said;
+  if (way === "claim") {
+    return `Checked by this browser, without our server: ${whole(modules)} modules, every pair that shares no joint stays at least ${percent(claim)} of a module width apart the whole way. It took ${took(seconds)}.`;
+  }
+  if (way === "size") {
+    if (!touch || touch.size > FULL) return `The modules of this plan are ${percent(size)} of a cell wide. They could fill their cells and would still not overlap on the way.`;
+    return `The modules of this plan are ${percent(size)} of a cell wide. At ${percentUp(touch.size)} the first two touch: ${pair(touch)}. A little below that, no modules touch at all.`;
+  }
+  return `With the joint behind module ${whole(joint + 1)} off by 1°, no modules touch.`;
+}
+
+// The size at which modules touch is rounded up: a little below it they are proved not to.
+/** @param {number} share */
+const percentUp = (share) => `${(Math.ceil(10000 * share) / 100).toFixed(2)} %`;
+
+/**
+ * @param {Asked["way"]} way
+ * @param {Refused} said
+ */
+function refusal(way, { text, place, claim, joint }) {
+  if (place && place.gap >= claim) return `Not proved: it stays open whether ${pair(place)} are far enough apart.`;
+  if (way === "hinge" && place) return `With the joint behind module ${whole(joint + 1)} off by 1°, ${pair(place)} touch.`;
+  if (!place) return `Not proved: ${text}`;
+  return `Not proved: ${pair(place)} come within ${percent(Math.max(place.gap, 0))} of a module width of each other.`;
+}
+
+export class Checking {
+  /**
+   * @param {HTMLElement} place
+   * @param {import("../player/player.js").Player} player
+   * @param {string} id of the fold
+   * @param {(frame: number) => void} [seek] shows a frame of its timeline
+   */
+  constructor(place, player, id, seek = (frame) => { player.send({ do: "seek", frame }); }) {
+    this.player = player;
+    this.seek = seek;
+    this.href = `/api/folds/${id}/plan.npz`;
+    this.onGo = () => {};
+    /** @type {Worker | null} */
+    this.worker = null;
+    this.bar = element("progress", { max: "1", value: "0", "aria-label": "Progress of the check" });
+    this.line = element("p", { role: "status" });
+    this.where = button("inline", "", () => this.go());
+    this.stop = button("button quiet", "Stop", () => this.end());
+    this.running = element("div", { class: "checking", hidden: true }, this.bar, this.stop);
+    /** @type {{ at: Place, frames: number } | null} */
+    this.seen = null;
+    this.tries = element("div", { hidden: true }, element("h4", {}, "Try to break it"),
+      element("p", { class: "line" }, button("button", "Larger modules", () => this.begin("size")), button("button", "Turn a hinge by 1°", () => this.begin("hinge"))),
+      element("p", { class: "hint" }, "Makes modules larger until the first two touch. Or keeps a hinge of the selected module, or of any, one degree beside the plan."));
+    this.open = element("details", { class: "assumptions", hidden: true }, element("summary", {}, "What is not claimed"), element("ul", {}, ...NOT_CLAIMED.map((said) => element("li", {}, said))));
+    place.append(this.running, this.line, element("p", {}, this.where), this.open, this.tries);
+    this.where.hidden = true;
+  }
+
+  /** @param {Asked["way"]} way */
+  begin(way) {
+    this.end();
+    this.line.textContent = "";
+    this.running.hidden = false;
+    this.bar.value = 0;
+    this.worker = new Worker(new URL("../check/worker.js", import.meta.url), { type: "module" });
+    this.worker.onmessage = (/** @type {MessageEvent<Progress | Proved | Refused>} */ { data }) => this.heard(way, data);
+    this.worker.onerror = () => { this.end(); this.line.textContent = "This browser cannot run the check."; };
+    this.worker.postMessage({ href: new URL(this.href, location.href).href, way, module: this.player.selected });
+  }
+
+  end() {
+    this.worker?.terminate();
+    this.worker = null;
+    this.running.hidden = true;
+  }
+
+  /**
+   * @param {Asked["way"]} way
+   * @param {Progress | Proved | Refused} said
+   */
+  heard(way, said) {
+    if (said.is === "progress") {
+      this.bar.value = said.frame / said.frames;
+      if (said.tightest) this.show(said.tightest, said.frames, "Tightest so far");
+      return;
+    }
+    this.end();
+    this.line.textContent = outcome(way, said);
+    this.line.className = said.is === "proved" ? "" : "bad";
+    const at = said.is === "refused" ? said.place : said.touch ?? said.tightest;
+    this.where.hidden = !at;
+    if (at) this.show(at, said.is === "refused" ? said.frames : said.plan.frames, said.is === "refused" || said.touch ? "Show where" : "Tightest place");
+    this.open.hidden = this.tries.hidden = false;
+  }
+
+  /**
+   * @param {Place} at
+   * @param {number} frames
+   * @param {string} label
+   */
+  show(at, frames, label) {
+    this.seen = { at, frames };
+    this.where.hidden = false;
+    this.where.textContent = `${label}: ${pair(at)}${at.gap < TOUCHING ? "" : `, ${percent(at.gap)} apart`}`;
+  }
+
+  // To the frame and the modules that are told; the plan's frames are the timeline's last.
+  go() {
+    const { player, seen } = this;
+    const frames = player.timeline.outline?.frames;
+    if (!seen || !frames) return;
+    this.seek(frames - seen.frames + seen.at.frame);
+    player.mark(seen.at.modules);
+    player.lookAt(seen.at.modules);
+    this.onGo();
+  }
+}
+
+// The same in a dialog, on pages without details; it closes when it leads to a place.
+/**
+ * @param {import("../player/player.js").Player} player
+ * @param {{ id: string, name: string }} fold
+ * @param {(frame: number) => void} [seek]
+ */
+export function checkInDialog(player, { id, name }, seek) {
+  const place = element("div", { id: "check" });
+  const close = button("icon-button dialog-close", "", () => dialog.close(), { "aria-label": "Close", title: "Close" });
+  close.append(svg("svg", { class: "icon" }, svg("use", { href: "#i-close" })));
+  const dialog = element("dialog", { class: "dialog", "aria-labelledby": "check-title" }, close, element("h2", { id: "check-title" }, `Check ${name}`), place);
+  const checking = new Checking(place, player, id, seek);
+  checking.onGo = () => dialog.close();
+  dialog.onclose = () => { checking.end(); dialog.remove(); };
+  document.body.append(dialog);
+  dialog.showModal();
+  checking.begin("claim");
+}
