@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +24,12 @@ from planner.verification.verify import verify as verify_files
 from words import certificate as certificate_words
 
 
+class OtherProgram(StrEnum):
+    """Program of other people that can look at a plan's motion."""
+
+    IPCTK = "ipctk"
+
+
 def verify(
     directory: FoldDirectory,
     module_size: Annotated[
@@ -35,6 +42,14 @@ def verify(
             help="Also find the largest module size without collisions.",
         ),
     ] = False,
+    other: Annotated[
+        OtherProgram | None,
+        typer.Option(
+            "--with",
+            help="Also let another program look for contacts between frames: ipctk "
+            "(pip install 'foldback[ipctk]').",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Check a plan again: its files, its figures, and a replay in plain MuJoCo."""
@@ -48,7 +63,11 @@ def verify(
                 f"{what}; expected a folder that `foldback fold` wrote.",
                 where=str(directory),
             )
-        found = verify_files(directory, module_size=request.module_size)
+        found = verify_files(
+            directory,
+            module_size=request.module_size,
+            third_opinion=other is OtherProgram.IPCTK,
+        )
     except InputError as error:
         refuse(error, as_json)
     except TimelineError as error:

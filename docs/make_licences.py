@@ -43,7 +43,8 @@ FFmpeg with x264, which foldback starts as a program of its own to encode MP4 mo
 is under the GNU General Public License, version 2 or later: if you distribute the image, you
 distribute FFmpeg under that licence. Its source is the Debian source package `ffmpeg`. `make run`
 installs no FFmpeg. The extra `foldback[movies]` installs a build under the GNU General Public
-License, version 3 or later.
+License, version 3 or later. The extra `foldback[ipctk]` installs the IPC Toolkit, under the MIT
+licence.
 
 | package | version | licence | contains |
 |---|---|---|---|

@@ -34,6 +34,7 @@ from planner.verification.playback_kinds import kind_differs
 from planner.verification.reasons import ReasonCheck
 from planner.verification.replay import Replay, replay, replay_differs, stride_of
 from planner.verification.stage_files import stage_files_differ
+from planner.verification.third_opinion import Opinion, opinion_of, toolkit
 from planner.verification.timelines import (
     chain_differs,
     kept_record,
@@ -60,6 +61,7 @@ class Verification:
         reason: Check of the reason of a failed explosion; None for others, and if the check was
             not possible.
         replay: Replay of the exported model with the plan's angles in plain MuJoCo.
+        opinion: What another program found; None if none was asked.
         checked: Checks that were made, in plain English.
         problems: Contradictions of the plan, in plain English; empty if it is verified.
         notes: Checks that were not possible, and the reasons.
@@ -68,6 +70,7 @@ class Verification:
     certificate: Certificate
     reason: ReasonCheck | None
     replay: Replay | None
+    opinion: Opinion | None
     checked: tuple[str, ...]
     problems: tuple[str, ...]
     notes: tuple[str, ...]
@@ -86,12 +89,17 @@ class Verification:
             "checked": list(self.checked),
             "reason": None if self.reason is None else self.reason.as_dict(),
             "replay": None if self.replay is None else asdict(self.replay),
+            "opinion": None if self.opinion is None else asdict(self.opinion),
             "certificate": self.certificate.as_dict(),
         }
 
 
 def verify(
-    directory: FilePath, *, module_size: float | None = None, progress: Report = silent
+    directory: FilePath,
+    *,
+    module_size: float | None = None,
+    third_opinion: bool = False,
+    progress: Report = silent,
 ) -> Verification:
     """Check the plan in a directory by exact kinematics and by a replay in plain MuJoCo.
 
@@ -99,17 +107,20 @@ def verify(
         directory: Directory with ``plan.json``, ``plan.npz``, ``model.xml``, ``timeline.zarr``, and
             other files of the fold's stages.
         module_size: Another size than the plan's own.
+        third_opinion: Let ipctk look at the motion as well.
         progress: Receives the current check.
 
     Raises:
         InputError: A file is missing or cannot be read.
         TimelineError: The timeline is missing or damaged.
     """
+    if third_opinion:
+        toolkit()
     try:
         try:
             # What damaged numbers come out as, infinite or none, is told as any other difference.
             with np.errstate(all="ignore"):
-                return _verified(directory, module_size, progress)
+                return _verified(directory, module_size, progress, third_opinion=third_opinion)
         except UNREADABLE as error:
             raise InputError(
                 "not-a-plan", f"plan.npz: its figures cannot be computed again ({error})."
@@ -129,7 +140,9 @@ def verify(
         raise TimelineError(told) from error
 
 
-def _verified(directory: FilePath, module_size: float | None, progress: Report) -> Verification:
+def _verified(
+    directory: FilePath, module_size: float | None, progress: Report, *, third_opinion: bool
+) -> Verification:
     found = _Findings()
     npz = read_values(directory / PLAN)
     text = read_values(directory / PLAN_TEXT)
@@ -171,6 +184,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
                 "an independent checker proves the clearance from plan.npz alone",
                 _unproved(directory),
             )
+    opinion = _opinion(directory, npz, certificate, found) if third_opinion else None
     reason = _reason(directory, plan, found)
     model = _text(directory / MODEL)
     found.look("model.xml is the plan's model", _model(model, plan, found.notes, earlier=earlier))
@@ -180,6 +194,7 @@ def _verified(directory: FilePath, module_size: float | None, progress: Report) 
         certificate=certificate,
         reason=reason,
         replay=replayed,
+        opinion=opinion,
         checked=tuple(found.checked),
         problems=tuple(found.problems),
         notes=tuple(found.notes),
@@ -191,6 +206,27 @@ def _unproved(directory: FilePath) -> Differences:
     found = foldback_check.check(directory / PLAN)
     if found["verdict"] != "proved":
         yield f"plan.npz: the independent checker proves nothing: {found['reason']}"
+
+
+def _opinion(
+    directory: FilePath, npz: dict[str, Any], certificate: Certificate, found: _Findings
+) -> Opinion | None:
+    """Return what ipctk says about a plan's motion; None if there is no claim to ask about.
+
+    The claim is that of the certificate that was computed again, or else the file's own.
+    """
+    proved = certificate.clearance_bound if certificate.verified else None
+    claim = proved or npz["certificate"].get("clearance_bound")
+    if not claim:
+        found.notes.append("ipctk was not asked, because the plan claims no clearance.")
+        return None
+    try:
+        opinion = opinion_of(directory / PLAN, certificate.module_size, claim)
+    except InputError as error:
+        found.problems.append(f"failed: ipctk cannot look at the motion: {error.detail}")
+        return None
+    found.look(opinion.words, opinion.problems)
+    return opinion
 
 
 def _results(

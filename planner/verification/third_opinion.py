@@ -1,0 +1,306 @@
+"""Third opinions: a plan's motion, looked at by other people's continuous collision detection.
+
+The IPC Toolkit (ipctk) decides whether triangle meshes touch while their vertices move straight.
+Modules turn, so each interval between two frames is divided until no vertex is farther than a
+tolerance from where straight motion puts it:
+
+- Positions are seen from the middle module, which halves the arms on which modules turn.
+- Seen from there, the fifth derivative of a vertex is at most S^5 (L + r): S is the angle that all
+  hinges between turn by, L the length of the links between, r the module's radius
+  (`foldback_check.py` derives this). The deviation is measured at three moments of each part, and
+  a polynomial through them, with 0 at both ends, is nowhere more than `SPREAD` times the largest.
+  Interpolation adds at most `REMAINDER` S^5 (L + r).
+
+So the bound holds at all moments, and not only at those measured. If the meshes stay farther apart
+than a distance, the modules stay farther apart than it less twice the deviation.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+import foldback_check
+from planner.errors import InputError
+from planner.plan.differences import Differences
+
+PARTS_OF_PART: Final = 4
+"""Number of equal steps in which the deviation is measured in a part; `SPREAD` and `REMAINDER` are
+those of 4. Chosen: an odd number of inner moments has one in the middle."""
+SPREAD: Final = 1.87
+"""Largest sum of the absolute Lagrange polynomials of the three inner ones of five equidistant
+nodes, rounded up."""
+REMAINDER: Final = 3.0e-5
+"""Largest product of distances from five equidistant nodes of [0, 1], divided by 5!, rounded up."""
+DISTANCE_SHARE: Final = 0.9
+"""Distance that ipctk must confirm, in claimed clearances. Larger values confirm more and need
+smaller deviations. Chosen."""
+DEVIATION_SHARE: Final = 0.02
+"""Maximum deviation of straight motion, in claimed clearances. Smaller values confirm more, at a
+cost that grows with the root of their inverse. Chosen: 0.9 - 2 · 0.02 of the claim is confirmed."""
+MISSING: Final = (
+    "The IPC Toolkit is not installed; expected the package ipctk. Install it: "
+    "pip install 'foldback[ipctk]'."
+)
+"""Error if the optional package is missing."""
+
+Doubles = NDArray[np.float64]
+Indices = NDArray[np.int32]
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contact:
+    """Moment in frames at which modules come too close, and the pair, or None if none was found."""
+
+    frame: float
+    modules: Pair | None
+
+    @property
+    def words(self) -> str:
+        """Plain English for the contact."""
+        pair = "modules" if self.modules is None else "modules {} and {}".format(*self.modules)
+        return f"{pair} come too close at frame {self.frame:.3f}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Opinion:
+    """Result of another program.
+
+    Attributes:
+        program: Name and version.
+        intervals: Intervals between frames that it looked at.
+        parts: Parts into which they were divided.
+        clearance: Clearance that holds for the motion if there are no contacts, in pitches.
+        deviation: Largest bound of the deviation of straight motion, in pitches.
+        contacts: First contact of each interval that has one.
+        seconds: Wall time.
+    """
+
+    program: str
+    intervals: int
+    parts: int
+    clearance: float
+    deviation: float
+    contacts: tuple[Contact, ...]
+    seconds: float
+
+    @property
+    def words(self) -> str:
+        """Plain English for what was looked at."""
+        return (
+            f"{self.program} finds no modules within {self.clearance:.4f} pitches of each other "
+            f"({self.intervals} intervals in {self.parts} straight parts, off by at most "
+            f"{self.deviation:.1g} pitches; {self.seconds:.1f} s)"
+        )
+
+    @property
+    def problems(self) -> Differences:
+        """Plain English for its contacts."""
+        for contact in self.contacts:
+            yield f"plan.npz: {self.program}: {contact.words}"
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """Triangles of all modules, and pairs of vertices that need not stay apart."""
+
+    faces: Indices
+    edges: Indices
+    exempt: Indices
+
+
+def mesh_of(corners: Doubles, count: int, apart: int) -> Mesh:
+    """Return the mesh of hulls of modules; pairs less than ``apart`` in the chain are exempt."""
+    one = len(corners)
+    hull = ConvexHull(corners).simplices
+    sides = np.unique(np.sort(hull[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+    shifts = one * np.arange(count)[:, None, None]
+    own = np.stack(np.triu_indices(one, 1), axis=1)
+    to_next = np.stack(np.divmod(np.arange(one * one), one), axis=1)
+    exempt = [shifts + own]
+    exempt += [shifts[: count - k] + to_next + [0, k * one] for k in range(1, apart)]
+    return Mesh(
+        (shifts + hull).reshape(-1, 3).astype("i4"),
+        (shifts + sides).reshape(-1, 2).astype("i4"),
+        np.concatenate([pairs.reshape(-1, 2) for pairs in exempt]).astype("i4"),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Division:
+    """Interval in parts: vertices (parts + 1, V, 3) at their ends, and the deviation's bound."""
+
+    vertices: Doubles
+    deviation: float
+
+
+class Vertices:
+    """Positions of all vertices, seen from the middle module."""
+
+    def __init__(self, plan: foldback_check.Plan) -> None:
+        self.plan = plan
+        self.middle = plan.count // 2
+
+    def at(self, first: Doubles, last: Doubles, steps: int) -> Doubles:
+        """Return vertices (steps + 1, V, 3) at equal steps from one configuration to another."""
+        module = self.plan.module
+        angles = first + np.linspace(0.0, 1.0, steps + 1)[:, None] * (last - first)
+        q = angles.reshape(steps + 1, -1, len(module.names)).transpose(1, 2, 0)
+        axes = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, steps + 1))
+        x, turns = module.poses(q, np.zeros((3, steps + 1)), axes)
+        seen = x[..., None, :] + module.corners @ turns  # rows of a turn are the module's axes
+        home = turns[self.middle].swapaxes(-1, -2)
+        seen = (seen - x[self.middle, :, None]).transpose(1, 0, 2, 3).reshape(steps + 1, -1, 3)
+        return seen @ home
+
+    def divide(self, frame: int, tolerance: float) -> Division:
+        """Divide the interval after a frame so that straight motion is within a tolerance."""
+        motion = self.plan.motion
+        ends = frame, min(frame + 1, motion.frames - 1)
+        first, last = (motion.angles(end, 0, motion.slots) for end in ends)
+        rest = self._remainder(np.abs(last - first))
+        parts = max(1, math.ceil((2.0 * rest / tolerance) ** 0.2))
+        while True:
+            seen = self.at(first, last, parts * PARTS_OF_PART)
+            shown = SPREAD * largest_deviation(seen)
+            deviation = shown + rest / parts**5
+            if deviation <= tolerance:
+                return Division(seen[::PARTS_OF_PART], deviation)
+            needed = math.sqrt(shown / (tolerance - rest / parts**5))
+            parts = max(parts + 1, math.ceil(parts * needed * 1.01))
+
+    def _remainder(self, turned: Doubles) -> float:
+        """Return the interpolation's error if the whole interval is one part."""
+        module, cut = self.plan.module, self.middle * len(self.plan.module.names)
+        sides = ((turned[:cut].sum(), self.middle), (turned[cut:].sum(), self.plan.count))
+        return REMAINDER * max(
+            float(angle) ** 5 * float(links * module.link + module.radius) for angle, links in sides
+        )
+
+
+def largest_deviation(seen: Doubles) -> float:
+    """Return how far vertices (4 n + 1, V, 3) are from straight motion in each four steps."""
+    ends = seen[::PARTS_OF_PART]
+    share = np.arange(1, PARTS_OF_PART)[:, None, None] / PARTS_OF_PART
+    inner = seen[:-1].reshape(len(ends) - 1, PARTS_OF_PART, -1, 3)[:, 1:]
+    straight = ends[:-1, None] + share * np.diff(ends, axis=0)[:, None]
+    return float(np.linalg.norm(inner - straight, axis=-1).max())
+
+
+def toolkit() -> Any:
+    """Return the module ipctk.
+
+    Raises:
+        InputError: ``no-ipctk`` if it is not installed.
+    """
+    try:
+        found = importlib.import_module("ipctk")
+    except ImportError as error:
+        raise InputError("no-ipctk", MISSING) from error
+    found.set_logger_level(found.LoggerLevel.error)
+    return found
+
+
+class _Detector:
+    """Triangle mesh of a chain in ipctk."""
+
+    def __init__(self, plan: foldback_check.Plan, distance: float) -> None:
+        self.ipctk, self.distance, self.corners = toolkit(), distance, len(plan.module.corners)
+        self.narrow = self.ipctk.AdditiveCCD()
+        mesh = mesh_of(plan.module.corners, plan.count, plan.module.apart)
+        rest = np.zeros((plan.count * self.corners, 3), order="F")
+        self.mesh = self.ipctk.CollisionMesh(rest, mesh.edges, mesh.faces)
+        table = dict.fromkeys(map(tuple, mesh.exempt.tolist()), False)
+        self.mesh.can_collide = self.ipctk.make_sparse_filter(table, True)
+
+    def overlaps(self, vertices: Doubles) -> bool:
+        """True if modules overlap, which continuous detection takes for granted they do not."""
+        return bool(self.ipctk.has_intersections(self.mesh, np.asfortranarray(vertices)))
+
+    def free(self, first: Doubles, last: Doubles) -> bool:
+        """True if all pairs keep the distance; ipctk's documentation says the opposite."""
+        return bool(
+            self.ipctk.is_step_collision_free(
+                self.mesh, first, last, self.distance, narrow_phase_ccd=self.narrow
+            )
+        )
+
+    def contacts(self, ends: list[Doubles]) -> Iterator[tuple[float, Pair | None]]:
+        """Yield the moments in [0, 1] of an interval at which modules come too close, and them."""
+        for part, (first, last) in enumerate(pairwise(ends)):
+            if not self.free(first, last):
+                share, modules = self._nearest(first, last)
+                yield (part + share) / (len(ends) - 1), modules
+
+    def _nearest(self, first: Doubles, last: Doubles) -> tuple[float, Pair | None]:
+        """Return the share of a part until the first contact, and its modules."""
+        near = self.ipctk.Candidates()
+        near.build(self.mesh, first, last, self.distance)
+        hits: list[tuple[float, Pair]] = []
+        for candidate in (*near.fv_candidates, *near.ee_candidates):
+            ids = candidate.vertex_ids(self.mesh.edges, self.mesh.faces)
+            ends = (vertices[ids].ravel() for vertices in (first, last))
+            hit, moment = candidate.ccd(
+                *ends, min_distance=self.distance, narrow_phase_ccd=self.narrow
+            )
+            if hit:
+                one, other = sorted({k // self.corners for k in ids})
+                hits.append((moment, (one, other)))
+        return min(hits, default=(0.0, None))
+
+
+def ask_ipctk(plan: foldback_check.Plan) -> Opinion:
+    """Let ipctk look for contacts in all intervals of a plan.
+
+    Raises:
+        InputError: ``no-ipctk`` if it is not installed.
+    """
+    began = time.perf_counter()
+    distance, tolerance = DISTANCE_SHARE * plan.claim, DEVIATION_SHARE * plan.claim
+    detector, vertices = _Detector(plan, distance), Vertices(plan)
+    contacts: list[Contact] = []
+    parts, deviation = 0, 0.0
+    intervals = max(1, plan.motion.frames - 1)
+    for frame in range(intervals):
+        division = vertices.divide(frame, tolerance)
+        if frame == 0 and detector.overlaps(division.vertices[0]):
+            contacts.append(Contact(frame=0.0, modules=None))
+        ends = [np.asfortranarray(end) for end in division.vertices]
+        contact = next(detector.contacts(ends), None)
+        if contact is not None:
+            moment, modules = contact
+            contacts.append(Contact(frame=frame + moment, modules=modules))
+        parts, deviation = parts + len(ends) - 1, max(deviation, division.deviation)
+    return Opinion(
+        program=f"ipctk {detector.ipctk.__version__}",
+        intervals=intervals,
+        parts=parts,
+        clearance=distance - 2.0 * deviation,
+        deviation=deviation,
+        contacts=tuple(contacts),
+        seconds=time.perf_counter() - began,
+    )
+
+
+def opinion_of(path: Path, size: float, claim: float) -> Opinion:
+    """Let ipctk look at a plan's file, with a module size and the clearance that is claimed for it.
+
+    Raises:
+        InputError: ``not-a-plan`` if it contradicts itself; ``no-ipctk`` if ipctk is missing.
+    """
+    try:
+        plan = foldback_check.Plan(path, size, claim)
+    except (foldback_check.NotProved, ValueError) as error:
+        raise InputError("not-a-plan", f"{path.name}: {error}") from error
+    return ask_ipctk(plan)

@@ -1,0 +1,76 @@
+"""A plan's motion as straight motion of triangles: mesh, exempt pairs, division; and no ipctk."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
+import foldback_check
+from planner.errors import InputError
+from planner.verification.third_opinion import (
+    Vertices,
+    largest_deviation,
+    mesh_of,
+    toolkit,
+)
+from planner.verification.verify import verify
+from tests.planner.conftest import Fold
+
+
+def test_mesh_holds_all_modules_and_exempts_own_and_linked_vertices() -> None:
+    corners = np.array(foldback_check.CUBE["corners"])
+    mesh = mesh_of(corners, 3, 2)
+    assert mesh.faces.shape == (36, 3)
+    assert mesh.edges.shape == (54, 2)
+    assert set(mesh.faces[12:24].ravel().tolist()) == set(range(8, 16))
+    exempt = {tuple(pair) for pair in mesh.exempt.tolist()}
+    expected = {(a, b) for a in range(24) for b in range(a + 1, 24) if b // 8 - a // 8 < 2}
+    assert exempt == expected
+    alone = mesh_of(np.array(foldback_check.TETRAHEDRON["corners"]), 3, 1)
+    assert alone.faces.shape == (12, 3)
+    assert len(alone.exempt) == 18, "linked tetrahedra are not exempt"
+
+
+def test_parts_are_as_straight_as_asked_at_all_moments(folded: Fold) -> None:
+    plan = foldback_check.Plan(folded("wrench-24").directory / "plan.npz")
+    vertices, frame, tolerance = Vertices(plan), plan.motion.frames - 20, 1e-4
+    division = vertices.divide(frame, tolerance)
+    parts, fine = len(division.vertices) - 1, 16
+    first, last = (plan.motion.angles(k, 0, plan.motion.slots) for k in (frame, frame + 1))
+    seen = vertices.at(first, last, parts * fine)
+    share = np.arange(fine)[:, None, None] / fine
+    steps = np.diff(division.vertices, axis=0)[:, None]
+    straight = division.vertices[:-1, None] + share * steps
+    off = np.linalg.norm(seen[:-1].reshape(straight.shape) - straight, axis=-1).max()
+    assert parts > 1
+    assert 0.1 * tolerance < off <= division.deviation <= tolerance
+    assert largest_deviation(division.vertices[[0, 0, 0, 0, 0]]) == 0.0
+
+
+def test_vertices_are_those_of_the_chain_seen_from_the_middle_module(folded: Fold) -> None:
+    made = folded("wrench-24")
+    plan = foldback_check.Plan(made.directory / "plan.npz")
+    angles = plan.motion.angles(plan.motion.frames - 1, 0, plan.motion.slots)
+    seen = Vertices(plan).at(angles, angles, 1)[0].reshape(24, 8, 3)
+    module = np.sort(seen[12], axis=0)
+    np.testing.assert_allclose(module, np.sort(plan.module.corners, axis=0), atol=1e-12)
+    sides = np.linalg.norm(seen[:, :, None] - seen[:, None], axis=-1)
+    np.testing.assert_allclose(sides, np.broadcast_to(sides[12], sides.shape), atol=1e-12)
+    centres = seen.mean(axis=1)
+    gaps = np.abs(centres[:, None] - centres).max(axis=2)
+    np.testing.assert_allclose(gaps, gaps.round(), atol=1e-6)
+    assert (np.abs(seen - centres[:, None]).max(axis=1) < plan.size / 2 + 1e-6).all()
+
+
+def test_missing_program_is_told_before_anything_is_checked(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
+) -> None:
+    monkeypatch.setitem(sys.modules, "ipctk", None)
+    with pytest.raises(InputError, match=r"pip install 'foldback\[ipctk\]'") as told:
+        verify(tmp_path, third_opinion=True)
+    assert told.value.code == "no-ipctk"
+    with pytest.raises(InputError):
+        toolkit()
