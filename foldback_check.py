@@ -448,8 +448,10 @@ class Proof:
         if len(rest) and gaps.min() < self.tightest[0]:
             q = rest[gaps.argmin()]
             self.tightest = float(gaps.min()), float(batch.middle[b[q]]), int(i[q]), int(j[q])
-            require(bound[q] >= self.claim or gaps.min() >= self.claim,
-                    "modules {2} and {3} are {0:.9f} apart at frame {1:.5f}".format(*self.tightest))
+        for q in rest[~(bound[rest] >= self.claim) & ~(gaps >= self.claim)]:
+            gap, frame = gaps[rest == q][0], batch.middle[b[q]]
+            pair = f"modules {i[q]} and {j[q]}"
+            raise NotProved(f"{pair}: no gap above {gap:.9f} at frame {frame:.5f}")
         return rows[~(bound >= self.claim)]
 
     def _along(self, y, turn, axes, lost):

@@ -14,6 +14,8 @@ from tests.browser.conftest import Visit, visits
 from tests.browser.test_accessibility import findings
 from tests.server.service import Service
 
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
 
 @pytest.fixture(scope="module")
 def page(service: Service, wrench: str) -> Iterator[Page]:
@@ -43,7 +45,7 @@ def test_its_tightest_place_is_shown(page: Page, service: Service, wrench: str) 
     check = page.locator("#check")
     check.get_by_role("button", name="Tightest place").click()
     frames = len(Timeline.open(service.directory(wrench) / "timeline.zarr").frames())
-    plan = Plan(service.directory(wrench) / "plan.npz").F
+    plan = Plan(service.directory(wrench) / "plan.npz").motion.frames
     shown = page.locator("#r-frame").inner_text()
     found = re.match(r"Frame (\d+) of", shown)
     assert found is not None
@@ -84,8 +86,9 @@ def test_either_of_two_folds_is_checked(visit: Visit, wrench: str) -> None:
     page.locator("#side-1").get_by_role("button", name="here").click()
     dialog = page.get_by_role("dialog")
     expect(dialog.get_by_role("status")).to_contain_text("Checked by this browser")
-    page.keyboard.press("Escape")
+    dialog.get_by_role("button", name="Tightest place").click()
     expect(dialog).to_have_count(0)
+    expect(page.locator("#r-phase")).to_have_text("Playback")
 
 
 def test_it_is_checked_on_a_phone(visit: Visit, wrench: str) -> None:

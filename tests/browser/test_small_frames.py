@@ -139,7 +139,7 @@ def test_wheel_over_an_embed_zooms_only_after_a_click(
     expect(reader.frame_locator("iframe").locator("#toast")).to_contain_text("Click to zoom")
     assert frame.evaluate(distance) == before
     reader.evaluate("() => scrollTo(0, 0)")
-    reader.mouse.click(30, 60)
+    reader.mouse.click(370, 90)
     reader.mouse.move(200, 120)
     reader.mouse.wheel(0, -200)
     frame.wait_for_function(f"() => ({distance})() < {before} - 1e-6")

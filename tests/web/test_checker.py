@@ -59,6 +59,7 @@ def test_both_checkers_prove_the_same(plans: list[Path]) -> None:
         assert found["claim"] == other["clearance"] <= found["least"]
         assert found["tightest"]["gap"] == pytest.approx(other["tightest"]["gap"], rel=0.1)
         assert found["frames"] >= other["frames"] - 1
+        assert found["pairs"] == pytest.approx(other["looks"], rel=0.01)
 
 
 def test_modules_are_made_larger_until_two_touch(plans: list[Path]) -> None:
@@ -247,3 +248,41 @@ def test_no_forged_plan_is_proved(plans: list[Path], tmp_path: Path) -> None:
         plan = foldback_check.Plan(told.path)
         assert proved_clearance(plan) >= found["claim"] - 1e-6, (told, found)
     assert refused >= FORGED / 2
+
+
+@pytest.mark.parametrize("change", [{"apart": 9}, {"apart": 0}, {"rigid_links": -1}])
+def test_a_module_of_ones_own_exempts_no_more(change: dict[str, Any], tmp_path: Path) -> None:
+    with np.load(PLANS["box-8-windows"]) as file:
+        f = {name: file[name] for name in file.files}
+    told = json.loads(str(f["plan"]))
+    geometry = json.loads(json.dumps(foldback_check.MODULES["cube"])) | change
+    told["chain"]["module"], told["claim"] = "brick", {"module": geometry}
+    apart = geometry["apart"]
+    told["certificate"]["exempt_pairs"] = {"apart": apart, "count": (apart - 1) * 7}
+    f["plan"] = np.array(json.dumps(told))
+    np.savez(tmp_path / "own.npz", **f)
+    (found,) = verdicts([tmp_path / "own.npz"])
+    assert not found["proved"]
+
+
+def test_no_bound_is_above_what_is_seen(tmp_path: Path) -> None:
+    """With few frames hinges turn far from one to the next, and interpolation loses much."""
+    paths: list[Path] = []
+    for stride in (2, 3, 5, 8, 12):
+        with np.load(PLANS["ring-12-frames"]) as file:
+            f = {name: file[name] for name in file.files}
+        q = foldback_check.Plan(PLANS["ring-12-frames"]).motion.values.reshape(len(f["time_s"]), -1)
+        kept = np.unique([*range(0, len(q), stride), len(q) - 1])
+        f["joint_angles_rad"], f["time_s"] = q[kept], f["time_s"][kept]
+        told = json.loads(str(f["plan"]))
+        told["certificate"] |= {"clearance_bound": 1e-3, "frames": None, "max_joint_step_rad": None}
+        told.pop("claim", None)
+        f["plan"] = np.array(json.dumps(told))
+        paths.append(tmp_path / f"{stride}.npz")
+        np.savez(paths[-1], **f)
+    for path, found in zip(paths, verdicts(paths), strict=True):
+        assert found["proved"] == (python_says(path)["verdict"] == "proved")
+        if found["proved"]:
+            assert found["bounds"] > 100
+            assert found["above"] == 0
+            assert found["least"] <= proved_clearance(foldback_check.Plan(path)) + 1e-6

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.chain.honeycomb import dodecahedron_pairs, ring_pairs
-from planner.chain.trail import Trail
+from planner.chain.trail import Trail, hinge_axes
 from planner.errors import InputError
 from planner.pathfinding.trails import circuit, free_cuts, opened
 
@@ -92,3 +92,8 @@ def test_dodecahedra_side_by_side_have_one_circuit() -> None:
     centres = np.array([[0, 0, 0], [2, 2, 0], [4, 0, 0], [2, 0, 2]])
     nodes = circuit(dodecahedron_pairs(centres))
     assert len(Trail.from_nodes(nodes)) == 24 * len(centres)
+
+
+def test_hinge_axes_lie_along_the_odd_or_the_even_coordinate() -> None:
+    nodes = np.array([[1, 0, 0], [0, 0, 3], [1, 1, 2], [2, 1, 5]])
+    np.testing.assert_array_equal(hinge_axes(nodes), [0, 2, 2, 0])

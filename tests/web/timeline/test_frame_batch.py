@@ -11,7 +11,7 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.errors import TimelineError
-from planner.motion.motion import PHASES
+from planner.motion.motion import PHASES, Motion
 from planner.motion.timeline import Timeline, TimelineWriter
 from tests.planner import peels
 from tests.web import long_folds
@@ -110,6 +110,29 @@ def test_no_batch_mixes_two_timelines(
     assert whole
     timeline.refresh(at_once=True)
     assert decode(cached_batch(timeline))[0]["total"] == 10
+
+
+def test_batch_mixes_no_frames_of_a_timeline_replaced_meanwhile(
+    growing: tuple[Path, TimelineWriter, Callable[[int], None]],
+    chain: Chain,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    path, _, _ = growing
+    timeline, read = TimelineView(path), Timeline.frames
+    some = Timeline.open(path).frames(0, 3)
+
+    def replaced_meanwhile(self: Timeline, *given: int) -> Motion:
+        found = read(self, *given)
+        with TimelineWriter.create(path, chain) as writer:
+            writer.append(some)
+        return found
+
+    monkeypatch.setattr(Timeline, "frames", replaced_meanwhile)
+    with pytest.raises(TimelineError, match="is being replaced"):
+        cached_batch(timeline)
+    monkeypatch.undo()
+    timeline.refresh(at_once=True)
+    assert decode(cached_batch(timeline))[0]["total"] == 3
 
 
 def test_batch_of_a_finished_timeline_is_made_once(

@@ -32,6 +32,7 @@ export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 /** @type {(a: ArrayLike<number>) => number} */
 export const norm = (a) => Math.sqrt(dot(a, a));
+
 export class Module {
   /**
    * @param {Geometry} told

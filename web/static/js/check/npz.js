@@ -1,10 +1,15 @@
 // Reads a file of NumPy arrays: a zip archive whose entries are .npy files.
 
 /** @typedef {{ shape: number[], values: Float64Array | string[] }} Column values in C order */
-/** @typedef {{ kind: string, width: number }} Dtype */
 
-/** The file holds no plan. */
-export class Unreadable extends Error {}
+const ENTRY = 0x02014b50, END = 0x06054b50, NUMPY = 0x934e554d, DEFLATED = 8;
+/** @type {Record<string, ((view: DataView, at: number) => number) | undefined>} */
+const READERS = {
+  f8: (view, at) => view.getFloat64(at, true), f4: (view, at) => view.getFloat32(at, true), u1: (view, at) => view.getUint8(at),
+  i4: (view, at) => view.getInt32(at, true), i8: (view, at) => Number(view.getBigInt64(at, true)),
+};
+/** @type {(bytes: Uint8Array<ArrayBuffer>) => DataView<ArrayBuffer>} */
+const viewOf = (bytes) => new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
 
 /**
  * @param {unknown} condition
@@ -12,7 +17,7 @@ export class Unreadable extends Error {}
  * @returns {asserts condition}
  */
 export function readable(condition, message) {
-  if (!condition) throw new Unreadable(message);
+  if (!condition) throw new Error(message);
 }
 
 /**
@@ -20,97 +25,46 @@ export function readable(condition, message) {
  * @returns {Promise<Map<string, Column>>}
  */
 export async function readNpz(bytes) {
-  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  const view = viewOf(bytes), short = (/** @type {number} */ at) => view.getUint16(at, true), long = (/** @type {number} */ at) => view.getUint32(at, true);
   let end = bytes.length - 22;
-  while (end >= 0 && view.getUint32(end, true) !== 0x06054b50) end--;
+  while (end >= 0 && long(end) !== END) end--;
   readable(end >= 0, "no end of an archive");
-  const count = view.getUint16(end + 10, true);
   /** @type {Map<string, Column>} */
   const found = new Map();
-  for (let entry = 0, at = view.getUint32(end + 16, true); entry < count; entry++) {
-    readable(view.getUint32(at, true) === 0x02014b50, "no entry where the archive tells one");
-    const method = view.getUint16(at + 10, true);
-    const packed = view.getUint32(at + 20, true);
-    const size = view.getUint32(at + 24, true);
-    const named = view.getUint16(at + 28, true);
-    const local = view.getUint32(at + 42, true);
-    const name = new TextDecoder().decode(bytes.subarray(at + 46, at + 46 + named)).replace(/\.npy$/, "");
-    readable(!found.has(name), `two arrays ${name}`);
-    readable(method === 0 || method === 8, `packed by method ${method}`);
-    const start = local + 30 + view.getUint16(local + 26, true) + view.getUint16(local + 28, true);
-    const stored = bytes.subarray(start, start + packed);
-    const plain = method ? await inflated(stored) : stored;
-    readable(plain.length === size, `${plain.length} bytes of ${name}, expected ${size}`);
+  for (let entry = 0, at = long(end + 16); entry < short(end + 10); entry++, at += 46 + short(at + 28) + short(at + 30) + short(at + 32)) {
+    readable(long(at) === ENTRY, "no entry where the archive tells one");
+    const method = short(at + 10), local = long(at + 42), start = local + 30 + short(local + 26) + short(local + 28);
+    const name = new TextDecoder().decode(bytes.subarray(at + 46, at + 46 + short(at + 28))).replace(/\.npy$/, "");
+    readable(!found.has(name) && (method === 0 || method === DEFLATED), `another array ${name}, or one packed by method ${method}`);
+    const stored = bytes.subarray(start, start + long(at + 20));
+    const stream = () => new Blob([stored]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
+    const plain = method ? new Uint8Array(await new Response(stream()).arrayBuffer()) : stored;
+    readable(plain.length === long(at + 24), `${plain.length} bytes of ${name}`);
     found.set(name, column(plain));
-    at += 46 + named + view.getUint16(at + 30, true) + view.getUint16(at + 32, true);
   }
   return found;
-}
-
-/** @param {Uint8Array<ArrayBuffer>} bytes */
-async function inflated(bytes) {
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
 /** @param {Uint8Array<ArrayBuffer>} bytes */
 function column(bytes) {
-  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-  readable(view.getUint32(0) === 0x934e554d, "no NumPy array");
-  const wide = bytes[6] > 1 ? 4 : 2;
+  const view = viewOf(bytes), wide = bytes[6] > 1 ? 4 : 2;
   const start = 8 + wide + (wide > 2 ? view.getUint32(8, true) : view.getUint16(8, true));
   const header = new TextDecoder().decode(bytes.subarray(8 + wide, start));
-  const [, kind, width] = /'descr': '[<|]([fiuU])(\d+)'/.exec(header) ?? [];
-  const shape = (/'shape': \(([\d, ]*)\)/.exec(header)?.[1].match(/\d+/g) ?? []).map(Number);
-  readable(kind, `an array of another kind: ${header.trim()}`);
-  const count = shape.reduce((a, b) => a * b, 1);
-  readable(bytes.length === start + count * Number(width) * (kind === "U" ? 4 : 1), "an array of another size than it tells");
-  const values = elements(view, start, count, { kind, width: Number(width) });
-  const across = header.includes("'fortran_order': True") && shape.length > 1;
-  readable(!across || (shape.length === 2 && values instanceof Float64Array), "a text or a block in Fortran order");
-  return { shape, values: across ? transposed(/** @type {Float64Array} */ (values), shape) : values };
-}
-
-/**
- * @param {DataView<ArrayBuffer>} view
- * @param {number} start
- * @param {number} count
- * @param {Dtype} dtype
- */
-function elements(view, start, count, { kind, width }) {
-  if (kind === "U") return Array.from({ length: count }, (_, k) => text(view, start + 4 * width * k, width));
-  /** @type {Record<string, (at: number) => number>} */
-  const readers = {
-    f8: (at) => view.getFloat64(at, true), f4: (at) => view.getFloat32(at, true), u1: (at) => view.getUint8(at),
-    i4: (at) => view.getInt32(at, true), i8: (at) => Number(view.getBigInt64(at, true)),
-  };
-  const read = readers[kind + width];
-  readable(read, `numbers of the kind ${kind}${width}`);
+  const [, kind, digits] = /'descr': '[<|]([fiuU])(\d+)'/.exec(header) ?? [], width = Number(digits) * (kind === "U" ? 4 : 1);
+  const shape = (/'shape': \(([\d, ]*)\)/.exec(header)?.[1].match(/\d+/g) ?? []).map(Number), [rows, columns] = shape;
+  const count = shape.reduce((a, b) => a * b, 1), across = header.includes("'fortran_order': True") && shape.length > 1;
+  const read = READERS[kind + digits];
+  readable(view.getUint32(0) === NUMPY && bytes.length === start + count * width, "an array of another size than it tells");
+  readable((read || kind === "U") && (!across || (shape.length === 2 && read)), `an array of another kind: ${header.trim()}`);
+  if (!read) return { shape, values: Array.from({ length: count }, (_, k) => text(view, start + width * k, width)) };
   const values = new Float64Array(count);
-  for (let k = 0; k < count; k++) values[k] = read(start + k * width);
-  return values;
+  for (let k = 0; k < count; k++) values[across ? (k % rows) * columns + Math.floor(k / rows) : k] = read(view, start + k * width);
+  return { shape, values };
 }
 
-/**
- * @param {DataView<ArrayBuffer>} view
- * @param {number} start
- * @param {number} width
- */
+/** @type {(view: DataView, start: number, width: number) => string} */
 function text(view, start, width) {
   let found = "";
-  for (let k = 0; k < width; k++) {
-    const code = view.getUint32(start + 4 * k, true);
-    if (code) found += String.fromCodePoint(code);
-  }
-  return found;
-}
-
-/**
- * @param {Float64Array} values
- * @param {number[]} shape
- */
-function transposed(values, [rows, columns]) {
-  const found = new Float64Array(values.length);
-  for (let c = 0, from = 0; c < columns; c++) for (let r = 0; r < rows; r++) found[r * columns + c] = values[from++];
+  for (let at = start; at < start + width; at += 4) if (view.getUint32(at, true)) found += String.fromCodePoint(view.getUint32(at, true));
   return found;
 }

@@ -5,6 +5,8 @@ import { readable, readNpz } from "./npz.js";
 /** @typedef {import("./npz.js").Column} Column */
 /** @typedef {{ modules: [number, number], frame: number, gap: number }} Place the gap in widths of a module's cell */
 
+const SLIP = 1e-6; // radians by which a hinge may stand beside its first, last or widest angle
+
 /** What could not be proved, and where. */
 export class NotProved extends Error {
   /**
@@ -26,45 +28,32 @@ function required(condition, message) {
   if (!condition) throw new NotProved(message);
 }
 
-const SLIP = 1e-6; // radians by which a hinge may stand beside its first, last or widest angle
-
-/** @type {(values: ArrayLike<number>) => number} largest of their sizes, Infinity if one is no number */
-const widest = (values) => {
-  let found = 0;
-  for (let k = 0; k < values.length; k++) if (!(Math.abs(values[k]) <= found)) found = Math.abs(values[k]) || Infinity;
-  return found;
-};
+/** @type {(values: Float64Array) => number} largest of their sizes, Infinity if one is no number */
+const widest = (values) => values.reduce((most, x) => Math.max(most, Number.isNaN(x) ? Infinity : Math.abs(x)), 0);
 /** @type {(a: ArrayLike<number>, b: ArrayLike<number>) => boolean} */
 const near = (a, b) => a.length === b.length && Array.prototype.every.call(a, (x, k) => Math.abs(x - b[k]) <= SLIP);
-/** @type {(values: ArrayLike<number>, from: number) => boolean} */
-const rise = (values, from) => Array.prototype.every.call(values, (x, k) => Number.isFinite(x) && x >= (k ? values[k - 1] : from));
+/** @type {(values: Float64Array) => boolean} */
+const rise = (values) => values.every((x, k) => Number.isFinite(x) && (!k || x >= values[k - 1]));
 
-/** Whole numbers from four planes of their bytes, signs folded in. @param {Column} planes */
-function whole({ values, shape }) {
-  readable(shape.length === 2 && shape[0] === 4, "angles in other planes than four");
-  const count = shape[1];
-  const found = new Int32Array(count);
-  for (let k = 0; k < count; k++) {
-    const code = (Number(values[k]) | Number(values[count + k]) << 8 | Number(values[2 * count + k]) << 16 | Number(values[3 * count + k]) << 24) >>> 0;
-    found[k] = (code >>> 1) ^ -(code & 1);
-  }
-  return found;
+/** Whole numbers from four planes of their bytes, signs folded in. @param {Column | undefined} planes */
+function whole(planes) {
+  readable(planes && planes.values instanceof Float64Array && planes.shape.length === 2 && planes.shape[0] === 4, "no planes of angles");
+  const { values, shape: [, count] } = planes;
+  return Float64Array.from({ length: count }, (_, k) => {
+    const code = (values[k] | values[count + k] << 8 | values[2 * count + k] << 16 | values[3 * count + k] << 24) >>> 0;
+    return (code >>> 1) ^ -(code & 1);
+  });
 }
 
 export class Plan {
-  /**
-   * @param {Uint8Array<ArrayBuffer>} bytes
-   * @returns {Promise<Plan>}
-   */
+  /** @param {Uint8Array<ArrayBuffer>} bytes */
   static async read(bytes) {
     try {
-      const arrays = await readNpz(bytes);
-      const plan = new Plan(arrays, JSON.parse(String(arrays.get("plan")?.values[0])));
+      const arrays = await readNpz(bytes), plan = new Plan(arrays, JSON.parse(String(arrays.get("plan")?.values[0])));
       await plan.agrees();
       return plan;
     } catch (error) {
-      if (error instanceof NotProved) throw error;
-      throw new NotProved(`no readable plan (${error instanceof Error ? error.message : error})`);
+      throw error instanceof NotProved ? error : new NotProved(`no readable plan (${error instanceof Error ? error.message : error})`);
     }
   }
 
@@ -73,38 +62,32 @@ export class Plan {
    * @param {any} told what the plan says of itself
    */
   constructor(arrays, told) {
+    const { chain, certificate, claim } = told, known = Object.hasOwn(KNOWN, chain.module) ? KNOWN[chain.module] : null;
+    const geometry = claim?.module ?? known;
     this.arrays = arrays;
     this.told = told;
-    const { chain, certificate, claim } = told;
     this.n = chain.modules;
-    this.kind = String(chain.module);
     this.size = Number(certificate.module_size);
     this.claim = Number(certificate.clearance_bound);
-    const known = Object.hasOwn(KNOWN, this.kind) ? KNOWN[this.kind] : null;
-    const geometry = claim?.module ?? known;
-    required(!known || JSON.stringify(geometry) === JSON.stringify(known), `another module than a ${this.kind}`);
+    required(!known || JSON.stringify(geometry) === JSON.stringify(known), `another module than a ${chain.module}`);
     required(this.size > 0 && this.size <= 1, `a module size of ${this.size}`);
     this.module = new Module(geometry, this.size);
     this.pad = geometry.rigid_links * this.module.hinges;
     this.slots = (this.n - 1) * this.module.hinges;
-    /** @type {Float64Array} angles of all hinges when folded */
     this.folded = Float64Array.from(chain.folded_rad);
-    readable(this.folded.length === this.slots - this.pad && this.n >= 2 && Number.isInteger(this.n), `${this.folded.length} hinges for ${this.n} modules`);
+    required(this.folded.length === this.slots - this.pad && this.n >= 2 && Number.isInteger(this.n), `${this.folded.length} hinges for ${this.n} modules`);
     this.windowed = arrays.has("first");
-    const { first, offsets, values } = this.windowed ? this.windows() : this.dense();
     /** In frame k hinges first[k] to last[k] stand at values[offsets[k]] and on, those before as folded, those behind at 0. */
+    const { first, offsets, values } = this.windowed ? this.windows() : this.dense();
     this.first = first;
     this.offsets = offsets;
-    this.last = first.map((a, k) => a + offsets[k + 1] - offsets[k]);
     this.values = values;
+    this.last = first.map((a, k) => a + offsets[k + 1] - offsets[k]);
     this.frames = first.length;
     this.most = Math.max(widest(values), widest(this.folded));
   }
 
-  /**
-   * @param {string} name
-   * @returns {Float64Array}
-   */
+  /** @param {string} name */
   numbers(name) {
     const values = this.arrays.get(name)?.values;
     readable(values instanceof Float64Array, `no numbers ${name}`);
@@ -112,81 +95,66 @@ export class Plan {
   }
 
   dense() {
-    const { arrays, told } = this, J = this.folded.length;
-    const stored = arrays.get("joint_angles_rad");
-    let q = stored?.values;
-    if (!stored) {
-      const { differences, step_rad: step } = told.angles;
-      const steps = Float64Array.from(whole(/** @type {Column} */ (arrays.get("angle_planes"))));
-      for (let d = 0; d < differences; d++) for (let k = J; k < steps.length; k++) steps[k] += steps[k - J];
-      q = steps.map((k) => k * step);
-    }
-    readable(q instanceof Float64Array, "no angles");
-    const shape = stored?.shape ?? told.angles.shape;
-    required(shape.length === 2 && shape[1] === J && shape[0] > 0 && q.length === shape[0] * J, `angles of the shape ${shape} for ${J} hinges`);
-    return { first: new Float64Array(shape[0]), offsets: Float64Array.from({ length: shape[0] + 1 }, (_, k) => k * J), values: q };
+    const { arrays, told } = this, J = this.folded.length, stored = arrays.get("joint_angles_rad");
+    const values = stored ? this.numbers("joint_angles_rad") : whole(arrays.get("angle_planes")), [frames, hinges] = stored?.shape ?? told.angles.shape;
+    required(frames > 0 && hinges === J && values.length === frames * J, `angles of the shape ${frames}, ${hinges} for ${J} hinges`);
+    for (let d = stored ? 0 : told.angles.differences; d > 0; d--) for (let k = J; k < values.length; k++) values[k] += values[k - J];
+    if (!stored) values.forEach((x, k) => { values[k] = x * told.angles.step_rad; });
+    return { first: new Float64Array(frames), offsets: Float64Array.from({ length: frames + 1 }, (_, k) => k * J), values };
   }
 
   windows() {
-    const { arrays, told, folded } = this, J = folded.length;
-    const first = this.numbers("first"), offsets = this.numbers("offsets");
-    required(first.length && offsets.length === first.length + 1 && offsets[0] === 0 && rise(offsets, 0)
+    const { arrays, told, folded } = this, J = folded.length, first = this.numbers("first"), offsets = this.numbers("offsets");
+    required(first.length && offsets.length === first.length + 1 && offsets[0] === 0 && rise(offsets)
       && first.every((a, k) => a >= 0 && a + offsets[k + 1] - offsets[k] <= J), "windows that do not lie within the chain");
-    const planes = arrays.get("angle_planes");
-    const changes = planes ? whole(planes) : this.numbers("angles_rad");
-    required(changes.length === offsets[first.length], "another number of angles than the windows need");
-    if (changes instanceof Float64Array) return { first, offsets, values: changes };
-    const step = told.angles.step_rad;
-    const now = new Float64Array(J), values = new Float64Array(changes.length);
-    for (let k = 0, low = 0, high = 0; k < first.length; k++) {
-      const a = first[k], b = a + offsets[k + 1] - offsets[k];
-      for (let h = a; k && h < Math.min(low, b); h++) now[h] = Math.round(folded[h] / step);
-      for (let h = Math.max(high, a); k && h < b; h++) now[h] = 0;
-      for (let h = a; h < b; h++) values[offsets[k] + h - a] = Math.fround((now[h] += changes[offsets[k] + h - a]) * step);
+    const packed = arrays.has("angle_planes"), values = packed ? whole(arrays.get("angle_planes")) : this.numbers("angles_rad");
+    required(values.length === offsets[first.length], "another number of angles than the windows need");
+    const now = new Float64Array(J), step = told.angles?.step_rad;
+    for (let k = 0, low = 0, high = 0; packed && k < first.length; k++) {
+      const a = first[k], b = a + offsets[k + 1] - offsets[k], from = offsets[k] - a;
+      for (let h = a; h < b; h++) {
+        if (k && (h < low || h >= high)) now[h] = h < low ? Math.round(folded[h] / step) : 0; // enters as folded or straight
+        now[h] += values[from + h];
+        values[from + h] = Math.fround(now[h] * step);
+      }
       [low, high] = [a, b];
     }
     return { first, offsets, values };
   }
 
   async agrees() {
-    const { module: m, told, n } = this, { told: geometry } = m, said = told.certificate;
-    required(m.sound, "a joint that stretches, or a module that is no solid");
-    const names = Array.from({ length: n - 1 - geometry.rigid_links }, (_, i) => geometry.hinges.map((h) => `joint_${i + geometry.rigid_links}${h}`));
-    required(JSON.stringify(names.flat()) === JSON.stringify(this.arrays.get("joint_names")?.values), "other names of the hinges, or another order");
+    const { module: { told: geometry, sound }, told, n } = this, said = told.certificate, rigid = geometry.rigid_links;
+    required(sound, "a joint that stretches, or a module that is no solid");
+    const names = Array.from({ length: n - 1 - rigid }, (_, i) => geometry.hinges.map((h) => `joint_${i + rigid}${h}`)).flat();
+    required(JSON.stringify(names) === JSON.stringify(this.arrays.get("joint_names")?.values), "other names of the hinges, or another order");
     required(String(said.verdict).startsWith("verified"), `the plan itself says: ${said.verdict}`);
     required(this.claim > 0 && Number.isFinite(this.claim), "the plan claims no clearance");
-    const exempt = said.exempt_pairs ?? { apart: geometry.apart, count: (geometry.apart - 1) * (n - 1) };
-    required([1, 2].includes(geometry.apart) && exempt.apart === geometry.apart && exempt.count === (geometry.apart - 1) * (n - 1),
-      "other pairs are exempt than those that share a joint");
-    required(Number.isFinite(this.most), "angles that are not finite");
+    const { apart, count } = said.exempt_pairs ?? { apart: geometry.apart, count: (geometry.apart - 1) * (n - 1) };
+    required([1, 2].includes(apart) && apart === geometry.apart && count === (apart - 1) * (n - 1), "other pairs are exempt than those that share a joint");
     required(this.most <= geometry.limit_rad + SLIP, `a hinge turns to ${(this.most * 180 / Math.PI).toFixed(3)} degrees`);
     required([undefined, null, this.frames].includes(said.frames), "more or fewer frames than certified");
     required(this.largestStep() <= (said.max_joint_step_rad || Infinity) + 1e-9, "a larger step of a hinge than the plan says");
-    const times = this.numbers("time_s");
-    required(times.length === this.frames && rise(times, -Infinity), "times that do not rise from frame to frame");
-    const start = told.start ? told.start.folded_rad : new Float64Array(this.folded.length);
+    const times = this.numbers("time_s"), start = told.start ? told.start.folded_rad : new Float64Array(this.folded.length);
+    required(times.length === this.frames && rise(times), "times that do not rise from frame to frame");
     required(near(this.frame(0), start), told.start ? "does not begin as it says" : "does not begin straight");
     required(near(this.frame(this.frames - 1), this.folded), "does not end folded");
     const digest = told.claim?.angles_sha256;
-    required(!digest || digest === await this.digest(), "the angles are not those of the digest");
+    // Browsers hash for pages of https and of localhost alone; the proof itself needs no digest.
+    required(!digest || !globalThis.crypto?.subtle || digest === await this.digest(), "the angles are not those of the digest");
   }
 
+  /** How far a hinge moves from frame to frame at most. */
   largestStep() {
     let found = 0;
     for (let k = 1; k < this.frames; k++) {
-      const low = Math.min(this.first[k - 1], this.first[k]), high = Math.max(this.last[k - 1], this.last[k]);
-      for (let h = low; h < high; h++) found = Math.max(found, Math.abs(this.angle(k, h) - this.angle(k - 1, h)));
+      const low = Math.min(this.first[k - 1], this.first[k]) + this.pad, count = Math.max(this.last[k - 1], this.last[k]) + this.pad - low;
+      const [before, now] = [k - 1, k].map((frame) => this.frame(frame, low, new Float64Array(count)));
+      for (let s = 0; s < count; s++) found = Math.max(found, Math.abs(now[s] - before[s]));
     }
     return found;
   }
 
-  /** @type {(k: number, h: number) => number} */
-  angle(k, h) {
-    if (h < this.first[k]) return this.folded[h];
-    return h < this.last[k] ? this.values[this.offsets[k] + h - this.first[k]] : 0;
-  }
-
-  /** Of windows, their places too; in the order and the kinds of numbers that the claim tells. */
+  /** SHA-256 of the angles as 64-bit floats; of windows, of first and offsets as 64-bit integers, then of the angles as 32-bit floats. */
   async digest() {
     const places = this.windowed ? [...this.first, ...this.offsets] : [];
     const values = this.windowed ? Float32Array.from(this.values) : this.values;
@@ -197,19 +165,10 @@ export class Plan {
     return Array.from(hash, (byte) => byte.toString(16).padStart(2, "0")).join("");
   }
 
-  /** Angles of a chain's slots in a frame, rigid links' too, from one slot on; those beyond the chain stand at 0. */
-  /**
-   * @param {number} k
-   * @param {number} [low]
-   * @param {Float64Array} [out]
-   */
+  /** Angles in a frame, of rigid links' slots too, from one slot on; those beyond the chain stand at 0. @type {(k: number, low?: number, out?: Float64Array) => Float64Array} */
   frame(k, low = this.pad, out = new Float64Array(this.folded.length)) {
-    const a = this.first[k], b = this.last[k], from = this.offsets[k] - a;
-    for (let s = 0; s < out.length; s++) {
-      const h = low + s - this.pad;
-      if (h >= a || h < 0) out[s] = h >= a && h < b ? this.values[from + h] : 0;
-      else out[s] = this.folded[h];
-    }
+    const { pad, folded, values, first: { [k]: a }, last: { [k]: b }, offsets: { [k]: offset } } = this;
+    for (let s = 0, h = low - pad; s < out.length; s++, h++) out[s] = h < 0 || h >= b ? 0 : h < a ? folded[h] : values[offset + h - a];
     return out;
   }
 }

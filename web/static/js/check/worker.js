@@ -6,10 +6,10 @@ import { Proof } from "./proof.js";
 /**
  * What to check: a plan as it claims to be, how large its modules may be, or what a hinge does that is off.
  * @typedef {{ href: string, way: "claim" | "size" | "hinge", module: number | null }} Asked
- * @typedef {{ frames: number, modules: number, kind: string, size: number, claim: number }} Claimed
+ * @typedef {{ frames: number, modules: number, size: number, claim: number }} Claimed
  * @typedef {{ is: "progress", frame: number, frames: number, tightest: Place | null }} Progress
  * @typedef {{ is: "proved", plan: Claimed, size: number, tightest: Place | null, touch: (Place & { size: number }) | null, joint: number, seconds: number }} Proved
- * @typedef {{ is: "refused", text: string, place: Place | null, frames: number, joint: number }} Refused
+ * @typedef {{ is: "refused", text: string, place: Place | null, frames: number, claim: number, joint: number }} Refused
  */
 
 const TELL_MS = 60;
@@ -36,25 +36,26 @@ function turn(plan, module) {
 /** @param {Asked} asked */
 async function check({ href, way, module }) {
   const began = performance.now();
-  let frames = 0, joint = 0;
+  let frames = 0, joint = 0, claim = 0;
   try {
     const answer = await fetch(href);
     if (!answer.ok) throw new NotProved("The plan file cannot be loaded.");
     const plan = await Plan.read(new Uint8Array(await answer.arrayBuffer()));
-    ({ frames } = plan);
+    ({ frames, claim } = plan);
+    if (way !== "claim") claim = TOUCHES;
     if (way === "hinge") joint = turn(plan, module ?? Math.floor(Math.random() * plan.n));
-    const proof = new Proof(plan, way === "claim" ? {} : { claim: TOUCHES, size: way === "size" ? 1 : plan.size, grow: way === "size" });
+    const proof = new Proof(plan, way === "claim" ? {} : { claim, size: way === "size" ? 1 : plan.size, grow: way === "size" });
     let told = 0;
     for (const frame of proof.run()) {
       if (performance.now() - told < TELL_MS) continue;
       told = performance.now();
       postMessage({ is: "progress", frame, frames, tightest: proof.tightest });
     }
-    const { n: modules, kind, size, claim } = plan;
-    postMessage({ is: "proved", plan: { frames, modules, kind, size, claim }, size: proof.size, tightest: proof.tightest, touch: proof.touch, joint, seconds: (performance.now() - began) / 1000 });
+    const { n: modules, size } = plan;
+    postMessage({ is: "proved", plan: { frames, modules, size, claim }, size: proof.size, tightest: proof.tightest, touch: proof.touch, joint, seconds: (performance.now() - began) / 1000 });
   } catch (error) {
     const place = error instanceof NotProved ? error.place : null;
-    postMessage({ is: "refused", text: error instanceof Error ? error.message : String(error), place, frames, joint });
+    postMessage({ is: "refused", text: error instanceof Error ? error.message : String(error), place, frames, claim, joint });
   }
 }
 

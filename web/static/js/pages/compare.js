@@ -53,7 +53,7 @@ const sides = facts.map((fold, k) => {
   if (running) follow(id, /** @type {HTMLElement} */ (side.querySelector(".verdict")), player);
   const check = /** @type {HTMLButtonElement} */ (side.querySelector(".check-here"));
   check.hidden = !checkable(fold);
-  check.onclick = () => checking(({ checkInDialog }) => checkInDialog(player, fold));
+  check.onclick = () => checking(({ checkInDialog }) => checkInDialog(player, fold, (at) => { pair.send({ do: "seek", frame: pair.frameAt(player, at) }); }));
   webgl.then((there) => setTimeout(() => { if (there) frame.src = "/view"; }, 1500 * k));
   return { player, stage };
 });

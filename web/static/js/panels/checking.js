@@ -50,7 +50,8 @@ const percentUp = (share) => `${(Math.ceil(10000 * share) / 100).toFixed(2)} %`;
  * @param {Asked["way"]} way
  * @param {Refused} said
  */
-function refusal(way, { text, place, joint }) {
+function refusal(way, { text, place, claim, joint }) {
+  if (place && place.gap >= claim) return `Not proved: it stays open whether ${pair(place)} are far enough apart.`;
   if (way === "hinge" && place) return `With the joint behind module ${whole(joint + 1)} off by 1°, ${pair(place)} touch.`;
   if (!place) return `Not proved: ${text}`;
   return `Not proved: ${pair(place)} come within ${percent(Math.max(place.gap, 0))} of a module width of each other.`;
@@ -61,9 +62,11 @@ export class Checking {
    * @param {HTMLElement} place
    * @param {import("../player/player.js").Player} player
    * @param {string} id of the fold
+   * @param {(frame: number) => void} [seek] shows a frame of its timeline
    */
-  constructor(place, player, id) {
+  constructor(place, player, id, seek = (frame) => { player.send({ do: "seek", frame }); }) {
     this.player = player;
+    this.seek = seek;
     this.href = `/api/folds/${id}/plan.npz`;
     this.onGo = () => {};
     /** @type {Worker | null} */
@@ -77,7 +80,7 @@ export class Checking {
     this.seen = null;
     this.tries = element("div", { hidden: true }, element("h4", {}, "Try to break it"),
       element("p", { class: "line" }, button("button", "Larger modules", () => this.begin("size")), button("button", "Turn a hinge by 1°", () => this.begin("hinge"))),
-      element("p", { class: "hint" }, "Makes modules larger until the first two touch. Or turns a hinge of the selected module, or of any, by one degree more than planned."));
+      element("p", { class: "hint" }, "Makes modules larger until the first two touch. Or keeps a hinge of the selected module, or of any, one degree beside the plan."));
     this.open = element("details", { class: "assumptions", hidden: true }, element("summary", {}, "What is not claimed"), element("ul", {}, ...NOT_CLAIMED.map((said) => element("li", {}, said))));
     place.append(this.running, this.line, element("p", {}, this.where), this.open, this.tries);
     this.where.hidden = true;
@@ -136,7 +139,7 @@ export class Checking {
     const { player, seen } = this;
     const frames = player.timeline.outline?.frames;
     if (!seen || !frames) return;
-    player.send({ do: "seek", frame: frames - seen.frames + seen.at.frame });
+    this.seek(frames - seen.frames + seen.at.frame);
     player.mark(seen.at.modules);
     player.lookAt(seen.at.modules);
     this.onGo();
@@ -147,13 +150,14 @@ export class Checking {
 /**
  * @param {import("../player/player.js").Player} player
  * @param {{ id: string, name: string }} fold
+ * @param {(frame: number) => void} [seek]
  */
-export function checkInDialog(player, { id, name }) {
+export function checkInDialog(player, { id, name }, seek) {
   const place = element("div", { id: "check" });
   const close = button("icon-button dialog-close", "", () => dialog.close(), { "aria-label": "Close", title: "Close" });
   close.append(svg("svg", { class: "icon" }, svg("use", { href: "#i-close" })));
   const dialog = element("dialog", { class: "dialog", "aria-labelledby": "check-title" }, close, element("h2", { id: "check-title" }, `Check ${name}`), place);
-  const checking = new Checking(place, player, id);
+  const checking = new Checking(place, player, id, seek);
   checking.onGo = () => dialog.close();
   dialog.onclose = () => { checking.end(); dialog.remove(); };
   document.body.append(dialog);

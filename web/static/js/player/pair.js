@@ -132,11 +132,20 @@ export class Pair extends Emitter {
   // The frame at which the first fold has that share of folding.
   /** @param {number} wanted */
   frameFolded(wanted) {
-    const { timeline } = this.players[0];
-    const frame = frameFolded(timeline, wanted);
-    const own = timeline.outline.phases.findLast(({ name }) => name === "playback");
-    const at = this.phases.findLast(({ name }) => name === "playback");
-    if (frame === null || !own || !at) return this.playhead.frame;
+    const [first] = this.players;
+    const frame = frameFolded(first.timeline, wanted);
+    return frame === null ? this.playhead.frame : this.frameAt(first, frame);
+  }
+
+  // The pair's frame at which one fold is at a frame of its own.
+  /**
+   * @param {Player} player
+   * @param {number} frame
+   */
+  frameAt({ timeline }, frame) {
+    const own = timeline.outline.phases.find(({ to }) => frame < to);
+    const at = this.phases.find(({ name }) => name === own?.name);
+    if (!own || !at) return this.playhead.frame;
     return at.from + ((frame - own.from) / Math.max(1, own.to - 1 - own.from)) * (at.to - 1 - at.from);
   }
 
