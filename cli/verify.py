@@ -47,7 +47,7 @@ def verify(
         typer.Option(
             "--with",
             help="Also let another program look for contacts between frames: ipctk "
-            "(pip install 'foldback[ipctk]').",
+            r"(pip install 'foldback\[ipctk]').",
         ),
     ] = None,
     as_json: AsJson = False,

@@ -48,7 +48,7 @@ smaller deviations. Chosen."""
 DEVIATION_SHARE: Final = 0.02
 """Maximum deviation of straight motion, in claimed clearances. Smaller values confirm more, at a
 cost that grows with the root of their inverse. Chosen: 0.9 - 2 · 0.02 of the claim is confirmed."""
-MISSING: Final = (
+IPCTK_MISSING: Final = (
     "The IPC Toolkit is not installed; expected the package ipctk. Install it: "
     "pip install 'foldback[ipctk]'."
 )
@@ -207,7 +207,7 @@ def toolkit() -> Any:
     try:
         found = importlib.import_module("ipctk")
     except ImportError as error:
-        raise InputError("no-ipctk", MISSING) from error
+        raise InputError("no-ipctk", IPCTK_MISSING) from error
     found.set_logger_level(found.LoggerLevel.error)
     return found
 
