@@ -258,8 +258,10 @@ class Plan:
 
 
 def _digest(*arrays):
-    data = (a.astype(a.dtype.newbyteorder("<"), order="C").tobytes() for a in arrays)
-    return hashlib.sha256(b"".join(data)).hexdigest()
+    found = hashlib.sha256()
+    for values in arrays:
+        found.update(np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<")))
+    return found.hexdigest()
 
 
 def levels(x, way):

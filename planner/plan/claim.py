@@ -67,8 +67,10 @@ def angles_digest(motion: Motion) -> str:
     windows in single precision. All numbers are little-endian.
     """
     if motion.is_windowed:
-        parts = [motion.first.astype("<i8"), motion.offsets.astype("<i8")]
-        parts.append(motion.angles_rad.astype("<f4"))
+        parts = (motion.first, "<i8"), (motion.offsets, "<i8"), (motion.angles_rad, "<f4")
     else:
-        parts = [motion.joint_angles_rad.astype("<f8")]
-    return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()
+        parts = ((motion.joint_angles_rad, "<f8"),)
+    found = hashlib.sha256()
+    for values, kind in parts:
+        found.update(np.ascontiguousarray(values, dtype=kind).data)  # usually no copy
+    return found.hexdigest()

@@ -20,8 +20,9 @@ import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
 from planner.progress import STAGES
-from server.store.folds import UNFINISHED_STATUSES, Store, in_lane, rows_of
+from server.store.folds import Store, in_lane, rows_of
 from server.store.tables import ENDED, FoldRow, MovieRow
+from words.fold import RUNNING_STATUSES
 
 MAX_LOSSES: Final = 100
 """Number of executions of a fold or a movie that may be lost with their worker between two finished
@@ -208,7 +209,7 @@ def _held_by(claim: FoldClaim) -> tuple[sa.ColumnElement[bool], ...]:
 
 
 _FOLD_WAITS: Final = (
-    FoldRow.status.in_(UNFINISHED_STATUSES),
+    FoldRow.status.in_(RUNNING_STATUSES),
     FoldRow.worker.is_(None),
     FoldRow.cancel_requested.is_(False),
 )

@@ -42,11 +42,10 @@ from server.store.tables import (
     migrate,
     request_of,
 )
-from words.fold import ShownFold
+from words.fold import RUNNING_STATUSES, ShownFold
 
 __all__ = ["FoldRow", "NoSuchFoldError", "Store", "new_id", "rows_of"]
 
-UNFINISHED_STATUSES = ("queued", "running")
 ACCESS_RESOLUTION_S: Final = 900.0
 """Minimum change, in s, at which the time of the last access to a fold is updated in the database.
 A smaller value writes more often; with a larger one unused folds are ordered less accurately.
@@ -203,7 +202,7 @@ class Store:
     def waiting(self) -> list[tuple[str, float]]:
         """Return the visitor and the expected cost of each fold that is queued or running."""
         query = sa.select(FoldRow.visitor, FoldRow.cost_s).where(
-            FoldRow.status.in_(UNFINISHED_STATUSES)
+            FoldRow.status.in_(RUNNING_STATUSES)
         )
         with self._sessions() as session:
             return [(visitor, cost_s) for visitor, cost_s in session.execute(query)]
@@ -326,7 +325,7 @@ class Store:
     @staticmethod
     def _turn(session: Session, row: FoldRow) -> int:
         waiting = session.execute(
-            sa.select(FoldRow.visitor, FoldRow.turn).where(FoldRow.status.in_(UNFINISHED_STATUSES))
+            sa.select(FoldRow.visitor, FoldRow.turn).where(FoldRow.status.in_(RUNNING_STATUSES))
         ).all()
         if not waiting:
             session.execute(TURN_COUNTER.values(value=0))  # virtual time begins anew
@@ -402,7 +401,7 @@ class Store:
         with self.changing() as session:
             session.execute(
                 sa.update(FoldRow)
-                .where(*own, FoldRow.status.in_(UNFINISHED_STATUSES))
+                .where(*own, FoldRow.status.in_(RUNNING_STATUSES))
                 .values(
                     status=sa.case((waits, "cancelled"), else_=FoldRow.status),
                     ended_at=sa.case((waits, time.time()), else_=FoldRow.ended_at),
@@ -473,7 +472,7 @@ class Store:
             sa.update(FoldRow)
             .where(
                 FoldRow.id == fold_id,
-                FoldRow.status.in_(UNFINISHED_STATUSES),
+                FoldRow.status.in_(RUNNING_STATUSES),
                 FoldRow.cancel_requested.is_(False),
                 sa.or_(same, FoldRow.worker.is_(None)),
             )

@@ -12,9 +12,9 @@ from typing import Any, Final
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 import foldback_check
+from bench.clearance.forgeries import distance
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON
 from planner.clearance.sweep import sweep
@@ -159,16 +159,6 @@ def chain_of(kind: Any, folded: Array) -> Chain:
 def interpolated(q: Array, count: int) -> Array:
     at = np.linspace(0, len(q) - 1, (len(q) - 1) * count + 1)
     return np.stack([np.interp(at, range(len(q)), column) for column in q.T], axis=1)
-
-
-def distance(one: Array, other: Array) -> float:
-    """Distance of two convex hulls: the nearest points are convex combinations of the corners."""
-    weight = 1e4
-    rows = np.vstack([one.T, np.ones(len(one)), np.zeros(len(one))])
-    more = np.vstack([-other.T, np.zeros(len(other)), np.ones(len(other))])
-    system = np.hstack([rows, more])
-    system[3:] *= weight
-    return float(nnls(system, np.array([0.0, 0.0, 0.0, weight, weight]))[1])
 
 
 def nearest(chain: Chain, q: Array) -> float:

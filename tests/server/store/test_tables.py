@@ -16,12 +16,13 @@ from alembic.runtime.migration import MigrationContext
 
 from server.cli.serve import server_of
 from server.settings import Settings
-from server.store.folds import UNFINISHED_STATUSES, Store
+from server.store.folds import Store
 from server.store.owner import Owner
 from server.store.schema_version import NewerSchemaError, Schema, config
 from server.store.tables import STATUSES, Base, FoldRow, engine_for, migrate
 from tests.server.postgres import DATABASES
 from tests.server.rows import a_fold, new_owner
+from words.fold import RUNNING_STATUSES
 
 TOKEN = "a-token-that-somebody-got-long-ago"
 OWNER = Owner.from_token(TOKEN)
@@ -150,7 +151,7 @@ def test_first_schema_is_migrated_with_all_its_rows(
         assert [row.shape for row in store.list_public()] == ["mallet-64"]
         assert len(store.list_owned(OWNER)) == len(STATUSES)
         with store.reading() as session:
-            unfinished = FoldRow.status.in_(UNFINISHED_STATUSES)
+            unfinished = FoldRow.status.in_(RUNNING_STATUSES)
             found = set(session.scalars(sa.select(FoldRow.status).where(unfinished)))
         assert found == {"queued", "running"}
         assert store.ahead(store.fold(folds[0]["id"]))[0] == 1
