@@ -26,7 +26,7 @@ from planner.clearance.sweep import (
     pair_clearance,
     rest_motions,
 )
-from planner.kernels.tolerance import Levers, Tolerance, allowance
+from planner.kernels.clearance_bounds import Levers, Tolerance, allowance
 from planner.motion.motion import Motion
 from planner.progress import Cancelled, never
 

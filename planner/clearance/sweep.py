@@ -28,10 +28,10 @@ from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.module import Module
 from planner.kernels.clearance import least_separation
+from planner.kernels.clearance_bounds import Tolerance
 from planner.kernels.motion_bounds import BODY_COLUMNS, ROTATION, VELOCITY
 from planner.kernels.pairs import near_pairs
 from planner.kernels.sweep import Angles, Shape, SweepResult, rigid_clearances, sweep_frames
-from planner.kernels.tolerance import Tolerance
 from planner.motion.motion import Motion, as_motion
 from planner.progress import Cancelled, never
 

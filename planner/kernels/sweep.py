@@ -18,7 +18,11 @@ from planner.kernels import INNER, KERNEL, ZERO
 from planner.kernels.clearance import pair_separation, separation_along
 from planner.kernels.clearance_bounds import (
     RELATIVE_COLUMNS,
+    Tolerance,
+    allowance,
     directional_motion_bound,
+    largest_allowance,
+    levers,
     relative_motion_bound,
 )
 from planner.kernels.kinematics import copy_vector
@@ -35,7 +39,6 @@ from planner.kernels.motion_bounds import (
     rod_body,
 )
 from planner.kernels.pairs import append_pair, near_pairs
-from planner.kernels.tolerance import Tolerance, allowance, largest_allowance, levers
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

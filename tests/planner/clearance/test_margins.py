@@ -20,7 +20,7 @@ from planner.clearance.margins import (
     unproved_margins,
 )
 from planner.clearance.sweep import disturbed_sweep, pair_clearance, sweep
-from planner.kernels.tolerance import Tolerance
+from planner.kernels.clearance_bounds import Tolerance
 from planner.motion.motion import Motion, as_motion
 from tests.planner.chains import coil
 from tests.planner.clearance.test_proof import bent
