@@ -31,7 +31,9 @@ from planner.motion.motion import Motion
 from planner.progress import Cancelled, never
 
 Array = NDArray[np.float64]
-STEP: Final = 0.97
+END_FRAMES: Final = 64
+"""Number of frames at the end of a motion that are proved first. Chosen."""
+STEP: Final = 0.95
 """Factor by which a value that is not proved is reduced, below the one at which the modules that it
 fails for touch. Larger values find larger margins and need more sweeps. Chosen."""
 MAX_STEPS: Final = 12
@@ -123,12 +125,13 @@ def margins(
         closest=Place(frame=closest.frame, modules=closest.modules),
         cancelled=cancelled,
     )
-
-    larger = search.largest(kinds.larger, FULL_SIZE - size)
+    (larger,) = search.largest(kinds.larger, (FULL_SIZE - size,))
+    most = (MAX_ANGLE_RAD, MAX_SUM_RAD / len(chain.folded_rad))
+    one, each = search.largest(kinds.turned, most)
     found = Margins(
         module_size=replace(larger, value=size + larger.value),
-        one_hinge_rad=search.largest(kinds.one_hinge, MAX_ANGLE_RAD),
-        independent_rad=search.largest(kinds.independent, MAX_SUM_RAD / len(chain.folded_rad)),
+        one_hinge_rad=one,
+        independent_rad=each,
     )
     return None if cancelled() else found
 
@@ -145,8 +148,8 @@ def unproved_margins(chain: Chain, motion: Motion, told: Margins, *, size: float
     kinds = _Kinds.of(chain, motion, size, told.failure_probability)
     tried = {
         "module_size": kinds.larger(told.module_size.value - size),
-        "one_hinge_rad": kinds.one_hinge(told.one_hinge_rad.value),
-        "independent_rad": kinds.independent(told.independent_rad.value),
+        "one_hinge_rad": kinds.turned(told.one_hinge_rad.value, 0.0),
+        "independent_rad": kinds.turned(0.0, told.independent_rad.value),
     }
     return [
         name
@@ -158,16 +161,20 @@ def unproved_margins(chain: Chain, motion: Motion, told: Margins, *, size: float
     ]
 
 
-def _proof_motions(chain: Chain, motion: Motion) -> list[tuple[Motion, float | None]]:
-    """Return the motions that must be clear, and the frame of those of one frame.
+def _proof_motions(chain: Chain, motion: Motion) -> list[tuple[Motion, int]]:
+    """Return the motions that must be clear, and the frame at which each begins.
 
-    The folded shape takes one frame and often limits most, so it comes first. In a windowed motion
-    modules that are rigid with each other are proved by the folded and the straight chain.
+    The end of a fold limits most margins, so it comes first: other parts are then seldom proved
+    more than once. In a windowed motion the folded and the straight chain stand for modules that
+    are rigid with each other.
     """
     folded, straight = rest_motions(chain)
-    found: list[tuple[Motion, float | None]] = [(folded, len(motion) - 1.0), (motion, None)]
+    begin = max(0, len(motion) - END_FRAMES)
+    found = [(folded, len(motion) - 1), (motion[begin:], begin)]
+    if begin > 0:
+        found.append((motion[: begin + 1], 0))
     if motion.is_windowed:
-        found.insert(1, (straight, 0.0))
+        found.append((straight, 0))
     return found
 
 
@@ -230,14 +237,10 @@ class _Kinds:
         """Return modules that are larger by ``more`` pitches."""
         return Errors(size=self.size + more, hinges=Tolerance(0.0, 0.0, 0.0, self.rounding))
 
-    def one_hinge(self, angle: float) -> Errors:
-        """Return one hinge that is off."""
-        return Errors(size=self.size, hinges=Tolerance(angle, 0.0, 0.0, self.rounding))
-
-    def independent(self, angle: float) -> Errors:
-        """Return hinges that are all off, each independent of the others."""
+    def turned(self, one: float, each: float) -> Errors:
+        """Return one hinge that is off, and besides, hinges that are all off independently."""
         spare = SPARE_PITCH + self.rounding
-        return Errors(size=self.size, hinges=Tolerance(0.0, angle, self.deviations, spare))
+        return Errors(size=self.size, hinges=Tolerance(one, each, self.deviations, spare))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -258,45 +261,60 @@ class _Search:
     closest: Place
     cancelled: Cancelled
 
-    def largest(self, errors: Callable[[float], Errors], most: float) -> Margin:
-        """Return the largest value found at which the motion is proved clear.
+    def largest(self, errors: Callable[..., Errors], most: tuple[float, ...]) -> list[Margin]:
+        """Return the largest values found at which the motion is proved clear.
 
         Args:
-            errors: Makes errors of a value; 0 makes none.
-            most: Largest value that is tried.
+            errors: Makes errors of as many values as ``most`` has; 0 makes none.
+            most: Largest value of each kind that is tried.
         """
-        place = self.closest
-        value = STEP * self._touching(place, errors, most)
+        found = [
+            Margin(value=STEP * value, limited_by=self.closest)
+            for value in self._touching(self.closest, errors, most)
+        ]
         motions = _proof_motions(self.chain, self.motion)
         steps = 0
-        while motions:
-            motion, frame = motions[0]
-            tried = errors(value)
+        while motions and not self.cancelled():
+            motion, begin = motions[0]
+            tried = errors(*(margin.value for margin in found))
             swept = disturbed_sweep(
                 self.chain, motion, tried.hinges, size=tried.size, cancelled=self.cancelled
             )
-            if swept.bound > 0.0 or self.cancelled():
+            if swept.bound > 0.0:
                 motions.pop(0)
                 continue
             steps += 1
             if steps > MAX_STEPS:
-                return Margin(value=0.0, limited_by=place)
-            if swept.modules is None:
-                value *= STEP**4
-                continue
-            place = Place(frame=swept.frame if frame is None else frame, modules=swept.modules)
-            # Harder steps where bounds over an interval, and not the modules, are what fails.
-            value = STEP**steps * min(value, self._touching(place, errors, most))
-        return Margin(value=value, limited_by=place)
+                return [replace(margin, value=0.0) for margin in found]
+            place, touching = self.closest, [0.0] * len(most)
+            if swept.modules is not None:
+                place = Place(frame=begin + swept.frame, modules=swept.modules)
+                touching = self._touching(place, errors, most)
+            failing = [touch <= one.value for touch, one in zip(touching, found, strict=True)]
+            for k, margin in enumerate(found):
+                if failing[k] and touching[k] > 0.0:
+                    found[k] = Margin(value=STEP * touching[k], limited_by=place)
+                elif not any(failing) or touching[k] == 0.0:
+                    # Bounds over an interval are what fails, and not the modules.
+                    found[k] = Margin(value=STEP**steps * margin.value, limited_by=place)
+        return found
 
-    def _touching(self, place: Place, errors: Callable[[float], Errors], most: float) -> float:
-        """Return the value at which two modules may touch at a moment, at most ``most``."""
+    def _touching(
+        self, place: Place, errors: Callable[..., Errors], most: tuple[float, ...]
+    ) -> list[float]:
+        """Return the value of each kind of error at which two modules may touch at a moment."""
         from scipy.optimize import brentq  # late: pages start without it
 
-        def left(value: float) -> float:
-            return self._gap(place, errors(value))
+        def left(value: float, kind: int) -> float:
+            values = [value if k == kind else 0.0 for k in range(len(most))]
+            return self._gap(place, errors(*values))
 
-        return most if left(most) > 0.0 else cast(float, brentq(left, 0.0, most, xtol=1e-9))
+        return [
+            top
+            if left(top, kind) > 0.0
+            else cast(float, brentq(left, 0.0, top, args=(kind,), xtol=1e-9))
+            for kind, top in enumerate(most)
+        ]
 
     def _gap(self, place: Place, errors: Errors) -> float:
         """Return what errors leave of the clearance of two modules at a moment, in pitches."""

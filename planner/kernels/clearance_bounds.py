@@ -176,7 +176,7 @@ def directional_motion_bound(relative: Array, axis: Array, half: float, radius: 
 
 
 class Tolerance(NamedTuple):
-    """Errors of hinges that a motion must stand.
+    """Errors of hinges that a motion must stand: those of one hinge, and those of all hinges.
 
     Attributes:
         one_hinge_rad: Error of any one hinge while all others are exact, at any moment, in radians.
@@ -266,7 +266,7 @@ def allowance(tolerance: Tolerance, lever: Levers, joints: float, hinges: float)
         joints: Number of joints between the two.
         hinges: Number of hinges of a joint.
     """
-    near = tolerance.spare + tolerance.one_hinge_rad * lever.longest
+    near = tolerance.one_hinge_rad * lever.longest
     epsilon = tolerance.each_hinge_rad
     if epsilon > 0.0:
         count, total = hinges * joints, hinges * lever.total
@@ -274,9 +274,10 @@ def allowance(tolerance: Tolerance, lever: Levers, joints: float, hinges: float)
             return np.inf
         moved = epsilon * total / (1.0 - epsilon * count)  # Δ of lemma 12
         squares = hinges * lever.squares + moved * (2.0 * total + count * moved)
-        near += epsilon * tolerance.deviations * np.sqrt(squares)
-        near += 0.5 * epsilon * epsilon * (total + count * moved)
-    return near
+        both = epsilon * tolerance.deviations * np.sqrt(squares)
+        both += 0.5 * epsilon * epsilon * (total + count * moved)
+        near = max(near, both)
+    return tolerance.spare + near
 
 
 @njit(**INNER)

@@ -731,8 +731,11 @@ def sweep_frames(
     none = PairList(np.empty((1, 2), dtype=np.int64), ZERO)
     bodies, points = np.empty((modules, BODY_COLUMNS)), np.empty((modules, 3))
     relative, tail, rotation = np.empty(RELATIVE_COLUMNS), np.empty(BODY_COLUMNS), np.empty((3, 3))
+    frames = angles.first.shape[0]
     for k in range(start, stop):
-        for to in range(k, min(k + 2, angles.first.shape[0])):
+        # Of disturbed motions, only bounds count, and intervals contain their frames.
+        skipped = shape.tolerance.spare > 0.0 and frames > 1
+        for to in range(k + 1 if skipped else k, min(k + 2, frames)):
             part = _stretch(shape, angles, k, to)
             m = part.high - part.low + 1
             work = Scratch(bodies[:m], points[:m], relative, tail, rotation)
