@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
+from planner.certificate.figures import CertificateFigures, FoldSummary
 from planner.errors import InputError
 from planner.plan.moments import Meeting, Moments
 from planner.plan.tour import MAX_CAPTION, MAX_STOPS, TOUR_FORMAT, Stop, Tour
@@ -24,6 +25,19 @@ FULL: dict[str, Any] = {
     **{"modules": [1, 9], "from": 2, "to": 7, "camera": "-62.5,24,1.2", "follow": False},
     **{"colour": "clearance", "path": True},
 }
+CERTIFICATE: dict[str, Any] = {
+    **SIMULATED,
+    "min_clearance_at": {"frame": 507.5, "modules": [20, 31]},
+    "fold_time_s": 23.885,
+    "joint_speed_limit_rad_s": 1.0,
+}
+
+
+def known(**summary: Any) -> FoldSummary:
+    """Return what is known of a fold."""
+    return cast(FoldSummary, summary)
+
+
 FOLD = ShownFold(
     id="fold",
     name="wrench-160",
@@ -31,15 +45,7 @@ FOLD = ShownFold(
     modules=160,
     preset="default",
     seed=0,
-    summary={
-        "joints": 158,
-        "certificate": {
-            **SIMULATED,
-            "min_clearance_at": {"frame": 507.5, "modules": [20, 31]},
-            "fold_time_s": 23.885,
-            "joint_speed_limit_rad_s": 1.0,
-        },
-    },
+    summary=known(joints=158, certificate=CERTIFICATE),
 )
 MOMENTS = Moments(
     plan=964,
@@ -122,7 +128,7 @@ def test_draft_has_each_moment_in_order_with_the_figures_of_the_certificate() ->
     drafted = draft_tour(FOLD, 5000, MOMENTS)
     assert drafted is not None
     assert drafted.title == "Wrench"
-    certificate = FOLD.summary["certificate"]
+    certificate = cast(CertificateFigures, CERTIFICATE)
     found = [(stop.frame, stop.modules) for stop in drafted.stops]
     assert found == [
         (965, ()),
@@ -149,8 +155,8 @@ def test_draft_claims_nothing_that_is_unknown() -> None:
     assert [stop.frame for stop in bare.stops] == [965, 1472, 5000]
     assert draft_tour(FOLD, 0) is None
 
-    certificate = {**FOLD.summary["certificate"], "verdict": "failed: it", "min_clearance": -0.02}
-    failed = replace(FOLD, status="failed", summary={"certificate": certificate})
+    certificate = {**CERTIFICATE, "verdict": "failed: it", "min_clearance": -0.02}
+    failed = replace(FOLD, status="failed", summary=known(certificate=certificate))
     refused = draft_tour(failed, 5000, MOMENTS)
     assert refused is not None
     said = " ".join(stop.caption for stop in refused.stops)

@@ -62,7 +62,7 @@ def test_moments_of_a_fold_are_stored_and_where_they_say(folded: Fold) -> None:
     moments, size = stored_moments(fold.directory), fold.plan.certificate.module_size
     assert moments is not None
     timeline = Timeline.open(fold.directory / "timeline.zarr")
-    assert moments.frames == len(timeline) == moments.plan + fold.plan.certificate.frames
+    assert moments.frames == len(timeline) == moments.plan + len(fold.plan.time_s)
     assert not timeline.frames(moments.straight, moments.straight + 1).joint_angles_rad.any()
 
     contact = moments.contact
