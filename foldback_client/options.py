@@ -26,4 +26,4 @@ class PlanOptions(TypedDict, total=False):
     settings: str
     module_size: float
     strategy: Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"]
-    prefer: Literal["computing", "time", "torque", "clearance"]
+    prefer: Literal["computing", "time", "torque", "clearance", "margin"]

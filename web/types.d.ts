@@ -16,6 +16,7 @@ interface ColumnTold {
   at: number;
   size?: number;
   step?: number;
+  differences?: number;
   short?: boolean;
 }
 interface Message<Header, Arrays> { header: Header; arrays: Arrays }

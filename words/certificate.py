@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final, TypedDict
 
-from planner.certificate.figures import CertificateFigures
+from planner.certificate.figures import CertificateFigures, MarginFigures
 from planner.certificate.table_figures import TableCertificate
 from planner.motion.record import TableRecord
 from planner.parameters.parameters import BASELINE
@@ -86,6 +86,7 @@ def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
         ),
         ("Least clearance, recorded explosion", _pitches(certificate.get("min_clearance_record"))),
         ("Robots", robots(certificate)),
+        *margin_rows(certificate),
         (
             "Final position error (RMS)",
             _of_simulation(certificate, "rms_position_error", CERTIFICATE_DIGITS),
@@ -96,6 +97,42 @@ def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
             quantity(certificate.get("hinges_moving_most")),
         ),
     ]
+
+
+def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
+    """Return the errors that the plan is proved to stand, and what limits each."""
+    found = certificate.get("margins")
+    if found is None:
+        return []
+    size, one, each = found["module_size"], found["one_hinge_rad"], found["independent_rad"]
+    return [
+        ("Margin: module size", f"up to {rounded_down(size['value'])} pitch; {_limit(size)}"),
+        (
+            "Margin: one hinge off",
+            f"up to {degrees_down(one['value'])}, all others exact; {_limit(one)}",
+        ),
+        (
+            "Margin: all hinges off at random",
+            f"up to {degrees_down(each['value'])} each: modules touch in at most "
+            f"{100 * found['failure_probability']:.0f} of 100 robots; {_limit(each)}",
+        ),
+    ]
+
+
+def _limit(margin: MarginFigures) -> str:
+    """Return the moment and the modules that limit a margin; both count from 1."""
+    place = margin["limited_by"]
+    modules = place["modules"]
+    assert modules is not None
+    first, second = (module + 1 for module in modules)
+    return f"limited by modules {first} and {second} near frame {round(place['frame']) + 1}"
+
+
+def degrees_down(angle_rad: float) -> str:
+    """Return a positive angle in degrees, rounded down to two significant digits."""
+    angle = math.degrees(angle_rad)
+    digits = 1 - math.floor(math.log10(angle)) if angle > 0.0 else 0
+    return f"{math.floor(angle * 10.0**digits) / 10.0**digits:.{max(digits, 0)}f}°"
 
 
 def _folding_time(certificate: CertificateFigures) -> str | None:

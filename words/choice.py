@@ -12,7 +12,7 @@ from planner.errors import DamagedError
 from planner.file_names import ATTEMPTS, CHAIN, PLANS_DIR
 from planner.pipeline.preference import COMPUTING, PREFERENCES, PlanFigures, Preference
 from planner.verification.integrity import check
-from words.certificate import rounded_down
+from words.certificate import degrees_down, rounded_down
 from words.quantities import STRATEGY_LABELS, number, quantity, sentence
 
 PLAN_COLUMNS: Final = (
@@ -34,6 +34,7 @@ SUPERLATIVES: Final[dict[Preference, str]] = {
     "time": "fastest",
     "torque": "least torque",
     "clearance": "most clearance",
+    "margin": "largest margin for a hinge",
 }
 MILLI_PER_UNIT: Final = 1e3
 """Number of thousandths in a unit, to convert N·m to mN·m."""
@@ -198,6 +199,9 @@ def _gained(
     elif prefer == "torque":
         after, before = (_torque(each.torque_in(slowest)) for each in both)
         of = f"of torque at the same folding time of {number(slowest)} s"
+    elif prefer == "margin":
+        after, before = (_margin(each.one_hinge_rad) for each in both)
+        of = "that one hinge may be off"
     else:
         after, before = (_room(each.clearance_bound) for each in both)
         of = "pitch of proved clearance"
@@ -210,6 +214,10 @@ def _told(value: float | None) -> str:
 
 def _torque(value: float | None) -> str:
     return quantity(value, "N·m") or "–"
+
+
+def _margin(value: float | None) -> str:
+    return "–" if value is None else degrees_down(value)
 
 
 def _room(value: float | None) -> str:

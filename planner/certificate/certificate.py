@@ -24,6 +24,7 @@ from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.chain.statics import GRAVITY_M_S2, static_torque
 from planner.clearance.linked import ExemptPairs, Place, exempt_pairs
+from planner.clearance.margins import Margins, margins
 from planner.clearance.rounding import clearance_rounding
 from planner.clearance.sweep import BOUND_RATIO, Sweep, sweep
 from planner.errors import InputError
@@ -95,6 +96,8 @@ class Certificate:
             the root without support.
         seconds: Wall time of the verification, s.
         table: Certificate of the motion on a table; None for a plan that floats.
+        margins: Errors of modules and hinges that the plan stands; None of a plan that is not
+            verified, of very long chains, and in certificates of earlier versions.
     """
 
     verdict: str
@@ -130,6 +133,7 @@ class Certificate:
     gravity_torque_straight_nm: float
     seconds: float
     table: TableCertificate | None = None
+    margins: Margins | None = None
 
     @property
     def verified(self) -> bool:
@@ -162,6 +166,7 @@ class Certificate:
         found["robots"] = None if robots is None else tuple(robots)
         if found.get("table") is not None:
             found["table"] = TableCertificate.from_dict(found["table"])
+        found["margins"] = Margins.from_dict(found.get("margins"))
         if found["exempt_pairs"] is not None:
             found["exempt_pairs"] = ExemptPairs.from_dict(found["exempt_pairs"])
         return cls(**found)
@@ -181,6 +186,7 @@ def certify(
     cancelled: Cancelled = never,
     sink: Callable[[Array], None] | None = None,
     forces: Callable[[TableForces], object] | None = None,
+    with_margins: bool = True,
 ) -> Certificate:
     """Verify a plan: the reference of a playback, and the playback and record themselves.
 
@@ -195,6 +201,7 @@ def certify(
             None.
         sink: Receives the plan's clearance at each of its frames, see ``Sweep``.
         forces: Receives torques and forces at each of its frames, for a plan on a table.
+        with_margins: Compute the margins of a verified plan.
 
     Raises:
         InputError: ``bad-module-size``.
@@ -229,10 +236,16 @@ def certify(
         on_table = _on_table(chain, playback, parameters, forces)
         if not on_table.rests and not verdict.startswith("failed"):
             verdict = on_table.verdict
+    found = None
+    if with_margins and sweeps.plan is not None and verdict.startswith("verified"):
+        assert playback is not None
+        progress(Progress(stage="certify", fraction=0.95, message="finding margins"))
+        found = margins(chain, playback.reference, sweeps.plan, size=size, cancelled=cancelled)
     weight = torque_unit_nm(chain, parameters) / chain.pitch_m * GRAVITY_M_S2
     return Certificate(
         verdict=verdict,
         table=on_table,
+        margins=found,
         simulated=None if playback is None else playback.simulated,
         module_size=size,
         exempt_pairs=exempt.result(),

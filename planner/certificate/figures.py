@@ -5,7 +5,7 @@ Values that an earlier version did not write are missing. Units are those of the
 
 from __future__ import annotations
 
-from typing import Any, Required, TypedDict
+from typing import Any, NotRequired, Required, TypedDict
 
 from planner.motion.stuck_figures import StuckFigures
 
@@ -41,6 +41,22 @@ class RobotFigures(TypedDict):
     rms_position_error: float
     min_clearance: float
     clearance_bound: float
+
+
+class MarginFigures(TypedDict):
+    """``planner.clearance.margins.Margin``."""
+
+    value: float
+    limited_by: PlaceFigures
+
+
+class MarginsFigures(TypedDict):
+    """``planner.clearance.margins.Margins``."""
+
+    module_size: MarginFigures
+    one_hinge_rad: MarginFigures
+    independent_rad: MarginFigures
+    failure_probability: float
 
 
 class CertificateFigures(TypedDict, total=False):
@@ -79,6 +95,7 @@ class CertificateFigures(TypedDict, total=False):
     gravity_torque_folded_nm: float
     gravity_torque_straight_nm: float
     seconds: float
+    margins: MarginsFigures | None
 
 
 class ExplosionFigures(TypedDict, total=False):
@@ -125,6 +142,7 @@ class ComparedFigures(TypedDict):
     clearance_bound: float | None
     frames: int
     seconds: float
+    one_hinge_rad: NotRequired[float | None]
 
 
 class AttemptFigures(TypedDict, total=False):

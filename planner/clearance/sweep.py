@@ -18,7 +18,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -26,7 +26,9 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
+from planner.chain.module import Module
 from planner.kernels.clearance import least_separation
+from planner.kernels.clearance_bounds import Tolerance
 from planner.kernels.motion_bounds import BODY_COLUMNS, ROTATION, VELOCITY
 from planner.kernels.pairs import near_pairs
 from planner.kernels.sweep import Angles, Shape, SweepResult, rigid_clearances, sweep_frames
@@ -52,6 +54,13 @@ BOUND_RATIO: Final = 0.9
 """Fraction, from 0 to 1, of the smallest clearance seen in a motion that its proved lower bound
 should reach. Larger values tighten the bound and need more bisections between frames: table in
 decision 0012."""
+
+EXACT: Final = Tolerance(0.0, 0.0, 0.0, 0.0)
+"""Tolerance of a motion whose hinges follow the plan without errors, in radians."""
+ALLOWANCE_CAP: Final = 1e-3
+"""Distance of modules, in pitches, that errors of hinges must leave for a motion to stand them.
+Larger values prove smaller errors. Smaller ones take more time, and let the number of moments grow
+at which independent errors are bounded (lemma 12 of decision 0012). Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,25 +110,60 @@ def sweep(
         InputError: ``bad-windows`` for a windowed motion that is not of this chain.
     """
     motion = as_motion(motion)
-    found = _swept(chain, motion, size, share, CLEARANCE_CAP, cancelled)
+    exact = _Query(size=size, share=share, enough=CLEARANCE_CAP, tolerance=EXACT)
+    found = _swept(chain, motion, exact, cancelled)
     if found.modules is None and not cancelled():
         # A short chain may never come that near itself: then its clearance is above the cap.
-        found = _swept(chain, motion, size, share, EXTENDED_CLEARANCE_CAP, cancelled)
+        found = _swept(chain, motion, replace(exact, enough=EXTENDED_CLEARANCE_CAP), cancelled)
     return found
 
 
-def _swept(
-    chain: Chain,
-    motion: Motion,
-    size: float,
-    share: float,
-    enough: float,
-    cancelled: Cancelled,
+def disturbed_sweep(
+    chain: Chain, motion: Motion, tolerance: Tolerance, *, size: float, cancelled: Cancelled = never
 ) -> Sweep:
-    frames, at_rest = len(motion), None
+    """Compute what errors of hinges leave of the clearance, up to ``ALLOWANCE_CAP``.
+
+    All clearances of the result are less the allowance of lemmas 11 and 12. A windowed motion's
+    pairs that are rigid with each other are not checked: see ``rest_motions``.
+
+    Args:
+        chain: The chain.
+        motion: The motion.
+        tolerance: The errors.
+        size: Module size as a fraction of the pitch.
+        cancelled: Polled between tasks; a cancelled sweep covers the tasks that were done.
+    """
+    query = _Query(size=size, share=0.0, enough=ALLOWANCE_CAP, tolerance=tolerance)
+    return _swept(chain, motion, query, cancelled)
+
+
+def rest_motions(chain: Chain) -> tuple[Motion, Motion]:
+    """Return the folded and the straight chain, each as a motion of one frame."""
+    return as_motion(chain.folded_rad[None]), as_motion(np.zeros_like(chain.folded_rad)[None])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Query:
+    """What a sweep computes.
+
+    Attributes:
+        size: Module size as a fraction of the pitch.
+        share: Fraction (0…1) of the least clearance seen that the bound should reach.
+        enough: Cutoff in pitches: clearances of this and more are not told apart.
+        tolerance: Errors of hinges whose effect is taken off.
+    """
+
+    size: float
+    share: float
+    enough: float
+    tolerance: Tolerance
+
+
+def _swept(chain: Chain, motion: Motion, query: _Query, cancelled: Cancelled) -> Sweep:
+    frames, at_rest, enough, size = len(motion), None, query.enough, query.size
     if motion.is_windowed:
         motion.check(chain)
-        at_rest = _AtRest.of(chain, size, enough)
+        at_rest = _AtRest.of(chain, size, enough) if query.tolerance is EXACT else None
     first = np.ascontiguousarray(motion.first, dtype=np.int64)
     offsets = np.ascontiguousarray(motion.offsets, dtype=np.int64)
     rigid, closest = (
@@ -127,7 +171,8 @@ def _swept(
         if at_rest is None
         else at_rest.frames(chain, first, np.diff(offsets))
     )
-    shape = _shape(chain, size, None) if at_rest is None else windows_shape(chain, size)
+    rest = (chain.folded_poses, _straight(chain)) if motion.is_windowed else None
+    shape = _shape(chain, size, rest, query.tolerance)
     per_frame = np.full(frames, enough)
 
     def part(start: int) -> SweepResult:
@@ -136,7 +181,7 @@ def _swept(
         # A copy: a read-only array would be another type, for which all is compiled anew.
         values = motion.angles_rad[begins:ends].astype(np.float64)
         angles = Angles(first=first, offsets=offsets, shift=begins, values=values)
-        return sweep_frames(shape, angles, start, stop, enough, rigid, per_frame, share)
+        return sweep_frames(shape, angles, start, stop, enough, rigid, per_frame, query.share)
 
     best, bound, unbounded, in_betweens = enough, enough, -1.0, 0
     where, modules = 0.0, (-1, -1)
@@ -170,7 +215,7 @@ class Between:
     """
 
     def __init__(self, chain: Chain, size: float) -> None:
-        self._shape = _shape(chain, size, None)
+        self._shape = _shape(chain, size, None, EXACT)
 
     def clearance(self, start: Array, end: Array, enough: float) -> float:
         """Return the least clearance from ``start`` (J,) on, before ``end``, in pitches.
@@ -189,6 +234,14 @@ class Between:
         return 0.0 if found.unproved_at >= 0.0 else float(found.clearance)
 
 
+def between_frames(chain: Chain, motion: Motion, frame: float) -> Array:
+    """Return the (J,) hinge angles of one moment, rad; a fraction means between two frames."""
+    before = int(frame)
+    after = min(before + 1, len(motion) - 1)
+    start, end = (motion.angles_at(chain, k) for k in (before, after))
+    return start + (frame - before) * (end - start)
+
+
 def clearance_at(
     chain: Chain, motion: Motion, frame: float, modules: tuple[int, int], *, size: float
 ) -> float:
@@ -201,16 +254,17 @@ def clearance_at(
         modules: The two, the earlier one first.
         size: Module size as a fraction of the pitch.
     """
-    before = int(frame)
-    after = min(before + 1, len(motion) - 1)
-    start, end = (motion.angles_at(chain, k) for k in (before, after))
-    angles = start + (frame - before) * (end - start)
-    poses = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    poses = forward_kinematics(chain.module, between_frames(chain, motion, frame))
+    return pair_clearance(chain.module, poses, modules, size=size)
+
+
+def pair_clearance(module: Module, poses: Poses, modules: tuple[int, int], *, size: float) -> float:
+    """Return the clearance of two modules of a configuration, in pitches."""
     found, _, _ = least_separation(
         np.ascontiguousarray(poses.positions),
         np.ascontiguousarray(poses.rotations),
         np.array([modules], dtype=np.int64),
-        chain.module.hull,
+        module.hull,
         size,
         EXTENDED_CLEARANCE_CAP,
     )
@@ -272,14 +326,16 @@ class _AtRest:
 
 def windows_shape(chain: Chain, size: float) -> Shape:
     """Return the shape of a chain whose motion is windows, for ``planner.kernels.sweep``."""
-    return _shape(chain, size, (chain.folded_poses, _straight(chain)))
+    return _shape(chain, size, (chain.folded_poses, _straight(chain)), EXACT)
 
 
 def _straight(chain: Chain) -> Poses:
     return forward_kinematics(chain.module, np.zeros_like(chain.folded_rad))
 
 
-def _shape(chain: Chain, size: float, at_rest: tuple[Poses, Poses] | None) -> Shape:
+def _shape(
+    chain: Chain, size: float, at_rest: tuple[Poses, Poses] | None, tolerance: Tolerance
+) -> Shape:
     """Return a shape; with a core and a tail if the folded and the straight chain are given."""
     module, n = chain.module, len(chain)
     core = np.zeros((n, BODY_COLUMNS))
@@ -314,4 +370,5 @@ def _shape(chain: Chain, size: float, at_rest: tuple[Poses, Poses] | None) -> Sh
         members=np.argsort(flat, kind="stable"),
         tail_positions=np.zeros((0, 3)) if at_rest is None else at_rest[1].positions,
         tail_rotations=np.zeros((0, 3, 3)) if at_rest is None else at_rest[1].rotations,
+        tolerance=tolerance,
     )

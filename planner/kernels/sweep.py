@@ -18,7 +18,11 @@ from planner.kernels import INNER, KERNEL, ZERO
 from planner.kernels.clearance import pair_separation, separation_along
 from planner.kernels.clearance_bounds import (
     RELATIVE_COLUMNS,
+    Tolerance,
+    allowance,
     directional_motion_bound,
+    largest_allowance,
+    levers,
     relative_motion_bound,
 )
 from planner.kernels.kinematics import copy_vector
@@ -87,6 +91,7 @@ class Shape(NamedTuple):
             ``members[starts[c]:starts[c + 1]]``, and c counts along z first.
         tail_positions, tail_rotations: (n, 3), (n, 3, 3) modules of a straight tail in the frame
             of the module that it begins at.
+        tolerance: Errors of hinges whose effect is taken off every clearance.
     """
 
     joint: Joint
@@ -104,6 +109,7 @@ class Shape(NamedTuple):
     members: Ints
     tail_positions: Array
     tail_rotations: Array
+    tolerance: Tolerance
 
 
 class Angles(NamedTuple):
@@ -351,7 +357,6 @@ def _stretch_pairs(
     bodies, points, low = work.bodies, work.points, part.low
     max_displacement = 0.0
     for k in range(bodies.shape[0]):
-        copy_vector(bodies[k, :3], points[k])
         max_displacement = max(max_displacement, bodies[k, DISPLACEMENT_BOUND])
     if max_displacement > LARGE_MOTION:
         return _pairs_along(bodies, max_displacement, half, low, reach, shape.min_checked_gap, near)
@@ -384,6 +389,25 @@ def _box_of_others(shape: Shape, part: Stretch, work: Scratch) -> Array:
             box[r] = min(box[r], shape.boxes[low - 1, r])
             box[3 + r] = max(box[3 + r], shape.boxes[low - 1, 3 + r])
     return box
+
+
+@njit(**INNER)
+def _reach_of_errors(shape: Shape, part: Stretch, work: Scratch, tail: int) -> float:
+    """Return a bound of the allowance of all pairs up to a module of the tail, in pitches."""
+    if shape.tolerance.spare == 0.0:
+        return 0.0
+    box = _box_of_others(shape, part, work)
+    links = part.high + tail
+    lever = length(box[3] - box[0], box[4] - box[1], box[5] - box[2]) + tail
+    lever = min(lever, float(links)) + _arm(shape)
+    return largest_allowance(shape.tolerance, lever, float(links), float(shape.joint.axes.shape[0]))
+
+
+@njit(**INNER)
+def _arm(shape: Shape) -> float:
+    """Return the largest distance of a module's points and joint from its centre, added."""
+    anchor = shape.joint.anchor
+    return shape.hull.radius * shape.size + length(anchor[0], anchor[1], anchor[2])
 
 
 @njit(**INNER)
@@ -459,13 +483,19 @@ def _broad_phase(
     Returns:
         The pairs, and whether the motion is too large to check them; then not all are there.
     """
-    near, too_large = _stretch_pairs(shape, part, work, half, reach, PairList(room, ZERO))
+    points, bodies = work.points, work.bodies
+    for k in range(bodies.shape[0]):
+        copy_vector(bodies[k, :3], points[k])
+    own = reach + _reach_of_errors(shape, part, work, ZERO)
+    near, too_large = _stretch_pairs(shape, part, work, half, own, PairList(room, ZERO))
     if too_large or shape.root >= 0:
         return near, too_large
-    for k in range(1, work.bodies.shape[0]):
-        body = work.bodies[k]
-        nearing = reach + body[DISPLACEMENT_BOUND]
+    for k in range(1, bodies.shape[0]):
+        body = bodies[k]
+        nearing = own + body[DISPLACEMENT_BOUND]
         near = _append_core_pairs(shape, body, part.low + k, part.low, nearing, near)
+    tail = shape.core.shape[0] - 1 - part.high
+    reach += _reach_of_errors(shape, part, work, tail)
     return _append_tail_pairs(shape, part, work, half, reach, near)
 
 
@@ -497,6 +527,10 @@ def _check_pairs(
     waiting, count = unresolved
     low, high, bodies, relative = part.low, part.high, work.bodies, work.relative
     positions, rotations, last = shape.tail_positions, shape.tail_rotations, bodies[high - low]
+    within, beyond = _reach_of_errors(shape, part, work, ZERO), 0.0
+    if high + 1 < shape.core.shape[0]:
+        beyond = _reach_of_errors(shape, part, work, shape.core.shape[0] - 1 - high)
+    hinges, exact, arm = float(shape.joint.axes.shape[0]), within == 0.0, _arm(shape)
     for p in range(pairs.shape[0]):
         i, j = pairs[p, 0], pairs[p, 1]
         a = shape.core[i] if i < low else bodies[i - low]
@@ -511,7 +545,9 @@ def _check_pairs(
             max_loss, distance = relative_motion_bound(a, b, half, radius, links, relative)
         else:
             distance = length(b[0] - a[0], b[1] - a[1], b[2] - a[2])
-        balls = distance - 2.0 * radius
+        # Lemmas 11 and 12: a bound that costs nothing first.
+        error = 0.0 if exact else within if j <= high else beyond
+        balls = distance - 2.0 * radius - error
         if balls >= best and balls - max_loss >= bound:
             continue
         for r in range(3):
@@ -522,11 +558,19 @@ def _check_pairs(
             b[ROTATION:VELOCITY].reshape((3, 3)),
             shape.hull,
             shape.size,
-            max(best, bound + max_loss),
+            max(best, bound + max_loss) + error,
             axis,
         )
-        if separation < best:
-            best, first, second = separation, i, j
+        nearing = error
+        if not exact and separation - error < max(best, bound + max_loss):
+            joints = (i, j, low)
+            lever = levers(a, b, joints, shape.core, bodies, positions, arm, half, 0.0)
+            nearing = min(error, allowance(shape.tolerance, lever, float(j - i), hinges))
+            lever = levers(a, b, joints, shape.core, bodies, positions, arm, half, 1.0)
+            error = min(error, allowance(shape.tolerance, lever, float(j - i), hinges))
+        if separation - nearing < best:
+            best, first, second = separation - nearing, i, j
+        separation -= error
         if half > 0.0 and separation < bound + max_loss:
             # Lemma 6, along the axis of the separation.
             lower = separation - directional_motion_bound(relative, axis, half, radius)
@@ -687,8 +731,11 @@ def sweep_frames(
     none = PairList(np.empty((1, 2), dtype=np.int64), ZERO)
     bodies, points = np.empty((modules, BODY_COLUMNS)), np.empty((modules, 3))
     relative, tail, rotation = np.empty(RELATIVE_COLUMNS), np.empty(BODY_COLUMNS), np.empty((3, 3))
+    frames = angles.first.shape[0]
     for k in range(start, stop):
-        for to in range(k, min(k + 2, angles.first.shape[0])):
+        # Of disturbed motions, only bounds count, and intervals contain their frames.
+        skipped = shape.tolerance.spare > 0.0 and frames > 1
+        for to in range(k + 1 if skipped else k, min(k + 2, frames)):
             part = _stretch(shape, angles, k, to)
             m = part.high - part.low + 1
             work = Scratch(bodies[:m], points[:m], relative, tail, rotation)

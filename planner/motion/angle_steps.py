@@ -47,12 +47,13 @@ each byte of the 32-bit differences."""
 
 
 def snapped(angles_rad: NDArray[np.floating[Any]], limit_rad: float = np.inf) -> Array:
-    """Return angles rounded to whole steps, ±``limit_rad`` at most; NaN stays NaN."""
+    """Return angles rounded to whole steps, ±``limit_rad`` at most; NaN stays NaN, −0 becomes 0."""
     most = np.floor(limit_rad / PLAN_STEP_RAD)
     found: Array = angles_rad.astype(np.float64)
     found /= PLAN_STEP_RAD  # in place: of 100 000 modules there are 30 million angles
     np.clip(np.rint(found, out=found), -most, most, out=found)
     found *= PLAN_STEP_RAD
+    found += 0.0  # planes hold no −0, and a plan's digest is that of the numbers in its file
     return found
 
 

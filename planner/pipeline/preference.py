@@ -11,7 +11,7 @@ from planner.certificate.figures import CertificateFigures
 from planner.errors import InputError
 from planner.parameters.option import Choice
 
-Preference = Literal["computing", "time", "torque", "clearance"]
+Preference = Literal["computing", "time", "torque", "clearance", "margin"]
 COMPUTING: Final = "computing"
 """Value of a request's preference that asks for the least computation: the first verified plan is
 taken, and no better one is searched for."""
@@ -37,6 +37,11 @@ PREFERENCES: Final[Mapping[Preference, Choice]] = {
         note="the most clearance",
         hint="Tries several plans and chooses the one with the most clearance.",
     ),
+    "margin": Choice(
+        label="Largest margin for a hinge",
+        note="the largest margin for one hinge",
+        hint="Tries several plans and chooses the one in which a single hinge may be off the most.",
+    ),
 }
 """Goals of the choice among several verified plans."""
 
@@ -51,6 +56,7 @@ class PlanFigures:
         clearance_bound: Clearance that is proved, in pitches; None where nothing is.
         frames: Frames of the plan.
         seconds: Computing: of the explosion or smoothing, the playback and the certificate.
+        one_hinge_rad: Margin of one hinge, see ``Margins``; None where it is not known.
     """
 
     fold_time_s: float | None
@@ -58,6 +64,7 @@ class PlanFigures:
     clearance_bound: float | None
     frames: int
     seconds: float
+    one_hinge_rad: float | None = None
 
     @classmethod
     def of(cls, certificate: CertificateFigures, *, before_s: float = 0.0) -> PlanFigures:
@@ -67,12 +74,14 @@ class PlanFigures:
             certificate: Certificate of the plan, as plain values.
             before_s: Seconds that were computed before it was looked at.
         """
+        margins = certificate.get("margins")
         return cls(
             fold_time_s=certificate.get("fold_time_s"),
             peak_torque_nm=certificate.get("peak_torque_nm"),
             clearance_bound=certificate.get("clearance_bound"),
             frames=certificate.get("frames") or 0,
             seconds=before_s + certificate.get("seconds", 0.0),
+            one_hinge_rad=margins and margins["one_hinge_rad"]["value"],
         )
 
     def torque_in(self, seconds: float) -> float | None:
@@ -95,6 +104,8 @@ class PlanFigures:
         if prefer == "torque":
             torque = self.torque_in(1.0)
             return -inf if torque is None else -torque
+        if prefer == "margin":
+            return -inf if self.one_hinge_rad is None else self.one_hinge_rad
         return -inf if self.clearance_bound is None else self.clearance_bound
 
 

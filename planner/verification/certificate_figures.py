@@ -55,7 +55,7 @@ class ToldFigures:
     def differences(self, again: Certificate, notes: list[str]) -> Differences:
         """Yield the differences from a certificate computed again, except wall time."""
         mine, theirs = _told(self.plan.certificate), _told(again)
-        aside = {"seconds", *_ROUNDING_DEPENDENT_FIGURES}
+        aside = {"seconds", "margins", *_ROUNDING_DEPENDENT_FIGURES}  # margins are proved instead
         loose = [*_ROUNDING_DEPENDENT_FIGURES]
         if self.record is None and self.plan.explosion is not None:
             aside |= {"min_clearance_record", "max_angle_record_rad"}

@@ -15,6 +15,7 @@ import numpy as np
 
 import foldback_check
 from planner.certificate.certificate import Certificate, certify
+from planner.clearance.margins import unproved_margins
 from planner.errors import UNREADABLE, InputError, TimelineError, named
 from planner.exports import mjcf
 from planner.file_names import MODEL, PLAN, PLAN_TEXT, TIMELINE
@@ -167,7 +168,13 @@ def _verified(
     parameters = own_parameters(plan, module_size)
     found.look("parameters are those of the request", request_differs(directory, plan, found.notes))
     certificate = certify(
-        plan.chain, record, playback, parameters, start=plan.start, progress=progress
+        plan.chain,
+        record,
+        playback,
+        parameters,
+        start=plan.start,
+        progress=progress,
+        with_margins=False,
     )
     if not certificate.verified:
         found.problems.append(certificate.verdict)
@@ -184,6 +191,8 @@ def _verified(
                 "an independent checker proves the clearance from plan.npz alone",
                 _unproved(directory),
             )
+        if certificate.verified and plan.certificate.margins is not None:
+            found.look("the margins were proved again", _unproved_margins(plan))
     opinion = _opinion(directory, npz, certificate, found) if third_opinion else None
     reason = _reason(directory, plan, found)
     model = _text(directory / MODEL)
@@ -206,6 +215,16 @@ def _unproved(directory: FilePath) -> Differences:
     found = foldback_check.check(directory / PLAN)
     if found["verdict"] != "proved":
         yield f"plan.npz: the independent checker proves nothing: {found['reason']}"
+
+
+def _unproved_margins(plan: Plan) -> Differences:
+    """Yield the margins that cannot be proved again."""
+    certificate = plan.certificate
+    assert certificate.margins is not None
+    size = certificate.module_size
+    for name in unproved_margins(plan.chain, plan.motion, certificate.margins, size=size):
+        value = getattr(certificate.margins, name).value
+        yield f"plan.npz certificate.margins.{name}: got {value:g}, which cannot be proved"
 
 
 def _opinion(

@@ -31,6 +31,7 @@ COMMANDS: Final = {
     "export": "Export a finished fold as URDF, MCAP, an animated scene and more.",
     "movie": "Make a movie of a fold: the straight chain folds into its shape.",
     "site": "Write folds, the paper's experiments and benchmarks as a website of files.",
+    "tour": "Draft a tour of a fold: a caption for each frame that matters most.",
     "retime": "Add time stamps to a plan within a robot's limits.",
     "servos": "List servos that are strong enough for a torque.",
     "table": "Check if a plan works on a table, and compute the joint torques.",

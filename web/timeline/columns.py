@@ -5,10 +5,11 @@ arrays, each beginning at a multiple of eight bytes. The header's ``columns`` li
 shape and place of each array, counted from the end of the (padded) header; all else in it is the
 sender's.
 
-Numbers that need not be exact can be packed. A column with a ``step`` holds whole steps, each row
-as its difference from the one before; one that is ``short`` holds the upper half of every single
+Numbers that need not be exact can be packed. A column with a ``step`` holds whole steps: zigzag
+codes of their ``differences``-th differences from row to row, as plan files do
+(``planner.motion.angle_steps``). One that is ``short`` holds the upper half of every single
 precision number. Both are taken apart into planes of bytes and deflated, ``size`` bytes long. A
-fold's joint angles shrink to a third or less of what compressing them alone gives. A column of a
+fold's joint angles shrink to a fifth or less of what compressing them alone gives. A column of a
 ``size`` that is neither is as it was given, in such planes.
 """
 
@@ -22,16 +23,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.motion.angle_steps import DIFFERENCE_ORDER, whole_numbers
+
 ALIGNMENT_BYTES: Final = 8
 """Multiple of bytes at which each array in a binary message to the browser starts, so that
 JavaScript can use it as a typed array without copying."""
 COLUMN_DEFLATE_LEVEL: Final = 6
 """Compression level of arrays in a binary message to the browser, from 1 to 9 (zlib). A larger
 value makes smaller messages and takes more processor time. Chosen."""
-MAX_STEP_COUNT: Final = 2**30
+MAX_STEP_COUNT: Final = 2**28
 """Largest absolute value, in quantisation steps, up to which numbers are sent to the browser as
-integers; larger ones are sent as floating-point numbers. The difference of two such values fits
-into 32 bits."""
+integers; larger ones are sent as floating-point numbers. Third differences of such values fit into
+32 bits."""
 COLUMN_DTYPES: Final = frozenset({"<f8", "<f4", "|u1", "<u2", "<u4", "<i4"})
 
 
@@ -63,9 +66,11 @@ def encode(
         how: dict[str, Any] = {}
         packed = True
         if steps and name in steps and _countable(values, steps[name]):
-            how = {"step": steps[name]}
-            whole = np.rint(values.astype(np.float64) / steps[name]).astype("<i4")
-            array = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1])).astype("<i4")
+            how = {"step": steps[name], "differences": DIFFERENCE_ORDER}
+            array = np.rint(values.astype(np.float64) / steps[name]).astype("<i4")
+            for _ in range(DIFFERENCE_ORDER):
+                array = np.diff(array, axis=0, prepend=np.zeros_like(array[:1]))
+            array = (array << 1) ^ (array >> 31)  # codes, as byte_planes has them
         elif name in short:
             how = {"short": True}
             bits = np.ascontiguousarray(values, "<f4").view("<u4")
@@ -119,10 +124,13 @@ def _column(told: dict[str, Any], message: bytes, start: int) -> NDArray[Any]:
     if "size" not in told:
         return np.frombuffer(message, dtype, int(np.prod(shape)), at).reshape(shape)
     planes = np.frombuffer(zlib.decompress(message[at : at + told["size"]]), np.uint8)
-    bytes_ = np.ascontiguousarray(planes.reshape(dtype.itemsize, -1).T)
-    values = bytes_.view(dtype).reshape(shape)
+    planes = planes.reshape(dtype.itemsize, -1)
+    if "step" in told:
+        steps = whole_numbers(planes).reshape(shape)
+        for _ in range(told["differences"]):
+            steps = steps.cumsum(axis=0)
+        return (steps * told["step"]).astype("<f4")
+    values = np.ascontiguousarray(planes.T).view(dtype).reshape(shape)
     if told.get("short"):
         return (values.astype("<u4") << 16).view("<f4")
-    if "step" not in told:
-        return values
-    return (np.cumsum(values, axis=0, dtype=np.int64) * told["step"]).astype("<f4")
+    return values

@@ -117,6 +117,7 @@ def _batch(
         _header(timeline, total, start, end, stride),
         columns,
         steps={"joint_angles_rad": SENT_ANGLE_STEP_RAD},
+        planes=PLANE_COLUMNS,
         short=frozenset({"joint_error_rad"}),
     )
 

@@ -26,10 +26,13 @@ SENT_ANGLE_STEP_RAD: Final = 2.0**-20
 """Quantisation step of the joint angles that browsers receive, in rad. A larger value makes
 messages smaller and the displayed motion less accurate. Chosen."""
 PLANE_COLUMNS: Final = frozenset(
-    {"time_s", "phase", "first", "counts", "steps", "base_position", "base_wxyz", "recorded"}
+    {
+        *("time_s", "phase", "root_position", "root_wxyz"),
+        *("first", "counts", "steps", "base_position", "base_wxyz", "recorded"),
+    }
 )
-"""Names of the arrays of a long chain's motion whose bytes are grouped by significance before
-compression, without loss: constant or evenly changing values then take almost no space."""
+"""Names of the arrays of a motion, dense or in windows, whose bytes are grouped by significance
+before compression, without loss: constant or evenly changing values then take almost no space."""
 SINGLE_BYTE_COLUMNS: Final = frozenset({"errors_rad"})
 """Names of the arrays of a long chain's motion that are sent with the upper half of each
 single-precision number only, a relative precision of 1 in 256."""

@@ -24,7 +24,7 @@ export async function decode(buffer) {
  * @param {number} start
  * @returns {Promise<Column>}
  */
-async function column({ dtype, shape, at, size, step, short }, buffer, start) {
+async function column({ dtype, shape, at, size, step, differences = 0, short }, buffer, start) {
   const Type = TYPES[dtype];
   const count = shape.reduce((a, b) => a * b, 1);
   if (size === undefined) return new Type(buffer, start + at, count);
@@ -41,7 +41,8 @@ async function column({ dtype, shape, at, size, step, short }, buffer, start) {
     return found;
   }
   const row = shape.length > 1 ? count / (shape[0] || 1) : 1;
-  for (let i = row; i < count; i++) values[i] += values[i - row];
+  for (let i = 0; i < count; i++) values[i] = (values[i] >>> 1) ^ -(values[i] & 1);
+  for (let d = 0; d < differences; d++) for (let i = row; i < count; i++) values[i] += values[i - row];
   for (let i = 0; i < count; i++) found[i] = values[i] * (step ?? 1);
   return found;
 }

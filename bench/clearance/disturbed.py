@@ -1,0 +1,125 @@
+"""Disturbed robots: do they touch within the margins of their plan?
+
+``python -m bench.clearance.disturbed [N]`` follows each of ten plans N times (1000) with one hinge
+off by its margin, and N times with all hinges off at random. The clearance of every such motion is
+proved over its whole duration. Errors of three and ten times the margin show how much robots stand
+that is not proved.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+
+from bench.machine import machine
+from bench.tables import Section
+from examples.run_gallery import SHAPES
+from planner.chain.chain import Chain
+from planner.clearance.sweep import sweep
+from planner.file_names import PLAN
+from planner.pipeline.request import FoldRequest
+from planner.pipeline.stages import run_stages
+from planner.pipeline.warm_up import warm_up
+from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
+
+Array = NDArray[np.float64]
+PLANS: Final = (
+    "wrench-160",
+    "cross-3d",
+    "box-4x4x4",
+    "anchor",
+    "duck",
+    "guitar",
+    "chair",
+    "tetra-ring",
+    "tetra-wrench",
+    "heart",
+)
+"""Shapes of the gallery; the benchmark folds each with seed 0."""
+FACTORS: Final = (3.0, 10.0)
+"""Larger errors of all hinges, as multiples of the margin, that are sampled besides."""
+SAMPLES_BEYOND: Final = 10
+"""The larger errors are sampled this many times less often."""
+
+
+def disturbed(section: Section, count: int) -> None:
+    """Fold each plan and follow it with errors, ``count`` times for each kind."""
+    touched = 0
+    for name in PLANS:
+        row = _row(name, count)
+        section.rows.append(row)
+        touched += row["one hinge: touch"] + row["at random: touch"]
+        print(f"{row}", flush=True)
+    section.add("robots within the margins that touch", str(touched), "0", touched == 0)
+
+
+def _row(name: str, count: int) -> dict[str, Any]:
+    path, begun = SHAPES / f"{name}.json", time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder:
+        request = FoldRequest(filename=path.name)
+        Workspace(FilePath(folder)).write_request(request, path.read_bytes())
+        run_stages(FilePath(folder))
+        plan = Plan.load(FilePath(folder) / PLAN)
+    margins = plan.certificate.margins
+    assert margins is not None, name
+    chain, angles = plan.chain, plan.motion.angles(plan.chain)
+    size, hinges, rng = plan.certificate.module_size, angles.shape[1], np.random.default_rng(0)
+    one, each = margins.one_hinge_rad.value, margins.independent_rad.value
+
+    def one_off() -> Array:
+        off = np.zeros(hinges)
+        off[rng.integers(hinges)] = one * rng.choice((-1.0, 1.0))
+        return off
+
+    def all_off(factor: float) -> Array:
+        return rng.uniform(-factor * each, factor * each, hinges)
+
+    beyond = {
+        f"at random, × {factor:g}: touch, %": 100.0
+        * np.mean(
+            [
+                _touches(chain, angles + all_off(factor), size)
+                for _ in range(max(1, count // SAMPLES_BEYOND))
+            ]
+        )
+        for factor in FACTORS
+    }
+    return {
+        "plan": name,
+        "modules": len(chain),
+        "size": margins.module_size.value,
+        "one hinge, °": np.degrees(one),
+        "one hinge: touch": sum(_touches(chain, angles + one_off(), size) for _ in range(count)),
+        "at random, °": np.degrees(each),
+        "at random: touch": sum(_touches(chain, angles + all_off(1.0), size) for _ in range(count)),
+        **beyond,
+        "robots": count,
+        "s": time.perf_counter() - begun,
+    }
+
+
+def _touches(chain: Chain, angles: Array, size: float) -> bool:
+    """Return True if a motion is not proved to be free of contacts."""
+    return sweep(chain, angles, size=size, share=0.0).bound <= 0.0
+
+
+def main() -> None:
+    """Run the benchmark with the number of the command line."""
+    warm_up()
+    section = Section(name="disturbed")
+    disturbed(section, int(sys.argv[1]) if len(sys.argv) > 1 else 1000)
+    console = Console(width=180)
+    console.print(machine())
+    section.show(console)
+
+
+if __name__ == "__main__":
+    main()

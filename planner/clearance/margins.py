@@ -1,0 +1,332 @@
+"""Margins: how large errors of modules and hinges may be before a motion is no longer proved clear.
+
+Lemmas 11 and 12 of docs/decisions/0012-sweep-bound.md. Each margin is the largest value found, in
+steps of a few percent, at which the whole motion is proved to be clear.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.clearance.largest_size import FULL_SIZE
+from planner.clearance.linked import Place
+from planner.clearance.rounding import clearance_rounding
+from planner.clearance.sweep import (
+    Sweep,
+    between_frames,
+    disturbed_sweep,
+    pair_clearance,
+    rest_motions,
+)
+from planner.kernels.clearance_bounds import Levers, Tolerance, allowance
+from planner.motion.motion import Motion
+from planner.progress import Cancelled, never
+
+Array = NDArray[np.float64]
+END_FRAMES: Final = 64
+"""Number of frames at the end of a motion that are proved first. Chosen."""
+STEP: Final = 0.95
+"""Factor by which a value that is not proved is reduced, below the one at which the modules that it
+fails for touch. Larger values find larger margins and need more sweeps. Chosen."""
+MAX_STEPS: Final = 12
+"""Maximum number of values that are tried for a margin; beyond it the margin is 0. Chosen."""
+FAILURE_PROBABILITY: Final = 0.05
+"""Upper bound of the probability that a robot touches itself whose hinges have independent errors
+within the margin. Smaller values give smaller margins. Chosen."""
+MAX_ANGLE_RAD: Final = 0.5
+"""Largest error of a hinge, in radians, that is tried as a margin. Chosen."""
+MAX_SUM_RAD: Final = 0.5
+"""Largest sum of the errors of all hinges, in radians, that is tried as a margin. Lemma 12 needs
+less than 1. Chosen."""
+MAX_MODULES: Final = 2000
+"""Largest number of modules of a chain whose margins are computed. Larger values compute margins of
+longer chains, in time that grows with the square of the number. Chosen."""
+SPARE_PITCH: Final = 1e-4
+"""Distance of modules, in pitches, that independent errors must leave at the moments at which they
+are bounded, for the motion between these moments. Smaller values need more moments. Chosen."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Margin:
+    """Largest error at which a motion is proved clear.
+
+    Attributes:
+        value: The error; the module size in pitches, or an angle in radians.
+        limited_by: Moment and pair of modules for which the next larger value failed.
+    """
+
+    value: float
+    limited_by: Place
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Margin:
+        """Read the plain values of a dataclass."""
+        place = Place.from_dict(values["limited_by"])
+        assert place is not None
+        return cls(value=values["value"], limited_by=place)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Margins:
+    """Errors that a motion is proved to stand.
+
+    Attributes:
+        module_size: Size of the modules as a fraction of the pitch, with exact hinges.
+        one_hinge_rad: Error of any one hinge at any moment, all others being exact.
+        independent_rad: Error of each hinge, the same all the time. Hinges are independent of each
+            other, each as likely too far as not far enough.
+        failure_probability: Upper bound of the probability that modules of such a robot touch.
+    """
+
+    module_size: Margin
+    one_hinge_rad: Margin
+    independent_rad: Margin
+    failure_probability: float = FAILURE_PROBABILITY
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any] | None) -> Margins | None:
+        """Read the plain values of a dataclass; None gives None."""
+        if values is None:
+            return None
+        return cls(
+            module_size=Margin.from_dict(values["module_size"]),
+            one_hinge_rad=Margin.from_dict(values["one_hinge_rad"]),
+            independent_rad=Margin.from_dict(values["independent_rad"]),
+            failure_probability=float(values["failure_probability"]),
+        )
+
+
+def margins(
+    chain: Chain, motion: Motion, closest: Sweep, *, size: float, cancelled: Cancelled = never
+) -> Margins | None:
+    """Find how large errors may be; None if no modules come near each other, or if cancelled.
+
+    Args:
+        chain: The chain.
+        motion: A motion that is proved clear.
+        closest: Its sweep.
+        size: Module size as a fraction of the pitch.
+        cancelled: Polled between tasks.
+    """
+    if closest.modules is None or closest.bound <= 0.0 or len(chain) > MAX_MODULES:
+        return None
+    kinds = _Kinds.of(chain, motion, size, FAILURE_PROBABILITY)
+    search = _Search(
+        chain=chain,
+        motion=motion,
+        closest=Place(frame=closest.frame, modules=closest.modules),
+        cancelled=cancelled,
+    )
+    (larger,) = search.largest(kinds.larger, (FULL_SIZE - size,))
+    most = (MAX_ANGLE_RAD, MAX_SUM_RAD / len(chain.folded_rad))
+    one, each = search.largest(kinds.turned, most)
+    found = Margins(
+        module_size=replace(larger, value=size + larger.value),
+        one_hinge_rad=one,
+        independent_rad=each,
+    )
+    return None if cancelled() else found
+
+
+def unproved_margins(chain: Chain, motion: Motion, told: Margins, *, size: float) -> list[str]:
+    """Return the names of those margins at which a motion is not proved clear.
+
+    Args:
+        chain: The chain.
+        motion: The motion.
+        told: The margins.
+        size: Module size as a fraction of the pitch, for the margins of hinges.
+    """
+    kinds = _Kinds.of(chain, motion, size, told.failure_probability)
+    tried = {
+        "module_size": kinds.larger(told.module_size.value - size),
+        "one_hinge_rad": kinds.turned(told.one_hinge_rad.value, 0.0),
+        "independent_rad": kinds.turned(0.0, told.independent_rad.value),
+    }
+    return [
+        name
+        for name, errors in tried.items()
+        if not all(
+            disturbed_sweep(chain, each, errors.hinges, size=errors.size).bound > 0.0
+            for each, _ in _proof_motions(chain, motion)
+        )
+    ]
+
+
+def _proof_motions(chain: Chain, motion: Motion) -> list[tuple[Motion, int]]:
+    """Return the motions that must be clear, and the frame at which each begins.
+
+    The end of a fold limits most margins, so it comes first: other parts are then seldom proved
+    more than once. In a windowed motion the folded and the straight chain stand for modules that
+    are rigid with each other.
+    """
+    folded, straight = rest_motions(chain)
+    begin = max(0, len(motion) - END_FRAMES)
+    found = [(folded, len(motion) - 1), (motion[begin:], begin)]
+    if begin > 0:
+        found.append((motion[: begin + 1], 0))
+    if motion.is_windowed:
+        found.append((straight, 0))
+    return found
+
+
+def _deviations(chain: Chain, motion: Motion, probability: float) -> float:
+    """Return κ of lemma 12: exp(−κ² / 2) times the number of events is the failure probability."""
+    module, n = chain.module, len(chain)
+    length = float(np.linalg.norm(module.anchor) + np.linalg.norm(module.offset))
+    reach = length * n + 2.0 * module.radius
+    speed = reach * _largest_turning(chain, motion)
+    moments = len(motion) * math.ceil(speed / (2.0 * SPARE_PITCH) + 1.0)
+    events = len(module.hull.vertices) * (n * (n - 1) / 2) * moments
+    return math.sqrt(2.0 * math.log(events / probability))
+
+
+def _largest_turning(chain: Chain, motion: Motion) -> float:
+    """Return the largest sum of the steps of all hinges between two frames, rad."""
+    before, most = motion.angles_at(chain, 0), 0.0
+    for k in range(1, len(motion)):
+        angles = motion.angles_at(chain, k)
+        most = max(most, float(np.abs(angles - before).sum()))
+        before = angles
+    return most
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Errors:
+    """Errors that a motion is tried with.
+
+    Attributes:
+        size: Module size as a fraction of the pitch.
+        hinges: Errors of the hinges.
+    """
+
+    size: float
+    hinges: Tolerance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Kinds:
+    """Kinds of errors, each a function of one value; 0 stands for no errors.
+
+    Attributes:
+        size: Module size as a fraction of the pitch, but for ``larger``.
+        rounding: Bound of rounding, in pitches, for modules of any size.
+        deviations: κ of lemma 12.
+    """
+
+    size: float
+    rounding: float
+    deviations: float
+
+    @classmethod
+    def of(cls, chain: Chain, motion: Motion, size: float, probability: float) -> _Kinds:
+        """Return the kinds of errors of a motion, with the failure probability of random ones."""
+        rounding = clearance_rounding(chain, FULL_SIZE)
+        deviations = _deviations(chain, motion, probability)
+        return cls(size=size, rounding=rounding, deviations=deviations)
+
+    def larger(self, more: float) -> Errors:
+        """Return modules that are larger by ``more`` pitches."""
+        return Errors(size=self.size + more, hinges=Tolerance(0.0, 0.0, 0.0, self.rounding))
+
+    def turned(self, one: float, each: float) -> Errors:
+        """Return one hinge that is off, and besides, hinges that are all off independently."""
+        spare = SPARE_PITCH + self.rounding
+        return Errors(size=self.size, hinges=Tolerance(one, each, self.deviations, spare))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Search:
+    """Search for the largest errors at which a motion is proved clear.
+
+    It begins with the value at which the closest modules of the exact motion would touch, and goes
+    down to the one at which those modules would touch for which a proof failed.
+
+    Attributes:
+        chain, motion: The chain and its motion.
+        closest: Closest place of the exact motion.
+        cancelled: Polled between tasks.
+    """
+
+    chain: Chain
+    motion: Motion
+    closest: Place
+    cancelled: Cancelled
+
+    def largest(self, errors: Callable[..., Errors], most: tuple[float, ...]) -> list[Margin]:
+        """Return the largest values found at which the motion is proved clear.
+
+        Args:
+            errors: Makes errors of as many values as ``most`` has; 0 makes none.
+            most: Largest value of each kind that is tried.
+        """
+        found = [
+            Margin(value=STEP * value, limited_by=self.closest)
+            for value in self._touching(self.closest, errors, most)
+        ]
+        motions = _proof_motions(self.chain, self.motion)
+        steps = 0
+        while motions and not self.cancelled():
+            motion, begin = motions[0]
+            tried = errors(*(margin.value for margin in found))
+            swept = disturbed_sweep(
+                self.chain, motion, tried.hinges, size=tried.size, cancelled=self.cancelled
+            )
+            if swept.bound > 0.0:
+                motions.pop(0)
+                continue
+            steps += 1
+            if steps > MAX_STEPS:
+                return [replace(margin, value=0.0) for margin in found]
+            place, touching = self.closest, [0.0] * len(most)
+            if swept.modules is not None:
+                place = Place(frame=begin + swept.frame, modules=swept.modules)
+                touching = self._touching(place, errors, most)
+            failing = [touch <= one.value for touch, one in zip(touching, found, strict=True)]
+            for k, margin in enumerate(found):
+                if failing[k] and touching[k] > 0.0:
+                    found[k] = Margin(value=STEP * touching[k], limited_by=place)
+                elif not any(failing) or touching[k] == 0.0:
+                    # Bounds over an interval are what fails, and not the modules.
+                    found[k] = Margin(value=STEP**steps * margin.value, limited_by=place)
+        return found
+
+    def _touching(
+        self, place: Place, errors: Callable[..., Errors], most: tuple[float, ...]
+    ) -> list[float]:
+        """Return the value of each kind of error at which two modules may touch at a moment."""
+        from scipy.optimize import brentq  # late: pages start without it
+
+        def left(value: float, kind: int) -> float:
+            values = [value if k == kind else 0.0 for k in range(len(most))]
+            return self._gap(place, errors(*values))
+
+        return [
+            top
+            if left(top, kind) > 0.0
+            else cast(float, brentq(left, 0.0, top, args=(kind,), xtol=1e-9))
+            for kind, top in enumerate(most)
+        ]
+
+    def _gap(self, place: Place, errors: Errors) -> float:
+        """Return what errors leave of the clearance of two modules at a moment, in pitches."""
+        chain, module = self.chain, self.chain.module
+        assert place.modules is not None
+        i, j = place.modules
+        poses = forward_kinematics(module, between_frames(chain, self.motion, place.frame))
+        clearance = pair_clearance(module, poses, place.modules, size=errors.size)
+        x = poses.positions
+        arm = module.radius * errors.size + float(np.linalg.norm(module.anchor))
+        from_a, from_b = (np.linalg.norm(x[i:j] - x[k], axis=1) + arm for k in (i, j))
+        longest = float(np.minimum(from_a, from_b).max())
+        levers = Levers(longest, float(from_b.sum()), float(from_b @ from_b))
+        joints, hinges = float(j - i), float(module.hinges_per_joint)
+        return clearance - allowance(errors.hinges, levers, joints, hinges)

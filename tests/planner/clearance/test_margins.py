@@ -1,0 +1,141 @@
+"""Margins hold: disturbed motions within them are proved clear, and the lemmas hold in NumPy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.chain.module import CUBE, TETRAHEDRON, Module
+from planner.clearance.margins import (
+    FAILURE_PROBABILITY,
+    STEP,
+    Margin,
+    Margins,
+    margins,
+    unproved_margins,
+)
+from planner.clearance.sweep import disturbed_sweep, pair_clearance, sweep
+from planner.kernels.clearance_bounds import Tolerance
+from planner.motion.motion import Motion, as_motion
+from tests.planner.chains import coil
+from tests.planner.clearance.test_proof import bent
+from tests.planner.peels import peel
+
+Array = NDArray[np.float64]
+SIZE = 0.8
+
+
+@pytest.fixture(scope="module")
+def folding() -> tuple[Chain, Motion, Margins]:
+    chain = coil(24)
+    motion = peel(chain, width=4, step=0.5)
+    return chain, motion, _margins(chain, motion)
+
+
+def _margins(chain: Chain, motion: Motion) -> Margins:
+    found = margins(chain, motion, sweep(chain, motion, size=SIZE), size=SIZE)
+    assert found is not None
+    return found
+
+
+def _is_clear(chain: Chain, angles: Array, size: float = SIZE) -> bool:
+    return sweep(chain, angles, size=size, share=0.0).bound > 0.0
+
+
+def test_motion_with_one_hinge_off_by_the_margin_is_clear(
+    folding: tuple[Chain, Motion, Margins],
+) -> None:
+    chain, motion, found = folding
+    angles = motion.angles(chain)
+    off = found.one_hinge_rad.value
+    assert off > np.radians(0.1)
+    for hinge in range(angles.shape[1]):
+        for sign in (-1.0, 1.0):
+            disturbed = angles.copy()
+            disturbed[:, hinge] += sign * off
+            assert _is_clear(chain, disturbed), hinge
+
+
+def test_motion_with_random_errors_within_the_margin_is_clear(
+    folding: tuple[Chain, Motion, Margins],
+) -> None:
+    chain, motion, found = folding
+    angles, rng = motion.angles(chain), np.random.default_rng(1)
+    off = found.independent_rad.value
+    assert 0.0 < off < found.one_hinge_rad.value
+    for _ in range(50):
+        assert _is_clear(chain, angles + rng.uniform(-off, off, angles.shape[1]))
+
+
+def test_size_margin_is_the_largest_size_within_a_step(
+    folding: tuple[Chain, Motion, Margins],
+) -> None:
+    chain, motion, found = folding
+    size = found.module_size.value
+    assert SIZE < size < 1.0
+    assert _is_clear(chain, motion.angles(chain), size)
+    larger = SIZE + (size - SIZE) / STEP**3
+    assert larger >= 1.0 or not _is_clear(chain, motion.angles(chain), larger)
+
+
+def test_margins_that_are_too_large_are_not_proved(
+    folding: tuple[Chain, Motion, Margins],
+) -> None:
+    chain, motion, found = folding
+    assert unproved_margins(chain, motion, found, size=SIZE) == []
+    for name in ("module_size", "one_hinge_rad", "independent_rad"):
+        margin: Margin = getattr(found, name)
+        forged = replace(found, **{name: replace(margin, value=1.3 * margin.value)})
+        assert unproved_margins(chain, motion, forged, size=SIZE) == [name]
+    sure = replace(found, failure_probability=FAILURE_PROBABILITY / 1e6)
+    assert unproved_margins(chain, motion, sure, size=SIZE) == ["independent_rad"]
+
+
+def _nearing(module: Module, x: Array, pair: tuple[int, int], errors: Tolerance) -> float:
+    """Return the allowance of lemmas 11 and 12, in NumPy."""
+    (i, j), (one, each, kappa, spare) = pair, errors
+    arm = module.radius * SIZE + float(np.linalg.norm(module.anchor))
+    from_i, from_j = (np.linalg.norm(x[i:j] - x[k], axis=1) + arm for k in (i, j))
+    lever = np.repeat(from_j, module.hinges_per_joint)
+    moved = each * lever.sum() / (1.0 - each * len(lever))
+    spread = np.sqrt(((lever + moved) ** 2).sum())
+    drift = 0.5 * each * each * (lever + moved).sum()
+    return float(spare + one * np.minimum(from_i, from_j).max() + each * kappa * spread + drift)
+
+
+@pytest.mark.parametrize("module", [CUBE, TETRAHEDRON], ids=lambda module: module.name)
+def test_one_frame_leaves_the_clearance_less_the_allowance(module: Module) -> None:
+    rng, errors = np.random.default_rng(2), Tolerance(0.02, 1e-3, 6.0, 1e-6)
+    for _ in range(20):
+        chain = bent(module, 24, rng)
+        angles = chain.folded_rad
+        poses = forward_kinematics(module, angles)
+        least = min(
+            pair_clearance(module, poses, (i, j), size=SIZE)
+            - _nearing(module, poses.positions, (i, j), errors)
+            for i in range(24)
+            for j in range(i + module.apart, 24)
+        )
+        found = disturbed_sweep(chain, as_motion(angles[None]), errors, size=SIZE)
+        assert found.clearance == pytest.approx(min(least, 1e-3), abs=1e-9)
+
+
+def test_windows_have_the_margins_of_the_same_motion_without_windows(
+    folding: tuple[Chain, Motion, Margins],
+) -> None:
+    chain, motion, found = folding
+    dense = _margins(chain, motion.dense(chain))
+    for name in ("module_size", "one_hinge_rad", "independent_rad"):
+        values = [getattr(each, name).value for each in (found, dense)]
+        assert values[0] == pytest.approx(values[1], rel=0.05)
+
+
+def test_motion_that_touches_has_no_margins() -> None:
+    chain = coil(12)
+    even = as_motion(np.linspace(0.0, 1.0, 30)[:, None] * chain.folded_rad)
+    assert margins(chain, even, sweep(chain, even, size=0.95), size=0.95) is None
