@@ -15,7 +15,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, Response
 
 from planner.errors import DamagedError, TimelineError
-from planner.file_names import TIMELINE
+from planner.file_names import PLAN, TIMELINE
 from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
@@ -149,9 +149,17 @@ def standalone_page(
         raise
     except (TimelineError, OSError):
         curves = forces = None
-    table = _table(found, timeline)
+    plan = found.directory / PLAN
+    check(found.directory, PLAN)
     return standalone_html(
-        timeline, render, facts, curves=curves, forces=forces, table=table, view=view
+        timeline,
+        render,
+        facts,
+        plan=plan if found.row.status == "verified" and plan.exists() else None,
+        curves=curves,
+        forces=forces,
+        table=_table(found, timeline),
+        view=view,
     )
 
 

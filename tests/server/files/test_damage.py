@@ -85,6 +85,8 @@ def test_damaged_download_is_refused(service: Service, fold: str, directory: Pat
         (directory / name).write_bytes(bytes(data))
         answer = service.http.get(f"/api/folds/{fold}/{name}")
         assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data"), name
+    answer = service.http.get(f"/folds/{fold}/standalone.html")  # the plan is in it
+    assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data")
 
 
 def test_private_picture_and_data_directory_are_closed_to_others(
