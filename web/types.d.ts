@@ -133,7 +133,8 @@ interface WindowArrays {
   base_wxyz: Floats;
   first: Numbers;
   counts: Numbers;
-  steps: Int32Array;
+  steps: Int32Array; // unused where there are
+  angles?: Float32Array<ArrayBuffer>; // the same in radians
   errors_rad?: Float32Array<ArrayBuffer>; // of simulated frames, which are those that are recorded
   recorded?: Numbers;
 }

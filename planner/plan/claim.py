@@ -7,15 +7,26 @@ proves it from the plan's file alone.
 from __future__ import annotations
 
 import hashlib
+import io
+import json
+from pathlib import Path as FilePath
 from typing import Any, Final
 
 import numpy as np
 
 from planner.chain.module import Module
+from planner.motion.angle_steps import PLANES_NAME, frame_planes, told_of, window_planes
 from planner.motion.motion import Motion
 
 CLAIM_FORMAT: Final = "foldback-claim/1"
 """Format of a plan's claim; a change of its meaning gets a new number."""
+CLAIMED_VALUES: Final = ("chain", "start", "certificate", "claim", "angles")
+"""Values of a plan's file that its claim is about."""
+CLAIMED_ARRAYS: Final = (
+    *("joint_names", "time_s", "first", "offsets"),
+    *("joint_angles_rad", "angles_rad", PLANES_NAME),
+)
+"""Arrays of a plan's ``.npz`` file that its claim is about."""
 
 
 def claim_of(module: Module, motion: Motion) -> dict[str, Any]:
@@ -74,3 +85,35 @@ def angles_digest(motion: Motion) -> str:
     for values, kind in parts:
         found.update(np.ascontiguousarray(values, dtype=kind).data)  # usually no copy
     return found.hexdigest()
+
+
+def claimed_part(path: FilePath) -> bytes:
+    """Return a smaller ``.npz`` file with the part of a plan that its claim is about.
+
+    A checker proves it like the whole file. The angles are stored in planes where they can be.
+
+    Args:
+        path: A plan's ``.npz`` file.
+
+    Raises:
+        KeyError, OSError, ValueError, BadZipFile: The file cannot be read.
+    """
+    with np.load(path, allow_pickle=False) as file:
+        arrays: dict[str, Any] = {name: file[name] for name in CLAIMED_ARRAYS if name in file}
+        told = json.loads(str(file["plan"]))
+    told = {name: told[name] for name in CLAIMED_VALUES if name in told}
+    if (windowed := "angles_rad" in arrays) or "joint_angles_rad" in arrays:
+        name = "angles_rad" if windowed else "joint_angles_rad"
+        angles, folded = arrays[name], np.array(told["chain"]["folded_rad"])
+        planes = (
+            window_planes(arrays["first"], arrays["offsets"], angles, folded)
+            if windowed
+            else frame_planes(angles)
+        )
+        if planes is not None:
+            told["angles"] = told_of(angles.shape, windowed=windowed)
+            arrays = {**arrays, PLANES_NAME: planes}
+            del arrays[name]
+    written = io.BytesIO()
+    np.savez_compressed(written, plan=np.array(json.dumps(told)), **arrays)
+    return written.getvalue()

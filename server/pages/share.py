@@ -15,7 +15,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, Response
 
 from planner.errors import DamagedError, TimelineError
-from planner.file_names import TIMELINE
+from planner.file_names import PLAN, TIMELINE
 from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
@@ -141,8 +141,17 @@ def _standalone(found: Found, timeline: TimelineView, facts: FoldFacts) -> bytes
         raise
     except (TimelineError, OSError):
         curves = forces = None
-    table = _table(found, timeline)
-    return standalone_html(timeline, _page, facts, curves=curves, forces=forces, table=table)
+    plan = found.directory / PLAN
+    check(found.directory, PLAN)
+    return standalone_html(
+        timeline,
+        _page,
+        facts,
+        plan=plan if found.row.status == "verified" and plan.exists() else None,
+        curves=curves,
+        forces=forces,
+        table=_table(found, timeline),
+    )
 
 
 def _table(found: Found, timeline: TimelineView) -> TableTop | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -36,6 +37,8 @@ def test_the_browser_checks_a_fold_by_itself(page: Page, service: Service, wrenc
     claim = Plan(service.directory(wrench) / "plan.npz").claim
     assert f"{int(1000 * claim) / 10:.1f} % of a module width apart" in said.inner_text()
     assert [url for url in asked if url.endswith("/plan.npz")]
+    expect(check.get_by_text("Makes modules larger")).to_be_in_viewport()
+    expect(check.get_by_role("button", name="Check it here")).to_be_focused()
     check.get_by_text("What is not claimed").click()
     expect(check).to_contain_text("Real joints have play")
     assert findings(page) == {}
@@ -68,6 +71,27 @@ def test_the_checker_is_there_to_take_away(service: Service) -> None:
     answer = service.http.get("/static/foldback_check.py")
     assert answer.is_success
     assert "def main" in answer.text
+
+
+def test_a_downloaded_page_checks_itself(
+    visit: Visit, service: Service, wrench: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "fold.html"
+    file.write_bytes(service.http.get(f"/folds/{wrench}/standalone.html").content)
+    page = visit("about:blank", width=1366, height=768, view=False, offline=True)
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(file.as_uri())
+    page.locator("#details").click()
+    check = page.locator("#check")
+    check.get_by_role("button", name="Check it here").click()
+    said = check.get_by_role("status")
+    expect(said).to_contain_text("Checked by this browser, without our server: 24 modules")
+    expect(said).to_contain_text(re.compile(r"It took [\d.]+ s"))
+    check.get_by_role("button", name="Tightest place").click()
+    assert len(page.evaluate("foldback.player.marked")) == 2
+    expect(check.get_by_role("link")).to_have_count(0)
+    assert [url for url in asked if url.startswith("http")] == []
 
 
 def test_it_is_checked_where_it_is_embedded(visit: Visit, wrench: str) -> None:

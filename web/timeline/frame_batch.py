@@ -74,6 +74,7 @@ def batch_of(
     stride: int = 1,
     *,
     largest: int = MAX_BATCH_BYTES,
+    without: frozenset[str] = frozenset(),
 ) -> bytes:
     """Frames from ``start`` on, as many as fit into one message of about a mebibyte.
 
@@ -83,16 +84,22 @@ def batch_of(
         stop: Past the last one; the end when None.
         stride: Every so many-th.
         largest: About as many bytes of angles and errors as a batch may have when unpacked.
+        without: Columns of windows to leave out.
 
     Raises:
         TimelineError: When the timeline is being replaced.
     """
     with timeline.reading():  # the header tells of the frames that are in the columns
-        return _batch(timeline, start, stop, stride, largest)
+        return _batch(timeline, start, stop, stride, largest, without)
 
 
 def _batch(
-    timeline: TimelineView, start: int, stop: int | None, stride: int, largest: int
+    timeline: TimelineView,
+    start: int,
+    stop: int | None,
+    stride: int,
+    largest: int,
+    without: frozenset[str],
 ) -> bytes:
     total = len(timeline)
     start = min(start, total)
@@ -100,6 +107,7 @@ def _batch(
     if timeline.windowed:
         windows, end = _windows(timeline, start, end, stride, largest)
         columns = window_columns(windows, timeline.chain.folded_rad)
+        columns = {name: columns[name] for name in columns if name not in without}
         header = _header(timeline, total, start, end, stride)
         return encode(header, columns, planes=PLANE_COLUMNS, short=SINGLE_BYTE_COLUMNS)
     most = max(1, largest // (8 * len(timeline.chain.joint_names) + 40))

@@ -2,7 +2,11 @@
 
 The page is the embedded one: the same scripts, viser's client, the scene bundle and a single
 batch of all frames. Scripts are named by an import map of data addresses: nothing bundles them. The
-map is compressed; a script of the template unpacks it and then imports the entry.
+map is compressed; a script of the template unpacks it and then imports the entry. Only the checker,
+a worker, is one script of several: import maps do not reach into workers.
+
+The plan is there, too, for that checker: as much of it as its claim is about. If the timeline is a
+windowed plan backwards and then forwards, the angles of the frames are taken from the plan.
 """
 
 from __future__ import annotations
@@ -14,18 +18,27 @@ import re
 import zlib
 from collections.abc import Callable, Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote
 
+import numpy as np
+
+from planner.motion.angle_steps import plan_columns
+from planner.motion.motion import Motion
+from planner.plan.claim import claimed_part
 from web.pictures.table_top import TableTop
 from web.static_files import SCRIPT_IMPORT, STATIC, code_of, imported, scripts_of, text_of
-from web.timeline.frame_batch import thinned, unpacked_bytes
+from web.timeline.frame_batch import UNLIMITED_BYTES, batch_of, thinned, unpacked_bytes
 from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.scene_bundle import bundle_of
 
 ENTRY_SCRIPT: Final = "js/pages/standalone.js"
 WORKER_SCRIPT: Final = "js/viewer/sketch_worker.js"
+CHECKER_SCRIPT: Final = "js/check/worker.js"
+CHECKER_NAME: Final = "foldback/checker"
+"""Name of the whole checker in the import map, of whose scripts some are in the page as well."""
 THEME_SCRIPT: Final = "js/theme.js"
 STYLES: Final = ("css/base.css", "css/fold.css")
 UNESCAPED_CHARACTERS: Final = " !$&'()*+,-./:;=?@[]^_`{|}~"
@@ -33,7 +46,11 @@ UNESCAPED_CHARACTERS: Final = " !$&'()*+,-./:;=?@[]^_`{|}~"
 file with a fold. Fewer make the file larger."""
 MAX_STANDALONE_BYTES: Final = 48 * 2**20
 """Maximum size of the frames in a single HTML file with a fold, in bytes before compression. Of
-larger motions frames are left out, and so are the plots. Chosen."""
+larger motions frames are left out, and so are the plots and the plan. Chosen."""
+WINDOW_ANGLES: Final = frozenset({"first", "counts", "steps"})
+"""Columns of a batch of windows that a page can take from the plan."""
+MODULE_WORDS: Final = re.compile(r"^import .*\n|^export ", re.MULTILINE)
+"""What makes a module of a script: its imports, each on one line, and what it exports."""
 
 Render = Callable[..., str]
 
@@ -43,6 +60,7 @@ def standalone_html(
     render: Render,
     facts: Mapping[str, Any],
     *,
+    plan: Path | None = None,
     curves: bytes | None = None,
     forces: bytes | None = None,
     table: TableTop | None = None,
@@ -53,6 +71,7 @@ def standalone_html(
         timeline: The fold's frames.
         render: Fills the template ``standalone.html`` with the values it is given.
         facts: Facts of the fold, as for its own page.
+        plan: The verified plan's ``.npz`` file, for the checker; None if there is nothing to check.
         curves: Data of the plots, from ``web.timeline.metrics``.
         forces: ``web.timeline.metrics.table_forces``, of a fold on a table.
         table: That table.
@@ -61,11 +80,17 @@ def standalone_html(
         TimelineError: When the timeline is being replaced.
     """
     stride = max(1, -(-unpacked_bytes(timeline) // MAX_STANDALONE_BYTES))
+    if stride > 1:
+        plan, batch = None, thinned(timeline, stride)
+    else:
+        known = WINDOW_ANGLES if plan and _repeats(timeline, plan) else frozenset[str]()
+        batch = batch_of(timeline, largest=UNLIMITED_BYTES, without=known)
     parts = {
         "client": client().html.decode(),
         "worker": code_of(WORKER_SCRIPT),
         "bundle": _text(bundle_of(timeline.chain, timeline.stretch, table)),
-        "batch": _text(thinned(timeline, stride)),
+        "batch": _text(batch),
+        "plan": None if plan is None else _text(claimed_part(plan)),
         "curves": None if curves is None or stride > 1 else _text(curves),
         "forces": None if forces is None or stride > 1 else _text(forces),
         "facts": dict(facts),
@@ -81,6 +106,18 @@ def standalone_html(
     ).encode()
 
 
+def _repeats(timeline: TimelineView, plan: Path) -> bool:
+    """Return True if a timeline holds the angles of a windowed plan backwards, then forwards."""
+    if not timeline.windowed:
+        return False
+    motion = Motion.from_angles(**plan_columns(plan, timeline.chain.folded_rad))
+    both, shown = Motion.joined((motion[::-1], motion)), timeline.windows(0, len(timeline))
+    return all(
+        np.array_equal(getattr(both, name), getattr(shown, name))
+        for name in ("first", "offsets", "angles_rad")
+    )
+
+
 @cache
 def standalone_scripts() -> str:
     """Return a version that changes with the page's scripts and styles: letters and digits."""
@@ -94,7 +131,14 @@ def standalone_scripts() -> str:
 def _import_map() -> bytes:
     """Return a compressed import map: names of the scripts that the page needs, and addresses."""
     imports = {f"foldback/{name}": _address_of(name) for name in scripts_of(ENTRY_SCRIPT)}
+    imports[CHECKER_NAME] = _address(_checker())
     return zlib.compress(json.dumps({"imports": imports}).encode(), 9)
+
+
+def _checker() -> str:
+    """Return the checker as one script without modules: what others import comes first."""
+    names = reversed(scripts_of(CHECKER_SCRIPT))
+    return "".join(MODULE_WORDS.sub("", code_of(name)) for name in names)
 
 
 def _address_of(name: str) -> str:
@@ -103,8 +147,11 @@ def _address_of(name: str) -> str:
     def named(match: re.Match[str]) -> str:
         return f'{match[1]}"foldback/{imported(name, match[2])}"'
 
-    # Less than by base64: of a script few characters have to be written otherwise.
-    code = SCRIPT_IMPORT.sub(named, code_of(name))
+    return _address(SCRIPT_IMPORT.sub(named, code_of(name)))
+
+
+def _address(code: str) -> str:
+    """Return a script as an address; base64 would escape more of its characters."""
     return f"data:text/javascript,{quote(code, safe=UNESCAPED_CHARACTERS)}"
 
 

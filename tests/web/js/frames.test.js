@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { decode } from "../../../web/static/js/lib/columns.js";
-import { FrameStore, Window } from "../../../web/static/js/player/frames.js";
+import { FrameStore, Window, thereAndBack } from "../../../web/static/js/player/frames.js";
 import { Kinematics, Standing, foldedness, frameFolded } from "../../../web/static/js/player/kinematics.js";
 import { close, closeTurns, recorded, unpack, vectors } from "./vectors.js";
 
@@ -39,6 +39,22 @@ for (const { name, bundle, batch, frames } of vectors.windows) {
   });
 }
 
+test("the windows of a plan are played backwards, then forwards", async () => {
+  const { bundle, batch } = vectors.windows[0];
+  const told = { foldedRad: (await unpack(bundle)).arrays.folded_rad, noErrors: [] };
+  const plan = new Window(await unpack(batch), told);
+  const { first, ends, angles: values } = plan.arrays;
+  const offsets = [0, ...ends], none = new Float32Array();
+  const last = Array.from(first, (a, k) => a + offsets[k + 1] - offsets[k]);
+  const both = thereAndBack({ frames: plan.rows, first, last, offsets, values });
+  const rows = new Window({ arrays: { ...both, time_s: new Float64Array(2 * plan.rows), phase: [], base_position: none, base_wxyz: none } }, told);
+  for (let k = 0; k < plan.rows; k += 7) {
+    for (const frame of [plan.rows + k, plan.rows - 1 - k]) {
+      for (const name of ["first", "last", "angles"]) assert.deepEqual(rows.row(frame)[name], plan.row(k)[name]);
+    }
+  }
+});
+
 test("packed columns", async () => {
   const { message, angles, errors } = vectors.columns;
   const { header, arrays } = await unpack(message);
@@ -64,7 +80,7 @@ const angleBetween = (a, b) => 2 * Math.acos(Math.min(1, Math.abs(a.reduce((sum,
 const relative = (positions) => positions.map((v, k) => v - positions[k % 3]);
 
 for (const given of vectors.shipped) {
-  test(`timeline_last_frame_of_${given.name}_stands_as_drawn`, async () => {
+  test(`the last frame of ${given.name} is drawn as its chain says`, async () => {
     const { timeline } = await recorded(given);
     const drawn = (await unpack(given.drawn)).arrays;
     const shown = timeline.snapshot(timeline.last);
@@ -85,7 +101,7 @@ for (const given of vectors.shipped) {
     assert.ok(most < 0.05, `turns by ${most} rad in half a frame`);
   });
 
-  test(`foldedness_of_${given.name}_is_0_straight_and_1_folded`, async () => {
+  test(`${given.name} counts as 0 folded where it is straight and as 1 where it is folded`, async () => {
     const { timeline } = await recorded(given);
     const at = (frame) => timeline.folded(timeline.snapshot(frame));
     const { from } = timeline.outline.phases.findLast(({ name }) => name === "playback");
@@ -100,7 +116,7 @@ for (const given of vectors.shipped) {
   });
 }
 
-test("foldedness_of_a_tangle_is_not_1", () => {
+test("a tangled chain does not count as folded", () => {
   const goal = Float64Array.from([1, -1, 0, 1]);
   close([foldedness((j) => [1, -1, 0, 0][j], goal)], [2 / 3]);
   close([foldedness((j) => [3, 1, 1, 0.5][j], goal)], [1.5 / 3]); // too far counts as there, the other way not at all
@@ -108,7 +124,7 @@ test("foldedness_of_a_tangle_is_not_1", () => {
   assert.equal(foldedness((j) => goal[j], goal), 1);
 });
 
-test("frame_folded_is_found_among_the_frames_that_are_here", () => {
+test("the first folded frame is found among the frames that have been fetched", () => {
   const here = new Set([0, 40, 100]);
   const timeline = {
     outline: { phases: [{ name: "playback", from: 0, to: 101 }] }, foldedRad: Float64Array.from([1, 2]),
@@ -119,7 +135,7 @@ test("frame_folded_is_found_among_the_frames_that_are_here", () => {
   assert.equal(frameFolded(timeline, 0.5), null);
 });
 
-test("standing_on_an_open_page_fades_in", () => {
+test("the table of an open page fades in", () => {
   const standing = new Standing();
   const end = [1, 0, 0, 0];
   standing.set(end, TURN, { name: "playback", from: FROM, to: TO }, true);
@@ -142,7 +158,7 @@ function filled(total, { joints = 3000, windowed = false } = {}) {
   return store;
 }
 
-test("each frame comes from the batch that brought it last, and the nearest stands for one that is missing", () => {
+test("each frame is read from the latest batch that holds it, and a missing one from its nearest neighbour", () => {
   const store = filled(400);
   store.put(batch(3, "spread"), { start: 100, stride: 100 });
   store.put(batch(10, "part"), { start: 195, stride: 1 });
@@ -152,7 +168,7 @@ test("each frame comes from the batch that brought it last, and the nearest stan
   assert.equal(new FrameStore().nearest(0), null);
 });
 
-test("what is fetched next goes on from the focus, around the timeline, until all is here", () => {
+test("frames are fetched from the current one on, around the timeline, until all are there", () => {
   const store = filled(400);
   const { rows, count } = store;
   assert.ok(rows > 10 && count > 4);
@@ -168,7 +184,7 @@ test("what is fetched next goes on from the focus, around the timeline, until al
   assert.equal(store.next(true), null);
 });
 
-test("of a long timeline what is around the focus is fetched, and its end where it is wanted", () => {
+test("of a long timeline only frames near the current one are fetched, and the last one if it is needed", () => {
   const store = filled(100 * 256, { windowed: true });
   store.focus = 50 * 256;
   const wanted = (end) => [...store.near(end)];
@@ -178,7 +194,7 @@ test("of a long timeline what is around the focus is fetched, and its end where 
   assert.deepEqual(wanted(false), [0, 1, 2, 3, 4, 5, 6]);
 });
 
-test("what is farthest from the focus goes when there is too much", () => {
+test("when memory is full, the frames farthest from the current one are dropped", () => {
   const store = filled(20 * 256, { windowed: true });
   store.focus = 10 * 256;
   for (let k = 0; k < 20; k++) store.put(batch(256, k, 8 * 2 ** 20), { start: 256 * k, stride: 1 });

@@ -19,7 +19,7 @@ const { timeline, player, place, bar } = view({
 
 // Parts that most visitors do not use.
 const asking = later(() => import("../lib/fold_request.js"), toast);
-const checking = later(() => import("../panels/checking.js").then(({ Checking }) => new Checking(drawer.check, player, facts.id)), toast);
+const checking = later(() => import("../panels/checking.js").then(({ Checking, planOf }) => new Checking(drawer.check, player, planOf(facts.id))), toast);
 const choosing = later(() => import("../panels/choice.js"), toast);
 const companions = later(() => import("../panels/companions.js").then(({ Companions }) => new Companions(toast)), toast);
 const downloads = later(() => import("../panels/downloads.js").then(({ Downloads }) => new Downloads(get("panel-downloads"))), toast);

@@ -1,11 +1,14 @@
 // A whole fold in one file: everything that the page needs is in the page.
 import { decode } from "../lib/columns.js";
+import { Checking } from "../panels/checking.js";
 import { Drawer } from "../panels/drawer.js";
 import { ModulePanel } from "../panels/module_panel.js";
+import { Plan } from "../check/plan.js";
 import { Plots } from "../panels/plots.js";
 import { Figures } from "../player/figures.js";
 import { Sketch } from "../viewer/sketch.js";
 import { toast } from "../panels/toast.js";
+import { thereAndBack } from "../player/frames.js";
 import { view } from "../viewer/fold_view.js";
 import { get } from "../lib/text.js";
 
@@ -14,6 +17,7 @@ import { get } from "../lib/text.js";
  * @typedef {object} Parts
  * @property {string} bundle
  * @property {string} batch
+ * @property {string | null} plan a file of NumPy arrays
  * @property {string | null} curves
  * @property {string | null} forces
  * @property {string} worker
@@ -24,21 +28,26 @@ import { get } from "../lib/text.js";
 /** @type {Parts} */
 const parts = JSON.parse(get("parts").textContent);
 
+/** @param {string} text */
+const bytesOf = (text) => Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+
 /**
  * @template {Message<object, object>} Told
  * @param {string} text
  * @returns {Promise<Told>}
  */
-function unpacked(text) {
-  const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
-  return /** @type {Promise<Told>} */ (/** @type {unknown} */ (decode(bytes.buffer)));
-}
+const unpacked = (text) => /** @type {Promise<Told>} */ (/** @type {unknown} */ (decode(bytesOf(text).buffer)));
 
-// A timeline of one batch.
+// A timeline of one batch. What it shares with the plan is in the page once.
 /** @type {TimelineSource} */
 const source = {
   bundle: () => unpacked(parts.bundle),
-  batch: () => unpacked(parts.batch),
+  async batch() {
+    /** @type {Batch} */
+    const batch = await unpacked(parts.batch);
+    if (parts.plan && !("first" in batch.arrays || "joint_angles_rad" in batch.arrays)) Object.assign(batch.arrays, thereAndBack(await Plan.open(bytesOf(parts.plan))));
+    return batch;
+  },
 };
 
 // Curves only; what is told of single modules would make the file many times as long, but for what a
@@ -75,5 +84,13 @@ Sketch.script = URL.createObjectURL(new Blob([parts.worker], { type: "text/javas
 const figures = new StoredFigures("");
 const drawer = new Drawer(toast);
 drawer.facts(parts.facts);
-view({ source, figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.srcdoc = parts.client; } });
+const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.srcdoc = parts.client; } });
 figures.begin();
+if (parts.plan) {
+  const checker = await (await fetch(import.meta.resolve("foldback/checker"))).text();
+  Checking.worker = () => new Worker(URL.createObjectURL(new Blob([checker], { type: "text/javascript" })));
+  const checking = new Checking(drawer.check, player, `data:;base64,${parts.plan}`);
+  drawer.onCheck = () => checking.begin("claim");
+  drawer.check.querySelector("a")?.remove(); // leads to the service
+  drawer.check.hidden = false;
+}

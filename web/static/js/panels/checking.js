@@ -57,17 +57,22 @@ function refusal(way, { text, place, claim, joint }) {
   return `Not proved: ${pair(place)} come within ${percent(Math.max(place.gap, 0))} of a module width of each other.`;
 }
 
+/** @param {string} id of a fold */
+export const planOf = (id) => `/api/folds/${id}/plan.npz`;
+
 export class Checking {
+  static worker = () => new Worker(new URL("../check/worker.js", import.meta.url), { type: "module" });
+
   /**
    * @param {HTMLElement} place
    * @param {import("../player/player.js").Player} player
-   * @param {string} id of the fold
+   * @param {string} href of the plan
    * @param {(frame: number) => void} [seek] shows a frame of its timeline
    */
-  constructor(place, player, id, seek = (frame) => { player.send({ do: "seek", frame }); }) {
+  constructor(place, player, href, seek = (frame) => { player.send({ do: "seek", frame }); }) {
     this.player = player;
     this.seek = seek;
-    this.href = `/api/folds/${id}/plan.npz`;
+    this.href = href;
     this.onGo = () => {};
     /** @type {Worker | null} */
     this.worker = null;
@@ -82,7 +87,8 @@ export class Checking {
       element("p", { class: "line" }, button("button", "Larger modules", () => this.begin("size")), button("button", "Turn a hinge by 1°", () => this.begin("hinge"))),
       element("p", { class: "hint" }, "Makes modules larger until the first two touch. Or keeps a hinge of the selected module, or of any, one degree beside the plan."));
     this.open = element("details", { class: "assumptions", hidden: true }, element("summary", {}, "What is not claimed"), element("ul", {}, ...NOT_CLAIMED.map((said) => element("li", {}, said))));
-    place.append(this.running, this.line, element("p", {}, this.where), this.open, this.tries);
+    this.all = element("div", {}, this.running, this.line, element("p", {}, this.where), this.open, this.tries);
+    place.append(this.all);
     this.where.hidden = true;
   }
 
@@ -91,11 +97,17 @@ export class Checking {
     this.end();
     this.line.textContent = "";
     this.running.hidden = false;
+    this.reveal();
     this.bar.value = 0;
-    this.worker = new Worker(new URL("../check/worker.js", import.meta.url), { type: "module" });
+    this.worker = Checking.worker();
     this.worker.onmessage = (/** @type {MessageEvent<Progress | Proved | Refused>} */ { data }) => this.heard(way, data);
     this.worker.onerror = () => { this.end(); this.line.textContent = "This browser cannot run the check."; };
     this.worker.postMessage({ href: new URL(this.href, location.href).href, way, module: this.player.selected });
+  }
+
+  // Scrolls no further than it takes to show all, or where that is too much, its beginning.
+  reveal() {
+    this.all.scrollIntoView({ block: "nearest", behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "instant" : "smooth" });
   }
 
   end() {
@@ -121,6 +133,7 @@ export class Checking {
     this.where.hidden = !at;
     if (at) this.show(at, said.is === "refused" ? said.frames : said.plan.frames, said.is === "refused" || said.touch ? "Show where" : "Tightest place");
     this.open.hidden = this.tries.hidden = false;
+    this.reveal();
   }
 
   /**
@@ -157,7 +170,7 @@ export function checkInDialog(player, { id, name }, seek) {
   const close = button("icon-button dialog-close", "", () => dialog.close(), { "aria-label": "Close", title: "Close" });
   close.append(svg("svg", { class: "icon" }, svg("use", { href: "#i-close" })));
   const dialog = element("dialog", { class: "dialog", "aria-labelledby": "check-title" }, close, element("h2", { id: "check-title" }, `Check ${name}`), place);
-  const checking = new Checking(place, player, id, seek);
+  const checking = new Checking(place, player, planOf(id), seek);
   checking.onGo = () => dialog.close();
   dialog.onclose = () => { checking.end(); dialog.remove(); };
   document.body.append(dialog);

@@ -92,18 +92,20 @@ export class Window {
     this.rows = arrays.time_s.length;
     this.foldedRad = foldedRad;
     this.noErrors = noErrors;
-    this.arrays = { ...kept, ends: new Uint32Array(this.rows), angles: new Float32Array(steps.length) };
-    this.unpack(counts, steps);
+    let end = 0;
+    const ends = Uint32Array.from(counts, (count) => (end += count));
+    this.arrays = { ...kept, ends, angles: kept.angles ?? this.unpack(kept.first, counts, steps) };
     this.bytes = bytesOf(this.arrays);
   }
 
   // Each angle was told as its difference from what the hinge had in the row before.
   /**
+   * @param {Numbers} first
    * @param {Numbers} counts
    * @param {Int32Array} steps
    */
-  unpack(counts, steps) {
-    const { first, ends, angles } = this.arrays;
+  unpack(first, counts, steps) {
+    const angles = new Float32Array(steps.length);
     const folded = (/** @type {number} */ j) => Math.floor(Math.fround(this.foldedRad[j]) / STEP + 0.5);
     let at = 0;
     for (let k = 0; k < this.rows; k++) {
@@ -113,8 +115,8 @@ export class Window {
         if (k) steps[at] += j < begin ? folded(j) : j < end ? steps[before + j] : 0;
         angles[at] = steps[at] * STEP;
       }
-      ends[k] = at;
     }
+    return angles;
   }
 
   /**
@@ -173,6 +175,22 @@ export class Window {
    * @param {number} j
    */
   static angle({ first, last, angles, foldedRad }, j) { return j < first ? foldedRad[j] : j < last ? angles[j - first] : 0; }
+}
+
+// Angles of windows backwards, then forwards: from those of a plan, the columns that a batch lacks.
+/**
+ * @param {import("../check/plan.js").Plan} plan
+ * @returns {Pick<WindowArrays, "first" | "counts" | "steps" | "angles">}
+ */
+export function thereAndBack({ frames, first, last, offsets, values }) {
+  const order = Array.from({ length: 2 * frames }, (_, k) => (k < frames ? frames - 1 - k : k - frames));
+  const angles = new Float32Array(2 * values.length);
+  let at = 0;
+  for (const k of order) {
+    angles.set(values.subarray(offsets[k], offsets[k + 1]), at);
+    at += offsets[k + 1] - offsets[k];
+  }
+  return { first: Int32Array.from(order, (k) => first[k]), counts: Int32Array.from(order, (k) => last[k] - first[k]), steps: new Int32Array(), angles };
 }
 
 // Where frames are stored.

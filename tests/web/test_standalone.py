@@ -1,0 +1,71 @@
+"""A fold in one HTML file: what it holds of the plan, and what it takes from there."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import foldback_check
+from planner.motion.timeline import TimelineWriter
+from planner.plan.plan import Plan
+from web.timeline.columns import decode
+from web.timeline.frame_batch import batch_of
+from web.timeline.view import TimelineView
+from web.viser import standalone
+from web.viser.standalone import WINDOW_ANGLES, standalone_html
+
+WINDOWS = Path(__file__).parents[1] / "planner/certificate/earlier_plans/box-8-windows.npz"
+
+
+def parts_of(timeline: Path, plan: Path) -> dict[str, Any]:
+    """What the page holds besides its scripts."""
+
+    def render(**values: Any) -> str:
+        return values["parts"]
+
+    return json.loads(standalone_html(TimelineView(timeline), render, {}, plan=plan))
+
+
+def there_and_back(path: Path, plan: Plan) -> Path:
+    with TimelineWriter.create(path, plan.chain, windowed=True) as writer:
+        for phase, motion in (("explosion", plan.motion[::-1]), ("playback", plan.motion)):
+            times = np.arange(len(motion), dtype=float)
+            writer.append(motion.with_columns(time_s=times, phase=phase))
+    return path
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+def test_plan_is_in_the_page_and_proved_from_there(
+    simulated: bool, peeled: Path, tmp_path: Path
+) -> None:
+    plan = peeled / "plan.npz" if simulated else WINDOWS
+    timeline = peeled / "timeline.zarr"
+    if not simulated:
+        timeline = there_and_back(tmp_path / "timeline.zarr", Plan.load(plan))
+    parts = parts_of(timeline, plan)
+    (held := tmp_path / "held.npz").write_bytes(base64.b64decode(parts["plan"]))
+    whole, part = (foldback_check.check(path) for path in (plan, held))
+    assert part["verdict"] == "proved"
+    assert part["clearance"] == whole["clearance"]
+    assert foldback_check.Plan(held).digest == foldback_check.Plan(plan).digest
+    # The angles of robots with errors are not the plan's; others are in the page once.
+    header, columns = decode(base64.b64decode(parts["batch"]))
+    assert header["total"] == len(TimelineView(timeline))
+    _, shown = decode(batch_of(TimelineView(timeline)))
+    missing = set() if simulated else WINDOW_ANGLES
+    assert columns.keys() == shown.keys() - missing
+
+
+def test_motion_that_is_thinned_comes_without_the_plan(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(standalone, "MAX_STANDALONE_BYTES", 1000)
+    parts = parts_of(there_and_back(tmp_path / "timeline.zarr", Plan.load(WINDOWS)), WINDOWS)
+    _, columns = decode(base64.b64decode(parts["batch"]))
+    assert parts["plan"] is None
+    assert columns.keys() >= WINDOW_ANGLES
