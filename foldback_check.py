@@ -1,10 +1,12 @@
 """Prove from a plan's file alone that a chain of modules folds without touching itself.
 
     python foldback_check.py plan.npz [--end shape.json] [--size S] [--claim C] [--json]
+    python foldback_check.py plan.npz --record record.npz    (why a fold failed)
 
 Needs NumPy, and nothing of foldback. docs/certificate.md states what is claimed: hinges turn evenly
 from frame to frame, and every pair of modules keeps a clearance *all the time*, apart from pairs
-that share a joint. Lengths are in pitches. Exits with 0: proved, 1: not proved, 2: no plan.
+that share a joint. Lengths are in pitches. Exits with 0: proved, 1: not proved or not checked,
+2: no plan, 3: refusal confirmed.
 
 MOTION. Seen from module i, a point v of module j is y(t) = sum_m P_m(t) e_m + P(t) v, with products
 P_m of hinge rotations and constant links e_m. A derivative brings down one hinge's rate and a cross
@@ -31,9 +33,20 @@ length of a link. Points of j seen from i are off by n (l n + 2 r) (2 e + 48 u) 
 Bernstein coefficients multiply that by |B|; B itself, axes and supports add 256 u (l n + 2 r) |B|.
 The sum is `rounding`, taken off every bound; 1e-8 for 160 cubes. Sums of rates have `slack`, and
 factors near 1 are within 1e-9.
+REFUSALS. The record of a search that failed is proved like a plan: folded at first, no contact. Its
+last frame then shows one of two things. BLOCKS: cubes or tetrahedra overlap if no face and no two
+edges give a separating axis. Edges parallel to 1e-6 are left out, so overlaps count from 1e-4 on. A
+hinge, or a group, that makes modules overlap somewhere on its way cannot pass there by itself.
+KNOT: the line through all centres, lengthened at both ends and closed outside, is knotted. Look at
+it along any direction and give a number to each arc, so that 2 over = before + after wherever one
+passes under another (Fox). The matrix of these equations, less a row and a column, has the same
+determinant up to sign whatever the direction; for the unknot 1. It is computed modulo a prime. A
+view counts if nothing in it changes when every point moves by b, more than ROUNDING. An area of
+sides p, q then changes by less than 4 b (p + q), a volume of sides p, q, r by 4 b (p + q + r)^2.
 """
 
 import argparse
+import contextlib
 import hashlib
 import itertools
 import json
@@ -48,6 +61,8 @@ ORDER, MID = 5, 2  # nodes of an interval: odd, so that one of them is in the mi
 DEPTH = 14  # times that an interval between two frames is halved at most
 BATCH, PAIRS = 300_000, 20_000  # poses and pairs that are computed at once
 CROWD = 200  # pairs for each moving module above which an interval is halved before it is looked at
+TOUCH, DEEP = 1e-9, 1e-4  # clearance of a record; least overlap that blocks
+PRIME, CROSSINGS, VIEWS = 2**31 - 1, 1500, 12  # modulus; most crossings of a view; views of a knot
 ONE, H, T = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], math.sqrt(0.5), math.sqrt(1 / 3)
 CUBE = {
     "corners": [[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)],
@@ -68,6 +83,21 @@ MODULES = {"cube": CUBE, "tetrahedron": TETRAHEDRON}
 
 class NotProved(Exception):
     """Something that could not be proved, with the place."""
+
+
+class NotChecked(NotProved):
+    """A refusal for a reason that is no property of the shape."""
+
+
+@contextlib.contextmanager
+def reading(path):
+    """Raise ValueError where a file holds something else than was expected: nothing is proved."""
+    try:
+        yield
+    except NotProved:
+        raise
+    except Exception as error:
+        raise ValueError(f"{path}: {type(error).__name__}: {error}") from error
 
 
 def require(condition, message):
@@ -168,20 +198,29 @@ def window_values(changes, step, first, offsets, folded):
     return values
 
 
+def load(path):
+    """Return the arrays of a file by name."""
+    with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}
+
+
 class Plan:
-    """A plan's file, checked against what it says of itself.
+    """A plan's file, checked against what it says of itself; of a failed one the record's motion.
 
     Raises:
         NotProved: It contradicts itself, or claims nothing.
         ValueError: It cannot be read.
     """
 
-    def __init__(self, path, size=None, claim=None):
-        try:
-            with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
+    def __init__(self, path, size=None, claim=None, record=None):
+        with reading(path):
+            arrays, self.evidence = load(path), None
             told = json.loads(str(arrays["plan"]))
             chain, said = told["chain"], told["certificate"]
+            if not str(said["verdict"]).startswith("verified"):
+                arrays = self._refused(arrays, told, record)
+                size, claim = self.evidence.get("module_size", said["module_size"]), TOUCH
+            require(not record or self.evidence, "the plan does not fail")
             self.kind, self.count = str(chain["module"]), int(chain["modules"])
             geometry = told.get("claim", {}).get("module", MODULES.get(self.kind))
             require(geometry == MODULES.get(self.kind, geometry), f"{self.kind}s of another kind")
@@ -192,10 +231,21 @@ class Plan:
             self.claim = float(said["clearance_bound"] or 0.0) if claim is None else claim
             self._read(arrays, told)
             self._agree(arrays, told, said)
-        except NotProved:
-            raise
-        except Exception as error:  # whatever is wrong with it, nothing is proved
-            raise ValueError(f"{path}: {type(error).__name__}: {error}") from error
+
+    def _refused(self, arrays, told, record):
+        """Return the arrays of the search that failed, and keep the evidence of its reason."""
+        ran = told["explosion"] or {}
+        tried = [a.get("diagnosis") for a in told["attempts"] if ran and ran.items() <= a.items()]
+        self.evidence = next((each["evidence"] for each in tried if each), None) or {}
+        kind = self.evidence.get("kind")
+        if kind == "budget":
+            raise NotChecked("this is a limit of foldback's search, not a property of the shape")
+        hint = "; --record record.npz checks why" * (kind in REASONS)
+        require(record and hint, f"the plan says of itself: {told['certificate']['verdict']}{hint}")
+        found = load(record)
+        root, of = (0, "base_") if "first" in found else (told["root_module"], "root_")
+        self.pose = root, found[of + "position"][-1], found[of + "wxyz"][-1]
+        return found | {"joint_names": arrays["joint_names"]}
 
     def _read(self, arrays, told):
         module, folded = self.module, np.array(told["chain"]["folded_rad"], float)
@@ -235,8 +285,7 @@ class Plan:
 
     def _agree(self, arrays, told, said):
         module, motion, slots = self.module, self.motion, self.motion.slots
-        verdict, self.exempt = str(said["verdict"]), (module.apart - 1) * (self.count - 1)
-        require(verdict.startswith("verified"), f"the plan says of itself: {verdict}")
+        self.exempt = (module.apart - 1) * (self.count - 1)
         require(0.0 < self.claim < math.inf, "the plan claims no clearance")
         exempt = said.get("exempt_pairs") or {"apart": module.apart, "count": self.exempt}
         require(exempt["apart"] == module.apart and exempt["count"] == self.exempt, "exempt pairs")
@@ -251,12 +300,13 @@ class Plan:
         start = np.zeros(slots)
         if told.get("start") is not None:
             start[module.rigid * len(module.names) :] = told["start"]["folded_rad"]
-        ends = (start, "begin as it should"), (motion.folded, "end folded")
-        for frame, (angles, words) in zip((0, motion.frames - 1), ends, strict=True):
+        ends = (0, start, "begin as it should"), (motion.frames - 1, motion.folded, "end folded")
+        for frame, angles, words in [(0, motion.folded, "begin folded")] if self.evidence else ends:
             off = np.abs(motion.angles(frame, 0, slots) - angles).max()
             require(off <= 1e-6, f"it does not {words}: a hinge is off by {off:.7f} rad")
         stated = told.get("claim", {}).get("angles_sha256", self.digest)
-        require(stated == self.digest, "angles that do not have the digest which the plan states")
+        require(self.evidence or stated == self.digest,
+                "angles that do not have the digest which the plan states")
 
 
 def _digest(*arrays):
@@ -473,6 +523,137 @@ class Proof:
         return bound, gaps
 
 
+def stopped(module, told, middle, end, x, axes):
+    """Require that two modules overlap as told, one before `middle`, one from there to `end`."""
+    i, j = sorted(told["modules"])
+    require(0 <= i < middle <= j < end and j - i >= module.apart, f"modules {i} and {j}")
+    y, turn = axes[i] @ (x[j] - x[i]), axes[i] @ axes[j].T
+    edges = np.cross(module.edges[:, None], module.edges @ turn.T).reshape(-1, 3)
+    size = np.linalg.norm(edges, axis=1)
+    edges = edges[size > 1e-6] / size[size > 1e-6, None]
+    n = np.concatenate([module.faces, module.faces @ turn.T, edges])
+    n = np.where((n @ y < 0.0)[:, None], -n, n)
+    deep = -(n @ y + module.least(-n) + module.least(n @ turn)).max()
+    require(deep >= DEEP and abs(deep - told["overlap"]) <= 1e-6,
+            f"modules {i} and {j} overlap by {deep:.9f}, the plan says {told['overlap']:.9f}")
+
+
+def blocks(plan, told, _):
+    """Prove that modules stop each bent hinge, and the group that would move next (BLOCKS)."""
+    module, motion, turns, moves = plan.module, plan.motion, told["turns"], told["moves"]
+    hinges, q = len(module.names), motion.angles(motion.frames - 1, 0, motion.slots)
+    pad, bend = module.rigid * hinges, told["bent_above_rad"]
+    first = told["first_hinge"] + pad
+    bent = first + np.flatnonzero(np.abs(q[first:]) > bend)
+    require(plan.kind in MODULES, "modules whose separating axes are not known")
+    require(turns + moves and 0.0 < bend <= math.pi / 3 and first >= pad and
+            np.abs(q - motion.folded)[:first].max(initial=0.0) <= 1e-5 and
+            [turn["hinge"] + pad for turn in turns] == bent.tolist(), "other bent hinges")
+    for slot, turn in zip(bent, turns, strict=True):
+        by = turn["turned_rad"]
+        require(by * q[slot] < 0.0 and abs(by) <= math.radians(5.001), f"a turn by {by:.6f} rad")
+        tried = np.where(np.arange(len(q)) == slot, q + by, q)
+        stopped(module, turn, slot // hinges + 1, plan.count, *module.chain(tried))
+    low, high = told["unit"] if moves else (0, 0)
+    six = {(*way,) for way in [*np.eye(3), *-np.eye(3)]}
+    require(not moves or 0 < low <= high == first // hinges and
+            {(*move["direction"],) for move in moves} == six, "not all six directions")
+    x, axes = module.chain(motion.folded)
+    for move in moves:
+        require(0.0 < move["moved"] <= 1.0, "a move of more than a pitch")
+        way = np.outer(np.arange(plan.count) >= low, move["direction"]) * move["moved"]
+        stopped(module, move, low, high + 1, x + way, axes)
+    said = [f"none of the {len(turns)} hinges bent by more than {bend:g} rad from module "
+            f"{first // hinges} on can straighten by itself"] * bool(turns)
+    said += [f"modules {low} to {high} as one cannot move by a pitch along any axis"] * bool(moves)
+    return "; ".join(said)
+
+
+def crossings(p, b):
+    """Return (over, under, off) of a closed polygon's crossings, seen along the third axis.
+
+    Places are edges plus fractions. None if anything may change when vertices move by b.
+    """
+    e, found = np.roll(p, -1, axis=0) - p, [np.empty((0, 3))]
+    low, high, size = np.minimum(p, p + e) - b, np.maximum(p, p + e) + b, np.linalg.norm(e, axis=1)
+    for i in range(len(p) - 2):
+        j = np.arange(i + 2, len(p) - (i == 0))
+        j = j[((low[j] < high[i]) & (low[i] < high[j]))[:, :2].all(1)]
+        gap = p[j] - p[i]
+        sides = (e[i], gap), (e[i], gap + e[j]), (gap, e[j]), (gap - e[i], e[j])
+        area = np.array([u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0] for u, v in sides])
+        most = size[i] + size[j] + np.linalg.norm(gap, axis=1)
+        side = np.where(np.abs(area) > 4 * b * most, np.sign(area), 0.0)
+        ours, theirs = side[0] * side[1], side[2] * side[3]
+        area, most, j = (v[..., (ours < 0.0) & (theirs < 0.0)] for v in (area, most, j))
+        whole = area[2] - area[3]
+        s, t = area[2] / whole, area[0] / (area[0] - area[1])
+        above = p[i, 2] + s * e[i, 2] - p[j, 2] - t * e[j, 2]
+        if (~((ours > 0.0) | (theirs > 0.0))).sum() > len(j) or not (
+                np.abs(above * whole) > 4 * b * most**2).all():
+            return None
+        two = np.where(above > 0.0, (i + s, j + t), (j + t, i + s))
+        found.append(np.column_stack([*two, 4 * b * most / np.abs(whole)]))
+    found = np.concatenate(found)
+    apart = np.diff(np.sort(found[:, :2], axis=None)).min(initial=1.0)
+    return found if apart > 2 * found[:, 2].max(initial=0.0) else None
+
+
+def determinant(polygon, b):
+    """Return the determinant of a closed polygon's knot, modulo PRIME and up to sign (KNOT)."""
+    turns = (np.linalg.qr(np.random.default_rng(k).normal(size=(3, 3)))[0] for k in range(VIEWS))
+    clear = [view for turn in turns if (view := crossings(polygon @ turn, b)) is not None]
+    require(clear, "no view of the line is clear")
+    over, under, _ = min(clear, key=len).T
+    require(len(over) <= CROSSINGS, f"a view of the line has {len(over)} crossings")
+    ends, one, found = np.sort(under), np.eye(len(over), dtype="i8"), 1  # an arc ends below another
+    arc, at = np.searchsorted(ends, under), np.searchsorted(ends, over) % len(over)
+    rows = (2 * one[at] - one[arc] - one[(arc + 1) % len(over)])[1:, 1:] % PRIME
+    while len(rows):
+        top = rows[:, 0].argmax()
+        first = int(rows[top, 0])
+        by, found = rows[:, :1] * pow(first, PRIME - 2, PRIME) % PRIME, found * first % PRIME
+        rows = np.delete((rows - by * rows[top]) % PRIME, top, 0)[:, 1:]
+    return min(found, PRIME - found)
+
+
+def away(points, a, b):
+    """Return the least distance of points from the way from a to b."""
+    share = ((points - a) @ (b - a) / max((b - a) @ (b - a), 1e-300)).clip(0.0, 1.0)
+    return np.linalg.norm(points - a - share[:, None] * (b - a), axis=1).min()
+
+
+def knot(plan, told, b):
+    """Prove that the line through all centres is knotted, its ends led out and joined (KNOT)."""
+    last, (root, place, (w, *v)), found = plan.motion.frames - 1, plan.pose, set()
+    x, axes = plan.module.chain(plan.motion.angles(last, 0, plan.motion.slots))
+    spin = np.cross(v, np.eye(3))
+    turn = np.eye(3) + 2 * (w * spin + spin @ spin) / (w * w + np.dot(v, v))
+    x = (x - x[root]) @ axes[root].T @ turn + place
+    radius = np.linalg.norm(x - x.mean(0), axis=1).max()
+    for corners in told["closings"]:
+        c = np.array(corners, float).reshape(-1, 3)
+        line = np.concatenate([x, c])
+        require(len(c) in (0, 2, 3) and np.abs(line).max() < 1e5, "ends that are joined otherwise")
+        free = np.linalg.norm(x[-1] - x[0]) <= 1.1  # no corners where the ends touch
+        if len(c):
+            free = min(away(x[:-1], x[-1], c[0]), away(x[1:], x[0], c[-1])) >= 0.5 and all(
+                away(x.mean(0)[None], *two) >= radius for two in itertools.pairwise(c))
+        e = np.roll(line, -1, axis=0) - line
+        size, along = np.linalg.norm(e, axis=1), (e * np.roll(e, -1, axis=0)).sum(1)
+        straight = (along > -0.999 * size * np.roll(size, -1)).all()
+        require(free and straight, "an end without a free way out")
+        found.add(determinant(line, b))
+    require(len(found) == 1 and 1 not in found, f"no knot: determinant {found}")
+    value = told["determinant"]
+    require(value is None or min(value % PRIME, -value % PRIME) in found, f"determinant {found}")
+    return (f"the line through all centres is knotted (determinant {value or found.pop()}), its "
+            "ends being led out along free straight lines and joined outside")
+
+
+REASONS = {"knot": knot, "blocks": blocks}
+
+
 def check_end(plan, path):
     """Require that the plan ends on the cells, or with the angles, of a path's or chain's file."""
     with open(path, encoding="utf-8") as file:
@@ -489,15 +670,15 @@ def check_end(plan, path):
     require(off <= 1e-6, f"it does not end as {path} says: off by {off:.7f}")
 
 
-def check(path, size=None, claim=None, end=None):
-    """Return what was proved of a plan, or why it was not, as plain values.
+def check(path, size=None, claim=None, end=None, record=None):
+    """Return what was proved of a plan, or of a refusal, or why it was not, as plain values.
 
     Raises:
         ValueError: The file cannot be read.
     """
-    began, found = time.perf_counter(), {"verdict": "not proved"}
+    began, found = time.perf_counter(), {}
     try:
-        plan = Plan(path, size, claim)
+        plan = Plan(path, size, claim, record)
         found |= {"modules": plan.count, "module": plan.kind, "size": plan.size,
                   "exempt": plan.exempt, "frames": plan.motion.frames, "clearance": plan.claim,
                   "angles_sha256": plan.digest}
@@ -507,9 +688,26 @@ def check(path, size=None, claim=None, end=None):
         gap, frame, *pair = proof.tightest
         found |= {"verdict": "proved", "rounding": proof.rounding, "looks": proof.looks,
                   "tightest": {"gap": gap, "frame": frame, "modules": pair} if any(pair) else None}
+        if told := plan.evidence:
+            with reading(path):
+                because = REASONS[told["kind"]](plan, told, proof.rounding + 1e-9)
+            found |= {"verdict": "refusal confirmed", "because": because}
     except NotProved as error:
-        found["reason"] = str(error)
+        verdict = "not checked" if isinstance(error, NotChecked) else "not proved"
+        found |= {"verdict": verdict, "reason": str(error)}
     return found | {"seconds": round(time.perf_counter() - began, 3)}
+
+
+SAYS = {
+    "proved": "{modules} modules ({module}) of size {size:g}, {frames} frames.\n"
+    "They begin as the plan says and end folded. All the way, each pair stays at least "
+    "{clearance:.6f}\npitches apart, apart from {exempt} pairs that share a joint.\n"
+    "Rounding {rounding:.1e} pitches, {seconds:.1f} s.\n"
+    "SHA-256 of the angles: {angles_sha256}",
+    "refusal confirmed": "{modules} modules ({module}) of size {size:g}, {frames} frames.\n"
+    "They begin folded and never touch. At last, {because}.\n"
+    "That no other motion unfolds them is not claimed. {seconds:.1f} s.",
+}
 
 
 def main(arguments=None):
@@ -519,25 +717,19 @@ def main(arguments=None):
     parser.add_argument("--end", help="file of the path or chain that the plan must end as")
     parser.add_argument("--size", type=float, help="module size instead of the plan's")
     parser.add_argument("--claim", type=float, help="clearance instead of the plan's, in pitches")
+    parser.add_argument("--record", help="record.npz of a fold that failed, to check why")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     options = parser.parse_args(arguments)
     try:
-        found = check(options.plan, options.size, options.claim, options.end)
+        found = check(options.plan, options.size, options.claim, options.end, options.record)
     except ValueError as error:
         print(f"no plan: {error}", file=sys.stderr)
         return 2
-    proved = found["verdict"] == "proved"
     if options.json:
         print(json.dumps(found))
-    elif proved:
-        print("proved: {modules} modules ({module}) of size {size:g}, {frames} frames.\n"
-              "They begin as the plan says and end folded. All the way, each pair stays at least "
-              "{clearance:.6f}\npitches apart, apart from {exempt} pairs that share a joint.\n"
-              "Rounding {rounding:.1e} pitches, {seconds:.1f} s.\n"
-              "SHA-256 of the angles: {angles_sha256}".format(**found))
     else:
-        print(f"not proved: {found['reason']}")
-    return 0 if proved else 1
+        print(f"{found['verdict']}: " + SAYS.get(found["verdict"], "{reason}").format(**found))
+    return {"proved": 0, "refusal confirmed": 3}.get(found["verdict"], 1)
 
 
 if __name__ == "__main__":

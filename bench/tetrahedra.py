@@ -15,7 +15,7 @@ from bench.command import Run, fold
 from bench.tables import Section
 from planner.chain.chain import Chain
 from planner.chain.honeycomb import ring_pairs
-from planner.clearance.largest_size import largest_size
+from planner.clearance.margins import largest_size
 from planner.pathfinding.tetrahedra import find_trails
 from planner.pathfinding.trails import circuit
 from planner.plan.plan import Plan

@@ -13,7 +13,7 @@ from rich.console import Console
 from cli.inputs import refuse
 from cli.options import AsJson, FoldDirectory
 from planner.certificate.certificate import followed
-from planner.clearance.largest_size import largest_size as find_largest
+from planner.clearance.margins import largest_size as find_largest
 from planner.errors import InputError, TimelineError
 from planner.file_names import PLAN, PLAYBACK
 from planner.pipeline.request import FoldRequest

@@ -39,6 +39,9 @@ PLAN: Final = "plan.npz"
 PLAN_TEXT: Final = "plan.json"
 MODEL: Final = "model.xml"
 FIGURES: Final = "figures.zarr"
+MOMENTS: Final = "moments.json"
+"""Name of the file with the moments of a fold that a tour shows besides those of its
+certificate."""
 PICTURE: Final = "picture.png"
 MANIFEST: Final = "manifest.json"
 ATTEMPTS_DIR: Final = "attempts"
@@ -52,7 +55,7 @@ it."""
 RESULT_FILES: Final = (CHAIN, TIMELINE, RECORD, PLAYBACK, CERTIFICATE, CLEARANCES_FILE, FORCES)
 """Names of the files that one attempt of a fold writes into a folder of its own. When the fold is
 over, those of the best attempt are moved to the fold's directory."""
-EXPORTED_FILES: Final = (PLAN, PLAN_TEXT, MODEL, FIGURES)
+EXPORTED_FILES: Final = (PLAN, PLAN_TEXT, MODEL, FIGURES, MOMENTS)
 """Files that the last stage of a fold, the export, writes from the chosen attempt."""
 DESCRIBED: Final = (
     *(INPUT, REQUEST, START_CHAIN, START_PLAN, RECORDED_PLAN, CANDIDATES, CHAIN, ATTEMPTS),

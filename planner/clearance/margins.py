@@ -7,7 +7,7 @@ steps of a few percent, at which the whole motion is proved to be clear.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, cast
 
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
-from planner.clearance.largest_size import FULL_SIZE
 from planner.clearance.linked import Place
 from planner.clearance.rounding import clearance_rounding
 from planner.clearance.sweep import (
@@ -25,12 +24,16 @@ from planner.clearance.sweep import (
     disturbed_sweep,
     pair_clearance,
     rest_motions,
+    sweep,
 )
 from planner.kernels.clearance_bounds import Levers, Tolerance, allowance
-from planner.motion.motion import Motion
+from planner.motion.motion import Motion, as_motion
 from planner.progress import Cancelled, never
 
 Array = NDArray[np.float64]
+FULL_SIZE: Final = 1.0
+"""Module size, in pitches, at which neighbours touch: the upper limit of the search for the largest
+module size without collisions."""
 END_FRAMES: Final = 64
 """Number of frames at the end of a motion that are proved first. Chosen."""
 STEP: Final = 0.95
@@ -116,15 +119,10 @@ def margins(
         size: Module size as a fraction of the pitch.
         cancelled: Polled between tasks.
     """
-    if closest.modules is None or closest.bound <= 0.0 or len(chain) > MAX_MODULES:
+    search = _Search.of(chain, motion, closest, cancelled)
+    if search is None or len(chain) > MAX_MODULES:
         return None
     kinds = _Kinds.of(chain, motion, size, FAILURE_PROBABILITY)
-    search = _Search(
-        chain=chain,
-        motion=motion,
-        closest=Place(frame=closest.frame, modules=closest.modules),
-        cancelled=cancelled,
-    )
     (larger,) = search.largest(kinds.larger, (FULL_SIZE - size,))
     most = (MAX_ANGLE_RAD, MAX_SUM_RAD / len(chain.folded_rad))
     one, each = search.largest(kinds.turned, most)
@@ -134,6 +132,24 @@ def margins(
         independent_rad=each,
     )
     return None if cancelled() else found
+
+
+def largest_size(chain: Chain, motions: Sequence[Motion | Array], *, clear_at: float) -> float:
+    """Find the largest module size, within a few percent, at which motions are proved clear.
+
+    Args:
+        chain: The chain.
+        motions: Motions, or the (F, J) hinge angles of each, rad.
+        clear_at: A size at which they are clear.
+    """
+    size = FULL_SIZE
+    for motion in map(as_motion, motions):
+        search = _Search.of(chain, motion, sweep(chain, motion, size=clear_at))
+        if search is not None:
+            kinds = _Kinds.of(chain, motion, clear_at, FAILURE_PROBABILITY)
+            (larger,) = search.largest(kinds.larger, (FULL_SIZE - clear_at,))
+            size = min(size, clear_at + larger.value)
+    return size
 
 
 def unproved_margins(chain: Chain, motion: Motion, told: Margins, *, size: float) -> list[str]:
@@ -168,14 +184,15 @@ def _proof_motions(chain: Chain, motion: Motion) -> list[tuple[Motion, int]]:
     more than once. In a windowed motion the folded and the straight chain stand for modules that
     are rigid with each other.
     """
-    folded, straight = rest_motions(chain)
+    last = len(motion) - 1
     begin = max(0, len(motion) - END_FRAMES)
-    found = [(folded, len(motion) - 1), (motion[begin:], begin)]
+    found = [(motion[begin:], begin)]
     if begin > 0:
         found.append((motion[: begin + 1], 0))
-    if motion.is_windowed:
-        found.append((straight, 0))
-    return found
+    if not motion.is_windowed:
+        return [(motion[last:], last), *found]
+    folded, straight = rest_motions(chain)
+    return [(folded, last), *found, (straight, 0)]
 
 
 def _deviations(chain: Chain, motion: Motion, probability: float) -> float:
@@ -261,6 +278,16 @@ class _Search:
     closest: Place
     cancelled: Cancelled
 
+    @classmethod
+    def of(
+        cls, chain: Chain, motion: Motion, closest: Sweep, cancelled: Cancelled = never
+    ) -> _Search | None:
+        """Return the search in a motion with this sweep; None if it is not clear, or always far."""
+        if closest.modules is None or closest.bound <= 0.0:
+            return None
+        place = Place(frame=closest.frame, modules=closest.modules)
+        return cls(chain=chain, motion=motion, closest=place, cancelled=cancelled)
+
     def largest(self, errors: Callable[..., Errors], most: tuple[float, ...]) -> list[Margin]:
         """Return the largest values found at which the motion is proved clear.
 
@@ -296,7 +323,9 @@ class _Search:
                     found[k] = Margin(value=STEP * touching[k], limited_by=place)
                 elif not any(failing) or touching[k] == 0.0:
                     # Bounds over an interval are what fails, and not the modules.
-                    found[k] = Margin(value=STEP**steps * margin.value, limited_by=place)
+                    found[k] = Margin(
+                        value=STEP ** max(1, steps // 2) * margin.value, limited_by=place
+                    )
         return found
 
     def _touching(

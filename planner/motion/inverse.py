@@ -33,11 +33,13 @@ class Torques:
     Attributes:
         frames: (K,) numbers of the frames, rising.
         largest: (K,) largest torque there, in units of module mass · pitch² / s².
+        hinges: (K,) index of the hinge with that torque.
         rms: Root mean square of ``largest`` over time.
     """
 
     frames: NDArray[np.int64]
     largest: Array
+    hinges: NDArray[np.int64]
     rms: float
 
     @property
@@ -58,10 +60,11 @@ def inverse_dynamics(chain: Chain, motion: Motion) -> Torques:
     later = np.concatenate([[0], np.flatnonzero(np.diff(motion.time_s) > 0.0) + 1])
     inner = len(later) - 2
     if inner < 1:
-        return Torques(frames=np.zeros(0, np.int64), largest=np.zeros(0), rms=0.0)
+        none = np.zeros(0, np.int64)
+        return Torques(frames=none, largest=np.zeros(0), hinges=none, rms=0.0)
     count = min(inner, max(1, MAX_TORQUE_FRAME_MODULES // len(chain)))
     middle = 1 + np.unique(np.linspace(0, inner - 1, count).astype(np.int64))
-    largest = np.empty(len(middle))
+    largest, hinges = np.empty(len(middle)), np.empty(len(middle), np.int64)
     step = max(1, MAX_ANGLES_IN_MEMORY // len(chain.folded_rad))
     for start in range(0, len(middle), step):
         part = middle[start : start + step]
@@ -69,12 +72,13 @@ def inverse_dynamics(chain: Chain, motion: Motion) -> Torques:
         times = [frames.time_s for frames in around]
         angles = [frames.angles(chain) for frames in around]
         rates, accelerations = _parabolas(times, angles)
-        torques = floating_torques(chain.module, angles[1], rates, accelerations)
-        largest[start : start + step] = np.abs(torques).max(axis=1)
+        torques = np.abs(floating_torques(chain.module, angles[1], rates, accelerations))
+        hinges[start : start + step] = torques.argmax(axis=1)
+        largest[start : start + step] = torques.max(axis=1)
     frames = later[middle]
     weights = np.gradient(motion.time_s[frames]) if len(frames) > 1 else np.ones(1)
     rms = float(np.sqrt(np.average(largest**2, weights=np.maximum(weights, 1e-12))))
-    return Torques(frames=frames, largest=largest, rms=rms)
+    return Torques(frames=frames, largest=largest, hinges=hinges, rms=rms)
 
 
 def _parabolas(times: list[Array], angles: list[Array]) -> tuple[Array, Array]:

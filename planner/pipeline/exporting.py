@@ -36,7 +36,7 @@ class Exported:
 
 
 def export_best(workspace: Workspace) -> Exported:
-    """Run the stage ``export``: write the best plan, its figures and digests."""
+    """Run the stage ``export``: write the best plan, its figures, moments and digests."""
     request, history = workspace.read_request(), workspace.read_history()
     best = workspace.keep_best(request.prefer)
     if best is not None and request.prefer != COMPUTING:
@@ -48,7 +48,7 @@ def export_best(workspace: Workspace) -> Exported:
     plan = finish(request, result, history, start=start, recorded=recorded)
     before = [name for name in DESCRIBED if name not in EXPORTED_FILES]
     with ThreadPoolExecutor(2) as beside:
-        figures = beside.submit(workspace.write_figures)
+        figures = beside.submit(_write_figures, workspace)
         digests = beside.submit(manifest.digests_of, workspace.directory, before)
         texts = workspace.write_plan(plan)
         figures.result()
@@ -56,6 +56,11 @@ def export_best(workspace: Workspace) -> Exported:
     written = {PLAN_TEXT: manifest.digests_of_texts(texts)}
     manifest.write_manifest(workspace.directory, digests.result() | written)
     return Exported(plan=plan)
+
+
+def _write_figures(workspace: Workspace) -> None:
+    workspace.write_figures()
+    workspace.write_moments()
 
 
 def finish(

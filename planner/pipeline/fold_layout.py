@@ -16,14 +16,16 @@ from pathlib import Path as FilePath
 
 from planner.certificate.figures import CertificateFigures
 from planner.chain.chain import Chain
-from planner.errors import TimelineError
+from planner.errors import UNREADABLE, InputError, TimelineError
 from planner.file_names import (
     ATTEMPTS_DIR,
     CERTIFICATE,
+    MOMENTS,
 )
 from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline
 from planner.pipeline.preference import judgement
+from planner.plan.moments import Moments
 
 
 def numbers(directory: FilePath) -> list[int]:
@@ -67,6 +69,14 @@ def last_frame(timeline: FilePath) -> tuple[Chain, Motion] | None:
 def certificate_values(path: FilePath) -> CertificateFigures | None:
     """Return the figures of a certificate's file; None when there is none."""
     return json.loads(path.read_bytes()) if path.exists() else None
+
+
+def stored_moments(directory: FilePath) -> Moments | None:
+    """Return the moments of a fold that is over; None if none are stored, or they are damaged."""
+    try:
+        return Moments.from_dict(json.loads((directory / MOMENTS).read_bytes()))
+    except (InputError, *UNREADABLE):
+        return None
 
 
 def any_verified(directory: FilePath) -> bool:

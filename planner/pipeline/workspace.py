@@ -26,7 +26,7 @@ from planner.explosion.diagnosis import stopped
 from planner.exports import mjcf
 from planner.files import write_json, write_whole
 from planner.motion.record import Record
-from planner.motion.timeline import chain_attributes, chain_from_attributes
+from planner.motion.timeline import Timeline, chain_attributes, chain_from_attributes
 from planner.pipeline import fold_layout as layout
 from planner.pipeline.attempt import Attempt, Candidates
 from planner.pipeline.fold_layout import last_frame
@@ -34,6 +34,8 @@ from planner.pipeline.job import Job, Result, Search, share_bent
 from planner.pipeline.preference import COMPUTING, Preference, Rank, judgement, rank
 from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
+from planner.plan.moment_search import moments_of
+from planner.plan.moments import Moments
 from planner.plan.plan import Plan
 from planner.plan.prepared import PreparedChains, key_of
 from planner.playback.playback import Playback
@@ -274,6 +276,25 @@ class Workspace:
         clearances.unlink(missing_ok=True)
         return path
 
+    def find_moments(self) -> Moments | None:
+        """Return the moments of the timeline; None without a playback."""
+        certificate = self.read_certificate()
+        timeline = self._result(names.TIMELINE)
+        if certificate is None or not timeline.exists():
+            return None
+        return moments_of(
+            Timeline.open(timeline),
+            size=certificate.module_size,
+            figures=self.directory / names.FIGURES,
+            forces=self._result(names.FORCES),
+            direct=self._result(names.RECORD).exists(),
+        )
+
+    def write_moments(self) -> None:
+        """Write the moments of the timeline, after its figures."""
+        if (moments := self.find_moments()) is not None:
+            write_json(self.directory / names.MOMENTS, moments.as_dict())
+
     def drop_manifest(self) -> None:
         """Remove the digests of files that are about to change."""
         self._drop(names.MANIFEST)
@@ -321,7 +342,7 @@ class Workspace:
 
     def drop_pictures(self) -> None:
         """Remove what shows an earlier fold in this directory."""
-        self._drop(names.PICTURE, names.FIGURES)
+        self._drop(names.PICTURE, names.FIGURES, names.MOMENTS)
 
     def keep_best_explosion(self) -> None:
         """Keep the explosion that came farthest, of those that no certificate has judged."""

@@ -27,6 +27,7 @@ from planner.file_names import (
     INPUT,
     MANIFEST,
     MODEL,
+    MOMENTS,
     PLAN,
     PLAN_TEXT,
     PLAYBACK,
@@ -48,7 +49,7 @@ Arrays = dict[str, NDArray[Any]]
 PACKED_FORMAT: Final = "foldback-packed/1"
 TEXT_FILES: Final = (
     *(INPUT, REQUEST, CHAIN, START_CHAIN, CANDIDATES, ATTEMPTS),
-    *(CERTIFICATE, MANIFEST, MODEL),
+    *(CERTIFICATE, MANIFEST, MODEL, MOMENTS),
 )
 """Files that a packed fold (a whole fold directory in one small file) holds unchanged, if the fold
 has them."""

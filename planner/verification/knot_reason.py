@@ -31,6 +31,10 @@ MIN_CLOSING_RADIUS_RATIO: Final = 2.0
 """Minimum distance from a chain's middle of the corners by which the evidence of a knot joins the
 chain's ends, as a multiple of the chain's radius: they must lie outside. Larger values refuse more
 evidence. Chosen."""
+MAX_CLOSING_CORNERS: Final = 3
+"""Maximum number of corners by which the evidence of a knot may join the chain's ends. With the two
+ends, they are a polygon of five edges, which cannot be knotted; more corners could tie a knot of
+their own outside of the chain."""
 MIN_CLOSINGS: Final = 3
 """Minimum number of closings (lines that join a chain's ends around it) that must all show a knot
 if an end cannot be extended without passing close to other modules. Larger values demand stronger
@@ -93,6 +97,8 @@ def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Diff
         if apart > MAX_TOUCHING_ENDS_PITCH:
             yield f"closings: got no corners, expected some, because the ends are {apart:.3g} apart"
         return
+    if len(corners) > MAX_CLOSING_CORNERS:
+        yield f"closings: got {len(corners)} corners, expected at most {MAX_CLOSING_CORNERS}"
     middle = positions.mean(axis=0)
     radius = float(np.linalg.norm(positions - middle, axis=1).max())
     if np.linalg.norm(corners - middle, axis=1).min() < MIN_CLOSING_RADIUS_RATIO * radius:

@@ -1,13 +1,18 @@
-"""Reasons in plans: the reason of a failed explosion, checked against its record."""
+"""Reasons in plans: the reason of a failed explosion, checked against its record.
+
+Where ``foldback_check.py`` checks a reason too, both have to confirm it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path as FilePath
 
+import foldback_check
 from planner.explosion.diagnosis import Diagnosis, stuck_of
+from planner.file_names import PLAN, RECORD
 from planner.pipeline.workspace import Workspace
-from planner.plan.differences import value_differences
+from planner.plan.differences import Differences, value_differences
 from planner.plan.plan import Plan
 from planner.verification.reasons import ReasonCheck, check_reason
 
@@ -16,7 +21,7 @@ def reason_of(directory: FilePath, plan: Plan, notes: list[str]) -> ReasonCheck 
     """Check the reason that a plan gives for an explosion that did not end straight.
 
     Args:
-        directory: Directory of the fold, with ``record.npz``.
+        directory: Directory of the fold, with ``plan.npz`` and ``record.npz``.
         plan: Its plan.
         notes: Receives a note if the check is not possible.
     """
@@ -30,4 +35,15 @@ def reason_of(directory: FilePath, plan: Plan, notes: list[str]) -> ReasonCheck 
         return None
     words = Diagnosis.from_dict(stuck).words
     other = value_differences(stuck["words"], words, "words")
-    return replace(found, differences=(*found.differences, *other))
+    alone = _unconfirmed(directory) if found.kind in foldback_check.REASONS else ()
+    return replace(found, differences=(*found.differences, *other, *alone))
+
+
+def _unconfirmed(directory: FilePath) -> Differences:
+    """Yield what the independent checker cannot confirm from plan and record alone."""
+    try:
+        found = foldback_check.check(directory / PLAN, record=directory / RECORD)
+    except ValueError as error:
+        found = {"verdict": "no plan", "reason": str(error)}
+    if found["verdict"] != "refusal confirmed":
+        yield f"the independent checker does not confirm it: {found['reason']}"

@@ -10,7 +10,7 @@ from fastapi.responses import FileResponse, Response
 
 from planner.errors import DamagedError, InputError, TimelineError
 from planner.exports import EXPORTS, export_named, exports_of
-from planner.file_names import CERTIFICATE, MODEL, PLAN, PLAN_TEXT, TIMELINE
+from planner.file_names import CERTIFICATE, MODEL, PLAN, PLAN_TEXT, RECORD, TIMELINE
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.context import Context
@@ -35,6 +35,7 @@ requests. Chosen."""
 PLAN_MEDIA_TYPES: Final = {
     PLAN_TEXT: "application/json",
     PLAN: "application/octet-stream",
+    RECORD: "application/octet-stream",
     MODEL: "application/xml",
     CERTIFICATE: "application/json",
 }

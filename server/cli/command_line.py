@@ -30,6 +30,7 @@ COMMANDS: Final = {
     "play": "Show a fold's directory in the browser.",
     "export": "Export a finished fold as URDF, MCAP, an animated scene and more.",
     "movie": "Make a movie of a fold: the straight chain folds into its shape.",
+    "tour": "Draft a tour of a fold: a caption for each frame that matters most.",
     "retime": "Add time stamps to a plan within a robot's limits.",
     "servos": "List servos that are strong enough for a torque.",
     "table": "Check if a plan works on a table, and compute the joint torques.",

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
+import foldback_check
 from planner.motion.timeline import Timeline
 from planner.pathfinding.assembly import layered_snake
 from tests.browser.conftest import WIDTH, Visit, at_frame, picture, shown_frame, with_view
@@ -160,7 +161,9 @@ def exploding_bytes(data: Path, cells: object) -> tuple[int, int]:
         assert service.stop() == 0
 
 
-def test_knot_is_drawn_and_located(visit: Visit, service: Service) -> None:
+def test_knot_is_drawn_located_and_confirmed(
+    visit: Visit, service: Service, tmp_path: Path
+) -> None:
     corners = [(-TAIL, 0, 0), *OVERHAND[1:-1], (4, 6 + TAIL, 2)]
     # All at once it is shaken loose; module by module it is drawn tight.
     fold = service.fold(walk(tuple(corners)).tolist(), strategy="peel")["id"]
@@ -182,6 +185,13 @@ def test_knot_is_drawn_and_located(visit: Visit, service: Service) -> None:
     tried = page.locator(".attempts li")
     expect(tried).to_have_count(1)  # it is peeled one way only
     expect(tried).to_contain_text("the chain is knotted (determinant 3)")
+    # Both files are there, and are enough to confirm the reason.
+    expect(page.locator("#attempts code")).to_contain_text("--record record.npz")
+    for name in ("plan.npz", "record.npz"):
+        link = page.locator(f"#attempts a[download='{name}']").get_attribute("href")
+        (tmp_path / name).write_bytes(service.http.get(str(link)).content)
+    found = foldback_check.check(tmp_path / "plan.npz", record=tmp_path / "record.npz")
+    assert found["verdict"] == "refusal confirmed", found
 
 
 def test_verified_fold_shows_no_failure(visit: Visit, wrench: str) -> None:

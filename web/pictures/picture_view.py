@@ -9,14 +9,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.plan.tour import CAMERA_PATTERN
 from web.pictures.camera import ELEVATION_RAD, View, distance_needed, framing
 
 Array = NDArray[np.float64]
 
-DECIMAL: Final = r"-?\d{1,3}(?:\.\d{1,4})?"
-SHORT_FORM_PATTERN: Final = (
-    rf"^\d{{1,9}},(?:{DECIMAL})?,(?:{DECIMAL})?,{DECIMAL}(?:,{DECIMAL},{DECIMAL})?$"
-)
+SHORT_FORM_PATTERN: Final = rf"^\d{{1,9}},{CAMERA_PATTERN}$"
 """Matches a camera view in an address: frame from 1, azimuth and elevation in degrees (or empty),
 distance as a multiple of the default one and, if the camera does not follow the chain, its
 horizontal and vertical offset."""

@@ -132,7 +132,7 @@ def test_windows_have_the_margins_of_the_same_motion_without_windows(
     dense = _margins(chain, motion.dense(chain))
     for name in ("module_size", "one_hinge_rad", "independent_rad"):
         values = [getattr(each, name).value for each in (found, dense)]
-        assert values[0] == pytest.approx(values[1], rel=0.05)
+        assert values[0] == pytest.approx(values[1], rel=0.1)
 
 
 def test_motion_that_touches_has_no_margins() -> None:

@@ -37,7 +37,7 @@ OUTPUTS = {
     "explode": ["attempts.json", "record.npz"],
     "play_back": ["playback.npz"],
     "certify": ["certificate.json"],
-    "export": ["model.xml", "plan.json", "plan.npz"],
+    "export": ["model.xml", "moments.json", "plan.json", "plan.npz"],
 }
 
 

@@ -115,6 +115,10 @@ def test_falsified_knot_is_refuted(knot: Stuck) -> None:
     through = [[float(value) for value in knot[0].folded_poses.positions.mean(axis=0)]]
     assert any("near the chain" in each for each in differences(knot, closings=[through]))
     assert any("expected at least one" in each for each in differences(knot, closings=[]))
+    # Many corners could tie one far outside, where the chain is not.
+    [[first, *others]] = evidence["closings"]
+    aside = [[value + 50.0 * k for k, value in enumerate(first)]] * 3
+    assert any("at most 3" in each for each in differences(knot, closings=[[*aside, *others]]))
 
 
 def test_knot_that_has_opened_is_no_reason(knot: Stuck) -> None:

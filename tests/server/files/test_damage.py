@@ -35,7 +35,7 @@ ROUTES = (
     *("/compare?a={id}&b={id}", "/api/folds/{id}", "/api/folds/{id}/frames"),
     *("/api/folds/{id}/exports", "/api/folds/{id}/exports/csv", "/api/folds/{id}/exports/urdf"),
     *("/api/folds/{id}/plan.npz", "/api/folds/{id}/plan.json", "/api/folds/{id}/model.xml"),
-    "/api/folds/{id}/certificate.json",
+    *("/api/folds/{id}/certificate.json", "/api/folds/{id}/record.npz"),
 )
 MOTION_ROUTES = ("bundle", "batch", "figures", "standalone.html", "recording.viser")
 
@@ -79,7 +79,7 @@ def test_fold_with_lost_chunks_shows_no_motion(
 
 
 def test_damaged_download_is_refused(service: Service, fold: str, directory: Path) -> None:
-    for name in ("plan.npz", "plan.json", "model.xml", "certificate.json"):
+    for name in ("plan.npz", "plan.json", "model.xml", "certificate.json", "record.npz"):
         data = bytearray((directory / name).read_bytes())
         data[len(data) // 3] ^= 4
         (directory / name).write_bytes(bytes(data))

@@ -25,14 +25,14 @@ export class Failure {
   }
 
   /** @param {Facts} facts */
-  facts({ failure, attempts, frames }) {
+  facts({ id, failure, attempts, frames, downloads }) {
     this.found = frames ? failure : null;
     get("stuck").hidden = !this.found;
     this.bar.sticksAt(this.found);
     get("tab-attempts").hidden = false;
     get("stuck-attempts").hidden = !attempts.length;
     get("stuck-attempts").textContent = attempts.length === 1 ? "The attempt" : `All ${attempts.length} attempts`;
-    get("attempts").replaceChildren(...this.panel(failure, attempts));
+    get("attempts").replaceChildren(...this.panel(failure, attempts, downloads.length ? `/api/folds/${id}` : null));
     if (!this.found) return;
     const { heading, text, modules, knot } = this.found;
     get("stuck-heading").textContent = heading;
@@ -69,8 +69,9 @@ export class Failure {
   /**
    * @param {Failing | null} failure
    * @param {Attempt[]} attempts
+   * @param {string | null} files where plan and record are
    */
-  panel(failure, attempts) {
+  panel(failure, attempts, files) {
     const parts = [];
     if (failure) {
       parts.push(element("h2", {}, failure.heading), element("p", {}, failure.text));
@@ -80,12 +81,25 @@ export class Failure {
         const links = failure.modules.map((module) => button("inline", String(module + 1), () => { this.go(); this.player.send({ do: "select", module }); }));
         parts.push(element("p", { class: "stuck-list" }, element("i", { class: "swatch stuck", "aria-hidden": "true" }), links.length === 1 ? "Module" : "Modules", ...links));
       }
+      if (files && (failure.knot || failure.blocks.length)) parts.push(...confirming(files));
     }
     const tried = attempts.map(({ strategy, how, end, tone }, k) => element("li", { "data-tone": tone },
       element("b", {}, `${k + 1}. ${strategy}`), element("small", {}, how), element("p", {}, end)));
     if (tried.length) parts.push(element("h3", {}, "Attempts"), element("ol", { class: "attempts" }, ...tried));
     return parts;
   }
+}
+
+// How to confirm the reason without us: the checker, and the two files that it reads.
+/** @param {string} files */
+function confirming(files) {
+  const [plan, record] = ["plan.npz", "record.npz"].map((name) => element("a", { href: `${files}/${name}`, download: name }, name));
+  return [
+    element("h3", {}, "Check it yourself"),
+    element("p", {}, "The checker confirms this reason from ", plan, " and ", record, " alone. It needs no trust in us."),
+    element("p", {}, element("code", {}, "python foldback_check.py plan.npz --record record.npz")),
+    element("p", {}, element("a", { class: "button quiet", href: "/static/foldback_check.py", download: true }, "Download the checker")),
+  ];
 }
 
 // The knot as it is where the fold stopped, with gaps where a strand goes under another one.

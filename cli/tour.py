@@ -1,0 +1,83 @@
+"""``foldback tour``: a tour of a fold, drafted from what is known of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from cli.inputs import read_plan, refuse
+from cli.options import AsJson, FoldDirectory
+from planner.errors import InputError, TimelineError
+from planner.file_names import TIMELINE
+from planner.files import write_whole
+from planner.motion.timeline import Timeline
+from planner.pipeline.fold_layout import result, stored_moments
+from planner.pipeline.workspace import Workspace
+from planner.plan.tour import Tour
+from words.fold import ShownFold
+from words.tour import draft_tour
+
+
+def tour(
+    directory: FoldDirectory,
+    out: Annotated[
+        Path | None, typer.Option(help="File to write the tour to, as foldback-tour/1.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Draft a tour of a fold: a caption for each frame that matters most."""
+    try:
+        found = _drafted(directory)
+        if out is not None:
+            _write(out, found)
+    except (InputError, TimelineError) as error:
+        refuse(
+            error if isinstance(error, InputError) else InputError("no-frames", f"{error}"), as_json
+        )
+    if as_json:
+        print(json.dumps(found.as_dict()), flush=True)
+        return
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for stop in found.stops:
+        table.add_row(f"Frame {stop.frame}", stop.caption)
+    Console(highlight=False).print(table)
+
+
+def _drafted(directory: Path) -> Tour:
+    """Return the draft of a fold's directory.
+
+    Raises:
+        InputError: There is no plan, or it has no frames.
+        TimelineError: There is no timeline, or it is damaged.
+    """
+    plan = read_plan(directory)
+    told = plan.summary()
+    row = ShownFold(
+        id="",
+        name=told["name"],
+        status=told["status"],
+        modules=told["modules"],
+        module=told["module"],
+        preset=plan.preset,
+        seed=plan.seed,
+        summary=told,  # pyright: ignore[reportArgumentType]
+    )
+    moments = stored_moments(directory) or Workspace(directory).find_moments()
+    drafted = draft_tour(row, len(Timeline.open(result(directory, TIMELINE))), moments)
+    if drafted is None:
+        raise InputError("no-frames", "got a fold without frames, expected one with a motion.")
+    return drafted
+
+
+def _write(out: Path, tour: Tour) -> None:
+    try:
+        write_whole(out, json.dumps(tour.as_dict(), indent=2, ensure_ascii=False).encode())
+    except OSError as error:
+        raise InputError(
+            "no-file", f"cannot be written ({error.strerror}).", where=str(out)
+        ) from error

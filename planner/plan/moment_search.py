@@ -1,0 +1,229 @@
+"""Search for the moments of a fold, in its timeline and figures, when its plan is written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.certificate.metrics import Curves, Figures
+from planner.certificate.table_forces import TableForces
+from planner.chain.chain import Chain
+from planner.chain.kinematics import Poses
+from planner.errors import TimelineError
+from planner.kernels.clearance import Solid, module_clearances
+from planner.motion.inverse import inverse_dynamics
+from planner.motion.motion import PHASES
+from planner.motion.timeline import Timeline
+from planner.pathfinding.knots import knot_of
+from planner.plan.moments import CONTACT_LINKS, CONTACT_PITCH, Meeting, Moments
+
+Array = NDArray[np.float64]
+MAX_MEETING_MODULES: Final = 2_000_000
+"""Maximum product of frames and modules that are searched for the first contact; beyond it, none is
+reported. Larger values take more time: about 1 s for the default. Measured."""
+MAX_DIRECT_MODULES: Final = 1500
+"""Maximum number of modules of a chain for which the collision of direct servoing is searched.
+Larger values take more time. Chosen."""
+DIRECT_STEPS: Final = 100
+"""Number of equal steps in which all hinges turn at once in the search for the collision of direct
+servoing: it is found to whole per cent."""
+MAX_KNOT_MODULES: Final = 1500
+"""Maximum number of modules of a chain for which the moment is searched at which it becomes
+knotted. Larger values take more time. Chosen."""
+OVERLAP_PITCH: Final = 1e-6
+"""Overlap of two modules, in pitches, from which on they collide: smaller ones are rounding.
+Chosen."""
+CHUNK_POSES: Final = 2**15
+"""Number of modules' poses that are computed at once, over all frames. Larger values take more
+memory. Chosen."""
+
+
+def moments_of(
+    timeline: Timeline,
+    *,
+    size: float,
+    figures: FilePath | None = None,
+    forces: FilePath | None = None,
+    direct: bool = True,
+) -> Moments | None:
+    """Find the moments of a finished fold; None if it was not played back.
+
+    Args:
+        timeline: Its timeline.
+        size: Module size as a fraction of the pitch.
+        figures: Path of the timeline's figures; without them, the largest torque is unknown.
+        forces: Path of the forces of a fold on a table, whose torques count in place of those.
+        direct: True if the collision of direct servoing is searched.
+    """
+    _, phases = timeline.clock()
+    played = np.flatnonzero(phases != PHASES.index("explosion"))
+    folding = np.flatnonzero(phases == PHASES.index("playback"))
+    if not len(folding):
+        return None
+    motion = _Folding(timeline, size, int(folding[0]), len(timeline))
+    knot, determinant = motion.knot()
+    collision, percent = motion.direct() if direct else (None, None)
+    return Moments(
+        plan=int(played[0]),
+        straight=motion.first,
+        frames=motion.end,
+        contact=motion.contact(),
+        torque=_torque(timeline, int(played[0]), figures, forces),
+        knot=knot,
+        determinant=determinant,
+        direct=collision,
+        direct_percent=percent,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Folding:
+    """Frames ``first`` to ``end`` of a timeline, in which the straight chain folds."""
+
+    timeline: Timeline
+    size: float
+    first: int
+    end: int
+
+    @property
+    def chain(self) -> Chain:
+        return self.timeline.chain
+
+    def contact(self) -> Meeting | None:
+        """Return the first contact of modules that are not near each other in the chain."""
+        most = MAX_MEETING_MODULES // len(self.chain)
+        for start, poses in self._poses(self.first, min(self.end, self.first + most)):
+            if met := self._closest(poses, CONTACT_LINKS, CONTACT_PITCH):
+                return Meeting(frame=start + met[0], modules=met[1])
+        return None
+
+    def direct(self) -> tuple[Meeting | None, int | None]:
+        """Return the first collision when all hinges turn at once, and after what per cent."""
+        chain = self.chain
+        if len(chain) > MAX_DIRECT_MODULES:
+            return None, None
+        step = max(1, CHUNK_POSES // len(chain))
+        shares = np.arange(1, DIRECT_STEPS + 1) / DIRECT_STEPS
+        for start in range(0, DIRECT_STEPS, step):
+            angles = shares[start : start + step, None] * chain.folded_rad
+            poses = chain.poses(angles, np.zeros((len(angles), 3)), _upright(len(angles)))
+            if met := self._closest(poses, chain.module.apart, -OVERLAP_PITCH):
+                share = shares[start + met[0]]
+                meeting = Meeting(frame=self._folded_by(float(share)), modules=met[1])
+                return meeting, round(100 * share)
+        return None, None
+
+    def knot(self) -> tuple[int | None, int | None]:
+        """Return a frame at which the chain becomes knotted, and the determinant at the end."""
+        if len(self.chain) > MAX_KNOT_MODULES:
+            return None, None
+        low, high = self.first, self.end - 1
+        end = knot_of(self._centres(high))
+        if end.verdict != "knotted" or knot_of(self._centres(low)).verdict != "unknot":
+            return None, None
+        while high - low > 1:
+            middle = (low + high) // 2
+            verdict = knot_of(self._centres(middle)).verdict
+            if verdict == "undecided":
+                return None, None
+            low, high = (low, middle) if verdict == "knotted" else (middle, high)
+        return high, end.determinant
+
+    def _centres(self, frame: int) -> Array:
+        return self.timeline.frames(frame, frame + 1).poses(self.chain).positions[0]
+
+    def _poses(self, start: int, end: int) -> Iterator[tuple[int, Poses]]:
+        """Yield poses with the number of their first frame, some frames at a time."""
+        step = max(1, CHUNK_POSES // len(self.chain))
+        for at in range(start, end, step):
+            yield at, self.timeline.frames(at, min(at + step, end)).poses(self.chain)
+
+    def _closest(
+        self, poses: Poses, links: int, below: float
+    ) -> tuple[int, tuple[int, int]] | None:
+        """Return the first of some configurations with a clearance below, and its closest pair."""
+        module = self.chain.module
+        shape = poses.positions.shape[:2]
+        clearance, nearest = np.empty(shape, np.float32), np.empty(shape, np.int32)
+        solid = Solid(module.hull, float(self.size), module.inner_radius)
+        cutoff = max(below, 0.0)
+        module_clearances(
+            poses.positions, poses.rotations, solid, links, cutoff, clearance, nearest
+        )
+        found = np.flatnonzero((clearance < below).any(axis=1))
+        if not len(found):
+            return None
+        row = int(found[0])
+        one = int(clearance[row].argmin())
+        other = int(nearest[row, one])
+        return row, (min(one, other), max(one, other))
+
+    def _folded_by(self, share: float) -> int:
+        """Return the frame at which the chain is folded by nearly this share of all turns."""
+        low, high = self.first, self.end - 1
+        while high - low > 1:
+            middle = (low + high) // 2
+            if self._foldedness(middle) < share:
+                low = middle
+            else:
+                high = middle
+        return high
+
+    def _foldedness(self, frame: int) -> float:
+        goal = self.chain.folded_rad
+        turned = self.timeline.frames(frame, frame + 1).joint_angles_rad[0] * np.sign(goal)
+        wanted = np.abs(goal)
+        return float(np.clip(turned, 0.0, wanted).sum() / max(wanted.sum(), OVERLAP_PITCH))
+
+
+def _torque(
+    timeline: Timeline, plan: int, figures: FilePath | None, forces: FilePath | None
+) -> Meeting | None:
+    """Return the frame with the largest torque, and the modules that its hinge joins."""
+    if forces is not None and forces.exists():
+        found = TableForces.load(forces)
+        return _at_hinge(timeline.chain, plan, found.torques)
+    if figures is None or not figures.exists():
+        return None
+    try:
+        largest = Curves.load(figures, plan).peak_torque_nm
+    except TimelineError:
+        return None
+    if not np.isfinite(largest).any() or np.nanmax(largest) <= 0.0:
+        return None
+    frame = plan + int(np.nanargmax(largest))
+    if not timeline.windowed:
+        return _at_hinge(timeline.chain, frame, Figures.load(figures, frame, frame + 1).torque_nm)
+    around = max(frame - 8, plan)
+    torques = inverse_dynamics(
+        timeline.chain, timeline.windows(around, min(frame + 9, len(timeline)))
+    )
+    here = np.flatnonzero(torques.frames == frame - around)
+    if not len(here):
+        return None
+    return Meeting(frame=frame, modules=_joined(timeline.chain, int(torques.hinges[here[0]])))
+
+
+def _at_hinge(chain: Chain, start: int, torques: NDArray[np.float32]) -> Meeting | None:
+    """Return the frame and hinge of the largest of (F, J) torques; None without any."""
+    sizes = np.abs(torques)
+    if not sizes.size or not np.isfinite(sizes).any() or np.nanmax(sizes) <= 0.0:
+        return None
+    row, hinge = np.unravel_index(int(np.nanargmax(sizes)), sizes.shape)
+    return Meeting(frame=start + int(row), modules=_joined(chain, int(hinge)))
+
+
+def _joined(chain: Chain, hinge: int) -> tuple[int, int]:
+    """Return the two modules that a hinge joins."""
+    module = chain.module
+    first = module.rigid_links + hinge // module.hinges_per_joint
+    return first, first + 1
+
+
+def _upright(count: int) -> Array:
+    return np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))

@@ -1,0 +1,82 @@
+"""Moments: places of a fold's motion that are worth showing, apart from those of its certificate.
+
+They are found once, when the plan is written. Nothing here needs what finds them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+from planner.errors import InputError
+
+MOMENTS_FORMAT: Final = "foldback-moments/1"
+CONTACT_PITCH: Final = 0.1
+"""Distance of two modules, in pitches, below which they count as having met. A larger value finds
+the first contact of a fold earlier. Chosen."""
+CONTACT_LINKS: Final = 3
+"""Minimum number of links between two modules that can meet: nearer ones in the chain are always
+close to each other. Larger values find the first contact later. Chosen."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Meeting:
+    """Two modules at a frame of the timeline.
+
+    Attributes:
+        frame: Frame of the timeline, counted from 0.
+        modules: Their numbers, counted from 0.
+    """
+
+    frame: int
+    modules: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moments:
+    """Moments of a fold. Frames are those of the timeline, counted from 0; None where unknown.
+
+    Attributes:
+        plan: First frame of the plan.
+        straight: First frame at which the chain is straight and begins to fold.
+        frames: Number of frames.
+        contact: First frame at which two modules are closer than ``CONTACT_PITCH`` that are at
+            least ``CONTACT_LINKS`` links apart.
+        torque: Frame with the largest hinge torque in the figures, and the modules of that hinge.
+        knot: Frame at which the chain is knotted, as at the end, and was not at the frame before.
+        determinant: Determinant of the knot at the end; None if it was not computed.
+        direct: Frame at which the plan is as far folded as the chain with all hinges turned evenly
+            when two of its modules first overlap, and these modules.
+        direct_percent: Share of each hinge's turn at that overlap, whole per cent.
+    """
+
+    plan: int
+    straight: int
+    frames: int
+    contact: Meeting | None = None
+    torque: Meeting | None = None
+    knot: int | None = None
+    determinant: int | None = None
+    direct: Meeting | None = None
+    direct_percent: int | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain JSON values."""
+        return {"format": MOMENTS_FORMAT, **asdict(self)}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Moments:
+        """Build moments from ``as_dict``.
+
+        Raises:
+            InputError: ``wrong-format``.
+        """
+        if values.get("format") != MOMENTS_FORMAT:
+            raise InputError(
+                "wrong-format", f"got {values.get('format')!r}, expected {MOMENTS_FORMAT!r}."
+            )
+        found = {name: value for name, value in values.items() if name != "format"}
+        for name in ("contact", "torque", "direct"):
+            if (told := found.get(name)) is not None:
+                found[name] = Meeting(frame=told["frame"], modules=tuple(told["modules"]))
+        return cls(**found)

@@ -1,0 +1,194 @@
+"""Tours: a list of stops in a fold, each a view of one frame with a caption: docs/tours.md."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Final, cast
+
+from planner.errors import InputError
+from planner.names import clean_name
+
+TOUR_FORMAT: Final = "foldback-tour/1"
+MAX_STOPS: Final = 50
+"""Maximum number of stops of a tour; a longer one is refused. Chosen."""
+MAX_CAPTION: Final = 300
+"""Maximum number of characters of a stop's caption; a longer one is refused. A larger value permits
+captions that cover the fold on small screens. Chosen."""
+MAX_TITLE: Final = 200
+"""Maximum number of characters of a tour's title; a longer one is refused. Chosen."""
+MAX_STOP_MODULES: Final = 8
+"""Maximum number of modules that a stop highlights. Chosen."""
+MAX_NUMBER: Final = 999_999_999
+"""Largest number of a frame or module in a tour, as in the address of a fold's page."""
+DECIMAL: Final = r"-?\d{1,3}(?:\.\d{1,4})?"
+CAMERA_PATTERN: Final = rf"(?:{DECIMAL})?,(?:{DECIMAL})?,{DECIMAL}(?:,{DECIMAL},{DECIMAL})?"
+"""Matches a camera in an address: azimuth and elevation in degrees (or empty), distance as a
+multiple of the default one and, if the camera does not follow the chain, its horizontal and
+vertical offset."""
+COLOUR_PATTERN: Final = r"[a-z_-]{1,20}"
+"""Matches names of quantities that colours show; pages ignore names that they do not know."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stop:
+    """One stop of a tour. Frames and modules count from 1, as in the address of a page.
+
+    Attributes:
+        caption: Text of the stop, without markup.
+        frame: Frame of the timeline.
+        modules: Modules that are highlighted; without a camera, the view turns to them.
+        first: First frame of a loop that plays at the stop; with ``last``, or neither.
+        last: Last frame of that loop.
+        camera: Camera as in an address; None for the default one.
+        follow: False if the camera stays where it is while the chain moves.
+        colour: Quantity that colours show; None for joint errors.
+        path: True if modules are transparent and show the path of the chain.
+    """
+
+    caption: str
+    frame: int
+    modules: tuple[int, ...] = ()
+    first: int | None = None
+    last: int | None = None
+    camera: str | None = None
+    follow: bool = True
+    colour: str | None = None
+    path: bool = False
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain JSON values, without those that are the default."""
+        values: dict[str, Any] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value != field.default:
+                values[_KEYS.get(field.name, field.name)] = (
+                    list(value) if isinstance(value, tuple) else value
+                )
+        return values
+
+
+_KEYS: Final = {"first": "from", "last": "to"}
+_NAMES: Final = {_KEYS.get(field.name, field.name): field.name for field in fields(Stop)}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tour:
+    """A tour of a fold.
+
+    Attributes:
+        title: Its title.
+        stops: Its stops in order, 1 to ``MAX_STOPS``.
+    """
+
+    title: str
+    stops: tuple[Stop, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain JSON values."""
+        return {
+            "format": TOUR_FORMAT,
+            "title": self.title,
+            "stops": [stop.as_dict() for stop in self.stops],
+        }
+
+    @classmethod
+    def from_dict(
+        cls, values: object, *, frames: int = MAX_NUMBER, modules: int = MAX_NUMBER
+    ) -> Tour:
+        """Build a tour from JSON values.
+
+        Args:
+            values: The values.
+            frames: Number of frames of the fold that it is for.
+            modules: Number of its modules.
+
+        Raises:
+            InputError: ``bad-tour``: saying what was found, what is expected, and where.
+        """
+        told = _mapping(values, {"format", "title", "stops"}, "tour")
+        if told.get("format") != TOUR_FORMAT:
+            raise _bad("format", told.get("format"), repr(TOUR_FORMAT))
+        stops = told.get("stops")
+        if not isinstance(stops, list) or not 1 <= len(cast("list[object]", stops)) <= MAX_STOPS:
+            got = f"{len(cast('list[object]', stops))} stops" if isinstance(stops, list) else stops
+            raise _bad("stops", got, f"a list of 1 to {MAX_STOPS}")
+        return cls(
+            title=_text("title", told.get("title"), MAX_TITLE),
+            stops=tuple(
+                _stop(stop, f"stop {k}", frames, modules)
+                for k, stop in enumerate(cast("list[object]", stops), 1)
+            ),
+        )
+
+
+def _stop(values: object, place: str, frames: int, modules: int) -> Stop:
+    told = _mapping(values, set(_NAMES), place)
+    given = {_NAMES[key]: value for key, value in told.items() if value is not None}
+    checked: dict[str, Any] = {
+        "caption": _text(f"{place}, caption", given.get("caption"), MAX_CAPTION),
+        "frame": _number(f"{place}, frame", given.get("frame"), frames),
+    }
+    if ("first" in given) != ("last" in given):
+        raise _bad(f"{place}, from", told.get("from"), "both 'from' and 'to', or neither")
+    if "first" in given:
+        checked["last"] = _number(f"{place}, to", given["last"], frames)
+        checked["first"] = _number(f"{place}, from", given["first"], frames)
+        if checked["first"] >= checked["last"]:
+            raise _bad(f"{place}, from", given["first"], f"a frame before {given['last']}")
+    if "modules" in given:
+        checked["modules"] = _modules(f"{place}, modules", given["modules"], modules)
+    for name, pattern, like in _TEXTS:
+        if name in given:
+            if not isinstance(given[name], str) or not re.fullmatch(pattern, given[name], re.ASCII):
+                raise _bad(f"{place}, {name}", given[name], like)
+            checked[name] = given[name]
+    for name in ("follow", "path"):
+        if name in given:
+            if not isinstance(given[name], bool):
+                raise _bad(f"{place}, {name}", given[name], "true or false")
+            checked[name] = given[name]
+    return Stop(**checked)
+
+
+_TEXTS: Final = (
+    ("camera", CAMERA_PATTERN, "a camera as in an address, such as '-62.5,24,1.2'"),
+    ("colour", COLOUR_PATTERN, "the name of a quantity, such as 'clearance'"),
+)
+
+
+def _mapping(values: object, keys: set[str], where: str) -> Mapping[str, Any]:
+    if not isinstance(values, Mapping):
+        raise _bad(where, values, "an object")
+    told = cast("Mapping[str, Any]", values)
+    if unknown := sorted(str(key) for key in told if key not in keys):
+        raise _bad(where, unknown[0], f"the fields {', '.join(sorted(keys))}")
+    return told
+
+
+def _text(where: str, value: object, most: int) -> str:
+    text = clean_name(value, max_length=most + 1) if isinstance(value, str) else ""
+    if not 1 <= len(text) <= most or (isinstance(value, str) and len(value) > 2 * most):
+        got = f"{len(value)} characters" if isinstance(value, str) else value
+        raise _bad(where, got, f"a text of 1 to {most} visible characters")
+    return text
+
+
+def _number(where: str, value: object, most: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= most:
+        raise _bad(where, value, f"a whole number from 1 to {most}")
+    return value
+
+
+def _modules(where: str, values: object, most: int) -> tuple[int, ...]:
+    several = cast("list[object]", values) if isinstance(values, list) else []
+    if not 1 <= len(several) <= MAX_STOP_MODULES:
+        raise _bad(where, values, f"a list of 1 to {MAX_STOP_MODULES} numbers of modules")
+    return tuple(_number(where, value, most) for value in several)
+
+
+def _bad(where: str, got: object, expected: str) -> InputError:
+    shown = "nothing" if got is None else got if isinstance(got, str) else repr(got)
+    short = shown if len(shown) <= 40 else f"{shown[:39]}…"
+    return InputError("bad-tour", f"got {short}, expected {expected}.", where=where)

@@ -1,0 +1,116 @@
+"""Moments of a fold are where they say, found again by other means."""
+
+from __future__ import annotations
+
+import json
+from itertools import combinations
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
+from planner.certificate.metrics import Figures
+from planner.chain.chain import Chain
+from planner.chain.kinematics import Poses
+from planner.errors import InputError
+from planner.motion.motion import Motion
+from planner.motion.timeline import Timeline, TimelineWriter
+from planner.pathfinding.knots import knot_of
+from planner.pipeline.fold_layout import stored_moments
+from planner.plan.moment_search import moments_of
+from planner.plan.moments import CONTACT_LINKS, CONTACT_PITCH, Moments
+from tests.planner.chains import coil, knotted
+from tests.planner.clearance.reference import separation
+from tests.planner.conftest import Fold
+
+
+def apart(chain: Chain, poses: Poses, size: float, pair: tuple[int, int]) -> float:
+    """Return the separation of two modules, as the reference of the sweep computes it."""
+    (a, b), hull = pair, chain.module.hull
+    offset = poses.positions[b] - poses.positions[a]
+    return separation(hull, size, offset, poses.rotations[a], poses.rotations[b])[0]
+
+
+def closest(chain: Chain, poses: Poses, size: float, links: int) -> float:
+    """Return the least separation of modules that are at least so many links apart."""
+    near = [
+        (a, b)
+        for a, b in combinations(range(len(chain)), 2)
+        if b - a >= links and np.linalg.norm(poses.positions[a] - poses.positions[b]) < 1.9
+    ]
+    return min((apart(chain, poses, size, pair) for pair in near), default=1.0)
+
+
+def straight_to_folded(directory: FilePath, chain: Chain, frames: int) -> Timeline:
+    """Return a timeline in which all hinges turn evenly, whatever is in their way."""
+    angles = np.linspace(0.0, 1.0, frames)[:, None] * chain.folded_rad
+    with TimelineWriter.create(directory, chain) as writer:
+        writer.append(
+            Motion.from_frames(
+                time_s=np.arange(frames, dtype=float),
+                phase="playback",
+                joint_angles_rad=angles,
+                root_position=np.zeros((frames, 3)),
+                root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1)),
+            )
+        )
+    return Timeline.open(directory)
+
+
+def test_moments_of_a_fold_are_stored_and_where_they_say(folded: Fold) -> None:
+    fold = folded("wrench-24")
+    moments, size = stored_moments(fold.directory), fold.plan.certificate.module_size
+    assert moments is not None
+    timeline = Timeline.open(fold.directory / "timeline.zarr")
+    assert moments.frames == len(timeline) == moments.plan + len(fold.plan.time_s)
+    assert not timeline.frames(moments.straight, moments.straight + 1).joint_angles_rad.any()
+
+    contact = moments.contact
+    assert contact is not None
+    poses = timeline.frames().poses(fold.chain)
+
+    def at(frame: int) -> Poses:
+        return Poses(positions=poses.positions[frame], rotations=poses.rotations[frame])
+
+    assert apart(fold.chain, at(contact.frame), size, contact.modules) < CONTACT_PITCH
+    for frame in range(moments.straight, contact.frame):
+        assert closest(fold.chain, at(frame), size, CONTACT_LINKS) >= CONTACT_PITCH
+
+    figures = Figures.load(fold.directory / "figures.zarr", moments.plan)
+    torques = np.abs(figures.torque_nm)
+    frame, hinge = np.unravel_index(torques.argmax(), torques.shape)
+    name = fold.chain.joint_names[hinge]
+    assert moments.torque is not None
+    assert moments.torque.frame == moments.plan + frame
+    assert name.startswith(f"joint_{moments.torque.modules[0]}_")
+    assert moments.torque.modules[1] == moments.torque.modules[0] + 1
+
+
+def test_direct_servoing_collides_where_it_says(tmp_path: FilePath) -> None:
+    chain = coil(24)
+    moments = moments_of(straight_to_folded(tmp_path, chain, 201), size=0.95)
+    assert moments is not None and moments.direct is not None and moments.direct_percent
+    for percent in range(1, moments.direct_percent + 1):
+        poses = chain.poses(percent / 100 * chain.folded_rad, np.zeros(3), np.eye(4)[0])
+        overlaps = closest(chain, poses, 0.95, chain.module.apart) < 0.0
+        assert overlaps == (percent == moments.direct_percent)
+    # All hinges turn evenly here as well, 200 steps long.
+    assert moments.direct.frame == pytest.approx(2 * moments.direct_percent, abs=1)
+
+
+def test_chain_becomes_a_knot_where_it_says(tmp_path: FilePath) -> None:
+    chain = knotted(1)
+    timeline = straight_to_folded(tmp_path, chain, 41)
+    moments = moments_of(timeline, size=0.95, direct=False)
+    assert moments is not None and moments.knot is not None
+    before, after = timeline.frames(moments.knot - 1, moments.knot + 1).poses(chain).positions
+    assert (knot_of(before).verdict, knot_of(after).verdict) == ("unknot", "knotted")
+    assert moments.determinant == 3
+
+
+def test_moments_are_read_as_written_and_no_others() -> None:
+    moments = Moments(plan=2, straight=3, frames=9, knot=5)
+    values = json.loads(json.dumps(moments.as_dict()))
+    assert Moments.from_dict(values) == moments
+    with pytest.raises(InputError, match="foldback-moments/1"):
+        Moments.from_dict({**values, "format": "foldback-moments/0"})

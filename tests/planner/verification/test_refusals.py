@@ -1,0 +1,255 @@
+"""The independent checker confirms true reasons of failed folds, and never a forged one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+import pytest
+
+import foldback_check
+from planner.certificate.certificate import certify
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.explosion.diagnosis import diagnose
+from planner.explosion.peeling import peel
+from planner.explosion.simultaneous import explode
+from planner.kernels.backbite import grow
+from planner.motion.record import Record
+from planner.parameters.explosion import ExplosionParameters, PeelingParameters
+from planner.parameters.parameters import Parameters
+from planner.pathfinding.knots import closed_polygons
+from planner.pathfinding.lattice import neighbours
+from planner.pipeline.request import FoldRequest
+from planner.pipeline.stages import run_stages
+from planner.plan.plan import Plan
+from planner.plan.shape_files import write_chain
+from planner.verification.knot_invariants import invariants_of
+from planner.verification.plan_reasons import reason_of
+from tests.planner.chains import coil, in_place, knotted
+from tests.planner.folds import asked
+
+Values = dict[str, Any]
+Change = Callable[[Values], None]
+HASTY: Final = replace(
+    Parameters(), strategy="simultaneous", explosion=ExplosionParameters(max_steps=10)
+)
+NARROW: Final = replace(
+    Parameters(), peeling=PeelingParameters(unit=8, most_modules=16, window=10, patience=20)
+)
+"""A window in which modules jam."""
+TREFOIL: Final = [
+    [np.sin(t) + 2 * np.sin(2 * t), np.cos(t) - 2 * np.cos(2 * t), -np.sin(3 * t)]
+    for t in np.arange(12) * np.pi / 6
+]
+
+
+@pytest.fixture(scope="module")
+def knot(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """The directory of a fold whose chain is a trefoil when its steps are used up."""
+    directory = tmp_path_factory.mktemp("knot")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(FoldRequest, "parameters", hasty)
+        run_stages(asked(directory, write_chain(knotted(6)), strategy="simultaneous"))
+    return directory
+
+
+@pytest.fixture(scope="module")
+def jam(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """Plan and record of a box whose modules block each other, in the window and in the core."""
+    box = np.argwhere(np.ones((4, 4, 4), dtype=bool))
+    _, order = grow(neighbours(box), np.ones(len(box), dtype=bool), -1, 50 * len(box), 1)
+    chain = Chain.from_path(Path.from_cells(box[order], name="box"))
+    return saved(tmp_path_factory.mktemp("jam"), chain, peel(chain, NARROW.peeling), NARROW)
+
+
+def hasty(*_: Any, **__: Any) -> Parameters:
+    return HASTY
+
+
+def saved(directory: FilePath, chain: Chain, record: Record, parameters: Parameters) -> FilePath:
+    """Write plan and record of an explosion that failed, as a fold does."""
+    found = diagnose(chain, record, parameters)
+    assert found is not None
+    tried = {**record.summary(), "diagnosis": found.as_dict()}
+    certificate = certify(chain, record, None, parameters)
+    plan = Plan.assembled(chain, parameters, 0, record, None, certificate, (tried,))
+    plan.save_npz(directory / "plan.npz")
+    record.save(directory / "record.npz")
+    return directory
+
+
+def evidence_of(told: Values) -> Values:
+    found: Values = told["attempts"][0]["diagnosis"]["evidence"]
+    return found
+
+
+def check(directory: FilePath, to: FilePath | None = None, change: Change | None = None) -> Values:
+    """What the checker says of a fold, some of whose evidence is changed."""
+    plan = directory / "plan.npz"
+    if to is not None and change is not None:
+        with np.load(plan) as file:
+            arrays = dict(file)
+        told = json.loads(str(arrays.pop("plan")))
+        change(told)
+        plan = to / "plan.npz"
+        np.savez(plan, plan=np.array(json.dumps(told)), **arrays)
+    try:
+        return foldback_check.check(plan, record=directory / "record.npz")
+    except ValueError as error:
+        return {"verdict": "no plan", "reason": str(error)}
+
+
+def test_knot_of_failed_fold_is_confirmed_from_two_files(knot: FilePath, capsys: Any) -> None:
+    found = check(knot)
+    assert found["verdict"] == "refusal confirmed", found
+    assert "determinant 3" in found["because"]
+    plan, record = str(knot / "plan.npz"), str(knot / "record.npz")
+    assert foldback_check.main([plan, "--record", record]) == 3
+    assert "not claimed" in capsys.readouterr().out
+    assert foldback_check.main([plan]) == 1
+    assert "--record record.npz checks why" in capsys.readouterr().out
+
+
+def test_blocked_hinges_and_group_are_confirmed(jam: FilePath) -> None:
+    found = check(jam)
+    assert found["verdict"] == "refusal confirmed", found
+    assert found["size"] == 0.98
+    assert "hinges" in found["because"] and "any axis" in found["because"]
+
+
+def swap(told: Values, name: str, **values: Any) -> None:
+    evidence_of(told)[name][0].update(values)
+
+
+FORGED_KNOTS: Final[dict[str, Change]] = {
+    "another determinant": lambda t: evidence_of(t).update(determinant=5),
+    "no way to join the ends": lambda t: evidence_of(t).update(closings=[]),
+    "ends that are far apart": lambda t: evidence_of(t).update(closings=[[]]),
+    "a corner within the chain": lambda t: evidence_of(t)["closings"][0].__setitem__(1, [4, 4, 1]),
+    "a knot outside": lambda t: evidence_of(t)["closings"][0].__setitem__(
+        slice(1, 2), [[900 + 50 * x, 50 * y, 50 * z] for x, y, z in TREFOIL]
+    ),
+    "corners that are no numbers": lambda t: evidence_of(t).update(closings=[[[np.nan] * 3] * 2]),
+    "corners too far for rounding": lambda t: evidence_of(t).update(
+        closings=[[[1e200, 0.0, 0.0], [0.0, 1e200, 0.0]]]
+    ),
+    "an unknotted shape": lambda t: t["chain"].update(folded_rad=[0.0] * 138),
+    "another module": lambda t: t["chain"].update(module="tetrahedron"),
+    "another verdict": lambda t: t["certificate"].update(verdict="verified"),
+    "another reason": lambda t: evidence_of(t).update(kind="blocks"),
+    "a reason of no kind": lambda t: evidence_of(t).update(kind="magic"),
+    "no evidence": lambda t: t["attempts"][0]["diagnosis"].update(evidence=None),
+    "another attempt": lambda t: t["attempts"][0].update(steps=3),
+}
+
+
+@pytest.mark.parametrize("forgery", FORGED_KNOTS)
+def test_forged_knot_is_not_confirmed(forgery: str, knot: FilePath, tmp_path: FilePath) -> None:
+    found = check(knot, tmp_path, FORGED_KNOTS[forgery])
+    assert found["verdict"] in ("not proved", "no plan"), found
+
+
+def test_knot_that_the_chain_does_not_have_is_not_confirmed(
+    knot: FilePath, tmp_path: FilePath
+) -> None:
+    # Its ends lead out along free lines, but only a knot elsewhere would have this determinant.
+    chain = coil(40)
+    record = explode(chain, HASTY.explosion)  # type: ignore[arg-type]
+    saved(tmp_path, chain, record, HASTY)
+    positions = record.frames[-1:].poses(chain).positions[0]
+    middle = positions.mean(axis=0)
+    polygons = closed_polygons(positions - middle, np.random.default_rng(0))
+    corners = [(polygon[len(positions) :] + middle).tolist() for polygon in polygons]
+
+    def claimed(told: Values) -> None:
+        evidence: Values = {"kind": "knot", "determinant": 3, "closings": corners}
+        told["attempts"][0]["diagnosis"]["evidence"] = evidence
+
+    (tmp_path / "forged").mkdir()
+    assert "no knot: determinant {1}" in check(tmp_path, tmp_path / "forged", claimed)["reason"]
+    # Nor does the record of another chain with as many modules, or one that jumps into a knot.
+    tied = knotted(6)
+    for angles in ([tied.folded_rad], [0.2 * tied.folded_rad, tied.folded_rad]):
+        open_chain = replace(tied, folded_rad=0.2 * tied.folded_rad)
+        frames = in_place("explosion", np.array(angles))
+        jump = replace(record, frames=frames, status="stalled")
+        found = check(saved(tmp_path, open_chain, jump, HASTY))
+        assert found["verdict"] == "not proved"
+        assert "begin folded" in found["reason"] or "no gap" in found["reason"], found
+
+
+FORGED_BLOCKS: Final[dict[str, Change]] = {
+    "modules that do not meet": lambda t: swap(t, "turns", modules=[0, 63]),
+    "modules on one side": lambda t: swap(t, "turns", modules=[57, 63]),
+    "another overlap": lambda t: swap(t, "turns", overlap=0.2),
+    "a large turn": lambda t: swap(t, "turns", turned_rad=1.0),
+    "a turn away from straight": lambda t: swap(
+        t, "turns", turned_rad=-evidence_of(t)["turns"][0]["turned_rad"]
+    ),
+    "a hinge left out": lambda t: evidence_of(t)["turns"].pop(),
+    "bent hinges that count as straight": lambda t: evidence_of(t).update(bent_above_rad=2.0),
+    "released hinges that count as folded": lambda t: evidence_of(t).update(first_hinge=120),
+    "fewer hinges": lambda t: evidence_of(t).update(first_hinge=126, turns=[], unit=[50, 64]),
+    "nothing blocked": lambda t: evidence_of(t).update(turns=[], moves=[]),
+    "larger modules": lambda t: evidence_of(t).update(module_size=1.0),
+    "another group": lambda t: evidence_of(t).update(unit=[50, 57]),
+    "a direction left out": lambda t: evidence_of(t)["moves"].pop(),
+    "a direction twice": lambda t: swap(
+        t, "moves", direction=evidence_of(t)["moves"][1]["direction"]
+    ),
+    "a far move": lambda t: swap(t, "moves", moved=3.0),
+    "no move": lambda t: swap(t, "moves", moved=0.0),
+    "a module outside of the group": lambda t: swap(t, "moves", modules=[47, 38]),
+    "no numbers": lambda t: swap(t, "turns", turned_rad=None),
+    "another shape": lambda t: t["chain"]["folded_rad"].__setitem__(7, 0.1),
+}
+
+
+@pytest.mark.parametrize("forgery", FORGED_BLOCKS)
+def test_forged_blocks_are_not_confirmed(forgery: str, jam: FilePath, tmp_path: FilePath) -> None:
+    found = check(jam, tmp_path, FORGED_BLOCKS[forgery])
+    assert found["verdict"] in ("not proved", "no plan"), found
+
+
+def test_limit_of_the_search_is_not_checked(tmp_path: FilePath) -> None:
+    chain = coil(12)
+    found = check(saved(tmp_path, chain, explode(chain, HASTY.explosion), HASTY))  # type: ignore[arg-type]
+    assert found["verdict"] == "not checked"
+    assert "not a property of the shape" in found["reason"]
+
+
+def test_stricter_verdict_stands(knot: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, notes = Plan.load(knot / "plan.npz"), list[str]()
+    confirmed = reason_of(knot, plan, notes)
+    assert confirmed is not None and confirmed.confirmed, confirmed
+    monkeypatch.setattr(foldback_check, "check", unproved)
+    refuted = reason_of(knot, plan, notes)
+    assert refuted is not None and "does not confirm it: why" in refuted.differences[0]
+
+
+def unproved(*_: Any, **__: Any) -> Values:
+    return {"verdict": "not proved", "reason": "why"}
+
+
+def test_determinants_agree_with_those_of_the_planner() -> None:
+    random, knots = np.random.default_rng(5), 0
+    for _ in range(25):
+        polygon = random.normal(size=(int(random.integers(6, 30)), 3))
+        found, exact = foldback_check.determinant(polygon, 1e-9), invariants_of(polygon, random)
+        assert exact is not None and found == exact.determinant
+        knots += found > 1
+    assert 5 < knots < 20
+    assert foldback_check.determinant(np.array(TREFOIL, float), 1e-9) == 3
+
+
+def test_line_that_meets_itself_has_no_determinant() -> None:
+    polygon = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 1], [1, 1, 0], [1, -1, 0], [0, -1, 3]], float)
+    for change in (0.0, 1e-7):
+        polygon[3, 2] += change
+        with pytest.raises(foldback_check.NotProved, match="no view"):
+            foldback_check.determinant(polygon, 1e-6)

@@ -1,0 +1,174 @@
+"""Tours: what is accepted as one, and what a draft says of a fold."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from typing import Any, cast
+
+import pytest
+
+from planner.certificate.figures import CertificateFigures, FoldSummary
+from planner.errors import InputError
+from planner.plan.moments import Meeting, Moments
+from planner.plan.tour import MAX_CAPTION, MAX_STOPS, TOUR_FORMAT, Stop, Tour
+from tests.case import case
+from tests.words.test_certificate import SIMULATED
+from words.certificate import clearance, torque
+from words.fold import ShownFold
+from words.tour import draft_tour
+
+STOP: dict[str, Any] = {"caption": "It folds.", "frame": 3}
+FULL: dict[str, Any] = {
+    **STOP,
+    **{"modules": [1, 9], "from": 2, "to": 7, "camera": "-62.5,24,1.2", "follow": False},
+    **{"colour": "clearance", "path": True},
+}
+CERTIFICATE: dict[str, Any] = {
+    **SIMULATED,
+    "min_clearance_at": {"frame": 507.5, "modules": [20, 31]},
+    "fold_time_s": 23.885,
+    "joint_speed_limit_rad_s": 1.0,
+}
+
+
+def known(**summary: Any) -> FoldSummary:
+    """Return what is known of a fold."""
+    return cast(FoldSummary, summary)
+
+
+FOLD = ShownFold(
+    id="fold",
+    name="wrench-160",
+    status="verified",
+    modules=160,
+    preset="default",
+    seed=0,
+    summary=known(joints=158, certificate=CERTIFICATE),
+)
+MOMENTS = Moments(
+    plan=964,
+    straight=964,
+    frames=5000,
+    contact=Meeting(frame=2000, modules=(3, 58)),
+    torque=Meeting(frame=1500, modules=(79, 80)),
+    knot=3000,
+    determinant=3,
+    direct=Meeting(frame=2500, modules=(5, 90)),
+    direct_percent=42,
+)
+
+
+def tour(**changes: Any) -> dict[str, Any]:
+    """Return a tour of one stop with other values, without those that are None."""
+    values = {"format": TOUR_FORMAT, "title": "Wrench", "stops": [STOP], **changes}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def test_tours_are_read_as_written() -> None:
+    for stop in (STOP, FULL):
+        values = tour(stops=[stop, STOP])
+        read = Tour.from_dict(values, frames=7, modules=9)
+        assert json.loads(json.dumps(read.as_dict())) == values
+        assert Tour.from_dict(read.as_dict()) == read
+
+
+def test_what_is_no_tour_is_refused_with_its_place() -> None:
+    wrong: list[tuple[Any, str]] = [
+        ([], "tour"),
+        (tour(format="foldback-tour/2"), "format"),
+        (tour(format=None), "format"),
+        (tour(more=1), "tour"),
+        (tour(title=None), "title"),
+        (tour(title="\u200b"), "title"),
+        (tour(title="x" * 201), "title"),
+        (tour(stops=[]), "stops"),
+        (tour(stops=[STOP] * (MAX_STOPS + 1)), "stops"),
+        (tour(stops={}), "stops"),
+        (tour(stops=[STOP, 7]), "stop 2"),
+    ]
+    changes: list[tuple[dict[str, Any], str]] = [
+        ({"more": 1}, "stop 1"),
+        ({"caption": None}, "caption"),
+        ({"caption": " \n"}, "caption"),
+        ({"caption": "x" * (MAX_CAPTION + 1)}, "caption"),
+        ({"caption": "\u202e" * 10_000 + "x"}, "caption"),
+        ({"frame": 0}, "frame"),
+        ({"frame": 8}, "frame"),
+        ({"frame": 1.5}, "frame"),
+        ({"frame": True}, "frame"),
+        ({"modules": []}, "modules"),
+        ({"modules": [10]}, "modules"),
+        ({"modules": list(range(1, 10))}, "modules"),
+        ({"from": 2}, "from"),
+        ({"from": 3, "to": 3}, "from"),
+        ({"from": 3, "to": 8}, "to"),
+        ({"camera": "1,2"}, "camera"),
+        ({"camera": "1,2,x"}, "camera"),
+        ({"camera": "1,2,3\n"}, "camera"),
+        ({"colour": "<b>"}, "colour"),
+        ({"follow": 0}, "follow"),
+        ({"path": "yes"}, "path"),
+    ]
+    wrong += [(tour(stops=[{**STOP, **change}]), place) for change, place in changes]
+    for values, place in wrong:
+        with case(values), pytest.raises(InputError) as caught:
+            Tour.from_dict(values, frames=7, modules=9)
+        assert caught.value.code == "bad-tour"
+        assert place in str(caught.value.where)
+
+
+def test_captions_are_cleaned_of_what_is_invisible() -> None:
+    read = Tour.from_dict(tour(stops=[{**STOP, "caption": "a\u202e \n <b>b</b>"}]))
+    assert read.stops[0].caption == "a <b>b</b>"
+
+
+def test_draft_has_each_moment_in_order_with_the_figures_of_the_certificate() -> None:
+    drafted = draft_tour(FOLD, 5000, MOMENTS)
+    assert drafted is not None
+    assert drafted.title == "Wrench"
+    certificate = cast(CertificateFigures, CERTIFICATE)
+    found = [(stop.frame, stop.modules) for stop in drafted.stops]
+    assert found == [
+        (965, ()),
+        (1472, (21, 32)),
+        (1501, (80, 81)),
+        (2001, (4, 59)),
+        (2501, (6, 91)),
+        (3001, ()),
+        (5000, ()),
+    ]
+    texts = [stop.caption for stop in drafted.stops]
+    assert "160 cubes in a row, with 158 joints" in texts[0]
+    assert "modules 21 and 32 are 4.89 % of a module width apart" in texts[1]
+    assert str(clearance(certificate)) in texts[1]
+    assert texts[2].endswith("{}: {}.".format(*torque(certificate)))
+    assert "modules 6 and 91 would overlap after 42 %" in texts[4]
+    assert "Folding time: 23.9 s at 1 rad/s" in texts[6]
+    assert Tour.from_dict(drafted.as_dict()) == drafted
+
+
+def test_draft_claims_nothing_that_is_unknown() -> None:
+    bare = draft_tour(FOLD, 5000)
+    assert bare is not None
+    assert [stop.frame for stop in bare.stops] == [965, 1472, 5000]
+    assert draft_tour(FOLD, 0) is None
+
+    certificate = {**CERTIFICATE, "verdict": "failed: it", "min_clearance": -0.02}
+    failed = replace(FOLD, status="failed", summary=known(certificate=certificate))
+    refused = draft_tour(failed, 5000, MOMENTS)
+    assert refused is not None
+    said = " ".join(stop.caption for stop in refused.stops)
+    assert not re.search("proved|[Vv]erified[^.]*:|Done", said)
+
+
+def test_longest_name_leaves_a_tour() -> None:
+    long = draft_tour(replace(FOLD, name="é" * 200, renamed=True), 5000, MOMENTS)
+    assert long is not None
+    assert Tour.from_dict(long.as_dict()) == long
+    assert max(len(stop.caption) for stop in long.stops) <= MAX_CAPTION
+
+
+def test_stop_writes_only_what_is_not_the_default() -> None:
+    assert Stop(caption="It folds.", frame=3).as_dict() == STOP

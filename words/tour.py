@@ -1,0 +1,175 @@
+"""A tour drafted from what is known of a fold; its figures are those of the certificate."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from planner.certificate.figures import CertificateFigures
+from planner.chain.module import CUBE
+from planner.names import clean_name
+from planner.plan.moments import CONTACT_LINKS, Meeting, Moments
+from planner.plan.tour import MAX_CAPTION, MAX_STOP_MODULES, MAX_TITLE, Stop, Tour
+from words.certificate import clearance, headline, main_rows, torque
+from words.failures import failure
+from words.fold import ShownFold
+from words.quantities import number, sentence
+
+LINKS: Final = ("none", "one", "two", "three", "four")
+"""Small numbers as words."""
+PERCENT: Final = 100.0
+
+
+def draft_tour(row: ShownFold, frames: int, moments: Moments | None = None) -> Tour | None:
+    """Return a tour of a finished fold from straight to folded; None without frames.
+
+    Args:
+        row: Facts of the fold.
+        frames: Number of frames of its timeline.
+        moments: Its moments; without them, only what the certificate says is shown.
+    """
+    if not frames:
+        return None
+    certificate = row.summary.get("certificate") or CertificateFigures()
+    title = clean_name(row.title, max_length=MAX_TITLE) or "A fold"
+    if row.status == "failed" or not certificate.get("frames"):
+        return Tour(title=title, stops=_failed(row, frames))
+    known = moments or _bare(certificate, frames)
+    between = [
+        stop
+        for stop in (
+            _contact(known),
+            _tightest(certificate, known.plan),
+            _knot(known),
+            _torque(certificate, known),
+            _direct(known),
+        )
+        if stop is not None
+    ]
+    stops = [*_start(row, known), *between]
+    stops.sort(key=lambda stop: stop.frame)
+    return Tour(title=title, stops=(*stops, _done(certificate, title, frames)))
+
+
+def _bare(certificate: CertificateFigures, frames: int) -> Moments:
+    """Return what is known of a fold whose moments nobody has stored."""
+    plan = max(0, frames - (certificate.get("frames") or frames))
+    return Moments(plan=plan, straight=plan, frames=frames)
+
+
+def _start(row: ShownFold, moments: Moments) -> list[Stop]:
+    kind = "cubes" if row.module == CUBE.name else "tetrahedra"
+    joints = row.summary.get("joints")
+    chain = f"{row.modules} {kind}" + (f" in a row, with {joints} joints" if joints else "")
+    straight = f"The chain is straight: {chain}. Now it folds."
+    if not (refold := row.summary.get("refold")):
+        return [_stop(straight, moments.straight)]
+    first = _stop(
+        f"The chain begins as another shape, {refold['start']}, and unfolds.", moments.plan
+    )
+    if moments.straight == moments.plan:  # when it is straight is unknown
+        return [first]
+    return [first, _stop(straight, moments.straight)]
+
+
+def _contact(moments: Moments) -> Stop | None:
+    met = moments.contact
+    if met is None:
+        return None
+    near = LINKS[CONTACT_LINKS - 1]
+    text = (
+        f"First contact: {_modules(met.modules)} come within a tenth of a module width. No others "
+        f"that are more than {near} links apart in the chain have done so before."
+    )
+    return _meeting(text, met)
+
+
+def _tightest(certificate: CertificateFigures, plan: int) -> Stop | None:
+    least, place = certificate.get("min_clearance"), certificate.get("min_clearance_at")
+    if least is None or place is None or place["modules"] is None:
+        return None
+    one, other = place["modules"]
+    percent = f"{number(abs(PERCENT * least))} % of a module width"
+    how = f"overlap by {percent}" if least < 0.0 else f"are {percent} apart"
+    text = f"The tightest place of the plan: {_modules((one, other))} {how}."
+    proved = clearance(certificate)
+    if proved and str(certificate.get("verdict")).startswith("verified"):
+        text += f" It is proved that {proved} throughout."
+    met = Meeting(frame=plan + int(place["frame"]), modules=(one, other))
+    return _meeting(text, met, colour="clearance")
+
+
+def _knot(moments: Moments) -> Stop | None:
+    if moments.knot is None:
+        return None
+    text = (
+        "Here the chain becomes a knot, and it is knotted at the end: drawn out by its ends, it "
+        "would not become straight. Played backwards, it slips out of the knot here."
+    )
+    return _stop(text, moments.knot, path=True)
+
+
+def _torque(certificate: CertificateFigures, moments: Moments) -> Stop | None:
+    met = moments.torque
+    if met is None:
+        return None
+    if certificate.get("table") is not None:
+        label, value = "Largest torque", dict(main_rows(certificate))["Torque on a table (statics)"]
+        begin, colour = "carries most on the table here", "joint_torque"
+    else:
+        label, value = torque(certificate)
+        begin, colour = "works hardest here", "torque"
+    if value is None:
+        return None
+    one, other = met.modules
+    text = f"The joint between modules {one + 1} and {other + 1} {begin}. {label}: {value}."
+    return _meeting(text, met, colour=colour)
+
+
+def _direct(moments: Moments) -> Stop | None:
+    met = moments.direct
+    if met is None or moments.direct_percent is None:
+        return None
+    text = (
+        "A simpler way would fail: if all joints turned evenly from straight to folded, "
+        f"{_modules(met.modules)} would overlap after {moments.direct_percent} % of the way."
+    )
+    return _meeting(text, met)
+
+
+def _done(certificate: CertificateFigures, title: str, frames: int) -> Stop:
+    told = [f"Done: {title}", sentence(headline(certificate))]
+    if time := dict(main_rows(certificate))["Folding time"]:
+        told.append(f"Folding time: {time}")
+    return _stop(f"{'. '.join(told)}.", frames - 1)
+
+
+def _failed(row: ShownFold, frames: int) -> tuple[Stop, ...]:
+    """Return the stops of a fold without a verified plan: its beginning, and where it ended."""
+    first = _stop("This is the first frame that was computed.", 0)
+    found = failure(row, row.summary)
+    if found is None:
+        return (first, _stop("This is the last frame that was computed.", frames - 1))
+    frame = frames - 1 if found["frame"] is None else min(frames - 1, int(found["frame"]))
+    modules = tuple(module + 1 for module in found["modules"][:MAX_STOP_MODULES])
+    return first, _stop(f"{found['heading']}. {found['text']}", frame, modules=modules)
+
+
+def _modules(modules: tuple[int, int]) -> str:
+    return f"modules {modules[0] + 1} and {modules[1] + 1}"
+
+
+def _meeting(text: str, met: Meeting, *, colour: str | None = None) -> Stop:
+    return _stop(text, met.frame, modules=tuple(k + 1 for k in met.modules), colour=colour)
+
+
+def _stop(
+    text: str,
+    frame: int,
+    *,
+    modules: tuple[int, ...] = (),
+    colour: str | None = None,
+    path: bool = False,
+) -> Stop:
+    """Return a stop at a frame that is counted from 0."""
+    caption = clean_name(text, max_length=MAX_CAPTION)
+    return Stop(caption=caption, frame=frame + 1, modules=modules, colour=colour, path=path)
