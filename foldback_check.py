@@ -62,7 +62,7 @@ DEPTH = 14  # times that an interval between two frames is halved at most
 BATCH, PAIRS = 300_000, 20_000  # poses and pairs that are computed at once
 CROWD = 200  # pairs for each moving module above which an interval is halved before it is looked at
 TOUCH, DEEP = 1e-9, 1e-4  # clearance of a record; least overlap that blocks
-PRIME, CROSSINGS, VIEWS = 2**31 - 1, 1500, 12  # modulus; most crossings of a view; views of a knot
+PRIME, CROSSINGS, VIEWS = 2**31 - 1, 1500, 8  # modulus; most crossings of a view; views of a knot
 ONE, H, T = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], math.sqrt(0.5), math.sqrt(1 / 3)
 CUBE = {
     "corners": [[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)],
