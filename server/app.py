@@ -28,6 +28,7 @@ from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
 from server.http import problems
 from server.http.access_log import Access
+from server.http.base_path import BelowPath
 from server.http.head import HeadAsGet
 from server.http.read_only import ReadOnly
 from server.http.request_rate import RequestRate
@@ -149,6 +150,7 @@ def create_app(
             "max_part_size": MAX_FORM_FIELD_BYTES,
         },
         openapi_url="/api/openapi.json",
+        servers=[{"url": settings.base_path}] if settings.base_path else None,
         # FastAPI's own pages load scripts from elsewhere; ours is in server/pages/same_for_all.py.
         docs_url=None,
         redoc_url=None,
@@ -187,6 +189,7 @@ def _add_middleware(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
     )
     app.add_middleware(SecurityHeaders)
     app.add_middleware(Access, metrics=metrics)
+    app.add_middleware(BelowPath, base_path=settings.base_path)
 
 
 async def _warm_up(context: Context) -> None:

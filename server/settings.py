@@ -37,6 +37,11 @@ class Settings(BaseSettings):
     port: int = Field(
         default=8000, ge=0, le=65535, description="Port to listen on; 0 picks a free one."
     )
+    base_path: str = Field(
+        default="",
+        pattern=r"^(/[A-Za-z0-9_.~-]+)*$",
+        description="Path of the service behind a proxy, as `/fold`. Default: the root.",
+    )
     data_dir: Path = Field(default=Path("data"), description="Directory of folds and database.")
     database_url: str | None = Field(
         default=None,

@@ -118,7 +118,7 @@ def server_of(
                 return
             port = self.servers[0].sockets[0].getsockname()[1]
             host = f"[{settings.host}]" if ":" in settings.host else settings.host
-            address = f"http://{host}:{port}"
+            address = f"http://{host}:{port}{settings.base_path}"
             print(f"foldback is at {address}", flush=True)
             if first_shape is not None:
                 context: Context = app.state.context

@@ -85,6 +85,7 @@ def _fold_in(url: str, origin: str) -> str | None:
         address = urlsplit(url)
     except ValueError:
         return None
-    match = FOLD_PATH.fullmatch(address.path)
-    same = f"{address.scheme}://{address.netloc}" == origin
+    base = origin + "/"
+    same = f"{address.scheme}://{address.netloc}{address.path}".startswith(base)
+    match = FOLD_PATH.fullmatch(url.partition("?")[0].partition("#")[0].removeprefix(origin))
     return match[1] if match is not None and same else None

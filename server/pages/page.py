@@ -16,6 +16,7 @@ from markupsafe import Markup
 
 from planner.parameters.option import options_of
 from planner.pipeline.request import FoldRequest
+from server.http.base_path import BASE_PATH, at
 from server.http.security import INDEXED_HEADERS
 from web.static_files import VERSIONED, code_of, scripts_of, scripts_version, text_of
 from words.settings import PAPER_ROWS, SOURCE_LABELS, TABLE_ROWS
@@ -64,18 +65,12 @@ def script_addresses(page_name: str) -> tuple[str, ...]:
     return tuple(f"/static/{VERSIONED}/{scripts_version()}/{name}" for name in names)
 
 
-@cache
 def entry(page_name: str) -> Markup:
     """Return the tags of a page's entry script and of all scripts that it needs at once."""
     first, *others = script_addresses(page_name)
-    preloads = (Markup('<link rel="modulepreload" href="{}">').format(name) for name in others)
-    script = Markup('<script type="module" src="{}"></script>').format(first)
+    preloads = (Markup('<link rel="modulepreload" href="{}">').format(at(name)) for name in others)
+    script = Markup('<script type="module" src="{}"></script>').format(at(first))
     return Markup("").join((*preloads, script))
-
-
-def at(path: str) -> str:
-    """Return the address of a path of the service."""
-    return path
 
 
 TEMPLATE_VALUES: Final[dict[str, object]] = {
@@ -128,8 +123,8 @@ def templates() -> Environment:
 
 
 def origin_of(request: Request) -> str:
-    """Scheme and host that the page was asked for at."""
-    return str(request.base_url).rstrip("/")
+    """Return the address at which visitors see the service: scheme, host and base path."""
+    return str(request.base_url).rstrip("/") + BASE_PATH.get()
 
 
 def script_json(value: object) -> str:

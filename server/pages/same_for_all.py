@@ -8,6 +8,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from server.api.context import context_of
+from server.http.base_path import BASE_PATH
 from server.http.compression import Asset
 from server.http.security import INDEXED_HEADERS
 from server.pages.page import policy_of_pages, rendered, script_json
@@ -51,9 +52,10 @@ async def editor(request: Request) -> Response:
 
 def _answer(request: Request, template: str, *, listed: bool = False, **values: str) -> Response:
     headers = {"Content-Security-Policy": policy_of_pages()} | (INDEXED_HEADERS if listed else {})
-    return _made(template, **values).response(request, headers)
+    return _made(BASE_PATH.get(), template, **values).response(request, headers)
 
 
 @cache
-def _made(template: str, **values: str) -> Asset:
+def _made(base_path: str, template: str, **values: str) -> Asset:
+    del base_path  # only tells pages apart
     return Asset.of(rendered(template, **values).encode(), "text/html")

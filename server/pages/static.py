@@ -47,17 +47,17 @@ WEB_MANIFEST: Final = {
     "name": "foldback",
     "short_name": "foldback",
     "description": "Turn a shape into a folding motion you can trust.",
-    "start_url": "/",
+    "start_url": ".",
     "display": "browser",
     "background_color": "#f7f5f1",
     "theme_color": "#f7f5f1",
     "icons": [
-        {"src": f"/static/icon-{size}.png", "sizes": f"{size}x{size}", "type": "image/png"}
+        {"src": f"static/icon-{size}.png", "sizes": f"{size}x{size}", "type": "image/png"}
         for size in (192, 512)
     ],
 }
 """Web app manifest (W3C): name and icons with which a browser or a phone stores a link to the
-service."""
+service. Its addresses are relative to its own."""
 
 
 @router.get("/favicon.ico")

@@ -1,7 +1,7 @@
 // Requests to the service, and the keys of this browser that they are made with: its own, and those brought
 // from other browsers. A key is an owner token: whoever holds it holds what was made with it. Keys leave in
 // one header alone.
-import { UNREACHABLE, sentence, store, stored } from "./text.js";
+import { UNREACHABLE, at, sentence, store, stored } from "./text.js";
 
 const OWN = "foldback:token";
 const BROUGHT = "foldback:keys";
@@ -86,7 +86,7 @@ export async function ask(path, { method, body = null, token = null, signal } = 
     method: method ?? (body ? "POST" : "GET"), signal, body: plain ? JSON.stringify(body) : body,
     headers: { ...proof(token), ...(plain && { "Content-Type": "application/json" }) },
   };
-  const { status, text } = await fetch(path, sent).then(async (answer) => ({ status: answer.status, text: await answer.text() }))
+  const { status, text } = await fetch(at(path), sent).then(async (answer) => ({ status: answer.status, text: await answer.text() }))
     .catch(() => { throw new Refusal(UNREACHABLE); });
   return contentOf(status, text);
 }

@@ -1,6 +1,6 @@
 // Requests for folds.
 import { formOf, keepToken, ownKey } from "./api.js";
-import { wordsOf } from "./text.js";
+import { at, wordsOf } from "./text.js";
 import { upload } from "./upload.js";
 
 // Request a fold with a form or plain fields, and store the token that proves whose it is.
@@ -21,7 +21,7 @@ export async function requestFold(body, how = {}) {
 /** @param {FormData | Form} body */
 export async function openFold(body) {
   try {
-    location.href = `/folds/${(await requestFold(body)).id}`;
+    location.href = at(`/folds/${(await requestFold(body)).id}`);
     return "";
   } catch (error) {
     return wordsOf(error);

@@ -87,6 +87,11 @@ export function seconds(value) {
  */
 export const get = (id) => /** @type {ElementOf<Id>} */ (/** @type {unknown} */ (document.getElementById(id)));
 
+// Return the address of a path of the service, which may be below a path of its host.
+/** @param {string} path */
+export const at = (path) => `${globalThis.document?.documentElement?.dataset?.base ?? ""}${path}`;
+
+// Addresses in the attributes are paths of the service.
 /**
  * @template {keyof HTMLElementTagNameMap} Name
  * @param {Name} name
@@ -96,7 +101,7 @@ export const get = (id) => /** @type {ElementOf<Id>} */ (/** @type {unknown} */ 
 export function element(name, attributes = {}, ...children) {
   const made = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
-    if (value !== null && value !== undefined && value !== false) made.setAttribute(key, value === true ? "" : String(value));
+    if (value !== null && value !== undefined && value !== false) made.setAttribute(key, value === true ? "" : String(value).startsWith("/") ? at(String(value)) : String(value));
   }
   made.append(...children.filter((child) => child !== null));
   return made;

@@ -1,6 +1,6 @@
 // Upload of a form with progress events: XMLHttpRequest has them, fetch has none.
 import { Refusal, contentOf, proof } from "./api.js";
-import { UNREACHABLE } from "./text.js";
+import { UNREACHABLE, at } from "./text.js";
 
 export const STOPPED = "Stopped";
 
@@ -19,7 +19,7 @@ export function upload(path, form, { token = null, signal, onSent } = {}) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
     const stop = () => request.abort();
-    request.open("POST", path);
+    request.open("POST", at(path));
     for (const [name, value] of Object.entries(proof(token))) request.setRequestHeader(name, value);
     // Without a listener no event is sent, which a request to another origin would have to be allowed.
     if (onSent) request.upload.onprogress = ({ loaded, total }) => onSent(loaded, total);

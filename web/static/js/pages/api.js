@@ -17,7 +17,7 @@ const accessible = ({ React: { createElement, Fragment } }) => ({
 });
 
 window.SwaggerUIBundle({
-  url: "/api/openapi.json",
+  url: `${document.documentElement.dataset.base ?? ""}/api/openapi.json`,
   dom_id: "#api",
   deepLinking: true,
   defaultModelsExpandDepth: 0,

@@ -7,7 +7,7 @@ import { Place, viewOf } from "../player/address.js";
 import { Pair } from "../player/pair.js";
 import { offerSides, pathButton, playerOn, showScale } from "../viewer/controls.js";
 import { hasWebGL } from "../viewer/scene.js";
-import { checkable, copyText, element, get, later, radians } from "../lib/text.js";
+import { at as hrefOf, checkable, copyText, element, get, later, radians } from "../lib/text.js";
 
 const LOOK_MS = 2000; // at what is said of a fold that is not over
 const START_MS = 600; // two 3D views at once would keep both drawings waiting
@@ -46,7 +46,7 @@ const sides = facts.map((fold, k) => {
   const frame = /** @type {HTMLIFrameElement} */ (side.querySelector("iframe"));
   const canvas = /** @type {HTMLCanvasElement} */ (side.querySelector("canvas"));
   const now = /** @type {HTMLElement} */ (side.querySelector(".side-now"));
-  const { player, stage } = playerOn(new Timeline(new Source(`/folds/${id}`), { over: !running }), frame, canvas, { calm });
+  const { player, stage } = playerOn(new Timeline(new Source(hrefOf(`/folds/${id}`)), { over: !running }), frame, canvas, { calm });
   player.on("state", (/** @type {State} */ { error_rad: error }) => {
     now.textContent = error === null ? "No error recorded here" : `Error ${radians(error)}`;
   });
@@ -54,7 +54,7 @@ const sides = facts.map((fold, k) => {
   const check = /** @type {HTMLButtonElement} */ (side.querySelector(".check-here"));
   check.hidden = !checkable(fold);
   check.onclick = () => checking(({ checkInDialog }) => checkInDialog(player, fold, (at) => { pair.send({ do: "seek", frame: pair.frameAt(player, at) }); }));
-  webgl.then((there) => setTimeout(() => { if (there) frame.src = "/view"; }, 1500 * k));
+  webgl.then((there) => setTimeout(() => { if (there) frame.src = hrefOf("/view"); }, 1500 * k));
   return { player, stage };
 });
 const pair = new Pair(sides.map(({ player }) => player));

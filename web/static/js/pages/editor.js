@@ -3,7 +3,7 @@ import { SIZES } from "../editor/painting.js";
 import { imported } from "../editor/shape_tools.js";
 import { Editor, MIN_MODULES } from "../editor/state.js";
 import { Sheet, all, say, showControls, showDraft, showTool } from "../editor/view.js";
-import { duration, element, get, later, whole, wordsOf } from "../lib/text.js";
+import { at, duration, element, get, later, whole, wordsOf } from "../lib/text.js";
 
 /** @typedef {import("../editor/state.js").Tool} Tool */
 /** @typedef {0 | 1 | 2} Axis */
@@ -250,7 +250,7 @@ async function send(ask) {
 }
 get("preview").onclick = () => send(async (form, { report }) => {
   try {
-    location.href = (await report(form)).links.page;
+    location.href = at((await report(form)).links.page);
     return "";
   } catch (error) {
     return wordsOf(error);

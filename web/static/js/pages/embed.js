@@ -2,7 +2,7 @@
 import { Figures } from "../player/figures.js";
 import { Source } from "../player/timeline.js";
 import { view } from "../viewer/fold_view.js";
-import { checkable, get, later } from "../lib/text.js";
+import { at, checkable, get, later } from "../lib/text.js";
 
 /** @type {Facts} */
 const facts = JSON.parse(get("facts").textContent);
@@ -10,7 +10,7 @@ const figures = new Figures(facts.id);
 const toast = later(() => import("../panels/toast.js"), () => {});
 const zoomKey = /Mac|iPhone|iPad/.test(navigator.platform) ? "⌘" : "Ctrl";
 const { stage, player } = view({
-  over: !facts.running, source: new Source(`/folds/${facts.id}`), figures, load: (frame) => { frame.src = "/embed/view"; },
+  over: !facts.running, source: new Source(at(`/folds/${facts.id}`)), figures, load: (frame) => { frame.src = at("/embed/view"); },
   onScroll: () => toast((part) => part.toast(`Click to zoom, or hold ${zoomKey}`)),
 });
 // Full screen leaves nothing around it to scroll.

@@ -6,7 +6,7 @@ import { Plots } from "../panels/plots.js";
 import { Source } from "../player/timeline.js";
 import { toast } from "../panels/toast.js";
 import { view } from "../viewer/fold_view.js";
-import { checkable, get, later } from "../lib/text.js";
+import { at, checkable, get, later } from "../lib/text.js";
 
 /** @type {Facts} */
 let facts = JSON.parse(get("facts").textContent);
@@ -14,7 +14,7 @@ const figures = new Figures(facts.id);
 const drawer = new Drawer(toast);
 const { timeline, player, place, bar } = view({
   over: !facts.running,
-  source: new Source(`/folds/${facts.id}`), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.src = "/view"; },
+  source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.src = at("/view"); },
 });
 
 // Parts that most visitors do not use.

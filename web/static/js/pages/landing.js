@@ -1,7 +1,7 @@
 // The landing page: takes files and shapes, and keeps the featured fold in motion.
 import { playHero } from "../player/hero.js";
 import { changed, follow, refused } from "../panels/paper_settings.js";
-import { get, later, wordsOf } from "../lib/text.js";
+import { at, get, later, wordsOf } from "../lib/text.js";
 
 const drop = get("drop");
 const message = get("drop-message");
@@ -64,7 +64,7 @@ async function sent(file, asVoxels, { sending, upload, STOPPED, Refusal, formOf,
     const report = await sending.during(file.name, (how) => upload("/api/shapes/preview", form, { ...how, token: ownKey() }));
     const straight = (report.kind === "path" || report.kind === "chain") && report.knot?.verdict !== "knotted";
     if (straight) await start({ preview: report.id }, file.name);
-    else location.href = `${report.links.page}${asVoxels ? "?as_voxels=true" : ""}`;
+    else location.href = at(`${report.links.page}${asVoxels ? "?as_voxels=true" : ""}`);
   } catch (error) {
     const words = wordsOf(error);
     if (words !== STOPPED) say(words, "bad");

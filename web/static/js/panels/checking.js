@@ -1,5 +1,5 @@
 // The check of a plan by this browser: a worker goes through the motion, and the page says how far it is and what came out.
-import { button, element, number, svg, whole } from "../lib/text.js";
+import { at as hrefOf, button, element, number, svg, whole } from "../lib/text.js";
 
 /** @typedef {import("../check/worker.js").Asked} Asked */
 /** @typedef {import("../check/worker.js").Progress} Progress */
@@ -58,7 +58,7 @@ function refusal(way, { text, place, claim, joint }) {
 }
 
 /** @param {string} id of a fold */
-export const planOf = (id) => `/api/folds/${id}/plan.npz`;
+export const planOf = (id) => hrefOf(`/api/folds/${id}/plan.npz`);
 
 export class Checking {
   static worker = () => new Worker(new URL("../check/worker.js", import.meta.url), { type: "module" });

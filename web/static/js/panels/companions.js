@@ -3,7 +3,7 @@ import { ask } from "../lib/api.js";
 import { openFold, requestFold } from "../lib/fold_request.js";
 import { changed, open, refused } from "./paper_settings.js";
 import { Sending } from "./sending.js";
-import { element, get, wordsOf } from "../lib/text.js";
+import { at, element, get, wordsOf } from "../lib/text.js";
 
 export class Companions {
   /** @param {(text: string) => void} toast */
@@ -41,13 +41,13 @@ export class Companions {
     get("paper-settings").hidden = !this.others.some(({ settable }) => settable);
     ways.replaceChildren(...this.others.map(({ text, hint, form, id, settable }) => this.way(text, hint, async () => {
       if (!id && settable) return this.comparePublished(form, settable);
-      location.href = id ? `/compare?a=${id}&b=${this.id}` : `/compare?a=${this.id}&b=${(await requestFold(form)).id}`;
+      location.href = at(id ? `/compare?a=${id}&b=${this.id}` : `/compare?a=${this.id}&b=${(await requestFold(form)).id}`);
       return false;
     })));
     get("compare-form").onsubmit = (event) => {
       event.preventDefault();
       const found = /(?:folds\/|^)([a-z0-9]{8,64})(?:[#?].*)?$/.exec(get("compare-link").value.trim());
-      if (found) location.href = `/compare?a=${this.id}&b=${found[1]}`;
+      if (found) location.href = at(`/compare?a=${this.id}&b=${found[1]}`);
       else this.toast("This is not a link to a fold");
     };
   }
@@ -63,7 +63,7 @@ export class Companions {
     get("compare-message").textContent = "";
     if (settable === "must" && !settings.settings) { get("compare-message").textContent = "Change a setting below."; open(); return true; }
     try {
-      location.href = `/compare?a=${this.id}&b=${(await requestFold({ ...form, ...settings })).id}`;
+      location.href = at(`/compare?a=${this.id}&b=${(await requestFold({ ...form, ...settings })).id}`);
     } catch (error) {
       get("compare-message").textContent = refused(wordsOf(error));
       return true;
@@ -84,7 +84,7 @@ export class Companions {
     if (!shapes.length) hint("No gallery shape has the same number of modules. Upload your own shape.");
     else list.replaceChildren(...shapes.map(({ name, title, modules }) => this.way(title, `${modules} modules`, async () => {
       const refold = await requestFold({ refold: this.id, shape: name, ...this.published });
-      location.href = `/folds/${refold.id}`;
+      location.href = at(`/folds/${refold.id}`);
       return false;
     }, `/shapes/${name}.svg`)));
   }
@@ -104,7 +104,7 @@ export class Companions {
     get("refold-message").textContent = "";
     try {
       const { id } = await this.sending.during(file.name, (how) => requestFold({ refold: this.id, file, ...this.published }, how));
-      location.href = `/folds/${id}`;
+      location.href = at(`/folds/${id}`);
     } catch (error) {
       get("refold-message").textContent = wordsOf(error);
     }

@@ -1,6 +1,6 @@
 // Cards of what this browser has made: folds, shapes that were looked at, movies.
 import { Refusal, ask, remove } from "../lib/api.js";
-import { STAGES, button, copyText, element, sentence, whole, wordsOf } from "../lib/text.js";
+import { STAGES, at, button, copyText, element, sentence, whole, wordsOf } from "../lib/text.js";
 import { confirmed, renameForm } from "./questions.js";
 import { toast } from "./toast.js";
 
@@ -59,7 +59,7 @@ function art(page, drawing, instead = null) {
   const image = element("img", { src: drawing, alt: "", loading: "lazy", decoding: "async", width: 160, height: 136 });
   image.onerror = () => {
     image.onerror = () => { image.hidden = true; };
-    if (instead) image.src = instead; else image.hidden = true;
+    if (instead) image.src = at(instead); else image.hidden = true;
   };
   return element("a", { class: "card-art", href: page, tabindex: "-1", "aria-hidden": "true" }, image);
 }
@@ -159,7 +159,7 @@ export class FoldCard extends Card {
   }
 
   copy() {
-    const link = location.origin + this.fold.links.page;
+    const link = location.origin + at(this.fold.links.page);
     copyText(link, () => toast("Link copied"), () => toast(link));
   }
 

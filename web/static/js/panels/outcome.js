@@ -1,9 +1,9 @@
 // The outcome of a fold that runs while its page is open: the tab's title shows the progress and the
 // verdict, the page announces the verdict and, if the visitor asked for it, a hidden tab sends a notification.
-import { get } from "../lib/text.js";
+import { at, get } from "../lib/text.js";
 
 const MARKS = /** @type {Record<string, string>} */ ({ good: "✓", bad: "✕" });
-const ICON = "/static/icon.svg";
+const ICON = at("/static/icon.svg");
 
 // The title of the tab while a fold runs. Each stage counts from 0.
 /**

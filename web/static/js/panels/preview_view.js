@@ -1,5 +1,5 @@
 // View of a preview's page: the options and the report in its panel, and the 3D view or the drawing in its place.
-import { button, element, get, sentence, whole } from "../lib/text.js";
+import { at, button, element, get, sentence, whole } from "../lib/text.js";
 import { PreviewStage } from "../viewer/preview_scene.js";
 import { hasWebGL } from "../viewer/scene.js";
 import { showFor } from "./paper_settings.js";
@@ -171,7 +171,7 @@ export class Picture {
    * @param {{ pick: (module: number | null, cell: number[] | null) => void, settled: () => void }} heard
    */
   constructor(id, { pick, settled }) {
-    this.under = `/previews/${id}`;
+    this.under = at(`/previews/${id}`);
     this.settled = settled;
     this.viewing = false; // in 3D
     this.started = false;
@@ -235,7 +235,7 @@ export class Picture {
     if (this.started) return;
     this.started = true;
     this.flat = !hasWebGL();
-    if (!this.flat) { get("view").src = "/view"; this.show3d(); return; }
+    if (!this.flat) { get("view").src = at("/view"); this.show3d(); return; }
     if (get("drawing").hidden) cover("This browser cannot show 3D graphics", `${NO_WEBGL}. The numbers are still correct, and you can fold the shape.`);
     else this.explain();
   }

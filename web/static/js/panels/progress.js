@@ -2,7 +2,7 @@
 import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { Advance, queueWords } from "./advance.js";
 import { preparingWords, remaining, showPreparing } from "./preparing.js";
-import { get, whole } from "../lib/text.js";
+import { at, get, whole } from "../lib/text.js";
 
 const ASK_MS = 1000; // between two questions where no stream tells, at first
 const LONGEST_ASK_MS = 10000;
@@ -45,7 +45,7 @@ export class Progress {
   listen() {
     get("progress").hidden = false;
     get("cancel").hidden = !this.token;
-    const events = new EventSource(`/api/folds/${this.facts.id}/events`);
+    const events = new EventSource(at(`/api/folds/${this.facts.id}/events`));
     this.events = events;
     events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
     events.onopen = () => this.pollNoMore();

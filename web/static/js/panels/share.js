@@ -2,7 +2,7 @@
 import { file } from "./downloads.js";
 import { Picture } from "./picture.js";
 import { tokenOf } from "../lib/api.js";
-import { copyText, get } from "../lib/text.js";
+import { at, copyText, get } from "../lib/text.js";
 
 export class Share {
   /**
@@ -42,7 +42,7 @@ export class Share {
     get("share-link").value = location.origin + path;
     if (!this.embed) return;
     const hash = path.includes("#") ? path.slice(path.indexOf("#")) : "";
-    get("share-embed").value = `<iframe src="${location.origin}${this.embed}${hash}" title="${get("name").textContent.replaceAll('"', "&quot;")}" width="720" height="480" style="border:0" allow="fullscreen" loading="lazy"></iframe>`;
+    get("share-embed").value = `<iframe src="${location.origin}${at(this.embed)}${hash}" title="${get("name").textContent.replaceAll('"', "&quot;")}" width="720" height="480" style="border:0" allow="fullscreen" loading="lazy"></iframe>`;
   }
 
   /** @param {HTMLInputElement | HTMLTextAreaElement} field */

@@ -1,6 +1,7 @@
 // Figures of a fold, frame by frame, that are worked out after it: clearances, torques, position errors.
 import { decode } from "../lib/columns.js";
 import { Emitter } from "./timeline.js";
+import { at } from "../lib/text.js";
 
 const KEPT = 24; // stretches
 const AT_ONCE = 2;
@@ -10,7 +11,7 @@ export class Figures extends Emitter {
   /** @param {string} id */
   constructor(id) {
     super();
-    this.under = `/folds/${id}/figures`;
+    this.under = at(`/folds/${id}/figures`);
     /** @type {string | null} why nothing is known of single modules, where that is so */
     this.lacking = null;
     /** @type {Curves | null} */

@@ -1,5 +1,7 @@
 // A fold drawn by the page itself, in a worker: at once, and without WebGL.
 
+import { at as hrefOf } from "../lib/text.js";
+
 // Colours of the table that a chain folds on, by the page's theme.
 // `top` and `edge` are what the drawing has, `lit` what becomes the same in the 3D view's light.
 /** @type {Record<"light" | "dark", { lit: Colour, top: Colour, edge: Colour }>} */
@@ -26,7 +28,7 @@ function gradientOf(element) {
 const MAX_SIDE_PX = 8192; // of a picture; browsers have no larger canvases everywhere
 
 export class Sketch {
-  static script = "/static/js/viewer/sketch_worker.js";
+  static script = hrefOf("/static/js/viewer/sketch_worker.js");
 
   // Calls `onFirst` when the first frame has been drawn.
   /**
