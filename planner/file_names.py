@@ -42,6 +42,9 @@ FIGURES: Final = "figures.zarr"
 MOMENTS: Final = "moments.json"
 """Name of the file with the moments of a fold that a tour shows besides those of its
 certificate."""
+TOUR: Final = "tour.json"
+"""Name of a file with a tour in a fold's directory, which ``foldback play`` shows in place of a
+draft."""
 PICTURE: Final = "picture.png"
 MANIFEST: Final = "manifest.json"
 ATTEMPTS_DIR: Final = "attempts"

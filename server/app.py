@@ -14,7 +14,7 @@ from typing import Final
 from fastapi import FastAPI
 
 from planner.readers.gallery import Gallery
-from server.api import artifacts, folds, frames, health, mine, movies, robot, shapes
+from server.api import artifacts, folds, frames, health, mine, movies, robot, shapes, tours
 from server.api.context import Context
 from server.api.finished import import_finished
 from server.api.fold_states import FoldStates
@@ -88,6 +88,7 @@ log = logging.getLogger("foldback.web")
 ROUTERS: Final = (
     folds,
     artifacts,
+    tours,
     movies,
     mine,
     shapes,

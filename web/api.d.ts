@@ -238,6 +238,22 @@ declare namespace Api {
   interface TableOffers {
     offers: TableOffer[];
   }
+  interface TourBody {
+    format: string;
+    title: string;
+    stops: TourStop[];
+  }
+  interface TourStop {
+    caption: string;
+    frame: number;
+    modules?: number[] | null;
+    from?: number | null;
+    to?: number | null;
+    camera?: string | null;
+    follow?: boolean | null;
+    colour?: string | null;
+    path?: boolean | null;
+  }
   interface Trouble {
     code: string;
     detail: string;

@@ -13,7 +13,7 @@ from functools import cache
 from typing import Annotated, Final
 
 from fastapi import APIRouter, Query, Request
-from fastapi.responses import Response
+from fastapi.responses import JSONResponse, Response
 
 from planner.errors import DamagedError, TimelineError
 from planner.file_names import TIMELINE
@@ -21,6 +21,7 @@ from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.finding import find_now, viewing_of
+from server.api.tours import tour_of
 from server.http.client_address import address_of
 from server.http.compression import Asset
 from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
@@ -135,6 +136,22 @@ async def figures(
             raise
         except (TimelineError, OSError):
             return _nothing()
+
+    return await asyncio.to_thread(answer)
+
+
+@router.get("/folds/{fold_id}/tour.json")
+async def tour(request: Request, fold_id: str) -> Response:
+    """Return the tour of a fold for its pages: the one that is stored, else a draft."""
+
+    def answer() -> Response:
+        found = find_now(request, fold_id)
+        if found is None:
+            raise NoSuchFoldError(fold_id)
+        told = tour_of(viewing_of(request).store, found)
+        if told is None:
+            return _nothing()
+        return JSONResponse(told, headers={"Cache-Control": "private, no-cache"})
 
     return await asyncio.to_thread(answer)
 

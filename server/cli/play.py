@@ -21,13 +21,14 @@ from planner.certificate.figures import CertificateFigures, FoldSummary
 from planner.certificate.verdict import told_honestly
 from planner.errors import InputError, TimelineError
 from planner.explosion.diagnosis import stuck_of
-from planner.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE
+from planner.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE, TOUR
 from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.workspace import Workspace
+from planner.plan.tour import Tour
 from server.api import frames as timelines
 from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
@@ -49,6 +50,14 @@ class FolderStore:
     def find(self, fold_id: str) -> Found | None:
         """Return the only fold, by its id."""
         return Found(self.fold(fold_id), self._directory) if fold_id == PLAYED_FOLD_ID else None
+
+    def tour(self, fold_id: str) -> dict[str, Any] | None:
+        """Return the tour in the directory; None if there is none, or none that is right."""
+        del fold_id
+        try:
+            return Tour.from_dict(json_of(self._directory / TOUR)).as_dict()
+        except InputError:
+            return None
 
     def fold(self, fold_id: str) -> ShownFold:
         """Return the facts of the fold."""

@@ -37,6 +37,7 @@ from server.store.tables import (
     CounterRow,
     FoldRow,
     SecretRow,
+    TourRow,
     engine_of,
     is_read_only,
     migrate,
@@ -166,6 +167,12 @@ class Store:
             with suppress(NoSuchFoldError):
                 recorded = self.fold(row.smooths).id
         return Found(ShownFold.of(row), self.folders.shown(row), recorded)
+
+    def tour(self, fold_id: str) -> dict[str, Any] | None:
+        """Return the tour that a fold's owner has stored, as plain values; None without one."""
+        with self._sessions() as session:
+            row = session.get(TourRow, fold_id)
+        return None if row is None else row.tour
 
     def list_public(self, limit: int = 100) -> Sequence[FoldRow]:
         """Return the gallery folds that are not cancelled, newest first."""

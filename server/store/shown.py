@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from words.fold import ShownFold
 
@@ -31,6 +31,10 @@ class FoldSource(Protocol):
 
     def find(self, fold_id: str) -> Found | None:
         """Return a fold by its id, and record the access; None if there is none."""
+        ...
+
+    def tour(self, fold_id: str) -> dict[str, Any] | None:
+        """Return the tour that is stored with a fold, as plain values; None without one."""
         ...
 
 

@@ -211,6 +211,17 @@ def movie_file(job: str) -> str:
     return job.partition(".")[2]
 
 
+class TourRow(Base):
+    """The tour that the owner of a fold has stored, as ``planner.plan.tour.Tour.as_dict``."""
+
+    __tablename__ = "tours"
+
+    fold_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("folds.id", ondelete="CASCADE"), primary_key=True
+    )
+    tour: Mapped[dict[str, Any]]
+
+
 class PreviewRow(Base):
     """An upload under preview, with the options that its owner viewed last.
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.server.contract.application import Application
-from tests.server.contract.things import ACTORS, MOVIE_ID, Thing
+from tests.server.contract.things import ACTORS, MOVIE_ID, TOUR, Thing
 
 MATRIX = """
 action        thing                         none     short    stranger asker    owner    heir
@@ -55,6 +55,18 @@ delete        cancelled                     401      401      403      403      
 delete        gallery                       401      401      403p     403p     403p     403p
 delete        gallery+shared                401      401      403p     403p     403p     403p
 delete        verified+deleted              404      404      404      404      404      404
+tour          verified+frames               401      401      403      403      200      403
+tour          verified+frames+handed        401      401      403      403      403      200
+tour          verified+frames+rekeyed       401      401      403      403      403      200
+tour          verified                      401      401      403      403      404      403
+tour          gallery                       401      401      403p     403p     403p     403p
+tour          gallery+shared                401      401      403p     403p     403p     403p
+tour          verified+deleted              404      404      404      404      404      404
+del-tour      verified+tour                 401      401      403      403      204      403
+del-tour      verified+tour+handed          401      401      403      403      403      204
+del-tour      verified                      401      401      403      403      204=     403
+del-tour      gallery                       401      401      403p     403p     403p     403p
+del-tour      verified+deleted              404      404      404      404      404      404
 del-movie     verified+movie                403      403      403      403      204      403
 del-movie     verified+movie+handed         403      403      403      403      204      204
 del-movie     verified+movie+rekeyed        403      403      403      403      403      204
@@ -102,6 +114,8 @@ ACTIONS: dict[str, tuple[str, str, object]] = {
     "ask-name": ("PATCH", "/api/folds/{id}", {}),
     "hand-over": ("PATCH", "/api/folds/{id}", {"owner_token": "t" * 24}),
     "delete": ("DELETE", "/api/folds/{id}", None),
+    "tour": ("PUT", "/api/folds/{id}/tour", TOUR),
+    "del-tour": ("DELETE", "/api/folds/{id}/tour", None),
     "del-movie": ("DELETE", f"/api/folds/{{id}}/movies/{MOVIE_ID}", None),
     "del-preview": ("DELETE", "/api/mine/previews/{id}", None),
     "list-folds": ("GET", "/api/mine/folds", None),
@@ -115,6 +129,7 @@ CODES = {
     (403, "public"): "403p",
     (404, "no-such-fold"): "404",
     (404, "no-such-movie"): "404",
+    (404, "no-such-artifact"): "404",
 }
 
 

@@ -6,9 +6,13 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from planner.file_names import TIMELINE
+from planner.files import write_json
+from planner.plan.tour import TOUR_FORMAT
 from server.store.folds import new_id
 from server.store.owner import Owner, new_token
-from server.store.tables import FoldRow, MovieRow, PreviewRow
+from server.store.tables import FoldRow, MovieRow, PreviewRow, TourRow
+from server.store.tours import write_tour
 from tests.server.contract.application import Application
 from tests.server.rows import a_fold, a_movie
 
@@ -17,6 +21,11 @@ ACTORS = ("none", "short", "stranger", "asker", "owner", "heir")
 same fold or a movie of it; the one that has requested the fold first; and the one that the fold or
 all things of its owner go to."""
 MOVIE_ID = "movie"
+TOUR: dict[str, Any] = {
+    "format": TOUR_FORMAT,
+    "title": "Mine",
+    "stops": [{"caption": "It folds.", "frame": 9}],
+}
 STATES: dict[str, dict[str, Any]] = {
     **{status: {"status": status} for status in ("queued", "running", "verified", "failed")},
     "cancelled": {"status": "cancelled", "cancel_requested": True, "content_key": None},
@@ -48,6 +57,8 @@ class Thing:
             "asked-movie": lambda: self._add_movie("asker", of_owner=False),
             "taken-movie": lambda: self._add_movie(None, of_owner=True),
             "preview": self._add_preview,
+            "frames": self._add_frames,
+            "tour": lambda: write_tour(self._store, self.fold_id, self.owner("owner"), TOUR),
             "handed": self._hand_over,
             "rekeyed": self._replace_key,
             "deleted": lambda: self._store.delete(self.fold_id),
@@ -71,8 +82,9 @@ class Thing:
             fold = session.get(FoldRow, self.fold_id)
             movie = session.get(MovieRow, (self.fold_id, MOVIE_ID))
             preview = session.get(PreviewRow, self.fold_id)
+            tour = session.get(TourRow, self.fold_id)
         known = fold and (fold.name, fold.status, fold.cancel_requested, fold.owner)
-        return known, movie is None, preview is None
+        return known, movie is None, preview is None, tour is None
 
     def _share(self) -> None:
         content_key = self._store.fold(self.fold_id).content_key
@@ -95,6 +107,12 @@ class Thing:
         movie = a_movie(self.fold_id, MOVIE_ID, token_hash=token_hash, of_owner=of_owner)
         with self._store.changing() as session:
             session.add(movie)
+
+    def _add_frames(self) -> None:
+        """Promise frames: more of a timeline is not asked for here."""
+        timeline = self._store.folders.place(self.fold_id) / TIMELINE
+        timeline.mkdir(parents=True)
+        write_json(timeline / "zarr.json", {"attributes": {"frames": 9}})
 
     def _add_preview(self) -> None:
         directory = self._application.context.settings.previews_dir / self.fold_id

@@ -1,0 +1,142 @@
+"""Routes of tours: what a fold's tour is, and its owner's changes to it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+from fastapi.responses import JSONResponse, Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from planner.errors import InputError
+from planner.pipeline.fold_layout import stored_moments
+from planner.plan.tour import Tour
+from server.api.artifacts import not_there
+from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, problems
+from server.api.owners import RequiredOwner, not_owner
+from server.errors import Conflict, Forbidden, Unusable
+from server.store.fold_files import frames_promised
+from server.store.folds import NoSuchFoldError
+from server.store.shown import FoldSource, Found
+from server.store.tables import FoldRow
+from server.store.tours import write_tour
+from words.fold import RUNNING_STATUSES
+from words.tour import draft_tour
+
+router = APIRouter(prefix="/api/folds/{fold_id}/tour", tags=["tours"])
+
+
+class TourStop(BaseModel):
+    """One stop of a tour; frames and modules count from 1, as in the address of a page."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    caption: str = Field(description="Plain text of 1 to 300 characters.")
+    frame: int = Field(description="Frame of the timeline.")
+    modules: list[int] | None = Field(default=None, description="1 to 8 highlighted modules.")
+    first: int | None = Field(
+        default=None, alias="from", description="First frame of a loop that plays at the stop."
+    )
+    last: int | None = Field(default=None, alias="to", description="Last frame of that loop.")
+    camera: str | None = Field(
+        default=None, description="Azimuth, elevation and distance, as in the address of a page."
+    )
+    follow: bool | None = Field(
+        default=None, description="False: the camera stays where it is while the chain moves."
+    )
+    colour: str | None = Field(default=None, description="Quantity shown by the colours.")
+    path: bool | None = Field(default=None, description="Transparent modules show the path.")
+
+
+class TourBody(BaseModel):
+    """A tour in the format `foldback-tour/1`."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    format: str = Field(description="`foldback-tour/1`")
+    title: str = Field(description="Plain text of 1 to 200 characters.")
+    stops: list[TourStop] = Field(description="1 to 50 stops.")
+
+
+@router.get(
+    "",
+    summary="Get the tour of a fold",
+    responses={200: {"model": TourBody}, **problems(404, 409)},
+)
+def get_tour(
+    fold_id: str,
+    context: Here,
+    draft: Annotated[bool, Query(description="Return a draft even if a tour is stored.")] = False,
+) -> JSONResponse:
+    """Return the tour that the owner has stored; without one, a draft.
+
+    A draft is written from what is known of the fold; its figures are those of the certificate.
+    """
+    found = context.store.find(fold_id)
+    if found is None:
+        raise NoSuchFoldError(fold_id)
+    tour = tour_of(context.store, found, draft=draft)
+    if tour is None:
+        raise not_there(context.store.fold(fold_id), "tour")
+    return JSONResponse(tour, headers={"Cache-Control": "private, no-cache"})
+
+
+@router.put(
+    "", summary="Store the tour of a fold", responses=problems(401, 403, 404, 409, 413, 422)
+)
+def put_tour(fold: ExistingFold, context: Here, owner: RequiredOwner, body: TourBody) -> TourBody:
+    """Store a tour with the fold, in place of an earlier one. Gallery folds have drafts only."""
+    _check_private(fold)
+    if not context.store.owns(fold.id, owner):
+        raise not_owner(NOT_FOLD_OWNER)
+    if not fold.over:
+        raise Conflict(
+            "not-ready", f"The fold is {fold.status}; tours need its frames.", retry_after_s=1
+        )
+    frames = frames_promised(context.store.directory(fold.id))
+    if not frames:
+        raise not_there(fold, "frames")
+    try:
+        told = body.model_dump(by_alias=True, exclude_none=True)
+        tour = Tour.from_dict(told, frames=frames, modules=fold.modules).as_dict()
+    except InputError as error:
+        raise Unusable.of(error) from None
+    if not write_tour(context.store, fold.id, owner, tour):
+        raise not_owner(NOT_FOLD_OWNER)
+    return TourBody.model_validate(tour)
+
+
+@router.delete(
+    "", status_code=204, summary="Delete the tour of a fold", responses=problems(401, 403, 404)
+)
+def delete_tour(fold: ExistingFold, context: Here, owner: RequiredOwner) -> Response:
+    """Delete the stored tour; the fold then has its draft again."""
+    _check_private(fold)
+    if not write_tour(context.store, fold.id, owner, None):
+        raise not_owner(NOT_FOLD_OWNER)
+    return Response(status_code=204)
+
+
+def tour_of(store: FoldSource, found: Found, *, draft: bool = False) -> dict[str, Any] | None:
+    """Return the tour of a fold as plain values; None while it runs, or without frames.
+
+    Args:
+        store: Where the fold is from.
+        found: The fold.
+        draft: True for a draft even if its owner has stored a tour.
+    """
+    if found.row.status in RUNNING_STATUSES:
+        return None
+    kept = None if draft or found.alternative_to else store.tour(found.row.id)
+    if kept is not None:
+        return kept
+    moments = stored_moments(found.directory)
+    drafted = draft_tour(found.row, frames_promised(found.directory), moments)
+    return None if drafted is None else drafted.as_dict()
+
+
+def _check_private(fold: FoldRow) -> None:
+    if fold.public:
+        raise Forbidden(
+            "public", "This is a gallery fold, which everyone can see; its tour cannot be changed."
+        )

@@ -1,0 +1,82 @@
+"""Tours over HTTP: drafts, what an owner stores, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from planner.plan.tour import MAX_CAPTION, MAX_STOPS, Tour
+from tests.case import case
+from tests.server.service import Service, bearer
+from words.certificate import clearance, torque
+
+
+@pytest.fixture(scope="module")
+def token(finished: dict[str, Any]) -> str:
+    """Token of the owner of the finished fold."""
+    return finished["accepted"]["owner_token"]
+
+
+def put(service: Service, address: str, tour: object, token: str | None) -> tuple[int, Any]:
+    headers = {} if token is None else bearer(token)
+    answer = service.http.put(address, json=tour, headers=headers)
+    return answer.status_code, answer.json()
+
+
+def test_draft_is_replaced_by_the_tour_of_the_owner_and_comes_back(
+    service: Service, finished: dict[str, Any], token: str
+) -> None:
+    address, page = f"/api/folds/{finished['id']}/tour", f"/folds/{finished['id']}/tour.json"
+    draft = service.http.get(address).json()
+    assert Tour.from_dict(draft).as_dict() == draft
+    said = " ".join(stop["caption"] for stop in draft["stops"])
+    certificate = service.http.get(f"/api/folds/{finished['id']}/certificate.json").json()
+    assert str(clearance(certificate)) in said
+    assert "{}: {}.".format(*torque(certificate)) in said
+    assert service.http.get(page).json() == draft
+
+    mine = {**draft, "title": "Mine", "stops": [{**draft["stops"][0], "caption": "a\u202e  b"}]}
+    status, kept = put(service, address, mine, token)
+    assert (status, kept["stops"][0]["caption"]) == (200, "a b")
+    for shown in (address, page):
+        assert service.http.get(shown).json()["title"] == "Mine"
+    assert service.http.get(f"{address}?draft=true").json() == draft
+    assert service.http.delete(address, headers=bearer(token)).status_code == 204
+    assert service.http.get(address).json() == draft
+
+
+def test_what_is_no_tour_is_refused_and_stored_nowhere(
+    service: Service, finished: dict[str, Any], token: str
+) -> None:
+    address = f"/api/folds/{finished['id']}/tour"
+    draft = service.http.get(address).json()
+    stop, frames = draft["stops"][0], draft["stops"][-1]["frame"]
+    wrong: list[tuple[Any, str]] = [
+        ([], ""),
+        ({**draft, "format": "foldback-tour/2"}, "format"),
+        ({**draft, "stops": [stop] * (MAX_STOPS + 1)}, "stops"),
+        ({**draft, "stops": [{**stop, "caption": "x" * (MAX_CAPTION + 1)}]}, "caption"),
+        ({**draft, "stops": [{**stop, "frame": frames + 1}]}, "frame"),
+        ({**draft, "stops": [{**stop, "frame": "1"}]}, "frame"),
+        ({**draft, "stops": [{**stop, "modules": [10**6]}]}, "modules"),
+        ({**draft, "stops": [{**stop, "camera": "javascript:1"}]}, "camera"),
+        ({**draft, "stops": [{**stop, "html": "<b>"}]}, "html"),
+    ]
+    for tour, place in wrong:
+        with case(tour):
+            status, problem = put(service, address, tour, token)
+            assert status == 422
+            assert place in str(problem)
+    huge = {**draft, "title": "x" * 300_000}
+    assert put(service, address, huge, token)[0] == 413
+    assert put(service, address, draft, None)[0] == 401
+    assert service.http.get(address).json() == draft
+
+
+def test_fold_without_frames_has_no_tour(desk: Service) -> None:
+    waiting = desk.fold([[0, 0, 0], [1, 0, 0], [1, 1, 0]], seed="21")["id"]
+    answer = desk.http.get(f"/api/folds/{waiting}/tour")
+    assert (answer.status_code, answer.json()["code"]) == (409, "not-ready")
+    assert desk.http.get(f"/folds/{waiting}/tour.json").status_code == 204
+    assert desk.http.get("/api/folds/nothere/tour").status_code == 404
