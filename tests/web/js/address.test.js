@@ -9,14 +9,14 @@ const FULL = {
   colour: "speed", path: true, follow: false, speed: 2, play: true,
 };
 
-test("a hash names a moment, frames and modules counting from 1", () => {
+test("a hash gives a moment; frames and modules count from 1", () => {
   assert.deepEqual(viewIn("#frame=12&module=4"), { ...NOTHING, frame: 11, module: 3, named: true });
   assert.deepEqual(viewIn("#frame=0"), { ...NOTHING, frame: 0, named: true });
   assert.deepEqual(viewIn("#from=8&to=20"), { ...NOTHING, from: 7, to: 19 });
   assert.deepEqual(viewIn("#to=20"), { ...NOTHING, to: 19 });
 });
 
-test("nonsense in a hash is left out", () => {
+test("invalid parts of a hash are ignored", () => {
   for (const hash of [
     "#module=x", "#module=12345678901", "#from=20&to=20", "#from=9&to=8", "#from=NaN&to=-4", "#from=1.5", "#speed=1e9", "#speed=-2", "#play=yes", "#theme=pink",
   ]) assert.deepEqual(viewIn(hash), NOTHING, hash);
@@ -24,7 +24,7 @@ test("nonsense in a hash is left out", () => {
   assert.equal(viewIn("#colour=%3Cscript%3E").colour, null);
 });
 
-test("a view is the same after it was written into a hash and read", () => {
+test("a view is read from a hash as it was written", () => {
   const { camera, named, ...rest } = viewIn(hashOf(FULL, "dark"));
   assert.ok(named);
   assert.deepEqual({ ...rest, camera: FULL.camera, named: false, loop: true }, FULL); // the ends of a loop say that it loops
@@ -32,7 +32,7 @@ test("a view is the same after it was written into a hash and read", () => {
   assert.ok(hashOf(FULL, "dark").endsWith("&colour=speed&path=1&follow=0&speed=2&play=1&theme=dark"));
 });
 
-test("a hash is short: what is as usual is not in it", () => {
+test("a hash leaves out default values", () => {
   assert.equal(hashOf({ ...NOTHING, frame: 11, camera: { azimuth: null, elevation: null, zoom: 1, aside: null }, colour: "error" }), "#frame=12");
   assert.equal(hashOf({ ...NOTHING, camera: { azimuth: null, elevation: null, zoom: 1.5, aside: null } }), "#camera=,,1.5");
   assert.equal(hashOf(NOTHING), "");

@@ -16,7 +16,7 @@ const { fetch: usualFetch } = globalThis;
 afterEach(() => { globalThis.fetch = usualFetch; });
 beforeEach(() => { globalThis.localStorage = new Storage(); });
 
-test("a key is made once, when it is needed, and has 192 random bits", () => {
+test("a key is made when it is first needed, only once, and has 192 random bits", () => {
   assert.deepEqual(keysHere(), []);
   const key = ownKey();
   assert.match(key, /^[A-Za-z0-9_-]{32}$/);
@@ -24,7 +24,7 @@ test("a key is made once, when it is needed, and has 192 random bits", () => {
   assert.deepEqual(keysHere(), [key]);
 });
 
-test("a key that is brought stands beside the browser's own, which it becomes when it is told to", () => {
+test("an entered key is used beside the browser's own, and can replace it", () => {
   const own = ownKey();
   bring(OTHER);
   bring(OTHER);
@@ -42,7 +42,7 @@ test("a key that is brought stands beside the browser's own, which it becomes wh
   assert.deepEqual(Object.keys(localStorage), []);
 });
 
-test("a new key takes the place of the browser's own, and of nothing else", () => {
+test("a new key replaces the browser's own key only", () => {
   const own = ownKey();
   bring(OTHER);
   keepToken("mine", own);
@@ -55,7 +55,7 @@ test("a new key takes the place of the browser's own, and of nothing else", () =
   assert.deepEqual([keysHere(), tokenOf("mine"), tokenOf("theirs")], [[made, OTHER], made, OTHER]);
 });
 
-test("folds with tokens of their own are known", () => {
+test("folds with their own tokens are remembered", () => {
   const own = ownKey();
   bring(OTHER);
   keepToken("early", "e".repeat(32));
@@ -64,7 +64,7 @@ test("folds with tokens of their own are known", () => {
   assert.deepEqual(foldsApart(), [["early", "e".repeat(32)]]);
 });
 
-test("what was kept may be nonsense, or nothing may be kept", () => {
+test("invalid stored data, or no storage at all, does no harm", () => {
   for (const text of ["", "{", "7", '{"a":1}', '[1, "short", "<script>alert(1)</script>aaaaaaaaaa"]']) {
     localStorage.setItem("foldback:keys", text);
     assert.deepEqual(broughtKeys(), [], text);
@@ -73,7 +73,7 @@ test("what was kept may be nonsense, or nothing may be kept", () => {
   assert.deepEqual([ownKey(), keysHere(), bring(OTHER), foldsApart()], [null, [], false, []]);
 });
 
-test("a pasted text that no header takes is no key", () => {
+test("a text that cannot be sent in a header is refused as a key", () => {
   for (const text of ["", "a".repeat(23), "a".repeat(201), `${OTHER}\n`, `${OTHER} x`, `${OTHER}\r\nX: y`, `<b>${OTHER}</b>`, "é".repeat(30)]) assert.ok(!isKey(text), text);
   assert.ok(isKey(OTHER) && isKey("AbC-_012345678901234567890"));
 });
@@ -94,7 +94,7 @@ function service(refuse = () => false) {
   } };
 }
 
-test("the folds of several keys are one list, the newest first", async () => {
+test("the folds of several keys are listed together, newest first", async () => {
   const { list: answer, asked } = service();
   const list = new FoldList(["mine", "theirs"], answer);
   const ids = async (count) => (await list.more(count)).map(({ fold, key }) => `${fold.id} ${key}`);
@@ -105,7 +105,7 @@ test("the folds of several keys are one list, the newest first", async () => {
   assert.deepEqual(await ids(9), []);
 });
 
-test("without a key there is nothing, and an error loses nothing that is told already", async () => {
+test("without a key the list is empty, and an error keeps what is already listed", async () => {
   assert.deepEqual(await new FoldList([]).more(5), []);
   const list = new FoldList(["mine"], service((n) => n === 2).list);
   assert.equal((await list.more(1)).length, 1);
@@ -113,7 +113,7 @@ test("without a key there is nothing, and an error loses nothing that is told al
   assert.deepEqual((await list.more(5)).map(({ fold }) => fold.id), ["m5", "m4", "m1"]);
 });
 
-test("ages are told in one unit", () => {
+test("ages are given in one unit", () => {
   assert.deepEqual([0, 90, 5399, 5400, 86400, 129600, 2592000].map((age) => span(age).replace("\u00a0", " ")), ["1 min", "2 min", "90 min", "2 h", "24 h", "2 days", "30 days"]);
 });
 
@@ -129,7 +129,7 @@ function answering(...answers) {
   return requests;
 }
 
-test("a body is sent as JSON or as the form that it is, and the key in one header", async () => {
+test("a request body is sent as JSON or as a form, and the key in one header", async () => {
   const requests = answering([200, '{"id":"a"}'], [204, ""], [201, "{}"]);
   assert.deepEqual(await ask("/api/folds/a"), { id: "a" });
   assert.deepEqual(await ask("/api/folds/a", { method: "PATCH", token: OTHER, body: { name: "Duck" } }), {});
@@ -150,7 +150,7 @@ test("a refusal has the words of the service, its status and its code", async ()
   ]);
 });
 
-test("what is gone already counts as removed", async () => {
+test("a fold that is already gone counts as removed", async () => {
   answering([204, ""], [404, "{}"], [403, "{}"], [500, "{}"]);
   for (let k = 0; k < 3; k++) await remove("/x", OTHER);
   await assert.rejects(remove("/x", OTHER), /answered 500/);

@@ -37,7 +37,7 @@ async function paint() {
   return taken.filter((one) => one !== "SetSceneNodeVisibilityMessage");
 }
 
-test("a camera reaches the client one picture after the poses that it follows", async (t) => {
+test("the client gets a camera one frame after the poses that it follows", async (t) => {
   const { document: other } = globalThis; // of another file in this process
   globalThis.document = frameDocument;
   t.after(() => { globalThis.document = other; });

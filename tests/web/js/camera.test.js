@@ -16,7 +16,7 @@ for (const { name, points, seeing, azimuth, target, distance, needed, position }
   });
 }
 
-test("a follower glides to its goal and rests there", () => {
+test("a following camera moves smoothly to its goal and stops there", () => {
   const from = framing(SOME, SEEING);
   const to = framing(SOME.map((v) => v + 30), { ...SEEING, azimuth: 3 });
   const follower = new Follower();
@@ -29,7 +29,7 @@ test("a follower glides to its goal and rests there", () => {
   assert.equal(follower.move(1), false);
 });
 
-test("between two views nothing is cut off", () => {
+test("while the camera moves between two views, the whole chain stays in the picture", () => {
   const from = framing(SOME, SEEING);
   const to = framing(SOME.map((v) => v + 30), { ...SEEING, azimuth: 3 });
   const mixed = blended([from, to], [1, 1], from);
@@ -38,7 +38,7 @@ test("between two views nothing is cut off", () => {
   assert.ok(mixed.distance >= from.distance + aside);
 });
 
-test("modules are looked at from a side that nothing stands before", () => {
+test("the camera looks at modules from a side where nothing hides them", () => {
   // A module at the origin with a wall on all sides but above.
   const wall = [];
   for (let k = 0; k < 64; k++) for (const z of [-1, 0, 1]) wall.push(2 * Math.cos((k * Math.PI) / 32), 2 * Math.sin((k * Math.PI) / 32), z);

@@ -71,7 +71,7 @@ for (const film of vectors.films) {
   });
 }
 
-test("a turned and zoomed camera stays so in other frames, until it is set back", async () => {
+test("a turned and zoomed camera stays so in other frames until it is reset", async () => {
   const { player, timeline } = await shown();
   const usual = player.rig.follower.view;
   player.send({ do: "orbit", turn: [0.5, 0.2], zoom: 2 });
@@ -99,7 +99,7 @@ test("zooming in ends where the chain would be cut off, and zooming out begins a
   close([player.rig.follower.view.distance], [1.1 * near], { rtol: 1e-3 });
 });
 
-test("moving the picture lets go of the chain, and Follow goes on from that direction", async () => {
+test("moving the picture ends following, and Follow continues from that direction", async () => {
   const { player, timeline } = await shown();
   player.send({ do: "orbit", turn: [0.7, 0] });
   player.send({ do: "orbit", move: [0.2, 0.1] });
@@ -115,7 +115,7 @@ test("moving the picture lets go of the chain, and Follow goes on from that dire
   assert.equal(outside(player), 0);
 });
 
-test("a camera of an address shows another player the same", async () => {
+test("a camera in an address shows the same view in another player", async () => {
   for (const orbits of [[{ turn: [0.7, -0.3] }, { zoom: 1.7 }], [{ zoom: 1.3 }], [{ turn: [1, 0.4], zoom: 1.2 }, { move: [0.2, -0.1] }, { zoom: 0.6 }]]) {
     const [{ player: one }, { player: other }] = [await shown(), await shown()];
     one.send({ do: "seek", frame: 40 });

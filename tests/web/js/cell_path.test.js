@@ -43,7 +43,7 @@ test("a path is whole when it visits all cells, each once, from face to face", (
   assert.match(told(checked(painted(row(4), [key(0, 0), key(0, 1), key(0, 3)]))).text, /^Cells 2 and 3 do not touch/);
 });
 
-test("what is whole is a path to the planner as well", () => {
+test("a path that the editor calls complete is one for the planner too", () => {
   for (const { cells, code } of vectors.paths) {
     const path = cells.map((cell) => key(...cell));
     const found = checked(painted(path, path));
@@ -52,7 +52,7 @@ test("what is whole is a path to the planner as well", () => {
   }
 });
 
-test("what can be no path is told while it is drawn", () => {
+test("the editor says while you draw that a shape can have no path", () => {
   const star = [key(5, 5), ...neighbours(key(5, 5), SIZE)]; // one cell of a colour, five of the other
   const none = checked(painted(star));
   assert.equal(none.difference, 4);
@@ -66,7 +66,7 @@ test("what can be no path is told while it is drawn", () => {
   assert.match(told(apart).text, /can no longer reach 1 of them/);
 });
 
-test("a path grows at its ends, takes back its last cell, and mends a gap", () => {
+test("a path grows at its ends, removes its last cell, and closes a gap", () => {
   const drawn = { path: row(3), atStart: false };
   assert.deepEqual(extended({ path: [], atStart: true }, 7, SIZE), { path: [7], atStart: false });
   assert.deepEqual(extended(drawn, key(1, 2), SIZE), { path: [...row(3), key(1, 2)], atStart: false });
@@ -83,7 +83,7 @@ test("a path grows at its ends, takes back its last cell, and mends a gap", () =
   assert.deepEqual(cut({ path: row(5), atStart: true }, key(0, 1)).path, row(5).slice(1));
 });
 
-test("whatever is drawn by hand has no gaps and no repeats, and undoing leads back", () => {
+test("a path drawn by hand has no gaps or repeated cells, and can be undone", () => {
   const editor = new Editor(12_000);
   const { painting } = editor;
   editor.take("path");
@@ -100,7 +100,7 @@ test("whatever is drawn by hand has no gaps and no repeats, and undoing leads ba
   assert.deepEqual([painting.path, painting.filled], [[], 0]);
 });
 
-test("a hand draws boxes, fills, and moves; two fingers take back what one has begun", () => {
+test("one finger draws, fills and moves; a second finger cancels it", () => {
   const editor = new Editor(12_000);
   const { painting } = editor;
   const press = (...keys) => { editor.press(keys[0]); if (keys.length > 1) editor.drag(keys.slice(1)); editor.lift(true); };
@@ -129,7 +129,7 @@ test("a hand draws boxes, fills, and moves; two fingers take back what one has b
   assert.ok(painting.cells[key(0, 0)] && painting.cells[key(0, 9)]);
 });
 
-test("from the head the arrows draw, to the edge", () => {
+test("arrow keys extend the path from its head to the edge of the grid", () => {
   const editor = new Editor(12_000);
   const { painting } = editor;
   assert.equal(editor.drawOn([0, 1, 0], key(0, 0)), key(0, 0)); // the path begins where the cursor is
@@ -144,7 +144,7 @@ test("from the head the arrows draw, to the edge", () => {
   assert.equal(painting.path[0], key(0, 1, 1));
 });
 
-test("a way through a few cells is found where there is one", () => {
+test("a path through a few cells is found if there is one", () => {
   const cube = box(key(0, 0, 0), key(1, 1, 1), SIZE);
   for (const start of cube) {
     const path = through(cube, start, SIZE);

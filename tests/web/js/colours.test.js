@@ -15,14 +15,14 @@ const figuresOf = (modules, joints) => ({
   largest: (name) => ({ position_error: 0.034, torque: 1.7 })[name],
 });
 
-test("shares of a ramp are coloured as in Python", async () => {
+test("colours of a ramp are the same as in Python", async () => {
   const { bundle, shares, errors } = vectors.colours;
   const { header, arrays } = await unpack(bundle);
   const found = ramped(Float64Array.from(shares, (v) => v ?? NaN), arrays.ramp_error, header.colours.unknown);
   assert.deepEqual([...found], errors);
 });
 
-test("scales end as in Python", () => {
+test("colour scales end at the same values as in Python", () => {
   for (const [value, scale] of vectors.colours.scales) close([roundUp(value)], [scale], { rtol: 1e-9 });
   assert.equal(roundUp(0), 1);
 });

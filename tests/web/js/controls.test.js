@@ -11,7 +11,7 @@ function held(follows = true) {
   return { done, say };
 }
 
-test("a drag turns the camera once it has moved far enough to be no click", () => {
+test("a drag turns the camera only when it is longer than a click", () => {
   const { done, say } = held();
   say("pointermove", 50, 50); // no button is pressed
   say("pointerdown", 10, 10);

@@ -12,7 +12,7 @@ function painted(count, how = "no", maxModules = 200) {
 }
 const said = ({ standing: { text, tone, limit, ready, completable } }) => [text, tone, limit, ready, completable];
 
-test("what would be folded is told with what is wrong with it", () => {
+test("the editor says what would be folded, and what is wrong with it", () => {
   assert.deepEqual(said(painted(0)), ["", "", "", false, false]);
   assert.deepEqual(said(painted(2)), ["16 modules", "", "Limit: 200 modules.", true, true]);
   assert.deepEqual(said(painted(2, "yes")), ["2 modules. A fold needs at least 8.", "", "Limit: 200 modules.", false, true]);
@@ -22,7 +22,7 @@ test("what would be folded is told with what is wrong with it", () => {
   assert.deepEqual(said(apart), ["The shape has 2 separate pieces. Connect them face to face.", "bad", "Limit: 200 modules.", false, true]);
 });
 
-test("a path of one's own is ready when it visits all cells", () => {
+test("your own path is ready when it visits all cells", () => {
   const editor = painted(4, "path");
   assert.deepEqual(said(editor), ["No path yet.", "", "4 modules. Limit: 200 modules.", false, true]);
   editor.step(() => editor.follow({ path: [0, 1, 2, 3].map((y) => key(0, y)), atStart: false }));
@@ -30,7 +30,7 @@ test("a path of one's own is ready when it visits all cells", () => {
   assert.ok(editor.standing.whole);
 });
 
-test("the path is seen with its tool and with its choice", () => {
+test("the path is shown when its tool or its option is chosen", () => {
   const editor = painted(2);
   assert.equal(editor.shownPath, null);
   editor.take("path"); // chooses a path of one's own as well
@@ -39,7 +39,7 @@ test("the path is seen with its tool and with its choice", () => {
   assert.ok(editor.shownPath);
 });
 
-test("a layer is copied from the one below, and there is none beyond the grid", () => {
+test("a layer is copied from the one below, if there is one", () => {
   const editor = painted(3);
   editor.turn(1);
   editor.repeat();
@@ -50,7 +50,7 @@ test("a layer is copied from the one below, and there is none beyond the grid", 
   assert.equal(editor.layer, 0);
 });
 
-test("a letter gives the shape its name, a file its cells and their order", () => {
+test("a letter names the shape, a file gives the cells and their order", () => {
   const editor = painted(3);
   editor.turn(4);
   editor.write("T", [[0, 0], [0, 1], [0, 2]]);

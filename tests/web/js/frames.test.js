@@ -55,7 +55,7 @@ test("the windows of a plan are played backwards, then forwards", async () => {
   }
 });
 
-test("packed columns", async () => {
+test("packed columns are decoded", async () => {
   const { message, angles, errors } = vectors.columns;
   const { header, arrays } = await unpack(message);
   assert.deepEqual(header, { said: "ü" });

@@ -15,14 +15,14 @@ for (const { name, bundle, given } of vectors.kinematics) {
 }
 
 for (const { name, bundle, given, origin, ways, modules } of vectors.picking) {
-  test(`which of the ${name} a ray meets first`, async () => {
+  test(`the first of the ${name} that a ray hits`, async () => {
     const { header } = await unpack(bundle);
     const { arrays } = await unpack(given);
     assert.deepEqual(ways.map((way) => picked(header.chain, arrays, origin, way)), modules);
   });
 }
 
-test("faces that touch", async () => {
+test("touching faces are found", async () => {
   const { bundle, beside, buried } = vectors.touching;
   const { header, arrays } = await unpack(bundle);
   const found = touching(header, new Kinematics(header.chain, arrays.folded_rad).folded);

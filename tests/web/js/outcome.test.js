@@ -5,23 +5,23 @@ import { Outcome, announcementOf, headingOf, titleOf } from "../../../web/static
 
 const facts = (tone) => ({ name: "torus", verdict: { tone, text: "" } });
 
-test("title_while_a_fold_runs_shows_the_progress", () => {
+test("the title of a running fold shows its progress", () => {
   assert.equal(titleOf({ status: "running", stage: "explode", fraction: 0.429 }, "torus", "Exploding"), "Exploding 42 % · torus · foldback");
   assert.equal(titleOf({ status: "running", stage: "read" }, "torus", "Reading"), "Reading 0 % · torus · foldback");
   assert.equal(titleOf({ status: "queued", stage: "read", fraction: 0.4 }, "torus", "Reading"), "Waiting · torus · foldback");
 });
 
-test("title_while_the_solvers_are_prepared_shows_their_progress", () => {
+test("the title shows the progress while solvers are prepared", () => {
   for (const status of ["queued", "running"]) {
     assert.equal(titleOf({ status, fraction: 0, preparing: { fraction: 0.478, remaining_s: 90 } }, "torus", "Reading"), "Preparing 47 % · torus · foldback");
   }
 });
 
-test("title_at_the_verdict_shows_a_mark", () => {
+test("the title has a mark when there is a verdict", () => {
   assert.deepEqual(["good", "bad", "soft"].map((tone) => headingOf(facts(tone))), ["✓ torus", "✕ torus", "torus"]);
 });
 
-test("announcement_is_made_of_a_verified_fold_only", () => {
+test("only a verified fold is announced", () => {
   assert.deepEqual(["good", "bad"].map((tone) => announcementOf(facts(tone))), ["✓ torus folds: verified", null]);
 });
 
@@ -34,7 +34,7 @@ function after(reports) {
   });
 }
 
-test("progress of robots that take turns never runs backwards", () => {
+test("the progress of several robots never goes backwards", () => {
   assert.deepEqual(after([["play_back", 0.3, 30], ["play_back", 0.2, 26], ["play_back", 0.4, 36]]), [
     [0.3, 30, 1], [0.3, 30, 1], [0.4, 36, 1],
   ]);
@@ -53,7 +53,7 @@ test("a fold that waits gives its reason", () => {
   ]);
 });
 
-test("words_with_a_preference_count_the_plans", () => {
+test("a fold with a preference says how many plans there are", () => {
   const advance = new Advance();
   advance.note({ stage: "explode", fraction: 0.1, plan: 1, plans: 10 });
   assert.equal(advance.words(), " · plan 1 of about 10");
@@ -64,7 +64,7 @@ test("words_with_a_preference_count_the_plans", () => {
   assert.equal(advance.words(), " · plan 11 of about 11");
 });
 
-test("name_while_a_plan_is_smoothed_is_never_exploding", () => {
+test("a plan that is being smoothed is never called exploding", () => {
   const advance = new Advance();
   const names = [["explode", "smoothing"], ["explode", "done"], ["play_back", ""], ["explode", ""]].map(([stage, message]) => {
     advance.note({ stage, message });
@@ -76,7 +76,7 @@ test("name_while_a_plan_is_smoothed_is_never_exploding", () => {
   assert.equal(names[3], "Exploding");
 });
 
-test("notification_is_asked_for_on_a_click_only_and_shown_once_in_a_hidden_tab", async (t) => {
+test("permission to notify is asked on a click only, and a hidden tab notifies once", async (t) => {
   const { document: page, window: browser } = globalThis; // other files of this process use them
   t.after(() => Object.assign(globalThis, { document: page, window: browser, Notification: undefined }));
   const parts = {};

@@ -15,7 +15,7 @@ function stroke(painting, cells, filled = true) {
 }
 const cells = (painting) => cellsOf(keysOf(painting.cells), painting.size);
 
-test("strokes are undone and done again", () => {
+test("strokes are undone and redone", () => {
   const painting = new Painting();
   stroke(painting, [[0, 0, 0], [1, 0, 0]]);
   stroke(painting, [[1, 0, 0]], false);
@@ -30,7 +30,7 @@ test("strokes are undone and done again", () => {
   assert.equal(painting.filled, 0);
 });
 
-test("a step brings back the grid and the path as well, and one that is called off leaves nothing", () => {
+test("undo also restores the grid and the path, and a cancelled step leaves no trace", () => {
   const painting = new Painting();
   painting.begin();
   painting.draw([[0, 0, 0], [0, 1, 0], [0, 2, 0]].map((cell) => key(cell)));
@@ -51,7 +51,7 @@ test("a step brings back the grid and the path as well, and one that is called o
   assert.deepEqual([painting.path, painting.filled, painting.done.length], [path, 3, 1]);
 });
 
-test("any run of strokes is undone to what it was, as far as steps are kept", () => {
+test("any sequence of strokes can be undone, as far as steps are kept", () => {
   const painting = new Painting();
   const seen = [[...painting.cells]];
   for (let k = 0; k < MOST_STEPS + 20; k++) {
@@ -67,7 +67,7 @@ test("any run of strokes is undone to what it was, as far as steps are kept", ()
   }
 });
 
-test("cells hang together by faces, and not around the edge", () => {
+test("cells are connected by faces, not across the edge of the grid", () => {
   const painting = new Painting();
   stroke(painting, [[0, 0, 0], [0, 1, 0], [1, 2, 0], [0, SIZE - 1, 0]]);
   assert.equal(painting.pieces(), 3);
@@ -75,19 +75,19 @@ test("cells hang together by faces, and not around the edge", () => {
   assert.equal(painting.pieces(), 2);
 });
 
-test("a cell doubled is a block of eight", () => {
+test("doubling turns a cell into a block of eight", () => {
   const block = cellsOf([key([1, 2, 3])], SIZE, true);
   assert.equal(new Set(block.map(String)).size, 8);
   for (const cell of block) assert.deepEqual(cell.map((v) => v >> 1), [1, 2, 3]);
 });
 
-test("keys name cells", () => {
+test("keys identify cells", () => {
   for (const size of SIZES) {
     for (const cell of [[0, 0, 0], [3, 7, 5], [size - 1, size - 1, size - 1]]) assert.deepEqual(cellOf(key(cell, size), size), cell);
   }
 });
 
-test("what is kept is taken as far as it is a painting", () => {
+test("a stored drawing is restored as far as it is valid", () => {
   const painting = new Painting();
   for (const nonsense of [null, [3, 4], { size: 1e9, filled: [1] }, { size: 10 }, { size: 10, filled: "no", path: 3 }]) {
     painting.restore(nonsense);
@@ -97,7 +97,7 @@ test("what is kept is taken as far as it is a painting", () => {
   assert.deepEqual([painting.size, keysOf(painting.cells), painting.path], [16, [5, 6], [5, 6]]);
 });
 
-test("every letter is one piece", () => {
+test("every letter is connected", () => {
   for (const letter of "ABCDEFGHIJKLMNOPQRSTUVWXYZ") {
     const painting = new Painting();
     stroke(painting, letterCells(letter).map(([row, column]) => [row, column, 0]));
@@ -105,7 +105,7 @@ test("every letter is one piece", () => {
   }
 });
 
-test("of a full cube three sides are seen, whole; of any cells, those that are nearest on a line of sight", () => {
+test("a full cube shows three whole sides; of other cells, the nearest ones are seen", () => {
   const size = 6;
   const full = Array.from({ length: size ** 3 }, (_, k) => k);
   const faces = visible(full, size);
@@ -135,27 +135,27 @@ function storing(text = null) {
 const seen = ({ how, name }) => [how, name];
 afterEach(() => { delete globalThis.localStorage; });
 
-test("draft_after_a_reload_keeps_the_path_and_its_name", () => {
+test("a draft keeps its path and its name after a reload", () => {
   storing();
   new Draft().note({ how: "path", name: "Duck" });
   assert.deepEqual(seen(new Draft()), ["path", "Duck"]);
 });
 
-test("draft_with_nothing_or_nonsense_stored_is_empty", () => {
+test("a draft is empty if nothing valid is stored", () => {
   for (const text of [null, "{", "null", '{"how":"all","name":7}']) {
     storing(text);
     assert.deepEqual(seen(new Draft()), ["no", ""]);
   }
 });
 
-test("draft_without_storage_still_works", () => {
+test("a draft works without storage", () => {
   globalThis.localStorage = new Proxy({}, { get() { throw new Error("no storage"); } });
   const draft = new Draft();
   draft.note({ how: "yes" });
   assert.equal(draft.how, "yes");
 });
 
-test("clear_drops_a_given_name_and_keeps_a_typed_one", () => {
+test("clearing removes a generated name and keeps a typed one", () => {
   storing();
   new Draft().give("Letter A");
   const draft = new Draft();

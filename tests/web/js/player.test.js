@@ -39,7 +39,7 @@ async function shown(options = {}, given = vectors.timeline) {
   return { timeline, player, heard };
 }
 
-test("a frame that is sought is shown, and told of", async () => {
+test("a requested frame is shown and reported", async () => {
   const { player, heard, timeline } = await shown();
   assert.deepEqual([heard.outline.frames, heard.outline.modules, heard.outline.joints], [timeline.total, 16, 14]);
   for (const { frame, time_s: time } of vectors.timeline.frames) {
@@ -54,7 +54,7 @@ test("a frame that is sought is shown, and told of", async () => {
   assert.equal(player.send({ do: "dance" }), false);
 });
 
-test("a motion that plays pauses between two pictures; a visitor who turns the view does not wait", async () => {
+test("playing pauses between two pictures, but turning the view does not wait", async () => {
   mock.timers.enable({ apis: ["setTimeout"] });
   try {
     const { player } = await shown({ pauseMs: () => 1e6 });
@@ -77,7 +77,7 @@ test("a motion that plays pauses between two pictures; a visitor who turns the v
   }
 });
 
-test("what is asked for while a timeline that is begun anew is fetched is done once it is there", async () => {
+test("requests made while a timeline is fetched again are carried out when it is there", async () => {
   const { player, heard, timeline } = await shown();
   timeline.status = "growing";
   timeline.over = false;
@@ -103,13 +103,13 @@ test("what is asked for while a timeline that is begun anew is fetched is done o
   assert.ok(heard.state.live);
 });
 
-test("a batch with fewer frames than it announces has those it has", () => {
+test("a batch with fewer frames than announced is used as far as it goes", () => {
   const column = (width) => new Float32Array(2 * width);
   const arrays = { time_s: column(1), phase: column(1), root_position: column(3), root_wxyz: column(4), joint_angles_rad: column(1), joint_error_rad: column(1) };
   assert.equal(new Whole({ header: { start: 0, stop: 5, stride: 1 }, arrays }, { joints: 1 }).rows, 2);
 });
 
-test("who wants little to move sees no glide to a frame that is sought, but one while it plays", async () => {
+test("with reduced motion the camera jumps to a requested frame, and moves smoothly while playing", async () => {
   for (const calm of [false, true]) {
     const { player, timeline } = await shown({ calm });
     draw(60);
@@ -139,7 +139,7 @@ for (const kind of ["timeline", "peeled"]) {
   });
 }
 
-test("modules are blue when selected, and marked ones stand out", async () => {
+test("selected modules are blue, and marked ones stand out", async () => {
   const { player, timeline } = await shown();
   player.send({ do: "seek", frame: AT_END.frame });
   const { selected: blue, stuck } = timeline.bundle.header.colours;
@@ -151,7 +151,7 @@ test("modules are blue when selected, and marked ones stand out", async () => {
   close(found.subarray(21), AT_END.colours.slice(21), { atol: 2 });
 });
 
-test("a selected module tells its cell and its joint", async () => {
+test("a selected module shows its cell and its joint", async () => {
   const { player, heard, timeline } = await shown();
   player.send({ do: "seek", frame: AT_END.frame });
   player.send({ do: "select", module: 6 });
@@ -167,7 +167,7 @@ test("a selected module tells its cell and its joint", async () => {
   assert.equal(heard.module.index, null);
 });
 
-test("the joint of a peeled chain tells what it is off by, where it was simulated", async () => {
+test("joints of a peeled chain show their error where they were simulated", async () => {
   const { player, heard } = await shown({}, vectors.peeled);
   const [explosion, middle] = vectors.peeled.frames;
   const module = middle.errors.indexOf(Math.max(...middle.errors));
@@ -178,7 +178,7 @@ test("the joint of a peeled chain tells what it is off by, where it was simulate
   assert.ok(heard.module.joints.every(({ error_rad: error }) => error === null));
 });
 
-test("each module but the first and the last tells the hinges of the joint that it carries", () => {
+test("each module but the first and the last shows the hinges of its joint", () => {
   const chain = { modules: 5, rigid_links: 1, hinges: 2, hinge_names: ["z", "y"] };
   const timeline = { chain, joints: 6, foldedPositions: new Float32Array(15), foldedRad: [10, 11, 12, 13, 14, 15] };
   const snapshot = { angle: (j) => j, errors: new Float32Array(6) };
@@ -189,7 +189,7 @@ test("each module but the first and the last tells the hinges of the joint that 
   assert.deepEqual(told, [[], [["joint_1_z", 0, 10], ["joint_1_y", 1, 11]], [["joint_3_z", 4, 14], ["joint_3_y", 5, 15]], []]);
 });
 
-test("a click on a module selects it, and lets go of it", async () => {
+test("a click on a module selects it, and another one deselects it", async () => {
   const { player, heard } = await shown();
   const at = Array.from(player.shown.positions.subarray(9, 12));
   player.pick([at[0], at[1], at[2] + 5], [0, 0, -1]);
@@ -198,7 +198,7 @@ test("a click on a module selects it, and lets go of it", async () => {
   assert.equal(heard.module.index, null);
 });
 
-test("it plays to the end, with the whole chain in view", async () => {
+test("the motion plays to the end with the whole chain in view", async () => {
   const { player, heard, timeline } = await shown({ aspect: () => 0.7 });
   player.send({ do: "play" });
   for (let k = 0; k < 900 && player.is.playing; k++) {
@@ -231,7 +231,7 @@ test("the camera goes to modules that are to be looked at, and back", async () =
   close([player.rig.follower.view.distance], [whole.distance], { rtol: 0.05 });
 });
 
-test("the next change is looked for in frames that come in later, unless one goes elsewhere", async () => {
+test("the search for the next change continues in frames that arrive later, unless another frame is requested", async () => {
   const { player, timeline } = await shown();
   const there = timeline.row;
   const change = (hidden) => {
@@ -262,7 +262,7 @@ function head(last = 239, growing = false) {
   return { timeline, playhead: new Playhead(timeline) };
 }
 
-test("a playhead stops at the end, or goes round, or back", () => {
+test("a playhead stops at the end, loops, or plays backwards", () => {
   const { playhead } = head();
   playhead.do({ do: "play" });
   assert.equal(playhead.advance(1, 1), true);
@@ -298,7 +298,7 @@ test("steps are whole frames, and stay in the timeline", () => {
   assert.equal(playhead.do({ do: "nothing" }), false);
 });
 
-test("frames that pass too fast to be seen are shown whole", () => {
+test("when frames pass too quickly, only whole frames are shown", () => {
   const { playhead } = head();
   playhead.do({ do: "play" });
   playhead.advance(0.05, 1);
@@ -310,7 +310,7 @@ test("frames that pass too fast to be seen are shown whole", () => {
   close([playhead.shown], [3.6]);
 });
 
-test("a live playhead stays at the end of what grows", () => {
+test("a live playhead stays at the end of a growing timeline", () => {
   const { timeline, playhead } = head(10, true);
   playhead.do({ do: "set", live: true });
   for (let k = 0; k < 60; k++) playhead.advance(0.1, k);
@@ -323,7 +323,7 @@ test("a live playhead stays at the end of what grows", () => {
   assert.equal(playhead.is.live, false);
 });
 
-test("two folds go through their phases in step", async () => {
+test("two folds play their phases in step", async () => {
   const [{ player: one, timeline }, { player: two }] = [await shown(), await shown()];
   // The second has half as long an explosion.
   const begin = timeline.outline.phases[1].from;
@@ -345,7 +345,7 @@ test("two folds go through their phases in step", async () => {
   assert.deepEqual([one.selected, two.selected], [4, 4]);
 });
 
-test("playhead_in_real_time_moves_by_the_robots_clock", async () => {
+test("in real time a playhead follows the robot's clock", async () => {
   const { player, timeline, heard } = await shown();
   const { from } = timeline.outline.phases[1];
   player.send({ do: "seek", frame: from });
@@ -363,7 +363,7 @@ test("playhead_in_real_time_moves_by_the_robots_clock", async () => {
   assert.deepEqual([player.is.real, player.is.speed], [false, 2]);
 });
 
-test("a fold without frames leaves the other one to be played", async () => {
+test("if one fold has no frames, the other one can still be played", async () => {
   const { player: one, timeline } = await shown();
   const { player: none } = await shown();
   none.state.shown = null;

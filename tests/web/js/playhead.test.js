@@ -10,7 +10,7 @@ function head(last = 239, growing = false) {
   return { playhead, set };
 }
 
-test("the ends of a loop lie in the timeline, and one that would cross the other takes its place", () => {
+test("the ends of a loop stay in the timeline and cannot cross", () => {
   const { set } = head();
   assert.deepEqual(set({ from: 20 }), [20, null, true]);
   assert.deepEqual(set({ to: 60 }), [20, 60, true]);
@@ -22,7 +22,7 @@ test("the ends of a loop lie in the timeline, and one that would cross the other
   assert.deepEqual(head(10, true).set({ from: 50, to: 80 }), [50, 80, true]); // they may come yet
 });
 
-test("who loops over a part begins in it, and goes from its end to its beginning", () => {
+test("a loop starts inside its part and continues at its beginning", () => {
   const { playhead, set } = head();
   set({ from: 100, to: 112 });
   playhead.do({ do: "play" });
@@ -47,7 +47,7 @@ test("who loops over a part begins in it, and goes from its end to its beginning
   assert.deepEqual([playhead.frame, playhead.is.playing, playhead.is.to], [239, false, 112]);
 });
 
-test("a part of what is not there yet is no part", () => {
+test("there is no loop over frames that are not there yet", () => {
   const { playhead, set } = head(10, true);
   set({ from: 50, to: 80 });
   playhead.do({ do: "play" });
@@ -62,19 +62,19 @@ function timeline(times, angles = times.map(() => 0), phases = times.map(() => 0
   return { last: times.length - 1, row, joints: 1, how: { angle: (told, j) => told.angles[j] }, differing: () => [0, 1] };
 }
 
-test("a step of time goes between frames, however long they are, and stays in the timeline", () => {
+test("a step in time may end between frames and stays in the timeline", () => {
   const uneven = timeline([0, 0.1, 0.1, 0.5, 1.5]);
   close([after(uneven, 0, 0.05), after(uneven, 0, 0.3), after(uneven, 2.5, 0.2), after(uneven, 3, 9)], [0.5, 2.5, 3, 4]);
   close([after(uneven, 4, -1), after(uneven, 3.5, -0.7), after(uneven, 2, -0.05), after(uneven, 0.5, -1)], [3, 2.5, 0.5, 0]);
   for (const frame of [0.25, 1, 2.75]) close([after(uneven, after(uneven, frame, 0.1), -0.1)], [frame === 1 ? 2 : frame]);
 });
 
-test("where frames are not here yet a step of time takes them for as long as the last one", () => {
+test("missing frames count as long as the last one in a step in time", () => {
   const partly = timeline([0, 0.1, null, null, null, null]);
   close([after(partly, 0, 0.3), after(partly, 0, 60), after(partly, 3, 1), after(partly, 5, -1)], [3, 5, 4, 4]);
 });
 
-test("the next change is where a hinge has turned by what one sees, or another phase begins", () => {
+test("the next change is where a hinge has turned visibly, or another phase begins", () => {
   const angles = [0, 0.02, 0.04, 0.06, 0.06, 0.06, 0.06];
   const turns = timeline(angles.map((_, k) => k), angles, [0, 0, 0, 0, 0, 1, 1]);
   assert.deepEqual([0, 0.5, 3, 5, 6].map((frame) => nextChange(turns, frame, 1).frame), [3, 3, 5, 6, 6]);
@@ -83,7 +83,7 @@ test("the next change is where a hinge has turned by what one sees, or another p
   assert.deepEqual([nextChange(partly, 0, 1), nextChange(partly, 2, 1), nextChange(partly, 4, -1)].map(({ frame }) => frame), [2, 3, 2]);
 });
 
-test("a search for a change goes on from a frame that was not here", () => {
+test("a search for a change continues at a frame that was missing", () => {
   const angles = [0, 0.01, 0.02, 0.06, 0.06];
   const partly = timeline([0, 1, null, null, 4], angles);
   const stopped = nextChange(partly, 0, 1);
@@ -94,7 +94,7 @@ test("a search for a change goes on from a frame that was not here", () => {
   assert.deepEqual(nextChange(there, 3, 1), { frame: 4, from: null });
 });
 
-test("of windows the hinges outside of them are looked at as well", async () => {
+test("the search for a change also looks at hinges outside of windows", async () => {
   const { timeline: peeled } = await recorded(vectors.peeled);
   assert.ok(peeled.windowed);
   const angles = (frame) => { const row = peeled.row(frame); return Array.from({ length: peeled.joints }, (_, j) => peeled.how.angle(row, j)); };
@@ -109,7 +109,7 @@ test("of windows the hinges outside of them are looked at as well", async () => 
   }
 });
 
-test("keys have one name each, with Caps Lock too, and the 3D view hands on all of them", () => {
+test("each key has one name, also with Caps Lock, and the 3D view passes all keys on", () => {
   const pressed = [["n", false], ["N", true], ["?", true], ["ArrowLeft", false], ["ArrowLeft", true], [" ", true]];
   assert.deepEqual(pressed.map(([key, shiftKey]) => nameOf({ key, shiftKey })), ["n", "n", "?", "ArrowLeft", "Shift+ArrowLeft", " "]);
   assert.equal(new Set(KEYS).size, KEYS.length);

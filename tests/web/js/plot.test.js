@@ -38,7 +38,7 @@ test("plans that lie close together share a label", () => {
   ]);
 });
 
-test("what is not known has no dot; one plan alone, or equal ones, can be drawn", () => {
+test("unknown figures have no dot; a single plan, or equal ones, can be drawn", () => {
   assert.equal(layout([plan(null, 1, 0.1), plan(3, null, 0.1), plan(3, 0, 0.1)], "torque_mnm").dots.length, 0);
   assert.equal(layout([plan(3, null, 0.1)], "room").dots.length, 1);
   const { dots, up } = layout([plan(3, 1, 0), plan(3, 1, 0)], "torque_mnm");
@@ -46,7 +46,7 @@ test("what is not known has no dot; one plan alone, or equal ones, can be drawn"
   assert.ok(up.length > 0);
 });
 
-test("a plot as text has every frame, from 1 as on the page, and nothing where nothing is known", () => {
+test("a plot as text lists every frame from 1, and nothing where nothing is known", () => {
   assert.equal(csv("min_clearance", [0.25, NaN, -0.5]), "frame,min_clearance\n1,0.25\n2,\n3,-0.5");
 });
 
@@ -58,7 +58,7 @@ test("axes have round values with their unit, and frames from 1", () => {
   assert.equal(axes({ low: 0, high: 0, frames: 1, text: String }).across.length, 1);
 });
 
-test("a scale leads from end to end, evenly or by powers, and a line has gaps where nothing is known", () => {
+test("a scale is linear or logarithmic, and a line has gaps where nothing is known", () => {
   const even = scaleOf([0, 10], [100, 0]);
   assert.deepEqual([0, 2.5, 10].map(even), [100, 75, 0]);
   assert.deepEqual([1, 10, 100].map(scaleOf([1, 100], [0, 8], true)), [0, 4, 8]);
@@ -66,7 +66,7 @@ test("a scale leads from end to end, evenly or by powers, and a line has gaps wh
   assert.equal(linePath([0, 10, NaN, 5], (k) => k, even), "M0.0 100.0L1.0 0.0M3.0 50.0");
 });
 
-test("a frame is typed as it is told: from 1, with or without its space; all else is none", () => {
+test("a typed frame counts from 1, with or without a space; anything else is refused", () => {
   assert.deepEqual(["1", " 240 ", "1 085", "1\u2009085"].map((text) => frameIn(text, 1085)), [0, 239, 1084, 1084]);
   for (const text of ["", "0", "1086", "-3", "2.5", "1e2", "12 s", "99999999999"]) assert.equal(frameIn(text, 1085), null, text);
 });

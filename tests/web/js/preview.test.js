@@ -10,14 +10,14 @@ const report = (more = {}) => ({
   not_started: "", candidates: 3, expected_s: 5, expected_as_published_s: 300, expected_preferred_s: 50, knot: null, feasibility: null, notes: [], added: [], cells: [], ...more,
 });
 
-test("the address holds the options that differ, and nonsense in it is not taken", () => {
+test("the address holds changed options, and invalid ones are ignored", () => {
   const query = "?module=tetrahedron&modules=64&method=exact&ends=surface&start=1%2C-2%2C3&seed=7";
   assert.equal(opened(query).query, query.replace("&start=1%2C-2%2C3", "").replace("&seed", "&start=1%2C-2%2C3&seed"));
   assert.equal(opened("?module=sphere&modules=x&method=__proto__&ends=&start=1,2&seed=a&world=sea").query, "");
   assert.equal(opened("?as_voxels=true&repair=true").query, "?repair=true&as_voxels=true");
 });
 
-test("a number of modules stays within the bounds, which are said where they are reached", () => {
+test("a number of modules stays within its bounds, which are shown when they are reached", () => {
   const preview = opened("?modules=15000");
   assert.deepEqual([preview.options.modules, preview.bound], [12_000, "At most 12\u2009000 modules"]);
   for (const [given, count, words] of [[3, 8, "At least 8 modules"], [NaN, 8, ""], [99.6, 100, ""]]) {
@@ -28,7 +28,7 @@ test("a number of modules stays within the bounds, which are said where they are
   assert.deepEqual([preview.modulesAt(0), preview.modulesAt(1000)], [8, 12_000]);
 });
 
-test("a cell to start in is forgotten with the cells, and kept with their order", () => {
+test("the starting cell is dropped when cells change, and kept when only their order does", () => {
   for (const [change, start] of [[{ ends: "surface" }, "1,2,3"], [{ as_voxels: true }, "1,2,3"], [{ seed: 3 }, null], [{ method: "blocks" }, null], [{ modules: 24 }, null], [{ start: "4,5,6" }, "4,5,6"]]) {
     const preview = opened("?start=1,2,3");
     preview.change(change);
@@ -36,7 +36,7 @@ test("a cell to start in is forgotten with the cells, and kept with their order"
   }
 });
 
-test("on a table there are cubes, the default preset and no preference", () => {
+test("a fold on a table has cubes, the default preset and no preference", () => {
   const preview = opened("?module=tetrahedron&ends=surface&method=snake&start=1,2,3");
   preview.plan("default", "time");
   assert.equal(preview.prefer, "time");
@@ -49,7 +49,7 @@ test("on a table there are cubes, the default preset and no preference", () => {
   assert.equal(preview.query, "");
 });
 
-test("the time that is expected is that of the preset and the preference", () => {
+test("the expected time depends on the preset and the preference", () => {
   const preview = opened();
   assert.equal(preview.expected, "–");
   preview.take(report());
@@ -74,7 +74,7 @@ test("the module that was clicked can become the first, which can be undone", ()
   assert.equal(preview.options.start, null);
 });
 
-test("a report is told in words", () => {
+test("a report is put into words", () => {
   assert.equal(verdictOf(report({ iou: 0.987 })), "64 modules · matches your model: 99 %");
   assert.equal(verdictOf(report({ has_path: false })), "64 cells, no path yet");
   assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5 })), { iou: "50 %", candidates: "3", knotted: true, knot: "Knotted (3)", knotHint: "determinant 3" });
@@ -87,7 +87,7 @@ test("a report is told in words", () => {
   assert.match(long.warning, /more than 64 modules usually get stuck/);
 });
 
-test("why there is no path comes with what helps", () => {
+test("the reason why there is no path comes with a remedy", () => {
   const repair = { add: [[0, 0, 0]], drop: [], detail: "Add one cell.", doubled: true, modules: 72 };
   const problem = (code) => ({ code, detail: "why", cells: [[0, 0, 0]] });
   const bad = report({ has_path: false, feasibility: { feasible: false, problems: [problem("parity")], repairs: [{ ...repair, add: [] }, repair] } });
@@ -106,7 +106,7 @@ test("why there is no path comes with what helps", () => {
   assert.deepEqual(offerOf(offer, 1), { text: "Add 2 cells: 72 modules", primary: false, change: { repair: true } });
 });
 
-test("each note stands in one place", () => {
+test("each note is shown in one place", () => {
   const notes = ["Read as voxels, because cells 2 and 3 are not neighbours.", "Repaired: one cell was added.", "the rest"];
   assert.deepEqual(notesOf(opened("?repair=true"), report({ notes, as_voxels: true })), { repaired: notes[1], unordered: notes[0], others: ["The rest"] });
   assert.deepEqual(notesOf(opened("?as_voxels=true"), report({ notes, as_voxels: true })), { repaired: "", unordered: "", others: [notes[0], "The rest"] });

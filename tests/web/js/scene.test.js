@@ -29,7 +29,7 @@ function listening() {
   return { scene, heard, keys };
 }
 
-test("nonsense from the view is not believed", () => {
+test("invalid messages from the view are ignored", () => {
   const { scene, heard, keys } = listening();
   const bad = [[NaN, 0, 0], [0, 0, Infinity], [1e300, 0, 0], [0, 0], [0, 0, 0, 0], "abc", null, ["1", "2", "3"], { length: 3 }, [[], [], []], new Float32Array(3)];
   for (const vector of bad) {
@@ -44,7 +44,7 @@ test("nonsense from the view is not believed", () => {
   assert.deepEqual([heard, keys], [[], []]);
 });
 
-test("what makes sense is", () => {
+test("valid messages from the view are accepted", () => {
   const { scene, heard, keys } = listening();
   scene.hear({ is: "pointer", pointer: POINTER });
   scene.hear({ is: "camera", position: [1, 2, 3], target: [0, 0, 0] });
@@ -56,7 +56,7 @@ test("what makes sense is", () => {
   assert.deepEqual(keys, [["End", false]]);
 });
 
-test("a view is as light as the page, from its beginning", () => {
+test("the view has the page's light or dark theme from the start", () => {
   const { scene } = listening();
   const said = [];
   scene.frame.contentWindow = { postMessage: ({ scheme }) => said.push(scheme) };
@@ -69,7 +69,7 @@ test("a view is as light as the page, from its beginning", () => {
   assert.deepEqual(said, ["dark", "dress", "light dark"]);
 });
 
-test("a tap is a ray through that place of the picture, from the camera that is seen", () => {
+test("a tap sends a ray from the shown camera through that point of the picture", () => {
   const scene = new Scene(Object.assign(new EventTarget(), { clientWidth: 200, clientHeight: 100 }), {});
   const rays = [];
   scene.pick = (...ray) => rays.push(ray);

@@ -16,7 +16,7 @@ function painted(cells, { path = [], size = SIZE } = {}) {
 const cells = ({ cells: filled, size }) => cellsOf(keysOf(filled), size);
 const some = (size) => painted(Array.from({ length: 40 }, () => [random(size), random(size), random(size)]), { size });
 
-test("a region is what hangs together by sides within a layer", () => {
+test("a region is connected by sides within one layer", () => {
   const ring = box(key(2, 2, 0), key(5, 5, 0), SIZE).filter((k) => !box(key(3, 3, 0), key(4, 4, 0), SIZE).includes(k));
   const painting = new Painting();
   painting.paint(ring, true);
@@ -27,14 +27,14 @@ test("a region is what hangs together by sides within a layer", () => {
   assert.equal(region(painted([], { size: 32 }), 0).length, 1024);
 });
 
-test("a box lies between two cells, whichever comes first", () => {
+test("a box lies between two cells in either order", () => {
   assert.equal(box(key(1, 2, 3), key(1, 2, 3), SIZE).length, 1);
   const one = box(key(1, 5, 0), key(3, 4, 4), SIZE);
   assert.equal(new Set(one).size, 3 * 2 * 5);
   assert.deepEqual(one, box(key(3, 4, 4), key(1, 5, 0), SIZE));
 });
 
-test("a shape in a mirror keeps its place, and so does its path", () => {
+test("a mirrored shape stays in place, and so does its path", () => {
   const path = [[1, 1, 0], [2, 1, 0], [2, 2, 0], [2, 2, 1]];
   const found = mirrored(painted(path, { path }), 0);
   assert.deepEqual(cellsOf(found.path, SIZE), [[2, 1, 0], [1, 1, 0], [1, 2, 0], [1, 2, 1]]);
@@ -42,7 +42,7 @@ test("a shape in a mirror keeps its place, and so does its path", () => {
   assert.ok(checked(found).whole);
 });
 
-test("twice in a mirror is where it was; moved and back as well; nothing is lost on the way", () => {
+test("mirroring twice, or moving there and back, changes nothing", () => {
   for (let run = 0; run < 60; run++) {
     const before = some(SIZES[random(SIZES.length)]);
     const { low, high } = bounds(before);
@@ -59,7 +59,7 @@ test("twice in a mirror is where it was; moved and back as well; nothing is lost
   }
 });
 
-test("what is painted on both sides lies opposite of itself", () => {
+test("symmetric painting gives a symmetric shape", () => {
   assert.deepEqual(symmetric([key(0, 3, 0)], SIZE, [1]), [key(0, 3, 0), key(0, 6, 0)]);
   for (let run = 0; run < 20; run++) {
     const keys = keysOf(some(SIZE).cells);
@@ -71,7 +71,7 @@ test("what is painted on both sides lies opposite of itself", () => {
   }
 });
 
-test("a grid of another size has the shape in its middle, or no room for it", () => {
+test("a resized grid has the shape in its middle, or is refused as too small", () => {
   const before = painted([[4, 4, 0], [5, 5, 3]]);
   assert.deepEqual(cells(resized(before, 20)), [[9, 9, 0], [10, 10, 3]]);
   assert.deepEqual(resized(resized(before, 20), 10), before);
@@ -80,7 +80,7 @@ test("a grid of another size has the shape in its middle, or no room for it", ()
   assert.deepEqual(cells(resized(painted([[3, 3, 15]], { size: 16 }), 10)), [[0, 0, 9]]);
 });
 
-test("cells of a file come into the smallest grid with room, in their order where they have one", () => {
+test("cells of a file get the smallest grid that holds them, in their order if they have one", () => {
   const found = imported([[-5, 100, 7], [-5, 101, 7], [-5, 101, 8]], { ordered: true, least: 10 });
   assert.deepEqual(cellsOf(found.path, 10), [[4, 4, 0], [4, 5, 0], [4, 5, 1]]);
   assert.equal(imported([[0, 0, 0], [19, 0, 0]], { ordered: false, least: 10 }).size, 20);
@@ -90,7 +90,7 @@ test("cells of a file come into the smallest grid with room, in their order wher
   assert.throws(() => imported([], { ordered: false, least: 10 }), /has no cells/);
 });
 
-test("a pointer passes every cell on its way", () => {
+test("a quick pointer misses no cell on its way", () => {
   assert.deepEqual(passed([2, 2], [2, 2]), [[2, 2]]);
   for (let run = 0; run < 100; run++) {
     const [from, to] = [[random(32), random(32)], [random(32), random(32)]];

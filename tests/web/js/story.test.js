@@ -36,7 +36,7 @@ function told({ explosion = EXPLOSION, playback = 0, growing = true, over = fals
 }
 
 for (const frames of [100, EXPLOSION, 4000]) {
-  test(`story_begun_plays_an_explosion_of_${frames}_frames_in_four_to_six_seconds`, () => {
+  test(`an explosion of ${frames} frames plays in four to six seconds`, () => {
     const { pass, playhead } = told({ explosion: frames });
     assert.ok(pass(4) < frames - 1);
     assert.ok(pass(2.5) > frames - 2, `frame ${playhead.frame}`);
@@ -44,7 +44,7 @@ for (const frames of [100, EXPLOSION, 4000]) {
   });
 }
 
-test("story_explosion_that_comes_at_once_moves_without_jumps", () => {
+test("an explosion that arrives at once plays without jumps", () => {
   const { has, pass, playhead } = told({ explosion: 5 });
   let before = playhead.frame;
   let most = 0;
@@ -63,7 +63,7 @@ test("story_explosion_that_comes_at_once_moves_without_jumps", () => {
   assert.ok(most <= (1.2 * EXPLOSION * TICK_S) / 5, `${most} frames in one picture`);
 });
 
-test("story_ahead_of_the_computation_waits_at_the_newest_frame_and_goes_on", () => {
+test("the story waits at the newest frame until there are more", () => {
   const { has, pass, playhead } = told({ explosion: 40 });
   pass(9);
   assert.ok(playhead.frame > 38.9 && playhead.frame <= 39);
@@ -74,7 +74,7 @@ test("story_ahead_of_the_computation_waits_at_the_newest_frame_and_goes_on", () 
   assert.ok(pass(1) > 45);
 });
 
-test("story_verdict_after_the_end_plays_the_fold_from_straight_once_and_rests", () => {
+test("after the verdict the fold plays once from straight, then rests", () => {
   const { timeline, playhead, story, pass, finish } = told({ playback: 200 });
   pass(20);
   timeline.growing = false;
@@ -88,7 +88,7 @@ test("story_verdict_after_the_end_plays_the_fold_from_straight_once_and_rests", 
   assert.equal(playhead.frame, timeline.last);
 });
 
-test("story_verdict_during_the_explosion_plays_on_to_the_finished_shape", () => {
+test("a verdict during the explosion plays on to the finished shape", () => {
   const { timeline, playhead, pass, finish } = told({ playback: 200 });
   const there = pass(2);
   finish();
@@ -99,7 +99,7 @@ test("story_verdict_during_the_explosion_plays_on_to_the_finished_shape", () => 
 });
 
 for (const message of [{ do: "seek", frame: 40 }, { do: "step", by: 1 }, { do: "pause" }, { do: "set", live: true }]) {
-  test(`story_visitor_who_sends_${message.do}_is_not_interrupted`, () => {
+  test(`the story does not interrupt a visitor who sends ${message.do}`, () => {
     const { playhead, story, pass, send, finish } = told({ playback: 200 });
     pass(2);
     send(message);
@@ -109,7 +109,7 @@ for (const message of [{ do: "seek", frame: 40 }, { do: "step", by: 1 }, { do: "
   });
 }
 
-test("story_address_without_a_view_goes_on", () => {
+test("the story goes on if the address has no view", () => {
   const { story, send } = told();
   send({ do: "select", module: null });
   send({ do: "set", from: null, to: null, loop: false, speed: 1, follow: true });
@@ -118,7 +118,7 @@ test("story_address_without_a_view_goes_on", () => {
   assert.ok(!story.telling);
 });
 
-test("story_visitor_who_turned_the_view_sees_no_jump_back_at_the_verdict", () => {
+test("the verdict does not reset a view that was turned", () => {
   const { timeline, playhead, story, pass, finish } = told({ playback: 200 });
   story.heard({ do: "orbit", turn: [1, 0] });
   pass(30);
@@ -127,7 +127,7 @@ test("story_visitor_who_turned_the_view_sees_no_jump_back_at_the_verdict", () =>
   assert.deepEqual([playhead.frame, playhead.is.playing], [timeline.last, false]);
 });
 
-test("story_timeline_begun_anew_starts_over_but_not_for_a_visitor_who_went_elsewhere", () => {
+test("a restarted timeline starts over, except for a visitor who went to another frame", () => {
   const { playhead, story, pass, send } = told();
   pass(3);
   story.begun();
@@ -138,19 +138,19 @@ test("story_timeline_begun_anew_starts_over_but_not_for_a_visitor_who_went_elsew
   assert.deepEqual([playhead.frame, playhead.is.playing], [7, false]);
 });
 
-test("story_calm_shows_the_first_frame_and_the_finished_shape_at_the_verdict", () => {
+test("with reduced motion the story shows the first frame, and the finished shape at the verdict", () => {
   const { timeline, playhead, pass, finish } = told({ playback: 200, calm: true });
   assert.deepEqual([pass(5), playhead.is.playing], [0, false]);
   finish();
   assert.deepEqual([pass(1), playhead.is.playing], [timeline.last, false]);
 });
 
-test("story_of_a_fold_that_is_over_tells_nothing", () => {
+test("a finished fold has no story", () => {
   const { playhead, story } = told({ playback: 200, growing: false, over: true });
   assert.deepEqual([story.telling, playhead.is.playing], [false, false]);
 });
 
-test("story_of_a_page_that_asks_for_no_autoplay_does_not_start", () => {
+test("the story does not start on a page without autoplay", () => {
   const { send, pass, playhead, story } = told();
   Object.assign(globalThis, { addEventListener() {}, location: { hash: "", search: "?autoplay=0" } });
   new Place({ player: { on() {}, send }, view: () => null, colour() {}, path() {} }, false).go();

@@ -9,7 +9,7 @@ const { tableColours } = await import("../../../web/static/js/viewer/sketch.js")
 const { colouring, colouringsOf, withUnit } = await import("../../../web/static/js/player/colours.js");
 const { recorded } = await import("./vectors.js");
 
-test("a disc's area is the force, and what does not press has none", () => {
+test("the area of a disc is the force, and modules without force have none", () => {
   const positions = [0, 0, 0, 1, 2, 0, 5, 5, 5, 7, 7, 7];
   const { places, scales } = discs([1, 4, NaN, 0], positions, -0.5, 0.25);
   assert.equal(scales[1], 2 * scales[0]);
@@ -19,13 +19,13 @@ test("a disc's area is the force, and what does not press has none", () => {
   assert.ok(places[8] < -1e5 && places[11] < -1e5);
 });
 
-test("a table is as light or dark as the page", () => {
+test("the table has the page's light or dark theme", () => {
   const dark = tableColours();
   document.documentElement.dataset.theme = "light";
   assert.ok(tableColours().top[0] > dark.top[0] + 100);
 });
 
-test("of a fold on a table there are other torques than of one that floats", async () => {
+test("a fold on a table has other torques than one that floats", async () => {
   const keys = (table) => colouringsOf(table).map(([key]) => key);
   assert.deepEqual(keys(true).filter((key) => !keys(false).includes(key)), ["joint_torque", "pressed"]);
   assert.deepEqual(keys(false).filter((key) => !keys(true).includes(key)), ["torque"]);

@@ -38,7 +38,7 @@ async function pass(timers, ms) {
 }
 
 for (const swaps of [[], [2], [4], [4, 9]]) {
-  test(`a timeline begun anew after ${swaps.join(" and ") || "no"} requests is shown to its end`, async ({ mock: { timers } }) => {
+  test(`a timeline that restarts after ${swaps.join(" and ") || "no"} requests is shown to its end`, async ({ mock: { timers } }) => {
     timers.enable({ apis: ["setTimeout"] });
     const source = begunAnew(swaps, "complete");
     const timeline = new Timeline(source, { over: false });
@@ -51,7 +51,7 @@ for (const swaps of [[], [2], [4], [4, 9]]) {
   });
 }
 
-test("a fold that ended in the middle is over", async () => {
+test("a fold that stopped half-way counts as over", async () => {
   const source = begunAnew([], "growing");
   const timeline = new Timeline(source, { over: true });
   while (!timeline.complete) await turnOfEvents();
@@ -60,7 +60,7 @@ test("a fold that ended in the middle is over", async () => {
   assert.ok(source.asked < 20, `${source.asked} requests`);
 });
 
-test("every frame is kept in its place, those first that are spread over the timeline", async () => {
+test("every frame is stored in its place, first some that are spread over the timeline", async () => {
   const timeline = new Timeline(begunAnew([], "complete"));
   const times = () => Array.from({ length: TOTAL }, (_, k) => timeline.row(k)?.time_s ?? null);
   let spread = null;
@@ -72,7 +72,7 @@ test("every frame is kept in its place, those first that are spread over the tim
 });
 
 for (const kind of ["timeline", "peeled"]) {
-  test(`frames are as they were recorded, and between two in between: ${kind}`, async () => {
+  test(`frames are as recorded, and interpolated between two: ${kind}`, async () => {
     const given = vectors[kind];
     const { timeline } = await recorded(given);
     assert.equal(timeline.windowed, kind === "peeled");
@@ -100,7 +100,7 @@ for (const kind of ["timeline", "peeled"]) {
   });
 }
 
-test("hinges turn as fast as their angles change", async () => {
+test("hinge speeds follow from the changes of angles", async () => {
   const { timeline } = await recorded();
   const [one, two] = [timeline.snapshot(120), timeline.snapshot(121)];
   const expected = Array.from({ length: timeline.joints }, (_, j) => (two.angle(j) - one.angle(j)) / (two.time_s - one.time_s));
@@ -113,7 +113,7 @@ test("hinges turn as fast as their angles change", async () => {
   assert.ok(timeline.speeds(120).every(Number.isNaN));
 });
 
-test("what has been fetched is scrubbed without a word to the server", async () => {
+test("fetched frames are scrubbed without requests to the server", async () => {
   const { timeline, source } = await recorded();
   const { asked } = source;
   for (const frame of [3, 90, 41, 150, 7, timeline.last]) assert.ok(timeline.snapshot(frame).exact);
@@ -121,7 +121,7 @@ test("what has been fetched is scrubbed without a word to the server", async () 
   assert.equal(source.asked, asked);
 });
 
-test("a refused wait is asked again when the service says", async ({ mock }) => {
+test("a refused request is repeated when the service says so", async ({ mock }) => {
   const { timers } = mock;
   timers.enable({ apis: ["setTimeout"] });
   const source = begunAnew([], "growing");
@@ -139,7 +139,7 @@ test("a refused wait is asked again when the service says", async ({ mock }) => 
   assert.ok(timeline.chain && timeline.growing); // what is here stays
 });
 
-test("timeline_of_a_running_fold_looks_often_at_first_for_its_frames", async ({ mock: { timers } }) => {
+test("the timeline of a running fold asks often for its first frames", async ({ mock: { timers } }) => {
   timers.enable({ apis: ["setTimeout"] });
   const source = begunAnew([], "complete");
   const { batch } = source;
@@ -155,7 +155,7 @@ test("timeline_of_a_running_fold_looks_often_at_first_for_its_frames", async ({ 
   timeline.stop(); // before the test's clock is gone
 });
 
-test("timeline_without_frames_fetches_its_bundle_before_the_first_frame_and_once", async ({ mock: { timers } }) => {
+test("the bundle is fetched once, before the first frame", async ({ mock: { timers } }) => {
   timers.enable({ apis: ["setTimeout"] });
   const source = begunAnew([], "complete");
   const { bundle, batch } = source;

@@ -7,7 +7,7 @@ import { degrees } from "../../../web/static/js/panels/module_panel.js";
 import { motorWords } from "../../../web/static/js/panels/motor_words.js";
 import { vectors } from "./vectors.js";
 
-test("numbers are told with two figures, and nothing as nothing", () => {
+test("figures have two significant digits, and missing ones say so", () => {
   assert.equal(whole(1234567.4), "1\u2009234\u2009567");
   assert.deepEqual([null, 0, 7.1e-6, 0.00123].map(radians), ["no data in this phase", "0 rad", "7.1 µrad", "1.2 mrad"]);
   assert.deepEqual([Math.PI / 2, -0.5, -1e-9].map((v) => degrees(v)), ["90.0°", "−28.6°", "0.0°"]);
@@ -28,17 +28,17 @@ test("modules and cells in a text count from 1 in scripts as on the server", () 
   assert.equal(refusalWords(apart, 422), "Cells 2 and 3 are 3 apart; consecutive cells must share a face.");
 });
 
-test("a torque that is not 0 is never shown as 0", () => {
+test("a torque other than 0 is never shown as 0", () => {
   assert.deepEqual([0, 1e-7, 2.5e-10, 1e-15].map(newtonMetres), ["0 N·m", "100 nN·m", "250 pN·m", "< 1 pN·m"]);
 });
 
-test("what is left is told as nobody knows it better", () => {
+test("the remaining time is rounded to what can be known", () => {
   assert.deepEqual([0, 1, 4.4, 12, 23, 400].map(remaining), [
     "longer than usual", "a few seconds left", "a few seconds left", "about 12 s left", "about 25 s left", "about 7 min left",
   ]);
 });
 
-test("a refusal says what and where", () => {
+test("a refusal says what is wrong and where", () => {
   assert.equal(refusalWords({ detail: "got 3, expected 2", where: "seed" }, 422), "Seed: got 3, expected 2");
   assert.equal(refusalWords({ detail: "the module size is too large", where: "module_size" }, 422), "The module size is too large");
   assert.equal(refusalWords({ detail: "got an empty file, expected cells.", message: "This file is empty." }, 422), "This file is empty.");
@@ -56,20 +56,20 @@ function motors(torque, peak) {
   return { would_do: torque === null ? null : peak <= torque, motor_torque_nm: torque, joints };
 }
 
-test("without a motor the answer is what is needed, not a refusal", () => {
+test("without a motor the answer is the required torque, not a refusal", () => {
   assert.equal(motorWords(motors(null, 201)), "Motors of 201 N·m or more are strong enough. joint_2_y needs the most: 201 N·m, 0.47 s into the motion.");
 });
 
-test("what is needed is rounded up", () => {
+test("required figures are rounded up", () => {
   assert.match(motorWords(motors(null, 201.2)), /^Motors of 202 N·m or more/);
 });
 
-test("a motor is judged in a sentence with a capital", () => {
+test("the judgement of a motor is a sentence", () => {
   assert.match(motorWords(motors(3, 0.5)), /^Yes, 3 N·m is enough\. joint_2_y needs the most: 500 mN·m/);
   assert.match(motorWords(motors(3, 501)), /^No, 3 N·m is too weak for 1 of 2 hinges\. joint_2_y needs the most: 501 N·m/);
 });
 
-test("preparing_words_before_a_share_is_known_do_not_speak_of_a_first_start", () => {
+test("while the share is unknown, the text does not mention a first start", () => {
   assert.equal(preparingWords({ fraction: 0, remaining_s: null }), "Starting the solvers…");
   assert.match(preparingWords({ fraction: 0.42, remaining_s: 25 }), /^First start: .*, 42 % done\. .* · about 25 s left$/);
 });
