@@ -22,6 +22,7 @@ import { get } from "../lib/text.js";
  * @property {string | null} forces
  * @property {string} worker
  * @property {string} client
+ * @property {Tour | null} tour
  * @property {Facts} facts
  */
 
@@ -84,7 +85,7 @@ Sketch.script = URL.createObjectURL(new Blob([parts.worker], { type: "text/javas
 const figures = new StoredFigures("");
 const drawer = new Drawer(toast);
 drawer.facts(parts.facts);
-const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.srcdoc = parts.client; } });
+const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.srcdoc = parts.client; }, tour: parts.tour && { load: async () => parts.tour, id: null, toast } });
 figures.begin();
 if (parts.plan) {
   const checker = await (await fetch(import.meta.resolve("foldback/checker"))).text();
