@@ -62,7 +62,7 @@ DEPTH = 14  # times that an interval between two frames is halved at most
 BATCH, PAIRS = 300_000, 20_000  # poses and pairs that are computed at once
 CROWD = 200  # pairs for each moving module above which an interval is halved before it is looked at
 TOUCH, DEEP = 1e-9, 1e-4  # clearance of a record; least overlap that blocks
-PRIME, CROSSINGS, VIEWS = 2**31 - 1, 1500, 12  # modulus; most crossings of a view; views of a knot
+PRIME, CROSSINGS, VIEWS = 2**31 - 1, 1500, 8  # modulus; most crossings of a view; views of a knot
 ONE, H, T = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], math.sqrt(0.5), math.sqrt(1 / 3)
 CUBE = {
     "corners": [[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)],
@@ -255,6 +255,8 @@ class Plan:
         names = [f"joint_{k}{end}" for k in range(module.rigid, self.count - 1)
                  for end in module.names]
         require(arrays["joint_names"].tolist() == names, "other hinges, or in another order")
+        stored = {"joint_angles_rad", "angles_rad", "angle_planes"} & arrays.keys()
+        require(len(stored) == 1, f"angles that are stored {len(stored)} times")
         codes = whole_numbers(arrays["angle_planes"]) if "angle_planes" in arrays else None
         step = told["angles"]["step_rad"] if codes is not None else 0.0
         if "first" in arrays:

@@ -24,6 +24,7 @@ from bench.service.compiling import compiling
 from bench.service.dropped import dropped
 from bench.service.movies import movies
 from bench.service.remaining import remaining
+from bench.service.sites import sites
 from bench.service.views import views
 from bench.service.weights import weights
 from bench.smoothing import smoothing
@@ -69,6 +70,7 @@ SECTIONS = {
     "dropped": dropped,
     "movies": movies,
     "remaining": remaining,
+    "sites": sites,
     "weights": weights,
     "views": views,
     "direct": direct,

@@ -475,5 +475,7 @@ type ElementOf<Id extends string> = Id extends keyof Elements ? Elements[Id] : H
 
 interface Window {
   foldback: { timeline: import("./static/js/player/timeline.js").Timeline; player: import("./static/js/player/player.js").Player; showing?: unknown };
+  foldbackScripts: { imports: string; worker: string }; // of a page without a server
+  foldbackFilms: Record<string, Record<string, string>>;
   SwaggerUIBundle(options: Record<string, unknown>): void;
 }

@@ -125,7 +125,8 @@ def _limit(margin: MarginFigures) -> str:
     modules = place["modules"]
     assert modules is not None
     first, second = (module + 1 for module in modules)
-    return f"limited by modules {first} and {second} near frame {round(place['frame']) + 1}"
+    frame = round(place["frame"]) + 1
+    return f"limited by modules {first} and {second} near frame {frame} of the plan"
 
 
 def degrees_down(angle_rad: float) -> str:

@@ -30,6 +30,7 @@ COMMANDS: Final = {
     "play": "Show a fold's directory in the browser.",
     "export": "Export a finished fold as URDF, MCAP, an animated scene and more.",
     "movie": "Make a movie of a fold: the straight chain folds into its shape.",
+    "site": "Write folds, the paper's experiments and benchmarks as a website of files.",
     "tour": "Draft a tour of a fold: a caption for each frame that matters most.",
     "retime": "Add time stamps to a plan within a robot's limits.",
     "servos": "List servos that are strong enough for a torque.",
@@ -41,7 +42,7 @@ COMMANDS: Final = {
 without importing their modules."""
 
 SERVICE_PACKAGES: Final = {
-    **dict.fromkeys(("serve", "worker", "play", "movie", "doctor"), "server.cli"),
+    **dict.fromkeys(("serve", "worker", "play", "movie", "site", "doctor"), "server.cli"),
     "admin": "server.operate",
 }
 """Packages of the commands that need the web service's code or its processes; a command is a module

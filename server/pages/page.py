@@ -73,7 +73,14 @@ def entry(page_name: str) -> Markup:
     return Markup("").join((*preloads, script))
 
 
+def at(path: str) -> str:
+    """Return the address of a path of the service."""
+    return path
+
+
 TEMPLATE_VALUES: Final[dict[str, object]] = {
+    "at": at,
+    "site": None,
     "paper_settings": PAPER_ROWS,
     "table_settings": TABLE_ROWS,
     "options": options_of(FoldRequest),

@@ -48,36 +48,31 @@ class PaperPage(TypedDict):
 @router.get("/paper", response_class=HTMLResponse)
 async def paper(request: Request) -> Response:
     """Return the page that compares each experiment of the paper with ours."""
-    told = await asyncio.to_thread(_told)
-    cards = {card["id"]: card for section in told["sections"] for card in section["cards"]}
-    headline = next((c for c in cards.values() if c["film"] and c["tone"] == "good"), None)
-    return page(
-        "paper.html",
-        listed=True,
-        origin=origin_of(request),
-        **told,
-        cards=cards,
-        headline=headline,
-    )
+    values = await asyncio.to_thread(paper_values)
+    return page("paper.html", listed=True, origin=origin_of(request), **values)
 
 
 @router.get("/paper/{name}/{part}")
 async def part_of_experiment(request: Request, name: str, part: str) -> Response:
     """Return a film, its scene bundle, or a still picture."""
-    found = (await asyncio.to_thread(_files)).get((name, part))
+    found = (await asyncio.to_thread(paper_files)).get((name, part))
     if found is None:
         return Response("not found", status_code=404, media_type="text/plain")
     kind = PICTURE_MEDIA_TYPE if found.suffix == ".webp" else BINARY_MEDIA_TYPE
-    return revalidated(request, await asyncio.to_thread(_data, found), kind, INDEXED_HEADERS)
+    return revalidated(request, await asyncio.to_thread(paper_data, found), kind, INDEXED_HEADERS)
 
 
 @cache
-def _told() -> PaperPage:
-    return json.loads((PAPER_DIR / "page.json").read_bytes())
+def paper_values() -> dict[str, object]:
+    """Return the values of the page's template."""
+    told: PaperPage = json.loads((PAPER_DIR / "page.json").read_bytes())
+    cards = {card["id"]: card for section in told["sections"] for card in section["cards"]}
+    headline = next((c for c in cards.values() if c["film"] and c["tone"] == "good"), None)
+    return {**told, "cards": cards, "headline": headline}
 
 
 @cache
-def _files() -> dict[tuple[str, str], Path]:
+def paper_files() -> dict[tuple[str, str], Path]:
     """Return the files by experiment and part, so that no path is built from a request."""
     found = {(path.parent.name, path.name): path for path in sorted(PAPER_DIR.glob("*/*"))}
     return {
@@ -86,6 +81,7 @@ def _files() -> dict[tuple[str, str], Path]:
 
 
 @cache
-def _data(path: Path) -> bytes:
+def paper_data(path: Path) -> bytes:
+    """Return the content of such a file; of a chain its scene bundle."""
     data = path.read_bytes()
     return bundle_of(chain_from_attributes(json.loads(data))) if path.name == CHAIN else data

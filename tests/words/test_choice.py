@@ -13,9 +13,19 @@ from planner.pipeline.preference import PREFERENCES, Preference
 from words.choice import PLAN_COLUMNS, PREFERENCE_WORDS, choice_of, superlative
 
 FIGURES = {"frames": 100, "seconds": 3.0}
-SLOW = {"fold_time_s": 100.0, "peak_torque_nm": 0.0001, "clearance_bound": 0.04}
+SLOW = {
+    "fold_time_s": 100.0,
+    "peak_torque_nm": 0.0001,
+    "clearance_bound": 0.04,
+    "one_hinge_rad": 0.002,
+}
 QUICK = {"fold_time_s": 20.0, "peak_torque_nm": 0.001, "clearance_bound": 0.0312}
-SMOOTH = {"fold_time_s": 10.0, "peak_torque_nm": 0.03, "clearance_bound": 0.03129}
+SMOOTH = {
+    "fold_time_s": 10.0,
+    "peak_torque_nm": 0.03,
+    "clearance_bound": 0.03129,
+    "one_hinge_rad": 0.01,
+}
 
 
 def attempt(strategy: str, figures: dict[str, float] | None, **more: Any) -> dict[str, Any]:
@@ -54,6 +64,11 @@ def written(directory: Path, chosen: int, *tried: dict[str, Any]) -> Path:
             "clearance",
             2,
             "0.0312 instead of 0.0400 pitch of proved clearance, after 11 s of further computing.",
+        ),
+        (
+            "margin",
+            3,
+            "0.57° instead of 0.11° that one hinge may be off, after 11 s of further computing.",
         ),
         ("clearance", 0, "The first plan that worked is still the best after 11 s"),
     ],

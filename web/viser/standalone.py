@@ -1,9 +1,10 @@
-"""Standalone: a whole fold in one HTML file that plays without a server, from a disk too.
+"""Standalone: pages that play without a server, from a disk too.
 
-The page is the embedded one: the same scripts, viser's client, the scene bundle and a single
-batch of all frames. Scripts are named by an import map of data addresses: nothing bundles them. The
-map is compressed; a script of the template unpacks it and then imports the entry. Only the checker,
-a worker, is one script of several: import maps do not reach into workers.
+A downloaded page holds a whole fold: the same scripts as the embedded one, viser's client, the
+scene bundle and a single batch of all frames. The pages of a site of files share scripts and client
+instead. Scripts are named by an import map of data addresses: nothing bundles them. The map is
+compressed; ``js/unpack.js`` unpacks it and then imports the entry of the page. Only the checker, a
+worker, is one script of several: import maps do not reach into workers.
 
 The plan is there, too, for that checker: as much of it as its claim is about. If the timeline is a
 windowed plan backwards and then forwards, the angles of the frames are taken from the plan.
@@ -35,6 +36,9 @@ from web.viser.client import client
 from web.viser.scene_bundle import bundle_of
 
 ENTRY_SCRIPT: Final = "js/pages/standalone.js"
+FILMS_SCRIPT: Final = "js/pages/films.js"
+"""Entry script of the page of the paper's experiments in a site of files."""
+UNPACK_SCRIPT: Final = "js/unpack.js"
 WORKER_SCRIPT: Final = "js/viewer/sketch_worker.js"
 CHECKER_SCRIPT: Final = "js/check/worker.js"
 CHECKER_NAME: Final = "foldback/checker"
@@ -64,6 +68,7 @@ def standalone_html(
     curves: bytes | None = None,
     forces: bytes | None = None,
     table: TableTop | None = None,
+    view: str | None = None,
     tour: Mapping[str, Any] | None = None,
 ) -> bytes:
     """Return the page of one finished fold.
@@ -76,6 +81,7 @@ def standalone_html(
         curves: Data of the plots, from ``web.timeline.metrics``.
         forces: ``web.timeline.metrics.table_forces``, of a fold on a table.
         table: That table.
+        view: Address of viser's client, for pages that share it; None to put it into the page.
         tour: Tour of the fold.
 
     Raises:
@@ -88,8 +94,8 @@ def standalone_html(
         known = WINDOW_ANGLES if plan and _repeats(timeline, plan) else frozenset[str]()
         batch = batch_of(timeline, largest=UNLIMITED_BYTES, without=known)
     parts = {
-        "client": client().html.decode(),
-        "worker": code_of(WORKER_SCRIPT),
+        "client": client().html.decode() if view is None else None,
+        "view": view,
         "bundle": _text(bundle_of(timeline.chain, timeline.stretch, table)),
         "batch": _text(batch),
         "plan": None if plan is None else _text(claimed_part(plan)),
@@ -102,8 +108,8 @@ def standalone_html(
     return render(
         styles=styles,
         theme=code_of(THEME_SCRIPT),
-        imports=_text(_import_map()),
-        entry=f"foldback/{ENTRY_SCRIPT}",
+        scripts=packed_scripts(ENTRY_SCRIPT),
+        entry=entry_of(ENTRY_SCRIPT),
         parts=_script_json(parts),
         facts=facts,
     ).encode()
@@ -124,18 +130,29 @@ def _repeats(timeline: TimelineView, plan: Path) -> bool:
 @cache
 def standalone_scripts() -> str:
     """Return a version that changes with the page's scripts and styles: letters and digits."""
-    found = hashlib.sha256(client().html + _import_map())
-    for name in (WORKER_SCRIPT, THEME_SCRIPT, *STYLES):
+    found = hashlib.sha256(client().html + packed_scripts(ENTRY_SCRIPT).encode())
+    for name in (THEME_SCRIPT, *STYLES):
         found.update((STATIC / name).read_bytes())
     return found.hexdigest()
 
 
+def entry_of(name: str) -> str:
+    """Return the name of a script in the import map."""
+    return f"foldback/{name}"
+
+
 @cache
-def _import_map() -> bytes:
-    """Return a compressed import map: names of the scripts that the page needs, and addresses."""
-    imports = {f"foldback/{name}": _address_of(name) for name in scripts_of(ENTRY_SCRIPT)}
+def packed_scripts(*entries: str) -> str:
+    """Return a script that holds all scripts of pages, and starts the one that its tag names.
+
+    It holds a compressed import map: names of the scripts, and addresses with their text.
+    """
+    names = dict.fromkeys(name for entry in entries for name in scripts_of(entry))
+    imports = {entry_of(name): _address_of(name) for name in names}
     imports[CHECKER_NAME] = _address(_checker())
-    return zlib.compress(json.dumps({"imports": imports}).encode(), 9)
+    packed = zlib.compress(json.dumps({"imports": imports}).encode(), 9)
+    parts = {"imports": _text(packed), "worker": code_of(WORKER_SCRIPT)}
+    return f"window.foldbackScripts = {_script_json(parts)};\n{code_of(UNPACK_SCRIPT)}"
 
 
 def _checker() -> str:
@@ -148,7 +165,7 @@ def _address_of(name: str) -> str:
     """Return a script as an address, its imports by name."""
 
     def named(match: re.Match[str]) -> str:
-        return f'{match[1]}"foldback/{imported(name, match[2])}"'
+        return f'{match[1]}"{entry_of(imported(name, match[2]))}"'
 
     return _address(SCRIPT_IMPORT.sub(named, code_of(name)))
 
@@ -156,6 +173,17 @@ def _address_of(name: str) -> str:
 def _address(code: str) -> str:
     """Return a script as an address; base64 would escape more of its characters."""
     return f"data:text/javascript,{quote(code, safe=UNESCAPED_CHARACTERS)}"
+
+
+def film_script(name: str, **parts: bytes) -> str:
+    """Return a script that holds a film, for pages that may fetch nothing.
+
+    Args:
+        name: Address of the film, as the page names it.
+        parts: Its scene bundle and batch.
+    """
+    film = _script_json({part: _text(data) for part, data in parts.items()})
+    return f"(window.foldbackFilms ??= {{}})[{json.dumps(name)}] = {film};\n"
 
 
 def _text(data: bytes) -> str:

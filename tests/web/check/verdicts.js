@@ -1,5 +1,7 @@
-// Checks the plans named after it, as the worker of a page does, and prints what came out of each as a line of JSON.
+// Checks the plans whose paths come in line by line, as the worker of a page does, and prints what came out of each as a
+// line of JSON.
 import { readFileSync } from "node:fs";
+import { createInterface } from "node:readline";
 import { NotProved, Plan } from "../../../web/static/js/check/plan.js";
 import { Proof } from "../../../web/static/js/check/proof.js";
 
@@ -40,5 +42,5 @@ async function largest(path) {
   return { size: proof.size, touch: proof.touch, frames: frames.length };
 }
 
-const [way, ...paths] = process.argv.slice(2);
-for (const path of paths) console.log(JSON.stringify(await (way === "size" ? largest : verdict)(path)));
+const check = process.argv[2] === "size" ? largest : verdict;
+for await (const path of createInterface({ input: process.stdin })) console.log(JSON.stringify(await check(path)));

@@ -82,6 +82,7 @@ export class Plan {
     this.slots = (this.n - 1) * this.module.hinges;
     this.folded = Float64Array.from(chain.folded_rad);
     required(this.folded.length === this.slots - this.pad && this.n >= 2 && Number.isInteger(this.n), `${this.folded.length} hinges for ${this.n} modules`);
+    required(["joint_angles_rad", "angles_rad", "angle_planes"].filter((name) => arrays.has(name)).length === 1, "angles that are not stored once");
     this.windowed = arrays.has("first");
     /** In frame k hinges first[k] to last[k] stand at values[offsets[k]] and on, those before as folded, those behind at 0. */
     const { first, offsets, values } = this.windowed ? this.windows() : this.dense();

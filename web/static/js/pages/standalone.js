@@ -20,8 +20,8 @@ import { get } from "../lib/text.js";
  * @property {string | null} plan a file of NumPy arrays
  * @property {string | null} curves
  * @property {string | null} forces
- * @property {string} worker
- * @property {string} client
+ * @property {string | null} client
+ * @property {string | null} view address of the client, where pages share it
  * @property {Tour | null} tour
  * @property {Facts} facts
  */
@@ -81,11 +81,15 @@ class StoredFigures extends Figures {
   }
 }
 
-Sketch.script = URL.createObjectURL(new Blob([parts.worker], { type: "text/javascript" }));
+Sketch.script = URL.createObjectURL(new Blob([window.foldbackScripts.worker], { type: "text/javascript" }));
+/** @param {HTMLIFrameElement} frame */
+function load(frame) {
+  if (parts.view) frame.src = parts.view; else frame.srcdoc = parts.client ?? "";
+}
 const figures = new StoredFigures("");
 const drawer = new Drawer(toast);
 drawer.facts(parts.facts);
-const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.srcdoc = parts.client; }, tour: parts.tour && { load: async () => parts.tour, id: null, toast } });
+const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load, tour: parts.tour && { load: async () => parts.tour, id: null, toast } });
 figures.begin();
 if (parts.plan) {
   const checker = await (await fetch(import.meta.resolve("foldback/checker"))).text();

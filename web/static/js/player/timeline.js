@@ -51,6 +51,9 @@ class RefusedError extends Error {
 
 // Scene bundle and batches under an address of this server.
 export class Source {
+  /** @type {(address: string) => Promise<Response>} */
+  static fetch = (address) => fetch(address);
+
   /** @param {string} under */
   constructor(under) { this.under = under; }
 
@@ -74,7 +77,7 @@ export class Source {
    * @returns {Promise<Told | null>}
    */
   async get(what) {
-    const answer = await fetch(`${this.under}/${what}`);
+    const answer = await Source.fetch(`${this.under}/${what}`);
     if (answer.status === 204) return null;
     if (answer.status === DAMAGED) throw new DamagedError((await answer.json()).detail);
     if (!answer.ok) throw new RefusedError(answer);

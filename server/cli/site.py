@@ -1,0 +1,128 @@
+"""``foldback site``: finished folds, the paper's experiments and benchmarks as a site of files."""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from typing import Annotated
+from urllib.parse import urlsplit
+
+import typer
+from rich.console import Console
+
+from cli.inputs import make_directory, refuse
+from cli.options import AsJson
+from planner.errors import InputError, PlannerError
+from planner.file_names import TIMELINE
+from planner.pipeline.fold_layout import result
+from planner.plan.packed import unpack
+from server.api.finished import FINISHED_FOLDS_DIR
+from server.cli.play import row_of
+from server.pages.site import write_site
+from server.store.shown import Found
+
+
+def site(
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT", help="Directory for the site; created if missing.")
+    ],
+    folds: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="DIR",
+            help="Directory of a fold, or a directory with several of them; repeatable.",
+        ),
+    ] = None,
+    finished: Annotated[
+        bool, typer.Option(help="Include the finished folds that come with foldback.")
+    ] = True,
+    service: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL", help="Service to which *Fold your own* leads. Default: no such link."
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write folds, the paper's experiments and benchmarks as a website of files."""
+    try:
+        if service is not None:
+            _check_address(service)
+        make_directory(out)
+        with _shipped(finished) as shown:
+            for directory in folds or ():
+                shown += [_found(each, each.name) for each in _folds_in(directory)]
+            shown = _named_apart(shown)
+            if not shown:
+                raise InputError("no-folds", "got no folds, expected --folds or --finished.")
+            write_site(out, shown, service)
+    except InputError as error:
+        refuse(error, as_json)
+    except PlannerError as error:
+        refuse(InputError("no-fold", str(error)), as_json)
+    except OSError as error:
+        detail = f"the file cannot be written ({error.strerror})."
+        refuse(InputError("no-file", detail, where=str(error.filename or out)), as_json)
+    size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+    if as_json:
+        print(json.dumps({"directory": str(out), "folds": len(shown), "bytes": size}), flush=True)
+        return
+    Console(soft_wrap=True, highlight=False).print(
+        f"{out}: {len(shown)} folds, {size / 1e6:.1f} MB; open {out / 'index.html'}", markup=False
+    )
+
+
+def _check_address(service: str) -> None:
+    """Raise InputError unless a link may lead to an address."""
+    address = urlsplit(service)
+    if address.scheme not in ("http", "https") or not address.hostname:
+        detail = f"got {service!r}, expected an address such as https://fold.example.org."
+        raise InputError("bad-service", detail)
+
+
+@contextmanager
+def _shipped(finished: bool) -> Generator[list[Found]]:
+    """Unpack the finished folds that come with the package, while they are needed."""
+    with tempfile.TemporaryDirectory(prefix="foldback-site-") as place:
+        folds: list[Found] = []
+        for path in sorted(FINISHED_FOLDS_DIR.glob("*.fold")) if finished else ():
+            directory = Path(place) / path.stem
+            directory.mkdir()
+            about = unpack(path.read_bytes(), directory)
+            found = _found(directory, path.stem)
+            row = replace(found.row, name=about["name"], refold=about["refold"])
+            folds.append(replace(found, row=row))
+        yield folds
+
+
+def _folds_in(directory: Path) -> list[Path]:
+    """Return a directory of a fold, or the folds in a directory."""
+    if result(directory, TIMELINE).exists():
+        return [directory]
+    inside = sorted(directory.iterdir()) if directory.is_dir() else []
+    if not (folds := [each for each in inside if result(each, TIMELINE).exists()]):
+        detail = "it holds no fold; expected a folder that `foldback fold` wrote, or one of such."
+        raise InputError("no-fold", detail, where=str(directory))
+    return folds
+
+
+def _found(directory: Path, name: str) -> Found:
+    """Return a fold with an id that may stand in addresses."""
+    fold_id = re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-")[:60] or "fold"
+    return Found(replace(row_of(directory), id=fold_id), directory)
+
+
+def _named_apart(folds: list[Found]) -> list[Found]:
+    """Return the folds, shortest chain first, with an id for each."""
+    apart: dict[str, Found] = {}
+    for fold in sorted(folds, key=lambda fold: (fold.row.modules, fold.row.name)):
+        ids = (fold.row.id if k == 1 else f"{fold.row.id}-{k}" for k in count(1))
+        fold_id = next(each for each in ids if each not in apart)
+        apart[fold_id] = replace(fold, row=replace(fold.row, id=fold_id))
+    return list(apart.values())

@@ -1,0 +1,161 @@
+"""A site of files: gallery, folds, paper and benchmarks for any web host, or to open from a folder.
+
+The pages are those of the service. Their links are relative, and each address that a template asks
+for is noted, so that its file is written and no link leads to nothing.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from markupsafe import Markup
+
+from planner.file_names import TIMELINE
+from planner.files import write_whole
+from planner.pipeline.fold_layout import result
+from server.api.tours import draft_of
+from server.pages.facts import fold_facts
+from server.pages.fold import drawing_in
+from server.pages.page import rendered
+from server.pages.paper import paper_data, paper_files, paper_values
+from server.pages.share import standalone_page
+from web.static_files import STATIC
+from web.timeline.view import TimelineView
+from web.viser.client import client
+from web.viser.standalone import (
+    ENTRY_SCRIPT,
+    FILMS_SCRIPT,
+    entry_of,
+    film_script,
+    packed_scripts,
+)
+from words.gallery import CARD_STATUS_LABELS, MODULE_PLURALS, method_of
+
+if TYPE_CHECKING:
+    from server.store.shown import Found
+
+SCRIPTS_FILE: Final = "static/foldback.js"
+"""File with the scripts of all pages."""
+VIEW_FILE: Final = "view.html"
+"""File with viser's client, which pages of folds show in a frame."""
+FILES: Final = {
+    "/": "index.html",
+    "/gallery": "index.html",
+    "/paper": "paper.html",
+    "/benchmarks": "benchmarks.html",
+}
+"""Pages of a site by their addresses in the service."""
+FOLD_ADDRESS: Final = re.compile(r"/folds/([A-Za-z0-9_-]+)(/drawing\.svg)?")
+FILE_ADDRESS: Final = re.compile(r"/((?:static|paper)/.+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """One site that is written.
+
+    Attributes:
+        out: Its directory.
+        service: Address of a service that folds visitors' shapes; None without one.
+        asked: Files that pages refer to.
+    """
+
+    out: Path
+    service: str | None
+    asked: set[str] = field(default_factory=set)
+
+    def at(self, root: str, address: str) -> str:
+        """Return an address of the service as a page of the site refers to it.
+
+        Args:
+            root: Way from the page's directory to the site's.
+            address: Path in the service.
+
+        Raises:
+            ValueError: A site has no such file.
+        """
+        name = FILES.get(address)
+        if name is None and (fold := FOLD_ADDRESS.fullmatch(address)):
+            name = f"folds/{fold[1]}.{'svg' if fold[2] else 'html'}"
+        elif name is None and (file := FILE_ADDRESS.fullmatch(address)):
+            name = file[1]
+        if name is None:
+            raise ValueError(f"a site of files has no {address}")
+        self.asked.add(name)
+        return root + name
+
+    def rendered(self, template: str, root: str = "", /, **values: object) -> str:
+        """Return a page made of a template of the service."""
+        return rendered(template, **values, site=self, at=partial(self.at, root))
+
+    def films(self, page_name: str) -> Markup:
+        """Return the tag of the scripts of the page with the paper's experiments."""
+        del page_name
+        return Markup('<script defer src="{}" data-entry="{}"></script>').format(
+            self.at("", f"/{SCRIPTS_FILE}"), entry_of(FILMS_SCRIPT)
+        )
+
+    def write(self, name: str, content: str | bytes) -> None:
+        """Write a file."""
+        path = self.out / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, content.encode() if isinstance(content, str) else content)
+
+
+def write_site(out: Path, folds: Sequence[Found], service: str | None = None) -> None:
+    """Write a site.
+
+    Args:
+        out: Directory of the site.
+        folds: Finished folds, each with an id of its own, of which its files are named.
+        service: Address of a service that folds visitors' shapes.
+
+    Raises:
+        OSError: A file cannot be written.
+        PlannerError: The files of a fold cannot be read.
+    """
+    site = Site(out, service)
+    for fold in folds:
+        site.write(f"folds/{fold.row.id}.html", _fold_page(site, fold))
+        site.write(f"folds/{fold.row.id}.svg", drawing_in(fold.directory))
+    gallery = site.rendered(
+        "site.html",
+        finished=[fold.row for fold in folds],
+        statuses=CARD_STATUS_LABELS,
+        plurals=MODULE_PLURALS,
+        method_of=method_of,
+    )
+    site.write("index.html", gallery)
+    site.write("benchmarks.html", site.rendered("benchmarks.html"))
+    films = site.rendered("paper.html", **paper_values(), origin="", entry=site.films)
+    site.write("paper.html", films)
+    _shared_files(site)
+
+
+def _fold_page(site: Site, fold: Found) -> bytes:
+    render = partial(site.rendered, "standalone.html", "../", details=True)
+    timeline = TimelineView(result(fold.directory, TIMELINE))
+    facts = fold_facts(fold, api=False)
+    view, tour = f"../{VIEW_FILE}", draft_of(fold)
+    return standalone_page(fold, timeline, facts, render, view=view, tour=tour)
+
+
+def _shared_files(site: Site) -> None:
+    """Write all files that pages refer to besides pages."""
+    site.write(VIEW_FILE, client().html)
+    for name in sorted(site.asked):
+        folder, _, rest = name.partition("/")
+        if name == SCRIPTS_FILE:
+            site.write(name, packed_scripts(ENTRY_SCRIPT, FILMS_SCRIPT))
+        elif folder == "static":
+            site.write(name, (STATIC / rest).read_bytes())
+        elif folder == "paper" and "/" in rest:
+            experiment, _, picture = rest.partition("/")
+            site.write(name, paper_data(paper_files()[experiment, picture]))
+        elif folder == "paper":
+            parts = {part: paper_data(paper_files()[rest, part]) for part in ("bundle", "batch")}
+            site.write(f"{name}.js", film_script(name, **parts))

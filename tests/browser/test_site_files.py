@@ -1,0 +1,126 @@
+"""`foldback site`: opened from a folder, and below a path of a host that only has files."""
+
+from __future__ import annotations
+
+import functools
+import http.server
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urldefrag
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from planner.plan.packed import unpack
+from server.api.finished import FINISHED_FOLDS_DIR
+from server.cli.site import site
+from tests.browser.conftest import LOOK
+
+SERVICE = "https://fold.example.org"
+MOVING = "([selector, before]) => document.querySelector(selector).value !== before"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A site of two folds, in a directory below a path."""
+    place = tmp_path_factory.mktemp("host")
+    for name in ("a wrench & a mallet", "cube"):
+        (place / "folds" / name).mkdir(parents=True)
+        packed = "wrench-80-to-mallet-80" if "wrench" in name else "tetra-cube-2"
+        unpack((FINISHED_FOLDS_DIR / f"{packed}.fold").read_bytes(), place / "folds" / name)
+    out = place / "x" / "y"
+    site(out, [place / "folds"], finished=False, service=SERVICE)
+    return out
+
+
+class Links(HTMLParser):
+    """What a page refers to, and the places in it that can be referred to."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.found: set[str] = set()
+        self.places = {""}
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        for name, value in attrs:
+            if name in ("href", "src", "action") and value and not value.startswith("data:"):
+                self.found.add(value)
+            if name == "data-timeline":
+                self.found.add(f"{value}.js")
+            if name == "id" and value:
+                self.places.add(value)
+
+
+def test_every_link_of_a_site_leads_to_something_in_it(written: Path) -> None:
+    pages = {path: Links(path) for path in written.rglob("*.html")}
+    names = {path.relative_to(written).as_posix() for path in pages}
+    fold = "folds/a-wrench-a-mallet.html"
+    assert {"index.html", "paper.html", "benchmarks.html", fold, "folds/cube.html"} <= names
+    reached: set[Path] = set()
+    for path, links in pages.items():
+        for link in links.found - {SERVICE}:
+            name, place = urldefrag(unquote(link))
+            target = (path.parent / name).resolve() if name else path
+            assert target.is_file() and target.is_relative_to(written), (path, link)
+            assert not place or place in pages[target].places or "icons" in place, (path, link)
+            reached.add(target)
+    # Viser's client is named by the pages' data alone.
+    unused = {path for path in written.rglob("*") if path.is_file()} - reached
+    assert unused == {written / "view.html"}
+    assert SERVICE in pages[written / "index.html"].found
+    assert SERVICE in pages[written / "folds" / "cube.html"].found
+
+
+@contextmanager
+def visited(browser: Browser) -> Generator[Page]:
+    """A tab in which nothing may fail."""
+    page = browser.new_page(**LOOK)
+    wrong: list[str] = []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+    page.on("requestfailed", lambda request: wrong.append(request.url))
+    page.on("response", lambda answer: wrong.append(answer.url) if answer.status >= 400 else None)
+    yield page
+    page.close()
+    assert wrong == []
+
+
+def walk(page: Page, address: str) -> None:
+    """Go from the gallery to a fold and the paper, and have both play."""
+    page.goto(f"{address}/index.html")
+    drawn = page.locator(".card img").first
+    assert drawn.evaluate("image => image.decode().then(() => image.naturalWidth)") > 0
+    page.get_by_role("link", name="Mallet").click()
+    expect(page.locator("#scrub")).to_be_enabled()
+    page.locator("#play").click()
+    page.wait_for_function(MOVING, arg=["#scrub", page.locator("#scrub").input_value()])
+    page.get_by_role("link", name="Gallery").click()
+    page.get_by_role("link", name="Paper").first.click()
+    page.locator(".headline .run-start").click()
+    page.wait_for_function(MOVING, arg=[".headline .run-scrub", "0"])
+
+
+def test_site_plays_from_a_folder_without_a_server(written: Path, browser: Browser) -> None:
+    with visited(browser) as page:
+        page.context.set_offline(True)
+        walk(page, written.as_uri())
+        page.goto(f"{written.as_uri()}/folds/cube.html")
+        page.locator("#sketch.gone").wait_for(state="attached")  # the 3D view has come
+        page.locator("#details").click()
+        page.locator("#tab-plots").click()
+        expect(page.locator(".plot").first).to_be_visible()
+
+
+def test_site_plays_below_any_path_of_a_web_host(written: Path, browser: Browser) -> None:
+    files = functools.partial(
+        http.server.SimpleHTTPRequestHandler, directory=str(written.parents[1])
+    )
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), files) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        with visited(browser) as page:
+            walk(page, f"http://127.0.0.1:{server.server_port}/x/y")
+        server.shutdown()
