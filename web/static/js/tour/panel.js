@@ -118,13 +118,13 @@ export class TourPanel {
   say() {
     const { state } = this;
     if (!state) return;
-    const { at, stops, stop } = state;
+    const { stops, stop } = state;
     if (this.caption.textContent !== stop.caption) this.caption.textContent = stop.caption;
-    this.count.textContent = `${at + 1} of ${stops.length}`;
-    this.before.disabled = at === 0;
-    this.after.disabled = at === stops.length - 1;
+    this.count.textContent = `${state.at + 1} of ${stops.length}`;
+    this.before.disabled = state.at === 0;
+    this.after.disabled = state.at === stops.length - 1;
     this.run.textContent = this.playing ? "Pause" : "Play tour";
-    this.place.stop = at;
+    this.place.stop = state.at;
     this.place.note();
   }
 
