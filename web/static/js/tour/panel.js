@@ -133,8 +133,14 @@ export class TourPanel {
     const { state } = this;
     if (!state || this.editor.hidden) return;
     this.list.replaceChildren(...state.stops.map((stop, k) => this.row(stop, k)));
-    if (this.undo) this.undo.disabled = !state.undone.length;
-    if (this.save) this.save.disabled = !state.changed;
+    this.offer();
+  }
+
+  // Writes what can be done now.
+  offer() {
+    this.say();
+    if (this.undo) this.undo.disabled = !this.state?.undone.length;
+    if (this.save) this.save.disabled = !this.state?.changed;
   }
 
   /**
@@ -145,7 +151,8 @@ export class TourPanel {
     const { state } = this;
     const field = element("textarea", { rows: 3, maxlength: MAX_CAPTION, "aria-label": `Caption of stop ${k + 1}` });
     field.value = stop.caption;
-    field.onchange = () => { state?.edit(k, field.value); this.show(); };
+    // The list stays as it is: the click that ended the editing is meant for a button in it.
+    field.onchange = () => { state?.edit(k, field.value); this.offer(); };
     const act = (/** @type {string} */ sign, /** @type {string} */ words, /** @type {() => void} */ press, off = false) =>
       button("icon-button", sign, () => { press(); this.show(); this.list.children[state?.at ?? 0]?.querySelector("textarea")?.focus(); }, { "aria-label": `${words} stop ${k + 1}`, title: words, disabled: off });
     return element("li", { "aria-current": k === state?.at ? "step" : null },

@@ -111,13 +111,13 @@ export function view({ source, figures, load, over = true, details = null, play 
 function offerTour(tour, player, place) {
   if (!tour) return () => false;
   const touring = later(() => import("../tour/panel.js").then(({ TourPanel }) => new TourPanel({ player, place, calm, ...tour })), tour.toast);
-  get("tour").hidden = false;
   get("tour").onclick = () => touring(async (panel) => { if (panel.box.hidden) await panel.open({ playing: !calm }); else panel.close(); });
   const open = () => {
+    get("tour").hidden = false; // there are frames now
     const { stop, named, frame } = viewIn(location.hash);
     if (stop !== null) touring((panel) => panel.open({ stop: stop + 1, view: !named && frame === null }));
     return stop !== null;
   };
-  addEventListener("hashchange", open);
+  addEventListener("hashchange", () => { if (!get("tour").hidden) open(); });
   return open;
 }
