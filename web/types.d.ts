@@ -198,8 +198,22 @@ interface AddressedView {
   follow: boolean;
   speed: number;
   play: boolean | null;
+  stop: number | null; // of the tour
   named: boolean; // whether more than a moment is named, so that what is not is as usual
 }
+// A stop of a tour, and a tour: docs/tours.md. Frames and modules count from 1 here.
+interface TourStop {
+  caption: string;
+  frame: number;
+  modules?: number[];
+  from?: number;
+  to?: number;
+  camera?: string;
+  follow?: boolean;
+  colour?: string;
+  path?: boolean;
+}
+interface Tour { format: string; title: string; stops: TourStop[] }
 interface Addressed {
   player: Playing;
   view(): AddressedView | null;

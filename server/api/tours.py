@@ -128,8 +128,11 @@ def tour_of(store: FoldSource, found: Found, *, draft: bool = False) -> dict[str
     if found.row.status in RUNNING_STATUSES:
         return None
     kept = None if draft or found.alternative_to else store.tour(found.row.id)
-    if kept is not None:
-        return kept
+    return kept if kept is not None else draft_of(found)
+
+
+def draft_of(found: Found) -> dict[str, Any] | None:
+    """Return the draft for a fold that is over as plain values; None without frames."""
     moments = stored_moments(found.directory)
     drafted = draft_tour(found.row, frames_promised(found.directory), moments)
     return None if drafted is None else drafted.as_dict()

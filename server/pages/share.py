@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, Response
@@ -21,6 +21,7 @@ from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.finding import find_fold, viewing_of
 from server.api.frames import view_page
+from server.api.tours import tour_of
 from server.errors import Conflict
 from server.http.client_address import address_of
 from server.http.downloads import download
@@ -95,12 +96,13 @@ async def standalone(request: Request, fold_id: str) -> Response:
     """Return the fold as one HTML file that plays without a server; it is written once."""
     found = await _finished(request, fold_id)
     facts = await asyncio.to_thread(fold_facts, found, api=False)
+    tour = await asyncio.to_thread(tour_of, viewing_of(request).store, found)
     path = await viewing_of(request).artifacts.file(
         fold_id,
         "standalone.html",
-        _of_view(found, lambda timeline: standalone_page(found, timeline, facts, _page)),
+        _of_view(found, lambda timeline: standalone_page(found, timeline, facts, _page, tour=tour)),
         of=CHANGE_MARKER,
-        edition=await asyncio.to_thread(_edition, facts),
+        edition=await asyncio.to_thread(_edition, facts, tour),
         visitor=address_of(request),
     )
     return _file(path, facts["name"], "html", "text/html")
@@ -141,6 +143,7 @@ def standalone_page(
     render: Render,
     *,
     view: str | None = None,
+    tour: dict[str, Any] | None = None,
 ) -> bytes:
     """Return a fold's page that plays without a server: see ``standalone_html``."""
     try:
@@ -160,6 +163,7 @@ def standalone_page(
         forces=forces,
         table=_table(found, timeline),
         view=view,
+        tour=tour,
     )
 
 
@@ -168,9 +172,9 @@ def _table(found: Found, timeline: TimelineView) -> TableTop | None:
     return None if found.row.world == FLOATING else timeline.table()
 
 
-def _edition(facts: FoldFacts) -> str:
+def _edition(facts: FoldFacts, tour: dict[str, Any] | None) -> str:
     """Return an edition that changes with a standalone page's content and scripts."""
-    told = json.dumps([version("foldback"), standalone_scripts(), facts], sort_keys=True)
+    told = json.dumps([version("foldback"), standalone_scripts(), facts, tour], sort_keys=True)
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 
 

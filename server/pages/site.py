@@ -18,6 +18,7 @@ from markupsafe import Markup
 from planner.file_names import TIMELINE
 from planner.files import write_whole
 from planner.pipeline.fold_layout import result
+from server.api.tours import draft_of
 from server.pages.facts import fold_facts
 from server.pages.fold import drawing_in
 from server.pages.page import rendered
@@ -139,7 +140,8 @@ def _fold_page(site: Site, fold: Found) -> bytes:
     render = partial(site.rendered, "standalone.html", "../", details=True)
     timeline = TimelineView(result(fold.directory, TIMELINE))
     facts = fold_facts(fold, api=False)
-    return standalone_page(fold, timeline, facts, render, view=f"../{VIEW_FILE}")
+    view, tour = f"../{VIEW_FILE}", draft_of(fold)
+    return standalone_page(fold, timeline, facts, render, view=view, tour=tour)
 
 
 def _shared_files(site: Site) -> None:

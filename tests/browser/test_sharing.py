@@ -13,7 +13,7 @@ from playwright.sync_api import Page, expect
 
 from planner.plan.plan import Plan
 from tests.browser.conftest import Visit, picture, seek, visits
-from tests.server.service import Service
+from tests.server.service import SNAKE, Service
 from tests.web.blog import Blog
 
 DRAWN = "() => !window.foldback.player.sketch.waiting"
@@ -64,6 +64,36 @@ def test_fold_is_embedded_in_another_site(visit: Visit, blog: Blog, wrench: str)
     with reader.expect_console_message(lambda said: "frame-ancestors" in said.text):
         reader.reload()
     expect(reader.frame_locator("iframe").locator("#bar")).to_have_count(0)
+
+
+def test_tour_is_played_edited_and_kept(visit: Visit, service: Service) -> None:
+    told = service.fold(SNAKE, seed="77")
+    service.wait_over(told["id"])
+    page = visit(f"/folds/{told['id']}", view=False)
+    page.evaluate(
+        "([id, token]) => localStorage.setItem(`foldback:owner:${id}`, token)",
+        [told["id"], told["owner_token"]],
+    )
+    caption, stops = page.locator(".tour-caption"), page.locator(".tour-list li")
+    page.locator("#tour").click()
+    expect(caption).to_contain_text("The chain is straight")
+    page.keyboard.press("PageDown")
+    expect(caption).not_to_contain_text("The chain is straight")
+    expect(page).to_have_url(re.compile("stop=2"))
+
+    page.get_by_role("button", name="Edit", exact=True).click()
+    drafted = stops.count()
+    page.get_by_role("button", name="Add a stop here").click()
+    expect(stops).to_have_count(drafted + 1)
+    page.get_by_role("button", name="Undo").click()
+    expect(stops).to_have_count(drafted)
+    page.get_by_label("Caption of stop 1").fill("<b>Here</b> it begins.")
+    page.get_by_role("button", name="Move down stop 1").click()
+    page.get_by_role("button", name="Save").click()
+    expect(page.get_by_text("Tour saved")).to_be_visible()
+
+    other = visit(f"/embed/{told['id']}#stop=2", view=False)
+    expect(other.locator(".tour-caption")).to_have_text("<b>Here</b> it begins.")
 
 
 @pytest.fixture(scope="module")

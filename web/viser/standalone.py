@@ -44,7 +44,7 @@ CHECKER_SCRIPT: Final = "js/check/worker.js"
 CHECKER_NAME: Final = "foldback/checker"
 """Name of the whole checker in the import map, of whose scripts some are in the page as well."""
 THEME_SCRIPT: Final = "js/theme.js"
-STYLES: Final = ("css/base.css", "css/fold.css")
+STYLES: Final = ("css/base.css", "css/fold.css", "css/tour.css")
 UNESCAPED_CHARACTERS: Final = " !$&'()*+,-./:;=?@[]^_`{|}~"
 """Characters, besides letters and digits, that stay unescaped in the data URLs of a single HTML
 file with a fold. Fewer make the file larger."""
@@ -69,6 +69,7 @@ def standalone_html(
     forces: bytes | None = None,
     table: TableTop | None = None,
     view: str | None = None,
+    tour: Mapping[str, Any] | None = None,
 ) -> bytes:
     """Return the page of one finished fold.
 
@@ -81,6 +82,7 @@ def standalone_html(
         forces: ``web.timeline.metrics.table_forces``, of a fold on a table.
         table: That table.
         view: Address of viser's client, for pages that share it; None to put it into the page.
+        tour: Tour of the fold.
 
     Raises:
         TimelineError: When the timeline is being replaced.
@@ -100,6 +102,7 @@ def standalone_html(
         "curves": None if curves is None or stride > 1 else _text(curves),
         "forces": None if forces is None or stride > 1 else _text(forces),
         "facts": dict(facts),
+        "tour": tour,
     }
     styles = "".join(text_of(name) for name in STYLES)
     return render(

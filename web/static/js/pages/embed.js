@@ -1,6 +1,7 @@
 // A fold in somebody else's page.
 import { Figures } from "../player/figures.js";
 import { Source } from "../player/timeline.js";
+import { ask } from "../lib/api.js";
 import { view } from "../viewer/fold_view.js";
 import { at, checkable, get, later } from "../lib/text.js";
 
@@ -11,6 +12,7 @@ const toast = later(() => import("../panels/toast.js"), () => {});
 const zoomKey = /Mac|iPhone|iPad/.test(navigator.platform) ? "⌘" : "Ctrl";
 const { stage, player } = view({
   over: !facts.running, source: new Source(at(`/folds/${facts.id}`)), figures, load: (frame) => { frame.src = at("/embed/view"); },
+  tour: { load: () => ask(`/folds/${facts.id}/tour.json`), id: null, toast: (text) => toast((part) => part.toast(text)) },
   onScroll: () => toast((part) => part.toast(`Click to zoom, or hold ${zoomKey}`)),
 });
 // Full screen leaves nothing around it to scroll.

@@ -4,6 +4,7 @@ import { Figures } from "../player/figures.js";
 import { ModulePanel } from "../panels/module_panel.js";
 import { Plots } from "../panels/plots.js";
 import { Source } from "../player/timeline.js";
+import { ask } from "../lib/api.js";
 import { toast } from "../panels/toast.js";
 import { view } from "../viewer/fold_view.js";
 import { at, checkable, get, later } from "../lib/text.js";
@@ -15,6 +16,7 @@ const drawer = new Drawer(toast);
 const { timeline, player, place, bar } = view({
   over: !facts.running,
   source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.src = at("/view"); },
+  tour: { load: () => ask(`/folds/${facts.id}/tour.json`), id: facts.movies ? facts.id : null, toast },
 });
 
 // Parts that most visitors do not use.

@@ -9,7 +9,7 @@ const SPEEDS = [0.05, 20];
 const DEGREES = 180 / Math.PI;
 
 /** @type {AddressedView} */
-const NOTHING = { frame: null, module: null, from: null, to: null, loop: false, camera: null, colour: null, path: false, follow: true, speed: 1, play: null, named: false };
+const NOTHING = { frame: null, module: null, from: null, to: null, loop: false, camera: null, colour: null, path: false, follow: true, speed: 1, play: null, stop: null, named: false };
 
 const rounded = (/** @type {number} */ value, /** @type {number} */ digits) => String(Number(value.toFixed(digits)));
 
@@ -54,6 +54,7 @@ export function viewIn(hash) {
     camera: cameraIn(named.get("camera")), colour: /^[a-z_-]{1,20}$/.test(colour) ? colour : null,
     path: flag("path") ?? false, follow: flag("follow") ?? true,
     speed: speed >= SPEEDS[0] && speed <= SPEEDS[1] ? speed : 1, play: flag("play") ?? flag("autoplay"),
+    stop: number("stop") ?? (flag("tour") ? 0 : null),
     named: ["frame", "camera", "colour", "path", "follow"].some((name) => named.has(name)),
   };
 }
@@ -62,7 +63,7 @@ const same = (/** @type {CameraAt} */ a, /** @type {CameraAt} */ b) => cameraTex
 
 // The hash of a view, "" for one that is as a page shows it by itself.
 /** @param {AddressedView} view */
-export function hashOf({ frame, module, from, to, loop, camera, colour, path, follow, speed, play }, theme = "") {
+export function hashOf({ frame, module, from, to, loop, camera, colour, path, follow, speed, play, stop }, theme = "") {
   const parts = [];
   if (frame !== null) parts.push(`frame=${Math.round(frame) + 1}`);
   if (module !== null) parts.push(`module=${module + 1}`);
@@ -75,6 +76,7 @@ export function hashOf({ frame, module, from, to, loop, camera, colour, path, fo
   if (!follow) parts.push("follow=0");
   if (speed !== 1) parts.push(`speed=${rounded(speed, 2)}`);
   if (play) parts.push("play=1");
+  if (stop !== null) parts.push(`stop=${stop + 1}`);
   if (theme) parts.push(`theme=${theme}`);
   return parts.length ? `#${parts.join("&")}` : "";
 }
@@ -97,6 +99,8 @@ export class Place {
     this.timer = undefined;
     this.acted = false;
     this.playing = false;
+    /** @type {number | null} */
+    this.stop = null; // of the tour that is open
     for (const kind of ["pointerdown", "keydown", "input"]) {
       addEventListener(kind, () => { this.acted = true; }, { capture: true });
     }
@@ -151,7 +155,7 @@ export class Place {
     const query = new URLSearchParams(location.search);
     query.delete("view");
     const asked = query.size ? `?${query}` : "";
-    return location.pathname + asked + (view ? hashOf(view, document.documentElement.dataset.theme) : location.hash);
+    return location.pathname + asked + (view ? hashOf({ ...view, stop: this.stop }, document.documentElement.dataset.theme) : location.hash);
   }
 
   // The same for sending it on, with what the picture in a chat needs.

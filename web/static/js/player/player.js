@@ -147,9 +147,13 @@ export class Player extends Emitter {
     this.tell("module", this.state.module);
   }
 
-  // Modules that stay highlighted.
-  /** @param {number[]} modules */
-  mark(modules) {
+  // Modules that stay highlighted, as those where a fold stalls or as selected ones.
+  /**
+   * @param {number[]} modules
+   * @param {"stuck" | "selected"} as
+   */
+  mark(modules, as = "stuck") {
+    this.state.markedAs = as;
     this.state.marked = modules.filter((module) => module < this.timeline.chain.modules);
     this.show(true);
   }

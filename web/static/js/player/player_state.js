@@ -31,6 +31,8 @@ export class PlayerState {
   selected = null;
   /** @type {number[]} */
   marked = [];
+  /** @type {"stuck" | "selected"} */
+  markedAs = "stuck";
   /** @type {{ way: number, from: Row } | null} of a change that may lie in frames that are not here yet */
   search = null;
   /** @type {Snapshot | null} */
@@ -151,7 +153,7 @@ export class PlayerState {
     const colours = this.colouring.of(this.shown);
     const { selected } = this;
     const { selected: blue, stuck } = this.timeline.bundle.header.colours;
-    for (const module of this.marked) colours.set(stuck, 3 * module);
+    for (const module of this.marked) colours.set(this.markedAs === "selected" ? blue : stuck, 3 * module);
     if (selected === null) return colours;
     for (const beside of [selected - 1, selected + 1]) {
       if (beside < 0 || beside >= this.timeline.chain.modules) continue;

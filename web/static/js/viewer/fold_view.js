@@ -4,10 +4,10 @@ import { Bar } from "../player/bar.js";
 import { Timeline } from "../player/timeline.js";
 import { Keys } from "../player/keys.js";
 import { Legend } from "../panels/legend.js";
-import { Place, viewOf } from "../player/address.js";
+import { Place, viewIn, viewOf } from "../player/address.js";
 import { offerSides, pathButton, playerOn } from "./controls.js";
 import { hasWebGL } from "./scene.js";
-import { get } from "../lib/text.js";
+import { get, later } from "../lib/text.js";
 
 const DRAW_MS = 250;
 const START_DELAY_MS = 1500;
@@ -35,12 +35,14 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
  * @property {boolean} [over]
  * @property {Details | null} [details]
  * @property {boolean} [play]
+ * @property {{ load: () => Promise<Tour | null>, id: string | null, toast: (text: string) => void } | null} [tour]
+ *   `id` is that of a fold whose tour can be edited
  * @property {() => void} [onScroll] called when the page around an embed scrolls in place of a zoom
  */
 
 // `load` begins to load viser's client into the frame; the drawer is shown when a module is selected.
 /** @param {Viewed} viewed */
-export function view({ source, figures, load, over = true, details = null, play = !calm, onScroll }) {
+export function view({ source, figures, load, over = true, details = null, play = !calm, tour = null, onScroll }) {
   // What embeds ask for: the picture alone.
   if (/[?#&]controls=0\b/.test(location.search + location.hash)) document.body.classList.add("bare");
   const timeline = new Timeline(source, { over });
@@ -88,12 +90,34 @@ export function view({ source, figures, load, over = true, details = null, play 
     get("cover-text").textContent = detail;
   });
 
+  const open = offerTour(tour, player, place);
   let begun = false;
   player.on("begun", () => {
     if (begun) return;
     begun = true;
-    if (!place.go() && !player.story.telling && play) player.send({ do: "play" });
+    const shown = place.go();
+    if (!open() && !shown && !player.story.telling && play) player.send({ do: "play" });
   });
   window.foldback = { timeline, player }; // for the console
   return { timeline, player, stage, sketch, bar, place, plots };
+}
+
+// Offers the tour of the fold; what comes back opens it where the address says so, and says whether it does.
+/**
+ * @param {Viewed["tour"]} tour
+ * @param {import("../player/player.js").Player} player
+ * @param {Place} place
+ */
+function offerTour(tour, player, place) {
+  if (!tour) return () => false;
+  const touring = later(() => import("../tour/panel.js").then(({ TourPanel }) => new TourPanel({ player, place, calm, ...tour })), tour.toast);
+  get("tour").onclick = () => touring(async (panel) => { if (panel.box.hidden) await panel.open({ playing: !calm }); else panel.close(); });
+  const open = () => {
+    get("tour").hidden = false; // there are frames now
+    const { stop, named, frame } = viewIn(location.hash);
+    if (stop !== null) touring((panel) => panel.open({ stop: stop + 1, view: !named && frame === null }));
+    return stop !== null;
+  };
+  addEventListener("hashchange", () => { if (!get("tour").hidden) open(); });
+  return open;
 }

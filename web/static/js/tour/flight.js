@@ -1,0 +1,94 @@
+// Shows the stops of a tour in a player: moves to a stop, waits there while its caption is read, goes on.
+import { cameraIn } from "../player/address.js";
+import { clearestSight } from "../viewer/viewpoint.js";
+import { frameBetween, movingSeconds, readingSeconds } from "./state.js";
+
+const STILL = 1e-6; // frames that are none
+const SLACK = 0.5; // frames by which somebody else has moved the playhead
+
+export class Flight {
+  // For who wants little to move, a stop is shown at once.
+  /**
+   * @param {import("../player/player.js").Player} player
+   * @param {{ calm: boolean, colour: (key: string) => void, path: (on: boolean) => void, over: () => void }} around
+   *   `over` is told when a caption has been read
+   */
+  constructor(player, { calm, colour, path, over }) {
+    this.player = player;
+    this.calm = calm;
+    this.colour = colour;
+    this.path = path;
+    this.over = over;
+    /** @type {{ from: number, to: number, begun: number, seconds: number, frame: number } | null} */
+    this.way = null;
+    /** @type {TourStop | null} */
+    this.stop = null;
+    this.playing = false;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.reading = undefined;
+  }
+
+  // Moves to a stop; with `view` false only its modules are marked, as an address names the view.
+  /**
+   * @param {TourStop} stop
+   * @param {{ playing?: boolean, view?: boolean }} how
+   */
+  show(stop, { playing = false, view = true } = {}) {
+    const { player, calm } = this;
+    this.end();
+    this.stop = stop;
+    this.playing = playing;
+    player.mark((stop.modules ?? []).map((module) => module - 1), "selected");
+    if (!view) return;
+    this.colour(stop.colour ?? "error");
+    this.path(stop.path ?? false);
+    player.send({ do: "set", from: null, to: null, loop: false, reverse: false, follow: stop.follow ?? true });
+    const camera = cameraIn(stop.camera ?? null);
+    if (!camera && stop.modules) player.lookAt(stop.modules.map((module) => module - 1), clearestSight);
+    else player.send({ do: "camera", camera, gently: !calm });
+    const [from, to] = [player.playhead.frame, stop.frame - 1];
+    if (calm || Math.abs(to - from) < STILL) { this.arrive(); return; }
+    this.way = { from, to, begun: performance.now(), seconds: movingSeconds(to - from), frame: from };
+    player.send({ do: "seek", frame: from });
+    this.step();
+  }
+
+  step() {
+    const { way, player } = this;
+    if (!way) return;
+    // Whoever plays or scrubs has the playhead.
+    if (player.is.playing || Math.abs(player.playhead.frame - way.frame) > SLACK) { this.end(); return; }
+    const share = (performance.now() - way.begun) / 1000 / way.seconds;
+    if (share >= 1) { this.arrive(); return; }
+    way.frame = frameBetween(way.from, way.to, share);
+    player.send({ do: "seek", frame: way.frame });
+    way.frame = player.playhead.frame;
+    requestAnimationFrame(() => { if (this.way === way) this.step(); });
+  }
+
+  arrive() {
+    const { player, stop } = this;
+    this.way = null;
+    if (!stop) return;
+    player.send({ do: "seek", frame: stop.frame - 1 });
+    if (stop.from && stop.to && !this.calm) {
+      player.send({ do: "set", from: stop.from - 1, to: stop.to - 1, loop: true });
+      player.send({ do: "play" });
+    }
+    if (this.playing) this.reading = setTimeout(() => this.over(), 1000 * readingSeconds(stop.caption));
+  }
+
+  // Stops where it is.
+  end() {
+    clearTimeout(this.reading);
+    this.way = null;
+    this.playing = false;
+  }
+
+  // Leaves the fold as it was without a tour.
+  close() {
+    this.end();
+    this.stop = null;
+    this.player.mark([]);
+  }
+}

@@ -1,0 +1,228 @@
+// The tour of a fold over its view: captions with previous, play and next, and the list for editing.
+import { Refusal, ask, tokenOf } from "../lib/api.js";
+import { at, button, element, get, wordsOf } from "../lib/text.js";
+import { cameraText } from "../player/address.js";
+import { Flight } from "./flight.js";
+import { MAX_CAPTION, TourState } from "./state.js";
+
+const STYLE = "/static/css/tour.css";
+const NOBODYS = "Only the owner of this fold can save its tour. You can download it.";
+
+/**
+ * @typedef {object} Toured
+ * @property {import("../player/player.js").Player} player
+ * @property {import("../player/address.js").Place} place
+ * @property {boolean} calm
+ * @property {() => Promise<Tour | null>} load
+ * @property {string | null} id of the fold where its tour can be edited
+ * @property {(text: string) => void} toast
+ */
+
+export class TourPanel {
+  /** @param {Toured} toured */
+  constructor({ player, place, calm, load, id, toast }) {
+    this.player = player;
+    this.place = place;
+    this.load = load;
+    this.id = id;
+    this.toast = toast;
+    /** @type {TourState | null} */
+    this.state = null;
+    const { colour, path } = place.page;
+    this.flight = new Flight(player, { calm, colour, path, over: () => this.next(true) });
+    this.playing = false;
+    this.caption = element("p", { class: "tour-caption", "aria-live": "polite" });
+    this.count = element("span", { class: "tour-count" });
+    this.before = button("button quiet", "Previous", () => this.step(-1), { title: "Previous stop (Page Up)" });
+    this.after = button("button quiet", "Next", () => this.step(1), { title: "Next stop (Page Down)" });
+    this.run = button("button primary", "Play tour", () => this.toggle());
+    this.edit = button("button quiet", "Edit", () => this.fold(Boolean(this.editor.hidden)), { "aria-expanded": "false", hidden: !id });
+    this.list = element("ol", { class: "tour-list" });
+    this.editor = element("div", { class: "tour-editor", hidden: true });
+    this.box = element("section", { class: "tour", "aria-label": "Tour", hidden: true }, this.caption,
+      element("div", { class: "tour-ways" }, this.before, this.run, this.after, this.count, this.edit,
+        button("button quiet", "Close", () => this.close())), this.editor);
+    if (id) this.fillEditor();
+    get("main").append(this.box);
+    const style = at(STYLE);
+    if (!document.body.classList.contains("standalone") && !document.querySelector(`link[href="${style}"]`)) document.head.append(element("link", { rel: "stylesheet", href: style }));
+    addEventListener("keydown", (event) => this.key(event));
+  }
+
+  fillEditor() {
+    this.undo = button("button", "Undo", () => { this.state?.undo(); this.show(); });
+    this.save = button("button primary", "Save", () => this.keep());
+    this.editor.append(this.list, element("div", { class: "tour-ways" },
+      button("button", "Add a stop here", () => this.add()), this.undo, button("button", "Draft anew", () => this.draft()),
+      this.save, button("button quiet", "Download", () => this.download())));
+  }
+
+  // Opens the tour at a stop, counted from 1; with `view` false, the view is as the address says.
+  /** @param {{ stop?: number, view?: boolean, playing?: boolean }} how */
+  async open({ stop = 1, view = true, playing = false } = {}) {
+    if (!this.state) {
+      const tour = await this.load();
+      if (!tour?.stops) { this.toast("This fold has no tour yet."); return false; }
+      this.state = new TourState(tour);
+    }
+    this.box.hidden = false;
+    get("tour").setAttribute("aria-expanded", "true");
+    this.state.go(stop - 1);
+    this.show();
+    this.playing = playing;
+    this.flight.show(this.state.stop, { view, playing });
+    this.say();
+    return true;
+  }
+
+  close() {
+    this.playing = false;
+    this.flight.close();
+    this.box.hidden = true;
+    this.place.stop = null;
+    this.place.note();
+    get("tour").setAttribute("aria-expanded", "false");
+    get("tour").focus();
+  }
+
+  toggle() {
+    if (!this.state) return;
+    this.playing = !this.playing;
+    if (!this.playing) { this.flight.end(); this.say(); return; }
+    if (this.state.at === this.state.stops.length - 1) this.state.go(0);
+    this.go();
+  }
+
+  /** @param {number} by */
+  step(by) {
+    if (!this.state?.go(this.state.at + by)) return;
+    this.playing = false;
+    this.go();
+  }
+
+  // On to the next stop; the last one ends the playing.
+  /** @param {boolean} playing */
+  next(playing) {
+    if (this.state?.go(this.state.at + 1)) { this.playing = playing; this.go(); return; }
+    this.playing = false;
+    this.say();
+  }
+
+  go() {
+    if (!this.state) return;
+    this.flight.show(this.state.stop, { playing: this.playing });
+    this.show();
+  }
+
+  // Writes what the current stop says.
+  say() {
+    const { state } = this;
+    if (!state) return;
+    const { stops, stop } = state;
+    if (this.caption.textContent !== stop.caption) this.caption.textContent = stop.caption;
+    this.count.textContent = `${state.at + 1} of ${stops.length}`;
+    this.before.disabled = state.at === 0;
+    this.after.disabled = state.at === stops.length - 1;
+    this.run.textContent = this.playing ? "Pause" : "Play tour";
+    this.place.stop = state.at;
+    this.place.note();
+  }
+
+  show() {
+    this.say();
+    const { state } = this;
+    if (!state || this.editor.hidden) return;
+    this.list.replaceChildren(...state.stops.map((stop, k) => this.row(stop, k)));
+    this.offer();
+  }
+
+  // Writes what can be done now.
+  offer() {
+    this.say();
+    if (this.undo) this.undo.disabled = !this.state?.undone.length;
+    if (this.save) this.save.disabled = !this.state?.changed;
+  }
+
+  /**
+   * @param {TourStop} stop
+   * @param {number} k
+   */
+  row(stop, k) {
+    const { state } = this;
+    const field = element("textarea", { rows: 3, maxlength: MAX_CAPTION, "aria-label": `Caption of stop ${k + 1}` });
+    field.value = stop.caption;
+    // The list stays as it is: the click that ended the editing is meant for a button in it.
+    field.onchange = () => { state?.edit(k, field.value); this.offer(); };
+    const act = (/** @type {string} */ sign, /** @type {string} */ words, /** @type {() => void} */ press, off = false) =>
+      button("icon-button", sign, () => { press(); this.show(); this.list.children[state?.at ?? 0]?.querySelector("textarea")?.focus(); }, { "aria-label": `${words} stop ${k + 1}`, title: words, disabled: off });
+    return element("li", { "aria-current": k === state?.at ? "step" : null },
+      button("button quiet", `Frame ${stop.frame}`, () => { state?.go(k); this.playing = false; this.go(); }), field,
+      act("↑", "Move up", () => state?.move(k, -1), k === 0), act("↓", "Move down", () => state?.move(k, 1), k === (state?.stops.length ?? 0) - 1),
+      act("×", "Delete", () => state?.remove(k), state?.stops.length === 1));
+  }
+
+  /** @param {boolean} open */
+  fold(open) {
+    this.editor.hidden = !open;
+    this.edit.setAttribute("aria-expanded", String(open));
+    this.show();
+  }
+
+  // Adds a stop with what is seen now.
+  add() {
+    const view = this.place.page.view();
+    if (!this.state || !view) return;
+    const { frame, module, from, to, camera, colour, path, follow } = view;
+    /** @type {TourStop} */
+    const stop = { caption: "Describe what can be seen here.", frame: Math.round(frame ?? 0) + 1 };
+    if (module !== null) stop.modules = [module + 1];
+    if (from !== null && to !== null) Object.assign(stop, { from: Math.round(from) + 1, to: Math.round(to) + 1 });
+    if (camera) stop.camera = cameraText(camera);
+    if (!follow) stop.follow = false;
+    if (colour && colour !== "error") stop.colour = colour;
+    if (path) stop.path = true;
+    if (!this.state.add(stop)) { this.toast("A tour has at most 50 stops."); return; }
+    this.show();
+    const field = this.list.children[this.state.at]?.querySelector("textarea");
+    field?.focus();
+    field?.select();
+  }
+
+  async draft() {
+    try {
+      this.state?.replace(await ask(`/api/folds/${this.id}/tour?draft=true`));
+      this.go();
+    } catch (error) { this.toast(wordsOf(error)); }
+  }
+
+  async keep() {
+    const { state } = this;
+    const token = this.id && tokenOf(this.id);
+    if (!state || !token) { this.toast(NOBODYS); return; }
+    try {
+      await ask(`/api/folds/${this.id}/tour`, { method: "PUT", token, body: state.tour });
+      state.keep();
+      this.toast("Tour saved");
+    } catch (error) {
+      this.toast(error instanceof Refusal && error.gone ? NOBODYS : wordsOf(error));
+    }
+    this.show();
+  }
+
+  download() {
+    if (!this.state) return;
+    const address = URL.createObjectURL(new Blob([JSON.stringify(this.state.tour, null, 2)], { type: "application/json" }));
+    element("a", { href: address, download: "tour.json" }).click();
+    setTimeout(() => URL.revokeObjectURL(address), 1000);
+  }
+
+  /** @param {KeyboardEvent} event */
+  key(event) {
+    if (this.box.hidden || event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+    if (event.target instanceof Element && event.target.closest("textarea, input, select, [role=slider], #panel-plots")) return;
+    const by = { PageUp: -1, PageDown: 1 }[event.key];
+    if (!by) return;
+    event.preventDefault();
+    this.step(by);
+  }
+}
