@@ -5,22 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from web.movies.encoding import find_ffmpeg, open_encoder
 from web.movies.movie import Movie, MovieStop
 from web.movies.renderer import Shot, Stage
 from web.pictures.camera import few_points
 from web.pictures.camera_path import CameraPath, camera_path
-from web.pictures.caption import caption_strip
 from web.pictures.colours import SELECTED_RGB, error_colours
 from web.pictures.lighting import TABLE_THEMES, THEMES
 from web.pictures.visible import MAX_FULLY_DRAWN_MODULES, visible_modules
 from web.timeline.view import Snapshot, TimelineView
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 Array = NDArray[np.float64]
 
@@ -130,6 +131,10 @@ def _captioned(
     """Return a picture with the caption of a stop; ``strips`` keeps those that are drawn."""
     if stop is None:
         return picture
+    from PIL import Image  # only movies with captions need it
+
+    from web.pictures.caption import caption_strip
+
     if stop.caption not in strips:
         strips[stop.caption] = caption_strip(
             stop.caption, width=movie.width, height=movie.height, dark=movie.theme == "dark"

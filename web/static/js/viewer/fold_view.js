@@ -60,7 +60,7 @@ export function view({ source, figures, load, over = true, details = null, play 
   standIn.onOpen = () => get("cover").classList.add("gone");
   const plots = details && new details.Plots(get("panel-plots"), player, figures);
   const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
-  const own = later(() => import("../panels/own_values.js").then(({ OwnPanel }) => new OwnPanel({ player, legend, load: kept.values, id: kept.id })), kept.toast);
+  const own = later(() => import("../values/panel.js").then(({ OwnPanel }) => new OwnPanel({ player, legend, load: kept.values, id: kept.id })), kept.toast);
   const legend = new Legend(player, figures, (how) => own((panel) => panel[how]()));
   takeFiles((file) => own((panel) => panel.take(file)));
   const panel = details && new details.ModulePanel(get("panel-module"), player, figures, () => details.drawer.openAt("module"));
@@ -111,8 +111,8 @@ export function view({ source, figures, load, over = true, details = null, play 
  * @param {import("../player/player.js").Player} player
  * @param {Place} place
  */
-function offerTour({ tour, id, toast }, player, place) {
-  const touring = later(() => import("../tour/panel.js").then(({ TourPanel }) => new TourPanel({ player, place, calm, load: tour, id, toast })), toast);
+function offerTour(kept, player, place) {
+  const touring = later(() => import("../tour/panel.js").then(({ TourPanel }) => new TourPanel({ player, place, calm, load: kept.tour, id: kept.id, toast: kept.toast })), kept.toast);
   get("tour").onclick = () => touring(async (panel) => { if (panel.box.hidden) await panel.open({ playing: !calm }); else panel.close(); });
   const open = (/** @type {number | null} */ asked = null) => {
     get("tour").hidden = false; // there are frames now

@@ -2,7 +2,7 @@
 import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { at, button, element, get, number, wordsOf } from "../lib/text.js";
 import { Colouring } from "../player/colours.js";
-import { MAX_FILE_BYTES, packed, readValues, unpacked, valuesAt } from "../player/own_values.js";
+import { MAX_FILE_BYTES, packed, readValues, unpacked, valuesAt } from "./reading.js";
 
 const STYLE = "/static/css/tour.css";
 const DIGITS = 3;
@@ -10,7 +10,7 @@ const DIGITS = 3;
 /**
  * @typedef {object} Owned
  * @property {import("../player/player.js").Player} player
- * @property {import("./legend.js").Legend} legend
+ * @property {import("../panels/legend.js").Legend} legend
  * @property {() => Promise<KeptValues | null>} load
  * @property {string | null} id of the fold with which numbers can be kept
  */
@@ -23,7 +23,7 @@ export class OwnPanel {
     this.load = load;
     this.id = id;
     this.token = id && tokenOf(id);
-    /** @type {import("../player/own_values.js").OwnValues | null} */
+    /** @type {import("./reading.js").OwnValues | null} */
     this.own = null;
     this.asked = false;
     this.kept = false;
