@@ -251,7 +251,7 @@ def test_migration_is_announced_before_it_is_done(tmp_path: Path) -> None:
     alembic = config()
     with engine.begin() as connection:
         alembic.attributes["connection"] = connection
-        command.upgrade(alembic, "0014")
+        command.upgrade(alembic, "0015")
     told = site.run("migrate", "--check")
     assert told.exit_code == 3
     assert told.stdout == "would migrate tables of folds: version 0016\n"
