@@ -107,7 +107,7 @@ class Module:
         require(np.abs(turns @ turns.swapaxes(1, 2) - ONE).max() < 1e-15 and self.names and
                 (np.linalg.det(turns) > 0).all() and len(turns) == len(self.links) and
                 np.abs((self.faces**2).sum(1) - 1).max() < 1e-15 and self.apart in (1, 2) and
-                np.isfinite(self.edges).all() and self.radius + self.length < math.inf and
+                np.isfinite(self.edges).all() and self.radius + self.length < 1e6 and
                 self.rigid in (0, 1), "a module that cannot be")
 
     def poses(self, q, pose):
@@ -251,7 +251,7 @@ class Batch:
     """Some intervals: poses of `bodies` at the nodes, and how much all hinges up to a module turn.
 
     Bodies are all that is in front of module c, this module, and m modules after it. What is behind
-    belongs to the last one. Module i belongs to body `at[i]`, linked to it by `links[i]`.
+    belongs to the last one. Module i belongs to body `at[i]`.
     """
 
     def __init__(self, proof, items):
@@ -276,14 +276,13 @@ class Batch:
         start = np.repeat(proof.folded[c, :, 1:, None], t.size, axis=2)
         bodies = np.insert(module.poses(q.transpose(1, 2, 0), start), 0, np.eye(4, 3, -1), axis=0)
         self.bodies = bodies.reshape(m + 2, *t.shape, 4, 3)
-        self.links = np.concatenate([proof.folded[:c], np.tile(np.eye(4), (m + 1, 1, 1)),
-                                     proof.straight[1 : n - c - m]])
 
     def poses(self, i, b):
         """Return poses (Q, ORDER, 4, 3) of modules i in intervals b."""
-        found = self.bodies[self.at[i], b]
-        rigid = np.flatnonzero((i < self.c) | (i > self.c + self.m))
-        found[rigid] = self.links[i[rigid]][:, None] @ found[rigid]
+        found, last = self.bodies[self.at[i], b], self.c + self.m
+        front, behind = np.flatnonzero(i < self.c), np.flatnonzero(i > last)
+        found[front] = self.proof.folded[i[front]][:, None] @ found[front]
+        found[behind] = self.proof.straight[i[behind] - last][:, None] @ found[behind]
         return found
 
     def boxes(self):
@@ -292,8 +291,8 @@ class Batch:
         root = min(max(n // 2, c), c + self.m)
         hull = seen(self.bodies[self.at[root]], self.bodies)
         hull = np.tensordot(BERNSTEIN, hull, (1, 2)).swapaxes(0, 1)
-        front, behind = (np.tensordot(self.links[part, 0], hull[body], (1, 2))
-                         for part, body in ((slice(c), 0), (slice(c + self.m + 1, n), -1)))
+        front = np.tensordot(self.proof.folded[:c, 0], hull[0], (1, 2))
+        behind = np.tensordot(self.proof.straight[1 : n - c - self.m, 0], hull[-1], (1, 2))
         hull = np.concatenate([front, hull[1:, ..., 0, :], behind])
         turn = np.abs(self.S - self.S[:, [root]]).T + self.slack
         links = np.abs(np.arange(n) - root)[:, None] * self.proof.plan.module.length
@@ -313,7 +312,7 @@ class Batch:
             (low, high), first = levels[level], i << level
             last = np.minimum((j + 1) << level, n) - 1
             gap = np.maximum(low[j, b] - high[i, b], low[i, b] - high[j, b]).clip(0.0)
-            keep = (np.linalg.norm(gap, axis=1) < self.proof.reach) & ~crowded[b]
+            keep = ~(np.linalg.norm(gap, axis=1) >= self.proof.reach) & ~crowded[b]
             keep &= (self.k[b] == 0) | (self.turning[b, last] > self.turning[b, first])
             keep &= last - first >= self.proof.plan.module.apart
             b, i, j = b[keep], i[keep], j[keep]

@@ -186,7 +186,7 @@ def test_knot_is_drawn_located_and_confirmed(
     expect(tried).to_have_count(1)  # it is peeled one way only
     expect(tried).to_contain_text("the chain is knotted (determinant 3)")
     # Both files are there, and are enough to confirm the reason.
-    expect(page.locator("#attempts code")).to_contain_text("foldback_check_refusals.py plan.npz record.npz")
+    expect(page.locator("#attempts code")).to_contain_text("_refusals.py plan.npz record.npz")
     for name in ("plan.npz", "record.npz"):
         link = page.locator(f"#attempts a[download='{name}']").get_attribute("href")
         (tmp_path / name).write_bytes(service.http.get(str(link)).content)
