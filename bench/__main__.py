@@ -25,6 +25,7 @@ from bench.service.dropped import dropped
 from bench.service.movies import movies
 from bench.service.remaining import remaining
 from bench.service.sites import sites
+from bench.service.tours import tours
 from bench.service.views import views
 from bench.service.weights import weights
 from bench.smoothing import smoothing
@@ -71,6 +72,7 @@ SECTIONS = {
     "movies": movies,
     "remaining": remaining,
     "sites": sites,
+    "tours": tours,
     "weights": weights,
     "views": views,
     "direct": direct,
