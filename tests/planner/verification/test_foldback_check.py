@@ -88,7 +88,7 @@ def test_new_plan_states_digest_and_is_proved_as_its_path(folded: Fold, tmp_path
         arrays["joint_angles_rad"][5, 5] += 1e-9
 
     found = foldback_check.check(rewrite(plan, tmp_path / "plan.npz", other))
-    assert "digest" in found["reason"]
+    assert "digest" in str(found["reason"])
 
 
 def random_motion(random: np.random.Generator, kind: Any, modules: int) -> Array:
@@ -246,7 +246,8 @@ def test_files_that_are_no_plans_exit_with_two(tmp_path: FilePath, capsys: Any) 
 
 def test_rounding_bound_covers_what_double_precision_loses() -> None:
     random = np.random.default_rng(3)
-    for told in (foldback_check.CUBE, foldback_check.TETRAHEDRON):
+    modules: tuple[Any, ...] = (foldback_check.CUBE, foldback_check.TETRAHEDRON)
+    for told in modules:
         module = foldback_check.Module(told, SIZE)
         count, hinges = 200, len(module.names)
         q = random.uniform(-1.5, 1.5, (count - 1, hinges, 1))
