@@ -53,6 +53,7 @@ from server.ops.readiness import Readiness
 from server.pages import (
     fold,
     gallery,
+    kiosk,
     landing,
     oembed,
     paper,
@@ -101,6 +102,7 @@ ROUTERS: Final = (
     static,
     paper,
     gallery,
+    kiosk,
     frames,
     share,
     oembed,
