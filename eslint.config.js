@@ -3,7 +3,7 @@ import js from "@eslint/js";
 
 export default [
   { ignores: [".venv/", "data/", "out/"] },
-  { files: ["web/static/js/**/*.js", "tests/web/js/*.js"], ...js.configs.recommended },
+  { files: ["web/static/**/*.js", "tests/web/js/*.js"], ...js.configs.recommended },
   {
     rules: {
       "no-undef": "off",

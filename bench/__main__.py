@@ -26,6 +26,7 @@ from bench.service.kiosk import kiosk
 from bench.service.movies import movies
 from bench.service.remaining import remaining
 from bench.service.sites import sites
+from bench.service.tours import tours
 from bench.service.views import views
 from bench.service.weights import weights
 from bench.smoothing import smoothing
@@ -73,6 +74,7 @@ SECTIONS = {
     "movies": movies,
     "remaining": remaining,
     "sites": sites,
+    "tours": tours,
     "weights": weights,
     "views": views,
     "direct": direct,

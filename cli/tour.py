@@ -13,8 +13,8 @@ from rich.table import Table
 from cli.inputs import read_plan, refuse
 from cli.options import AsJson, FoldDirectory
 from planner.errors import InputError, TimelineError
-from planner.file_names import TIMELINE
-from planner.files import write_whole
+from planner.file_names import TIMELINE, TOUR
+from planner.files import json_of, write_whole
 from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import result, stored_moments
 from planner.pipeline.workspace import Workspace
@@ -32,7 +32,7 @@ def tour(
 ) -> None:
     """Draft a tour of a fold: a caption for each frame that matters most."""
     try:
-        found = _drafted(directory)
+        found = drafted(directory)
         if out is not None:
             _write(out, found)
     except (InputError, TimelineError) as error:
@@ -48,7 +48,15 @@ def tour(
     Console(highlight=False).print(table)
 
 
-def _drafted(directory: Path) -> Tour:
+def stored_tour(directory: Path) -> Tour | None:
+    """Return the tour in a fold's directory; None if there is none, or none that is right."""
+    try:
+        return Tour.from_dict(json_of(directory / TOUR))
+    except InputError:
+        return None
+
+
+def drafted(directory: Path) -> Tour:
     """Return the draft of a fold's directory.
 
     Raises:

@@ -42,7 +42,9 @@ The image also contains Debian packages; their licences are in `/usr/share/doc`.
 FFmpeg with x264, which foldback starts as a program of its own to encode MP4 movies. Debian's build
 is under the GNU General Public License, version 2 or later: if you distribute the image, you
 distribute FFmpeg under that licence. Its source is the Debian source package `ffmpeg`. `make run`
-installs no FFmpeg. The extra `foldback[movies]` installs a build under the GNU General Public
+installs no FFmpeg. Texts in pictures are set in a part of DejaVu Sans
+(`web/pictures/dejavu-sans.ttf`), whose licence, a permissive one of Bitstream and Tavmjong Bah, is
+in the file itself. The extra `foldback[movies]` installs a build under the GNU General Public
 License, version 3 or later. The extra `foldback[ipctk]` installs the IPC Toolkit, under the MIT
 licence.
 

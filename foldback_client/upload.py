@@ -57,6 +57,7 @@ class MovieOptions(TypedDict, total=False):
     theme: Literal["light", "dark"]
     first_frame: int
     last_frame: int
+    tour: bool
 
 
 def form_of(options: Any, known: type[Any], shape: str | None) -> dict[str, str]:

@@ -37,6 +37,7 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up_paths import WARM_UP_CELLS, warm_up_chains, warm_up_paths
 from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
 from planner.plan.shape_files import write_path
 from planner.progress import Progress, Report, silent
 from planner.robot.retiming import retime
@@ -68,14 +69,8 @@ def warm_up(
         directory: Directory of the locks; beside the compiled kernels if None.
     """
     place = _locks_in(directory)
-    with Compiling(progress, lock=CompilingLock(place / FIRST_LOCK)) as compiling:
-        chain = warm_up_chains()
-        with motions_beside(place, compiling) if compiling.told and cores() > 1 else nullcontext():
-            warm_up_clearance(chain)
-        warm_up_motions(chain)
-        with TemporaryDirectory() as folder:  # figures are only made of what is written
-            plan = fold(Path.from_cells(list(WARM_UP_CELLS), name="warm-up"), directory=folder)
-    if soon and compiling.told:
+    plan, compiled = warm_up_folding(progress, directory=directory)
+    if soon and compiled:
         beside("all", place)
         return
     with Compiling(progress, lock=CompilingLock(place / REST_LOCK)):
@@ -87,6 +82,29 @@ def warm_up(
         _explode_as_published()
         _peel()
         warm_up_paths()
+
+
+def warm_up_folding(
+    progress: Report = silent, *, directory: FilePath | None = None
+) -> tuple[Plan, bool]:
+    """Fold a path, so that the kernels of a fold are compiled and loaded.
+
+    Args:
+        progress: Called with ``COMPILING`` and a fraction whenever a kernel was compiled.
+        directory: Directory of the locks; beside the compiled kernels if None.
+
+    Returns:
+        The plan, and True if a kernel had to be compiled.
+    """
+    place = _locks_in(directory)
+    with Compiling(progress, lock=CompilingLock(place / FIRST_LOCK)) as compiling:
+        chain = warm_up_chains()
+        with motions_beside(place, compiling) if compiling.told and cores() > 1 else nullcontext():
+            warm_up_clearance(chain)
+        warm_up_motions(chain)
+        with TemporaryDirectory() as folder:  # figures are only made of what is written
+            plan = fold(Path.from_cells(list(WARM_UP_CELLS), name="warm-up"), directory=folder)
+    return plan, compiling.told
 
 
 def warm_up_clearance(chain: Chain) -> None:

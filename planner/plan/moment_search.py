@@ -38,6 +38,9 @@ knotted. Larger values take more time. Chosen."""
 OVERLAP_PITCH: Final = 1e-6
 """Overlap of two modules, in pitches, from which on they collide: smaller ones are rounding.
 Chosen."""
+SUM_WEIGHT: Final = 1000.0
+"""Weight of the equation that makes coefficients of a convex combination sum to 1, in pitches. The
+error of a distance is its third power divided by the square of this. Chosen."""
 CHUNK_POSES: Final = 2**15
 """Number of modules' poses that are computed at once, over all frames. Larger values take more
 memory. Chosen."""
@@ -98,8 +101,15 @@ class _Folding:
         """Return the first contact of modules that are not near each other in the chain."""
         most = MAX_MEETING_MODULES // len(self.chain)
         for start, poses in self._poses(self.first, min(self.end, self.first + most)):
-            if met := self._closest(poses, CONTACT_LINKS, CONTACT_PITCH):
-                return Meeting(frame=start + met[0], modules=met[1])
+            clearance, _ = self._clearances(poses, CONTACT_LINKS, CONTACT_PITCH)
+            # The gap along a separating axis is at most the distance, so these may have met.
+            for row in np.flatnonzero((clearance < CONTACT_PITCH).any(axis=1)):
+                near = np.flatnonzero(clearance[row] < CONTACT_PITCH)
+                pairs = [(i, j) for i in near for j in near if j - i >= CONTACT_LINKS]
+                distances = [self._distance(poses, int(row), i, j) for i, j in pairs]
+                if min(distances, default=CONTACT_PITCH) < CONTACT_PITCH:
+                    one, other = pairs[int(np.argmin(distances))]
+                    return Meeting(frame=start + int(row), modules=(int(one), int(other)))
         return None
 
     def direct(self) -> tuple[Meeting | None, int | None]:
@@ -147,14 +157,7 @@ class _Folding:
         self, poses: Poses, links: int, below: float
     ) -> tuple[int, tuple[int, int]] | None:
         """Return the first of some configurations with a clearance below, and its closest pair."""
-        module = self.chain.module
-        shape = poses.positions.shape[:2]
-        clearance, nearest = np.empty(shape, np.float32), np.empty(shape, np.int32)
-        solid = Solid(module.hull, float(self.size), module.inner_radius)
-        cutoff = max(below, 0.0)
-        module_clearances(
-            poses.positions, poses.rotations, solid, links, cutoff, clearance, nearest
-        )
+        clearance, nearest = self._clearances(poses, links, max(below, 0.0))
         found = np.flatnonzero((clearance < below).any(axis=1))
         if not len(found):
             return None
@@ -162,6 +165,31 @@ class _Folding:
         one = int(clearance[row].argmin())
         other = int(nearest[row, one])
         return row, (min(one, other), max(one, other))
+
+    def _clearances(
+        self, poses: Poses, links: int, cutoff: float
+    ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Return the (F, n) gap of each module along its best separating axis, and to which."""
+        module = self.chain.module
+        shape = poses.positions.shape[:2]
+        clearance, nearest = np.empty(shape, np.float32), np.empty(shape, np.int32)
+        solid = Solid(module.hull, float(self.size), module.inner_radius)
+        module_clearances(
+            poses.positions, poses.rotations, solid, links, cutoff, clearance, nearest
+        )
+        return clearance, nearest
+
+    def _distance(self, poses: Poses, row: int, one: int, other: int) -> float:
+        """Return the distance of two modules: that of the hull of all differences from zero."""
+        from scipy.optimize import nnls  # late: pages start without it
+
+        corners = self.chain.module.vertices * self.size
+        a, b = (poses.positions[row, k] + corners @ poses.rotations[row, k].T for k in (one, other))
+        differences = (a[:, None] - b[None]).reshape(-1, 3)
+        # Nonnegative weights of the nearest point; the last equation makes their sum 1.
+        equations = np.vstack([differences.T, np.full(len(differences), SUM_WEIGHT)])
+        weights, _ = nnls(equations, np.array([0.0, 0.0, 0.0, SUM_WEIGHT]))
+        return float(np.linalg.norm(differences.T @ weights) / weights.sum())
 
     def _folded_by(self, share: float) -> int:
         """Return the frame at which the chain is folded by nearly this share of all turns."""

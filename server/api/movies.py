@@ -14,6 +14,7 @@ from planner.verification.integrity import check
 from server.api.folds import Here, problems
 from server.api.owners import AnyClaim, OptionalOwner, not_owner
 from server.api.schemas import Fault
+from server.api.tours import tour_of
 from server.errors import Conflict, Unusable
 from server.http.downloads import download
 from server.jobs.movies import MovieState
@@ -55,6 +56,10 @@ class MovieOptions(BaseModel):
         description=(
             "Last frame. Default: the last frame. A frame before `first` plays backwards."
         ),
+    )
+    tour: bool = Field(
+        default=False,
+        description="True: rest at the stops of the fold's tour and show their captions.",
     )
 
 
@@ -125,8 +130,10 @@ def post_movie(
 
     Movies requested by the fold's owner, with the owner token, are not replaced by those of others.
     """
+    found = context.store.find(fold_id)
+    tour = tour_of(context.store, found) if found is not None and options.tour else None
     try:
-        movie = Movie.of(options.model_dump())
+        movie = Movie.of(options.model_dump(exclude={"tour"}), tour)
     except InputError as error:
         raise Unusable.of(error) from None
     of_owner = context.store.owns(fold_id, claim.owner)

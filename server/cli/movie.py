@@ -18,6 +18,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from cli.inputs import refuse
 from cli.options import AsJson, FoldDirectory, with_parameters
+from cli.tour import drafted, stored_tour
 from planner.errors import InputError
 from planner.file_names import TIMELINE
 from planner.pipeline.fold_layout import result
@@ -60,8 +61,8 @@ def _with_movie_options(command: Callable[..., None]) -> Callable[..., None]:
     )
 
     @wraps(command)
-    def call(*, directory: Path, out: Path, as_json: bool, **options: Any) -> None:
-        command(directory=directory, out=out, options=options, as_json=as_json)
+    def call(*, directory: Path, out: Path, tour: bool, as_json: bool, **options: Any) -> None:
+        command(directory=directory, out=out, tour=tour, options=options, as_json=as_json)
 
     return with_parameters(call, [*own, *added, last])
 
@@ -71,12 +72,16 @@ def movie(
     *,
     directory: FoldDirectory,
     out: Annotated[Path, typer.Option(help="The file to write: .mp4 or .gif.")] = Path("fold.mp4"),
+    tour: Annotated[
+        bool, typer.Option("--tour", help="Rest at the stops of the tour and show its captions.")
+    ] = False,
     options: dict[str, Any],
     as_json: AsJson = False,
 ) -> None:
     """Make a movie of a fold: the straight chain folds into its shape."""
     try:
-        movie = Movie.of({"format": _format_of(out), **options})
+        told = _tour_of(directory) if tour else None
+        movie = Movie.of({"format": _format_of(out), **options}, told)
         _make(movie, _timeline_of(directory), out, on_table=is_on_table(directory))
     except InputError as error:
         refuse(error, as_json)
@@ -88,6 +93,11 @@ def movie(
         print(json.dumps({"file": str(out), "pictures": movie.count, **asdict(movie)}))
     else:
         Console().print(f"{out}: {movie.count} pictures, {megabytes:.1f} MB", markup=False)
+
+
+def _tour_of(directory: Path) -> dict[str, Any]:
+    """Return the tour in a fold's directory, or a draft."""
+    return (stored_tour(directory) or drafted(directory)).as_dict()
 
 
 def _format_of(out: Path) -> str:

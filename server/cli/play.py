@@ -17,18 +17,18 @@ import uvicorn
 from fastapi import FastAPI
 from fastapi.responses import RedirectResponse
 
+from cli.tour import stored_tour
 from planner.certificate.figures import CertificateFigures, FoldSummary
 from planner.certificate.verdict import told_honestly
 from planner.errors import InputError, TimelineError
 from planner.explosion.diagnosis import stuck_of
-from planner.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE, TOUR
+from planner.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE
 from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.workspace import Workspace
-from planner.plan.tour import Tour
 from server.api import frames as timelines
 from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
@@ -54,10 +54,8 @@ class FolderStore:
     def tour(self, fold_id: str) -> dict[str, Any] | None:
         """Return the tour in the directory; None if there is none, or none that is right."""
         del fold_id
-        try:
-            return Tour.from_dict(json_of(self._directory / TOUR)).as_dict()
-        except InputError:
-            return None
+        tour = stored_tour(self._directory)
+        return None if tour is None else tour.as_dict()
 
     def fold(self, fold_id: str) -> ShownFold:
         """Return the facts of the fold."""

@@ -25,7 +25,8 @@ from server.pages.kiosk import exhibits
 from server.pages.page import rendered
 from server.pages.paper import paper_data, paper_files, paper_values
 from server.pages.share import standalone_page
-from web.static_files import STATIC
+from server.pages.static import ELEMENT
+from web.static_files import STATIC, code_of
 from web.timeline.view import TimelineView
 from web.viser.client import client
 from web.viser.standalone import (
@@ -154,6 +155,7 @@ def _fold_page(site: Site, fold: Found) -> bytes:
 def _shared_files(site: Site) -> None:
     """Write all files that pages refer to besides pages."""
     site.write(VIEW_FILE, client().html)
+    site.write(ELEMENT, code_of(ELEMENT))
     for name in sorted(site.asked):
         folder, _, rest = name.partition("/")
         if name == SCRIPTS_FILE:

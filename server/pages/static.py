@@ -21,6 +21,14 @@ router = APIRouter(include_in_schema=False)
 IMMUTABLE_CACHE_CONTROL: Final = "public, max-age=31536000, immutable"
 """Value of the header ``Cache-Control`` for files whose content never changes under their address:
 browsers need not ask for them again for a year (RFC 8246)."""
+ELEMENT: Final = "foldback-fold.js"
+"""Custom element with which pages of other sites show folds."""
+ELEMENT_HEADERS: Final = {
+    "Access-Control-Allow-Origin": "*",
+    "Cross-Origin-Resource-Policy": "cross-origin",
+    "Cache-Control": "public, max-age=86400",
+}
+"""Headers with which pages of other sites may load it, and keep it for a day."""
 SWAGGER_FILES: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
 """Files of the package ``fastapi_offline`` that this service offers as static files, for the API
 documentation without internet access."""
@@ -85,6 +93,8 @@ async def static_file(request: Request, name: str) -> Response:
         name = versioned[2]
         if versioned[1] == scripts_version():
             headers["Cache-Control"] = IMMUTABLE_CACHE_CONTROL
+    if name == ELEMENT:
+        headers |= ELEMENT_HEADERS
     found = _static(name) if name in _paths() else None
     if found is None:
         return Response("not found", status_code=404, media_type="text/plain")

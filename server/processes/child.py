@@ -38,6 +38,7 @@ COMPUTING_LIBRARIES: Final = (
     "mujoco",
     "scipy.interpolate",
     "scipy.ndimage",
+    "scipy.optimize",
     "scipy.sparse.csgraph",
 )
 """Libraries that the planner imports with its first computation. Processes that compute import them

@@ -211,6 +211,10 @@ def _tasks(
             )
     if warm and len(tasks) > 1 and compiling.told:
         beside("all", directory)
+    if "stages" in tasks and not warm:  # else each fold would load its kernels, for 1.5 s
+        from planner.pipeline.warm_up import warm_up_folding
+
+        warm_up_folding(requests.progress, directory=directory)
     return tasks
 
 

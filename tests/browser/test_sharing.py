@@ -12,10 +12,12 @@ from PIL import Image
 from playwright.sync_api import Page, expect
 
 from planner.plan.plan import Plan
-from tests.browser.conftest import Visit, picture, seek, visits
+from tests.browser.conftest import NO_WEBGL, Visit, picture, seek, visits
 from tests.server.service import SNAKE, Service
 from tests.web.blog import Blog
+from web.static_files import STATIC
 
+EXAMPLE = Path(__file__).parents[2] / "examples" / "embedding.html"
 DRAWN = "() => !window.foldback.player.sketch.waiting"
 """Whether the page's own drawing, which comes before the 3D view, has come."""
 
@@ -64,6 +66,52 @@ def test_fold_is_embedded_in_another_site(visit: Visit, blog: Blog, wrench: str)
     with reader.expect_console_message(lambda said: "frame-ancestors" in said.text):
         reader.reload()
     expect(reader.frame_locator("iframe").locator("#bar")).to_have_count(0)
+
+
+@pytest.mark.parametrize("kind", ["service", "file"])
+def test_element_shows_a_fold_and_does_what_it_is_told(
+    visit: Visit, blog: Blog, service: Service, wrench: str, tmp_path: Path, kind: str
+) -> None:
+    example, origin = EXAMPLE.read_text(), service.http.base_url
+    if kind == "service":
+        script = f"{origin}/static/foldback-fold.js"
+        blog.html = example.replace('src="foldback-fold.js"', f'src="{script}"')
+        address = f"{blog.origin}/?src={origin}/folds/{wrench}"
+    else:
+        (tmp_path / EXAMPLE.name).write_text(example)
+        (tmp_path / "foldback-fold.js").write_bytes((STATIC / "foldback-fold.js").read_bytes())
+        alone = service.http.get(f"/folds/{wrench}/standalone.html").content
+        (tmp_path / "fold.html").write_bytes(alone)
+        address = (tmp_path / EXAMPLE.name).as_uri()
+    page = visit(address, script=NO_WEBGL)
+    small, driven = page.locator("#small iframe"), page.locator("#driven iframe")
+    expect(small.content_frame.locator("html")).to_have_attribute("data-theme", "dark")
+    expect(small.content_frame.locator("#bar")).to_be_hidden()
+    expect(page.locator("#toured iframe").content_frame.locator(".tour-caption")).to_be_visible()
+    expect(driven).to_have_attribute("title", re.compile("wrench"))
+    expect(driven).to_have_attribute("sandbox", re.compile("^allow-scripts "))
+
+    now, last = page.locator("#now"), int(page.locator("#frame").get_attribute("max") or 0)
+    page.locator("#frame").fill("30")
+    expect(now).to_have_text(f"Frame 30 of {last}")
+    page.evaluate(
+        "() => { driven.setAttribute('controls', ''); driven.setAttribute('tour', '2'); }"
+    )
+    expect(driven.content_frame.locator("#bar")).to_be_visible()
+    expect(driven.content_frame.locator(".tour-count")).to_have_text(re.compile("^2 of"))
+    page.evaluate("() => driven.setAttribute('tour', '0')")
+    page.locator("#frame").fill(str(last - 1))
+    page.locator("#play").click()
+    expect(now).to_have_text("Folded")
+    # A page that is not the frame's is not heard; what is no fold is said.
+    page.evaluate("() => postMessage({ foldback: 'state', frame: 7, frames: 9 }, '*')")
+    assert page.evaluate("() => driven.currentFrame") == last
+    page.evaluate("() => driven.setAttribute('src', 'javascript:document.title = 1')")
+    expect(page.locator("#driven [role=alert]")).to_have_text(re.compile("expected the address"))
+    if kind == "service":
+        return
+    page.evaluate("() => driven.setAttribute('src', 'missing.html')")
+    expect(page.locator("#driven [role=alert]")).to_have_text(re.compile("^No fold answers"))
 
 
 def test_tour_is_played_edited_and_kept(visit: Visit, service: Service) -> None:

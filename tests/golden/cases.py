@@ -131,8 +131,10 @@ CASES: Final = {
     "smooth": Case(data=_square, begin=_begin_smooth),
     "prefer-time": Case(data=_hook, request=FoldRequest(prefer="time", strategy="simultaneous")),
     "mesh": Case(data=_mesh, request=FoldRequest(filename="block.stl", modules=12)),
-    "knot": Case(data=_knot, request=FoldRequest(strategy="peel")),
-    "too-large": Case(data=_square, request=FoldRequest(module_size=1.0, strategy="simultaneous")),
+    "knot": Case(data=_knot, request=FoldRequest(strategy="peel"), long=True),
+    "too-large": Case(
+        data=_square, request=FoldRequest(module_size=1.0, strategy="simultaneous"), long=True
+    ),
     "table-free": Case(
         data=lambda: TILE,
         request=FoldRequest(world="table", as_voxels=True, settings="table_friction=0.1"),

@@ -21,9 +21,10 @@ from web.movies.encoding import (
     find_ffmpeg,
     open_encoder,
 )
-from web.movies.make_movie import frame_numbers, make_movie
+from web.movies.make_movie import make_movie, schedule
 from web.movies.movie import Movie
 from web.movies.renderer import NoGLError, Stage
+from web.pictures.caption import caption_strip
 from web.pictures.lighting import TABLE_THEMES, THEMES
 from web.timeline.view import TimelineView
 
@@ -123,14 +124,74 @@ def test_cancelled_movie_leaves_only_its_own_file(
 
 def test_frames_rest_at_both_ends_and_go_from_straight_to_folded(timeline_path: Path) -> None:
     film = TimelineView(timeline_path)
-    numbers = frame_numbers(film, Movie.of({"seconds": 10}))
+    numbers, _ = schedule(film, Movie.of({"seconds": 10}))
     assert (numbers[0], numbers[-1]) == (100, 199)  # the playback, as it has 100 of 200 frames
     assert (numbers == 100).sum() > 8 and (numbers == 199).sum() > 30
     steps = np.diff(numbers[20:-45])
     assert steps == pytest.approx(steps[0])
-    backwards = frame_numbers(film, Movie.of({"first_frame": 50, "last_frame": 0}))
+    backwards, _ = schedule(film, Movie.of({"first_frame": 50, "last_frame": 0}))
     assert (backwards[0], backwards[-1]) == (50, 0)
-    assert list(frame_numbers(film, Movie.of({"seconds": 0.1, "fps": 1}))) == [100]
+    assert list(schedule(film, Movie.of({"seconds": 0.1, "fps": 1}))[0]) == [100]
+
+
+TOUR = {
+    "format": "foldback-tour/1",
+    "title": "Wrench",
+    "stops": [
+        {"caption": "Done.", "frame": 200, "modules": [1]},
+        {"caption": "Not in this part.", "frame": 3},
+        {"caption": "The tightest place – 4.9 % of a width in Brücke. " * 2, "frame": 151},
+    ],
+}
+
+
+def test_movie_of_a_tour_rests_at_its_stops_for_as_long_as_reading_takes(
+    timeline_path: Path,
+) -> None:
+    movie = Movie.of({}, TOUR)
+    assert [stop.frame for stop in movie.stops] == [2, 150, 199]
+    assert movie.seconds > 10 + len(TOUR["stops"][2]["caption"]) / 17
+    frames, shown = schedule(TimelineView(timeline_path), movie)
+    rests = [sum(stop is not None and stop.frame == f for stop in shown) for f in (2, 150, 199)]
+    assert rests[0] == 0 and rests[1] > rests[2] > 1.5 * movie.fps
+    assert (frames == 150).sum() >= movie.stops[1].reading_s * movie.fps - 1
+    assert (np.diff(frames) >= 0).all() and (frames[0], frames[-1]) == (100, 199)
+    assert shown[0] is None and [s for s in shown if s][0].frame == 150
+    hurried, _ = schedule(TimelineView(timeline_path), Movie.of({"seconds": 3}, TOUR))
+    assert (np.diff(hurried) > 0).mean() > 0.15  # it moves all the same
+
+
+def test_movie_shows_captions_and_highlights_their_modules(
+    timeline_path: Path, tmp_path: Path, backend: str
+) -> None:
+    plain = Movie.of({**SMALL, "first_frame": 198})
+    pictures = []
+    for movie in (plain, Movie.of({**SMALL, "first_frame": 198}, TOUR)):
+        out = tmp_path / f"{len(pictures)}.mp4"
+        make_movie(
+            timeline_path,
+            movie,
+            out,
+            backend=backend,
+            progress=lambda _: None,
+            cancelled=lambda: False,
+        )
+        pictures.append(read(out)[1][-1].astype(int))
+    without, captioned = pictures
+    strip = caption_strip("Done.", width=320, height=180, dark=False)
+    changed = np.abs(captioned - without).max(axis=2) > 60
+    assert changed[-strip.height :].sum() > 20  # letters
+    blue = captioned[..., 2] - captioned[..., 0] > 60
+    assert blue[: -strip.height].sum() > 10 and not (without[..., 2] - without[..., 0] > 60).any()
+
+
+def test_captions_fit_the_picture_and_leave_out_unknown_letters() -> None:
+    short = caption_strip("Brücke × 2", width=320, height=180, dark=True)
+    assert short.height < 40
+    for text in ("word " * 60, "x" * 300):
+        assert caption_strip(text, width=320, height=180, dark=True).height <= 75
+    with_unknown = caption_strip("Brücke 日本 × 2", width=320, height=180, dark=True)
+    assert with_unknown.tobytes() == short.tobytes()
 
 
 WRONG: tuple[dict[str, Any], ...] = (
@@ -150,7 +211,7 @@ def test_wrong_options_and_frames_are_refused_by_name(timeline_path: Path) -> No
         assert (refusal.value.code, refusal.value.where) == ("bad-movie", [*options][-1])
     for frame in (-1, 200):
         with pytest.raises(InputError, match="200 frames") as refusal:
-            frame_numbers(TimelineView(timeline_path), Movie.of({"last_frame": frame}))
+            schedule(TimelineView(timeline_path), Movie.of({"last_frame": frame}))
         assert refusal.value.where == "last_frame"
 
 

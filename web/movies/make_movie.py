@@ -5,26 +5,32 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from web.movies.encoding import find_ffmpeg, open_encoder
-from web.movies.movie import Movie
+from web.movies.movie import Movie, MovieStop
 from web.movies.renderer import Shot, Stage
 from web.pictures.camera import few_points
 from web.pictures.camera_path import CameraPath, camera_path
-from web.pictures.colours import error_colours
+from web.pictures.colours import SELECTED_RGB, error_colours
 from web.pictures.lighting import TABLE_THEMES, THEMES
 from web.pictures.visible import MAX_FULLY_DRAWN_MODULES, visible_modules
 from web.timeline.view import Snapshot, TimelineView
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 Array = NDArray[np.float64]
 
 STILL_S: Final = ((0.4, 0.05), (1.2, 0.15))
 """Time without motion at the beginning and at the end of a movie: (duration in s, largest fraction
 of the movie's duration). Larger values leave less time for the motion. Chosen."""
+MAX_READING: Final = 0.6
+"""Largest fraction of a movie's duration that it rests at the stops of a tour. A larger value
+leaves more time to read, and the chain moves faster in between. Chosen."""
 
 
 def make_movie(
@@ -61,7 +67,8 @@ def make_movie(
     if movie.format == "mp4":
         find_ffmpeg()  # before the drawing starts, which takes seconds
     timeline = TimelineView(directory)
-    frames = frame_numbers(timeline, movie)
+    frames, stops = schedule(timeline, movie)
+    strips: dict[str, Image.Image] = {}
     with Stage(
         timeline.chain.module,
         min(len(timeline.chain), MAX_FULLY_DRAWN_MODULES),
@@ -78,33 +85,82 @@ def make_movie(
                 if cancelled():
                     return False
                 snapshot = timeline.snapshot(float(frame))
-                encoder.add(stage.draw(_shot(timeline, snapshot, path, k)))
+                picture = stage.draw(_shot(timeline, snapshot, path, k, stops[k]))
+                encoder.add(_captioned(picture, stops[k], movie, strips))
                 progress(k + 1)
     return True
 
 
-def frame_numbers(timeline: TimelineView, movie: Movie) -> Array:
-    """Return (K,) the frame of the timeline that each picture shows, not whole between two.
+def schedule(timeline: TimelineView, movie: Movie) -> tuple[Array, list[MovieStop | None]]:
+    """Return the frame of the timeline and the stop of the tour that each picture shows.
 
-    The movie rests a moment at both ends, so that the eye has time for them.
+    The movie rests for a moment at both ends and at each stop, and moves evenly in between.
+
+    Returns:
+        (K,) frames, not whole between two, and K stops: None before the first one.
     """
     phases = timeline.outline(1)["phases"]
     playback = next((p["from"] for p in phases if p["name"] == "playback"), 0)
     first, last = movie.frames(len(timeline), playback)
-    still = [min(seconds, share * movie.seconds) * movie.fps for seconds, share in STILL_S]
-    moving = max(movie.count - 1 - sum(still), 1e-9)
-    share = np.clip((np.arange(movie.count) - still[0]) / moving, 0.0, 1.0)
-    return np.asarray(first + (last - first) * share, np.float64)
+    stops = [stop for stop in movie.stops if min(first, last) <= stop.frame <= max(first, last)]
+    if first > last:
+        stops.reverse()
+    begin, end = (min(seconds, share * movie.seconds) for seconds, share in STILL_S)
+    reading = np.array([stop.reading_s for stop in stops])
+    if stops:
+        reading *= min(1.0, MAX_READING * movie.seconds / reading.sum())
+    at = np.array([first, *(stop.frame for stop in stops), last], np.float64)
+    rests = np.array([begin, *reading, end])
+    # Pictures are shown from t = 0 to `shown`; what the rests leave is shared out by distance.
+    shown = (movie.count - 1) / movie.fps
+    moving = max(shown - float(rests.sum()), 1e-9)
+    way = np.abs(np.diff(at, prepend=first)).cumsum()
+    arrivals = moving * way / max(float(way[-1]), 1e-9) + rests.cumsum() - rests
+    knots = np.column_stack([arrivals, arrivals + rests]).ravel()
+    times = np.arange(movie.count) / movie.fps
+    reached = np.searchsorted(arrivals[1:-1], times + 1e-9, side="right")
+    return np.interp(times, knots, at.repeat(2)), [stops[k - 1] if k else None for k in reached]
 
 
-def _shot(timeline: TimelineView, snapshot: Snapshot, path: CameraPath, k: int) -> Shot:
+def _captioned(
+    picture: NDArray[np.uint8],
+    stop: MovieStop | None,
+    movie: Movie,
+    strips: dict[str, Image.Image],
+) -> NDArray[np.uint8]:
+    """Return a picture with the caption of a stop; ``strips`` keeps those that are drawn."""
+    if stop is None:
+        return picture
+    from PIL import Image  # only movies with captions need it
+
+    from web.pictures.caption import caption_strip
+
+    if stop.caption not in strips:
+        strips[stop.caption] = caption_strip(
+            stop.caption, width=movie.width, height=movie.height, dark=movie.theme == "dark"
+        )
+    strip, whole = strips[stop.caption], Image.fromarray(picture)
+    whole.paste(strip, (0, movie.height - strip.height), strip)
+    return np.asarray(whole)
+
+
+def _shot(
+    timeline: TimelineView,
+    snapshot: Snapshot,
+    path: CameraPath,
+    k: int,
+    stop: MovieStop | None,
+) -> Shot:
     view = path.views[k]
     drawn = visible_modules(snapshot.positions, timeline.chain.module, target=view.target)
     poses = np.concatenate([snapshot.positions, snapshot.wxyzs], axis=1).astype(np.float64)
+    colours = error_colours(snapshot.module_error_rad, timeline.error_scale_rad)
+    if stop is not None:
+        colours[[module for module in stop.modules if module < len(colours)]] = SELECTED_RGB
     return Shot(
         positions=poses[drawn, :3],
         wxyzs=poses[drawn, 3:],
-        colours=error_colours(snapshot.module_error_rad[drawn], timeline.error_scale_rad),
+        colours=colours[drawn],
         ends=poses[[0, -1]],
         view=view,
         ground=float(path.grounds[k]),

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, Self
 
 from planner.errors import InputError
 from planner.parameters.option import key_of_options
+from planner.plan.tour import Tour
 
 Format = Literal["mp4", "gif"]
 Theme = Literal["light", "dark"]
@@ -40,6 +42,31 @@ is undefined. Chosen."""
 MAX_TURN_DEG: Final = 720.0
 """Maximum angle by which a movie's camera may orbit around the chain, in degrees in either
 direction. A larger value permits faster orbits. Chosen."""
+READING_CHARS_PER_S: Final = 17.0
+"""Reading speed, in characters per s: the usual limit for subtitles. With a smaller value a movie
+rests for longer at the stops of a tour."""
+MIN_READING_S: Final = 1.5
+"""Shortest rest of a movie at a stop of a tour, in s. Chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class MovieStop:
+    """A stop of a tour in a movie.
+
+    Attributes:
+        frame: Frame of the timeline, from 0.
+        caption: The text that is shown from there on.
+        modules: Modules that are highlighted with it, from 0.
+    """
+
+    frame: int
+    caption: str
+    modules: tuple[int, ...] = ()
+
+    @property
+    def reading_s(self) -> float:
+        """Time that it takes to read the caption, s."""
+        return max(MIN_READING_S, len(self.caption) / READING_CHARS_PER_S)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +86,7 @@ class Movie:
         first_frame: Frame of the timeline to begin with; of the playback's first when None.
         last_frame: Frame to end with; the timeline's last when None. Before the first one, it runs
             backwards.
+        stops: Stops of a tour, in the order of their frames; the movie rests at each.
     """
 
     format: Format = "mp4"
@@ -72,17 +100,32 @@ class Movie:
     theme: Theme = "light"
     first_frame: int | None = None
     last_frame: int | None = None
+    stops: tuple[MovieStop, ...] = ()
 
     @classmethod
-    def of(cls, options: dict[str, Any]) -> Self:
+    def of(cls, options: Mapping[str, Any], tour: Mapping[str, Any] | None = None) -> Self:
         """Return a movie with what was wished for, the rest as is plain for its format.
+
+        Args:
+            options: Fields of the movie.
+            tour: Tour whose captions it shows. Unless given, the duration leaves time to read them.
 
         Raises:
             InputError: When it is beyond the bounds.
         """
         given = {name: value for name, value in options.items() if value is not None}
         plain = DEFAULT_OPTIONS.get(str(given.get("format", "mp4")), DEFAULT_OPTIONS["mp4"])
+        given["stops"] = tuple(
+            MovieStop(stop["frame"], stop["caption"], tuple(stop["modules"]))
+            for stop in given.get("stops", ())
+        )
         movie = cls(**{**plain, **given})  # pyright: ignore[reportArgumentType]
+        if tour is not None:
+            movie = replace(movie, stops=_stops(Tour.from_dict(tour)))
+            if "seconds" not in given:
+                needed = movie.seconds + sum(stop.reading_s for stop in movie.stops)
+                longest = MAX_MOVIE_S.get(movie.format, needed)
+                movie = replace(movie, seconds=min(round(needed), longest))
         movie.check()
         return movie
 
@@ -140,6 +183,15 @@ class Movie:
         for name, frame in (("first_frame", first), ("last_frame", last)):
             _within(name, frame, 0, total - 1, f" of {total} frames, counted from 0")
         return first, last
+
+
+def _stops(tour: Tour) -> tuple[MovieStop, ...]:
+    """Return the stops of a tour in the order of their frames; tours count from 1."""
+    stops = (
+        MovieStop(stop.frame - 1, stop.caption, tuple(module - 1 for module in stop.modules))
+        for stop in tour.stops
+    )
+    return tuple(sorted(stops, key=lambda stop: stop.frame))
 
 
 def _one_of(name: str, value: object, choices: tuple[str, ...]) -> None:

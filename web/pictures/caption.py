@@ -1,8 +1,10 @@
-"""Caption: the name and the verdict of a fold, written into its social picture."""
+"""Caption: texts that are written into pictures of a fold."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Final
 
 from PIL import Image, ImageDraw, ImageFont
@@ -12,6 +14,7 @@ FAILED_RGB: Final = (190, 24, 30)
 DETAIL_RGB: Final = (92, 96, 104)
 TEXT_RGB: Final = (28, 31, 36)
 BAND_RGB: Final = (252, 251, 249)
+DARK_RGB: Final = (24, 26, 30)
 BAND_HEIGHT_PX: Final = 108
 """Height of the caption band at the bottom of a fold's preview picture for social networks, in
 pixels. A larger value hides more of the chain. Chosen."""
@@ -25,6 +28,18 @@ NAME_PX: Final = 44
 """Largest font size of the fold's name in a picture's caption, in pixels; a long name is drawn
 smaller. Chosen."""
 VERDICT_PX: Final = 30
+FONT_FILE: Final = Path(__file__).with_name("dejavu-sans.ttf")
+"""The Latin, Greek and Cyrillic letters of DejaVu Sans, with punctuation and some signs."""
+STRIP_FONT: Final = 1 / 26
+"""Size of a caption's font in a movie, as a fraction of the shorter side. A larger value is easier
+to read and leaves less room for the chain. Chosen."""
+MIN_STRIP_FONT_PX: Final = 11
+"""Smallest size of a caption's font in a movie, in pixels; smaller letters cannot be read."""
+MAX_STRIP_LINES: Final = 4
+"""Maximum number of lines of a caption in a movie; the rest is cut off. Chosen."""
+STRIP_OPACITY: Final = 0.86
+"""Opacity of the strip behind a caption in a movie. A smaller value shows more of the chain, and
+the text is harder to read. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,15 +64,15 @@ def write_caption(picture: Image.Image, caption: Caption) -> None:
     top = height - BAND_HEIGHT_PX
     pen.rectangle((0, top, width, height), fill=BAND_RGB)
     colour = {"good": VERIFIED_RGB, "bad": FAILED_RGB}.get(caption.tone, DETAIL_RGB)
-    verdict = ImageFont.load_default(VERDICT_PX)
+    verdict = _font(VERDICT_PX)
     right = width - SIDE_MARGIN_PX - pen.textlength(caption.verdict, verdict)
     middle = top + BAND_HEIGHT_PX / 2
     pen.text((right, middle), caption.verdict, colour, verdict, anchor="lm")
     _mark(pen, right - 44, middle, 14.0, caption.tone, colour)
-    name = ImageFont.load_default(NAME_PX)
+    name = _font(NAME_PX)
     pen.text(
         (SIDE_MARGIN_PX, middle),
-        _fitting(pen, caption.name, name, right - 80 - SIDE_MARGIN_PX),
+        _fitting(caption.name, name, right - 80 - SIDE_MARGIN_PX),
         TEXT_RGB,
         name,
         "lm",
@@ -72,17 +87,71 @@ def write_caption(picture: Image.Image, caption: Caption) -> None:
     )
 
 
-def _fitting(
-    pen: ImageDraw.ImageDraw,
-    text: str,
-    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
-    width: float,
-) -> str:
+def caption_strip(text: str, *, width: int, height: int, dark: bool) -> Image.Image:
+    """Draw a caption of a movie.
+
+    Args:
+        text: The caption.
+        width: Width of the movie, pixels.
+        height: Its height, pixels.
+        dark: True for light letters on a dark ground.
+
+    Returns:
+        An RGBA picture as wide as the movie that belongs at its lower edge.
+    """
+    size = max(MIN_STRIP_FONT_PX, round(STRIP_FONT * min(width, height)))
+    font, margin, step = _font(size), size, round(1.35 * size)
+    lines = _lines(text, font, width - 2 * margin)
+    paper, ink = (DARK_RGB, BAND_RGB) if dark else (BAND_RGB, TEXT_RGB)
+    tall = len(lines) * step + margin
+    strip = Image.new("RGBA", (width, tall), (*paper, round(255 * STRIP_OPACITY)))
+    pen = ImageDraw.Draw(strip)
+    for k, line in enumerate(lines):
+        pen.text((width / 2, (margin + step) / 2 + k * step), line, (*ink, 255), font, anchor="mm")
+    return strip
+
+
+@cache
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    return ImageFont.truetype(FONT_FILE, size, layout_engine=ImageFont.Layout.BASIC)
+
+
+@cache
+def _drawn(letter: str) -> bytes:
+    """Return the pixels of a letter; those of U+FFFF if the font lacks it."""
+    picture = Image.new("L", (24, 24))
+    ImageDraw.Draw(picture).text((4, 2), letter, 255, _font(16))
+    return picture.tobytes()
+
+
+def _known(text: str) -> str:
+    """Return a text without the letters that the font lacks."""
+    missing = _drawn("\uffff")
+    return " ".join("".join(c for c in text if c == " " or _drawn(c) != missing).split())
+
+
+def _lines(text: str, font: ImageFont.FreeTypeFont, width: float) -> list[str]:
+    """Break a text into lines that fit a width, in pixels."""
+    lines = [""]
+    for word in _known(text).split(" "):
+        longer = f"{lines[-1]} {word}".strip()
+        if font.getlength(longer) <= width:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    lines = [line for line in lines if line]
+    shown = lines[:MAX_STRIP_LINES]
+    if len(lines) > len(shown):
+        shown[-1] += " …"
+    return [_fitting(line, font, width) for line in shown]
+
+
+def _fitting(text: str, font: ImageFont.FreeTypeFont, width: float) -> str:
     """Return as much of a text as has room. Letters that the font lacks are left out."""
-    shown = "".join(c if ord(c) < 0x250 or c in "×–—’“”→" else "" for c in text).strip()
-    if pen.textlength(shown, font) <= width:
+    shown = _known(text)
+    if font.getlength(shown) <= width:
         return shown
-    while shown and pen.textlength(f"{shown}…", font) > width:
+    while shown and font.getlength(f"{shown}…") > width:
         shown = shown[:-1]
     return f"{shown.rstrip()}…"
 

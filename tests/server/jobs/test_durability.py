@@ -117,15 +117,15 @@ def compute(
 
 
 HELD = """
-import sys, time
+import os, sys, time
 from pathlib import Path
 if "server.processes.forking" in sys.orig_argv and Path({!r}).exists():
     from planner.motion.timeline import TimelineWriter
-    flush = TimelineWriter.flush
+    flush, server = TimelineWriter.flush, os.getpid()
 
     def held(self):
         flush(self)
-        while len(self):
+        while len(self) and os.getpid() != server:
             time.sleep(1)
 
     TimelineWriter.flush = held

@@ -63,7 +63,7 @@ def children(service: Service) -> list[psutil.Process]:
 def test_movie_is_requested_made_downloaded_and_deleted(
     service: Service, finished: dict[str, Any]
 ) -> None:
-    answer = service.http.post(f"/api/folds/{finished['id']}/movies", json=SMALL)
+    answer = service.http.post(f"/api/folds/{finished['id']}/movies", json={**SMALL, "tour": True})
     assert answer.status_code == 202
     movie = answer.json()
     assert answer.headers["Location"] == movie["links"]["self"]
@@ -80,8 +80,9 @@ def test_movie_is_requested_made_downloaded_and_deleted(
     part = service.http.get(movie["links"]["file"], headers={"Range": "bytes=4-7"})
     assert (part.status_code, part.content) == (206, b"ftyp")
     # The same options, however they are said, are the same movie, which is there.
-    again = ask(service, finished["id"], **{**SMALL, "format": "mp4", "theme": None})
+    again = ask(service, finished["id"], **{**SMALL, "format": "mp4", "theme": None}, tour=True)
     assert (again["id"], again["status"], again["token"]) == (movie["id"], "ready", None)
+    assert ask(service, finished["id"], **SMALL)["id"] != movie["id"]  # without captions
     assert delete(service, movie) == 204
     assert service.http.get(movie["links"]["self"]).json()["code"] == "no-such-movie"
     assert service.http.get(movie["links"]["file"]).status_code == 404

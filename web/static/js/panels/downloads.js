@@ -72,10 +72,11 @@ export class Downloads {
     const form = element("form", { class: "options" },
       choice("Format", "format", [["mp4", "MP4"], ["gif", "GIF"]]),
       choice("Size", "size", [["1280x720", "1280 × 720"], ["1920x1080", "1920 × 1080"], ["720x1280", "720 × 1280, upright"], ["640x360", "640 × 360"]]),
-      choice("Length", "seconds", [["10", "10 s"], ["6", "6 s"], ["20", "20 s"]]),
+      choice("Length", "seconds", [["", "Automatic"], ["6", "6 s"], ["10", "10 s"], ["20", "20 s"], ["40", "40 s"]]),
       choice("Shows", "part", [["fold", "The fold"], ["all", "Whole timeline"]]),
       choice("Camera", "turn", [["30", "Turns slightly"], ["0", "Stands still"], ["360", "Circles once"]]),
       choice("Ground", "theme", [["light", "Light"], ["dark", "Dark"]]),
+      choice("Captions", "captions", [["", "None"], ["tour", "Those of the tour"]]),
       element("div", { class: "wide" }, element("button", { class: "button", type: "submit" }, "Create movie")));
     const stop = element("button", { class: "button quiet", type: "button", hidden: true }, "Stop");
     const state = element("p", { class: "movie-state", role: "status" });
@@ -88,7 +89,7 @@ export class Downloads {
     };
     form.onsubmit = async (event) => {
       event.preventDefault();
-      const { format, size, seconds, part, turn, theme } = fieldsOf(form);
+      const { format, size, seconds, part, turn, theme, captions } = fieldsOf(form);
       const [width, height] = size.split("x").map(Number);
       const button = /** @type {HTMLButtonElement} */ (form.querySelector("button"));
       button.disabled = true;
@@ -96,7 +97,7 @@ export class Downloads {
       try {
         /** @type {Api.MovieBody} */
         const movie = await ask(`${this.api}/movies`, { token: this.token, body: {
-          format, width, height, seconds: Number(seconds), turn_deg: Number(turn), theme, ...(part === "all" ? { first_frame: 0 } : {}),
+          format, width, height, seconds: seconds ? Number(seconds) : null, turn_deg: Number(turn), theme, ...(part === "all" ? { first_frame: 0 } : {}), tour: captions === "tour",
         } });
         await this.follow(movie, state, bar, stop);
       } catch (error) {

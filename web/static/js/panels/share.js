@@ -2,7 +2,7 @@
 import { file } from "./downloads.js";
 import { Picture } from "./picture.js";
 import { tokenOf } from "../lib/api.js";
-import { at, copyText, get } from "../lib/text.js";
+import { at, copyText, element, get } from "../lib/text.js";
 
 export class Share {
   /**
@@ -25,6 +25,8 @@ export class Share {
     get("share-send").onclick = () => navigator.share({ title: document.title, url: get("share-link").value }).catch(() => {}); // closed again
     get("share-mine").hidden = !tokenOf(facts.id);
     this.embed = facts.embed;
+    get("share-files").append(element("p", { class: "hint" }, "To show the HTML file in a page of your own, put ",
+      element("a", { href: "/static/foldback-fold.js", download: true }, "foldback-fold.js"), " beside it and write ", element("code", {}, '<foldback-fold src="FILE.html"></foldback-fold>'), "."));
   }
 
   // With what there is without a server, once there is something.

@@ -106,10 +106,11 @@ export function view({ source, figures, load, over = true, details = null, play 
     if (!open() && !shown && !player.story.telling && play) player.send({ do: "play" });
   });
   window.foldback = { timeline, player }; // for the console
+  if (window.name === "foldback-fold" && window.parent !== window) import("./guest.js").then(({ answer }) => answer({ player, timeline, open }));
   return { timeline, player, stage, sketch, bar, place, plots };
 }
 
-// Offers the tour of the fold; what comes back opens it where the address says so, and says whether it does.
+// Offers the tour of the fold; what comes back opens it at a stop, or where the address says so, and says whether it does.
 /**
  * @param {Viewed["tour"]} tour
  * @param {import("../player/player.js").Player} player
@@ -119,9 +120,9 @@ function offerTour(tour, player, place) {
   if (!tour) return () => false;
   const touring = later(() => import("../tour/panel.js").then(({ TourPanel }) => new TourPanel({ player, place, calm, ...tour })), tour.toast);
   get("tour").onclick = () => touring(async (panel) => { if (panel.box.hidden) await panel.open({ playing: !calm }); else panel.close(); });
-  const open = () => {
+  const open = (/** @type {number | null} */ asked = null) => {
     get("tour").hidden = false; // there are frames now
-    const { stop, named, frame } = viewIn(location.hash);
+    const { stop, named, frame } = viewIn(asked === null ? location.hash : `#stop=${asked}`);
     if (stop !== null) touring((panel) => panel.open({ stop: stop + 1, view: !named && frame === null }));
     return stop !== null;
   };

@@ -1,0 +1,223 @@
+"""Tours: the gallery's drafts, each sentence compared with the motion and the certificate.
+
+``python -m bench.service.tours [N]`` folds the gallery, or its first N shapes, and drafts a tour of
+each fold. What a sentence says is computed here again: distances by linear programs and the method
+of Frank and Wolfe, figures from ``certificate.json``; only knots by the same test as for paths.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from scipy.optimize import linprog
+
+from bench.machine import machine
+from bench.tables import Section
+from cli.tour import drafted
+from examples.run_gallery import PROCESSES, SHAPES
+from planner.chain.chain import Chain
+from planner.file_names import CERTIFICATE, FIGURES, TIMELINE
+from planner.files import json_of
+from planner.motion.timeline import Timeline
+from planner.pathfinding.knots import knot_of
+from planner.pipeline.fold_layout import result
+from planner.pipeline.request import FoldRequest
+from planner.pipeline.stages import run_stages
+from planner.pipeline.warm_up import warm_up
+from planner.pipeline.workspace import Workspace
+from planner.plan.tour import Stop
+
+Array = NDArray[np.float64]
+MAX_DRAFT_S: Final = 1.0
+"""Seconds in which a tour should be drafted, its moments found again."""
+STRAIGHT_RAD: Final = 1e-9
+"""Largest angle of a joint of a straight chain."""
+
+
+def tours(reference_seconds: float, count: int | None = None) -> Section:
+    """Draft tours of the gallery's folds and check each sentence."""
+    warm_up()
+    paths = sorted(SHAPES.glob("*.json"))[:count]
+    section = Section(name="tours")
+    with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
+        for row in pool.map(_folded_and_told, paths):
+            section.rows.append(row)
+    wrong = [row for row in section.rows if row["wrong"]]
+    stops = sum(row["stops"] for row in section.rows)
+    slowest = max(row["s"] for row in section.rows)
+    section.add("tours drafted", f"{len(section.rows)}, {stops} stops", f"{len(paths)}")
+    section.add("tours with a wrong sentence", str(len(wrong)), "0", not wrong)
+    section.add("slowest draft", f"{slowest:.2f} s", f"≤ {MAX_DRAFT_S:g} s", slowest <= MAX_DRAFT_S)
+    section.add("the same, in reference runs", f"{slowest / reference_seconds:.2f}")
+    return section
+
+
+def _folded_and_told(path: FilePath) -> dict[str, Any]:
+    with tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder:
+        request = FoldRequest(filename=path.name)
+        directory = FilePath(folder)
+        Workspace(directory).write_request(request, path.read_bytes())
+        run_stages(directory)
+        (directory / "moments.json").unlink()  # they are found again, and that is timed
+        begun = time.perf_counter()
+        tour = drafted(directory)
+        seconds = time.perf_counter() - begun
+        fold = _Fold.of(directory)
+        wrong = [stop.caption for stop in tour.stops if not fold.is_true(stop)]
+    return {"shape": path.stem, "stops": len(tour.stops), "wrong": wrong, "s": round(seconds, 3)}
+
+
+@dataclass(frozen=True, slots=True)
+class _Fold:
+    """A finished fold, and what can be said of it."""
+
+    timeline: Timeline
+    chain: Chain
+    certificate: dict[str, Any]
+    figures: FilePath
+
+    @classmethod
+    def of(cls, directory: FilePath) -> _Fold:
+        timeline = Timeline.open(result(directory, TIMELINE))
+        told = json_of(directory / CERTIFICATE)
+        return cls(timeline, timeline.chain, told, result(directory, FIGURES))
+
+    def is_true(self, stop: Stop) -> bool:
+        """Return True if every sentence of a stop is true; False for one that is not known."""
+        checks: dict[str, Callable[[Stop], bool]] = {
+            "The chain is straight": self._straight,
+            "First contact": self._contact,
+            "The tightest place": self._tightest,
+            "Here the chain becomes a knot": self._knot,
+            "The joint between": self._torque,
+            "A simpler way would fail": self._direct,
+            "Done": self._done,
+        }
+        found = next((check for begin, check in checks.items() if stop.caption.startswith(begin)))
+        return found(stop)
+
+    def _straight(self, stop: Stop) -> bool:
+        frame = self.timeline.frames(stop.frame - 1, stop.frame)
+        centres = frame.poses(self.chain).positions[0]
+        steps = np.diff(centres, axis=0)
+        cubes, joints = _numbers(stop.caption)
+        even = np.abs(steps - steps[0]).max() < STRAIGHT_RAD or self.chain.module.name != "cube"
+        return (
+            even
+            and float(np.abs(frame.joint_angles_rad).max()) < STRAIGHT_RAD
+            and (cubes, joints)
+            == (len(self.chain), len(self.chain) - 1 - self.chain.module.rigid_links)
+        )
+
+    def _contact(self, stop: Stop) -> bool:
+        one, other = sorted(stop.modules)
+        at, before = (self._distance(stop.frame - back, one, other) for back in (1, 2))
+        return other - one >= 3 and at < 0.1 <= before + 1e-6
+
+    def _tightest(self, stop: Stop) -> bool:
+        least = self.certificate["min_clearance"]
+        bound = self.certificate["clearance_bound"]
+        told = _numbers(stop.caption)
+        percent, proved = told[2], told[3]
+        one, other = stop.modules
+        return (
+            [one - 1, other - 1] == self.certificate["min_clearance_at"]["modules"]
+            and self._distance(stop.frame - 1, one, other) <= least + 0.05
+            and abs(percent - 100 * least) <= 0.05 * percent + 1e-9
+            and 100 * bound - 0.1 - 1e-9 <= proved <= 100 * bound
+        )
+
+    def _knot(self, stop: Stop) -> bool:
+        frames = [self.timeline.frames(k, k + 1) for k in (stop.frame - 2, stop.frame - 1)]
+        verdicts = [knot_of(each.poses(self.chain).positions[0]).verdict for each in frames]
+        return verdicts == ["unknot", "knotted"]
+
+    def _torque(self, stop: Stop) -> bool:
+        value = self.certificate["peak_torque_nm"]
+        number = re.search(r": ([\d.]+) (\S*)N·m", stop.caption)
+        units = {"": 1.0, "m": 1e-3, "µ": 1e-6, "n": 1e-9}
+        one, other = stop.modules
+        return (
+            number is not None
+            and other == one + 1
+            and abs(float(number[1]) * units[number[2]] - value) <= 0.05 * value
+        )
+
+    def _direct(self, stop: Stop) -> bool:
+        percent = _numbers(stop.caption)[2]
+        one, other = sorted(stop.modules)
+        depths = [
+            self._distance_at(share / 100 * self.chain.folded_rad, one, other)
+            for share in (percent - 1, percent)
+        ]
+        return depths[0] > depths[1] and depths[1] <= 0.0 < percent <= 100
+
+    def _done(self, stop: Stop) -> bool:
+        bound, taken = self.certificate["clearance_bound"], self.certificate["fold_time_s"]
+        told = _numbers(stop.caption.split("erified", 1)[1])
+        return (
+            100 * bound - 0.1 - 1e-9 <= told[0] <= 100 * bound
+            and abs(told[1] - taken) <= 0.05 * taken
+            and stop.frame == len(self.timeline)
+        )
+
+    def _distance(self, frame: int, one: int, other: int) -> float:
+        poses = self.timeline.frames(frame, frame + 1).poses(self.chain)
+        return self._gap(poses.positions[0], poses.rotations[0], one, other)
+
+    def _distance_at(self, angles: Array, one: int, other: int) -> float:
+        upright = np.array([[1.0, 0.0, 0.0, 0.0]])
+        poses = self.chain.poses(angles[None], np.zeros((1, 3)), upright)
+        return self._gap(poses.positions[0], poses.rotations[0], one, other)
+
+    def _gap(self, centres: Array, rotations: Array, one: int, other: int) -> float:
+        """Return the distance of two modules; 0 when they overlap."""
+        size = float(self.certificate.get("module_size", 1.0))
+        hull = self.chain.module.vertices * size
+        a, b = (centres[k - 1] + hull @ rotations[k - 1].T for k in (one, other))
+        return _distance(a, b)
+
+
+def _distance(a: Array, b: Array) -> float:
+    """Return the distance of two convex hulls; 0 when they overlap (an LP finds a common point)."""
+    ones, zeros = np.ones((1, len(a))), np.zeros((1, len(a)))
+    weights = np.block([[a.T, -b.T], [ones, zeros], [zeros, ones]])
+    if linprog(np.zeros(len(a) + len(b)), A_eq=weights, b_eq=[0, 0, 0, 1, 1]).status == 0:
+        return 0.0
+    x = a.mean(axis=0) - b.mean(axis=0)
+    for _ in range(10_000):  # Frank and Wolfe (1956) on |x|² over the difference of the hulls
+        y = a[(a @ x).argmin()] - b[(b @ x).argmax()]
+        way = y - x
+        if float(x @ -way) <= 1e-9:
+            break
+        x = x + way * min(1.0, float(-(x @ way) / (way @ way)))
+    return float(np.linalg.norm(x))
+
+
+def _numbers(text: str) -> list[float]:
+    return [float(found) for found in re.findall(r"\d+(?:\.\d+)?", text)]
+
+
+def main() -> None:
+    """Check the tours of the gallery's first folds."""
+    about = machine()
+    section = tours(about["reference_seconds"], int(sys.argv[1]) if len(sys.argv) > 1 else None)
+    console = Console(width=160)
+    console.print(about)
+    section.show(console)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,47 @@
+// A fold in the frame of a <foldback-fold> element of another page (../../foldback-fold.js): does what its messages say
+// and tells what is shown. Who may frame the page is decided before; only names, numbers and texts cross.
+
+/**
+ * @param {{ player: import("../player/player.js").Player, timeline: import("../player/timeline.js").Timeline, open: (stop: number) => boolean }} shown
+ *   `open` opens the tour at a stop
+ */
+export function answer({ player, timeline, open }) {
+  const host = window.parent;
+  const tell = (/** @type {string} */ foldback, told = {}) => host.postMessage({ foldback, ...told }, "*");
+  const number = (/** @type {unknown} */ value) => (typeof value === "number" && value >= 1 && value <= timeline.total ? Math.round(value) : null);
+  /** @type {Record<string, (value: unknown) => void>} */
+  const does = {
+    play: () => player.send({ do: "play" }),
+    pause: () => player.send({ do: "pause" }),
+    seek(value) {
+      const frame = number(value);
+      if (frame !== null) player.send({ do: "seek", frame: frame - 1 });
+    },
+    theme(value) {
+      const { dataset } = document.documentElement;
+      if (value === "light" || value === "dark") dataset.theme = value; else delete dataset.theme;
+      dispatchEvent(new Event("themechange"));
+    },
+    controls: (value) => document.body.classList.toggle("bare", value === false),
+    tour(value) {
+      const stop = number(value);
+      if (stop !== null) open(stop);
+      else if (document.getElementById("tour")?.getAttribute("aria-expanded") === "true") document.getElementById("tour")?.click();
+    },
+  };
+  addEventListener("message", ({ source, data }) => {
+    if (source === host && data !== null && typeof data === "object" && Object.hasOwn(does, data.foldback)) does[data.foldback](data.value);
+  });
+  const state = () => tell("state", { frame: Math.round(player.playhead.frame) + 1, frames: timeline.total, playing: player.is.playing });
+  let begun = false;
+  const begin = () => {
+    if (!begun) tell("ready", { name: document.title.replace(/ · foldback$/, ""), frames: timeline.total, modules: timeline.chain.modules });
+    begun = true;
+    state();
+  };
+  tell("hello");
+  player.on("state", () => { if (begun) state(); });
+  player.on("begun", begin);
+  timeline.on("damaged", (/** @type {string} */ message) => tell("error", { message }));
+  if (player.shown) begin();
+}
