@@ -14,7 +14,7 @@ from typing import Final
 from fastapi import FastAPI
 
 from planner.readers.gallery import Gallery
-from server.api import artifacts, folds, frames, health, mine, movies, robot, shapes, tours
+from server.api import artifacts, classes, folds, frames, health, mine, movies, robot, shapes, tours
 from server.api.context import Context
 from server.api.finished import import_finished
 from server.api.fold_states import FoldStates
@@ -110,6 +110,7 @@ ROUTERS: Final = (
     preview,
     privacy,
     robot,
+    classes,
 )
 
 
@@ -230,6 +231,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         waits=FrameWaits(settings.max_waits, settings.max_waits_of_visitor),
         streams=_quota("event streams", settings.max_streams, settings.max_streams_of_visitor),
         robots=_quota("robots", settings.max_robots, settings.max_robots_of_visitor),
+        classes=classes.Classes(settings),
         trajectories=_trajectories(settings, awaited, motions, fork_server),
         answers=SingleFlight(
             "answers",

@@ -36,6 +36,7 @@ from server.store.leases import Leases
 from server.store.previews import Previews
 
 if TYPE_CHECKING:
+    from server.api.classes import Classes
     from web.timeline.views import TimelineViews
 
 
@@ -60,6 +61,7 @@ class Context:
     fold_states: FoldStates
     streams: Quota
     robots: Quota
+    classes: Classes
     trajectories: Trajectories
     answers: SingleFlight
     lists: TokenBuckets
