@@ -14,7 +14,18 @@ from typing import Final
 from fastapi import FastAPI
 
 from planner.readers.gallery import Gallery
-from server.api import artifacts, classes, folds, frames, health, mine, movies, robot, shapes, tours
+from server.api import (
+    artifacts,
+    folds,
+    frames,
+    health,
+    mine,
+    movies,
+    own_values,
+    robot,
+    shapes,
+    tours,
+)
 from server.api.context import Context
 from server.api.finished import import_finished
 from server.api.fold_states import FoldStates
@@ -29,6 +40,7 @@ from server.files.uploads import Uploads
 from server.http import problems
 from server.http.access_log import Access
 from server.http.base_path import BelowPath
+from server.http.classes import Classes
 from server.http.head import HeadAsGet
 from server.http.read_only import ReadOnly
 from server.http.request_rate import RequestRate
@@ -51,6 +63,7 @@ from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
 from server.ops.readiness import Readiness
 from server.pages import (
+    classes,
     fold,
     gallery,
     kiosk,
@@ -91,6 +104,7 @@ ROUTERS: Final = (
     folds,
     artifacts,
     tours,
+    own_values,
     movies,
     mine,
     shapes,
@@ -231,7 +245,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         waits=FrameWaits(settings.max_waits, settings.max_waits_of_visitor),
         streams=_quota("event streams", settings.max_streams, settings.max_streams_of_visitor),
         robots=_quota("robots", settings.max_robots, settings.max_robots_of_visitor),
-        classes=classes.Classes(settings),
+        classes=Classes(settings),
         trajectories=_trajectories(settings, awaited, motions, fork_server),
         answers=SingleFlight(
             "answers",

@@ -1,6 +1,6 @@
 """Reasons in plans: the reason of a failed explosion, checked against its record.
 
-Where ``foldback_check.py`` checks a reason too, both have to confirm it.
+Where ``foldback_check_refusals.py`` checks a reason too, both have to confirm it.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path as FilePath
 
-import foldback_check
+import foldback_check_refusals
 from planner.explosion.diagnosis import Diagnosis, stuck_of
 from planner.file_names import PLAN, RECORD
 from planner.pipeline.workspace import Workspace
@@ -35,14 +35,14 @@ def reason_of(directory: FilePath, plan: Plan, notes: list[str]) -> ReasonCheck 
         return None
     words = Diagnosis.from_dict(stuck).words
     other = value_differences(stuck["words"], words, "words")
-    alone = _unconfirmed(directory) if found.kind in foldback_check.REASONS else ()
+    alone = _unconfirmed(directory) if found.kind in foldback_check_refusals.REASONS else ()
     return replace(found, differences=(*found.differences, *other, *alone))
 
 
 def _unconfirmed(directory: FilePath) -> Differences:
     """Yield what the independent checker cannot confirm from plan and record alone."""
     try:
-        found = foldback_check.check(directory / PLAN, record=directory / RECORD)
+        found = foldback_check_refusals.check(directory / PLAN, directory / RECORD)
     except ValueError as error:
         found = {"verdict": "no plan", "reason": str(error)}
     if found["verdict"] != "refusal confirmed":

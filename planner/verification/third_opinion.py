@@ -157,18 +157,15 @@ class Vertices:
         module = self.plan.module
         angles = first + np.linspace(0.0, 1.0, steps + 1)[:, None] * (last - first)
         q = angles.reshape(steps + 1, -1, len(module.names)).transpose(1, 2, 0)
-        axes = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, steps + 1))
-        x, turns = module.poses(q, np.zeros((3, steps + 1)), axes)
-        seen = x[..., None, :] + module.corners @ turns  # rows of a turn are the module's axes
-        home = turns[self.middle].swapaxes(-1, -2)
-        seen = (seen - x[self.middle, :, None]).transpose(1, 0, 2, 3).reshape(steps + 1, -1, 3)
-        return seen @ home
+        start = np.broadcast_to(np.eye(4, 3, -1)[:, :, None], (4, 3, steps + 1))
+        poses = module.poses(q, start)
+        poses = foldback_check.seen(poses[self.middle], poses)  # a centre, and axes as rows
+        return (module.solid @ poses).transpose(1, 0, 2, 3).reshape(steps + 1, -1, 3)
 
     def divide(self, frame: int, tolerance: float) -> Division:
         """Divide the interval after a frame so that straight motion is within a tolerance."""
-        motion = self.plan.motion
-        ends = frame, min(frame + 1, motion.frames - 1)
-        first, last = (motion.angles(end, 0, motion.slots) for end in ends)
+        ends = frame, min(frame + 1, self.plan.frames - 1)
+        first, last = (self.plan.angles(end, 0, len(self.plan.folded)) for end in ends)
         rest = self._remainder(np.abs(last - first))
         parts = max(1, math.ceil((2.0 * rest / tolerance) ** 0.2))
         while True:
@@ -185,7 +182,8 @@ class Vertices:
         module, cut = self.plan.module, self.middle * len(self.plan.module.names)
         sides = ((turned[:cut].sum(), self.middle), (turned[cut:].sum(), self.plan.count))
         return REMAINDER * max(
-            float(angle) ** 5 * float(links * module.link + module.radius) for angle, links in sides
+            float(angle) ** 5 * float(links * module.length + module.radius)
+            for angle, links in sides
         )
 
 
@@ -271,7 +269,7 @@ def ask_ipctk(plan: foldback_check.Plan) -> Opinion:
     detector, vertices = _Detector(plan, distance), Vertices(plan)
     contacts: list[Contact] = []
     parts, deviation = 0, 0.0
-    intervals = max(1, plan.motion.frames - 1)
+    intervals = max(1, plan.frames - 1)
     for frame in range(intervals):
         division = vertices.divide(frame, tolerance)
         if frame == 0 and detector.overlaps(division.vertices[0]):
@@ -301,6 +299,6 @@ def opinion_of(path: Path, size: float, claim: float) -> Opinion:
     """
     try:
         plan = foldback_check.Plan(path, size, claim)
-    except (foldback_check.NotProved, ValueError) as error:
+    except (foldback_check.NotProved, LookupError, OSError, TypeError, ValueError) as error:
         raise InputError("not-a-plan", f"{path.name}: {error}") from error
     return ask_ipctk(plan)

@@ -19,6 +19,7 @@ from server.files.preview_reports import PreviewReports
 from server.files.preview_scenes import PreviewScenes
 from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
+from server.http.classes import Classes
 from server.http.client_address import address_of
 from server.jobs.movies import Movies
 from server.jobs.remaining import EtaEstimator
@@ -36,7 +37,6 @@ from server.store.leases import Leases
 from server.store.previews import Previews
 
 if TYPE_CHECKING:
-    from server.api.classes import Classes
     from web.timeline.views import TimelineViews
 
 

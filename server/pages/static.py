@@ -33,8 +33,9 @@ SWAGGER_FILES: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
 """Files of the package ``fastapi_offline`` that this service offers as static files, for the API
 documentation without internet access."""
 
-CHECKER: Final = STATIC.parents[1] / "foldback_check.py"
-"""Program that proves a plan's clearance from its file alone, which visitors can download."""
+CHECKERS: Final = ("foldback_check.py", "foldback_check_refusals.py")
+"""Programs that prove a plan's clearance, or the reason of a failure, from files alone: visitors
+can download them."""
 
 
 ROBOTS_TXT: Final = """\
@@ -119,5 +120,5 @@ def _paths() -> dict[str, Path]:
     return {
         **ours,
         **{name: swagger_dir / name for name in SWAGGER_FILES},
-        CHECKER.name: CHECKER,
+        **{name: STATIC.parents[1] / name for name in CHECKERS},
     }

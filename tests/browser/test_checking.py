@@ -48,7 +48,7 @@ def test_its_tightest_place_is_shown(page: Page, service: Service, wrench: str) 
     check = page.locator("#check")
     check.get_by_role("button", name="Tightest place").click()
     frames = len(Timeline.open(service.directory(wrench) / "timeline.zarr").frames())
-    plan = Plan(service.directory(wrench) / "plan.npz").motion.frames
+    plan = Plan(service.directory(wrench) / "plan.npz").frames
     shown = page.locator("#r-frame").inner_text()
     found = re.match(r"Frame (\d+) of", shown)
     assert found is not None

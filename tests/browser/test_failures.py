@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-import foldback_check
+import foldback_check_refusals
 from planner.motion.timeline import Timeline
 from planner.pathfinding.assembly import layered_snake
 from tests.browser.conftest import WIDTH, Visit, at_frame, picture, shown_frame, with_view
@@ -186,11 +186,11 @@ def test_knot_is_drawn_located_and_confirmed(
     expect(tried).to_have_count(1)  # it is peeled one way only
     expect(tried).to_contain_text("the chain is knotted (determinant 3)")
     # Both files are there, and are enough to confirm the reason.
-    expect(page.locator("#attempts code")).to_contain_text("--record record.npz")
+    expect(page.locator("#attempts code")).to_contain_text("_refusals.py plan.npz record.npz")
     for name in ("plan.npz", "record.npz"):
         link = page.locator(f"#attempts a[download='{name}']").get_attribute("href")
         (tmp_path / name).write_bytes(service.http.get(str(link)).content)
-    found = foldback_check.check(tmp_path / "plan.npz", record=tmp_path / "record.npz")
+    found = foldback_check_refusals.check(tmp_path / "plan.npz", tmp_path / "record.npz")
     assert found["verdict"] == "refusal confirmed", found
 
 

@@ -25,7 +25,7 @@ def test_verified_folds_are_clear(name: str) -> None:
     plan = foldback_check.Plan(path)
     found = ask_ipctk(plan)
     assert found.contacts == ()
-    assert found.parts >= found.intervals == plan.motion.frames - 1
+    assert found.parts >= found.intervals == plan.frames - 1
     assert 0.85 * plan.claim < found.clearance < plan.claim
 
 

@@ -79,18 +79,18 @@ def test_modules_are_made_larger_until_two_touch(plans: list[Path]) -> None:
 
 def sampled(plan: foldback_check.Plan, frames: Iterable[float]) -> tuple[Chain, np.ndarray]:
     """The chain of a plan, and its angles at moments, also between frames."""
-    motion, pad = plan.motion, plan.module.rigid * len(plan.module.names)
-    ends = np.array([motion.angles(k, pad, motion.slots) for k in range(motion.frames)])
-    low = np.minimum(np.floor(list(frames)).astype(int), plan.motion.frames - 1)
-    high = np.minimum(low + 1, plan.motion.frames - 1)
+    slots = len(plan.folded)
+    ends = np.array([plan.angles(k, plan.pad, slots) for k in range(plan.frames)])
+    low = np.minimum(np.floor(list(frames)).astype(int), plan.frames - 1)
+    high = np.minimum(low + 1, plan.frames - 1)
     share = (np.array(list(frames)) - low)[:, None]
-    chain = Chain.from_angles(MODULES[plan.kind], plan.motion.folded[pad:])
+    chain = Chain.from_angles(MODULES[plan.kind], plan.folded[plan.pad :])
     return chain, ends[low] + share * (ends[high] - ends[low])
 
 
 def proved_clearance(plan: foldback_check.Plan) -> float:
     """The least clearance that the planner finds at frames and some moments between them."""
-    frames = (np.arange(plan.motion.frames - 1)[:, None] + BETWEEN).ravel()
+    frames = (np.arange(plan.frames - 1)[:, None] + BETWEEN).ravel()
     return float(clearances_of(*sampled(plan, frames), size=plan.size)[0].min())
 
 

@@ -36,10 +36,10 @@ def test_mesh_holds_all_modules_and_exempts_own_and_linked_vertices() -> None:
 
 def test_parts_are_as_straight_as_asked_at_all_moments(folded: Fold) -> None:
     plan = foldback_check.Plan(folded("wrench-24").directory / "plan.npz")
-    vertices, frame, tolerance = Vertices(plan), plan.motion.frames - 20, 1e-4
+    vertices, frame, tolerance = Vertices(plan), plan.frames - 20, 1e-4
     division = vertices.divide(frame, tolerance)
     parts, fine = len(division.vertices) - 1, 16
-    first, last = (plan.motion.angles(k, 0, plan.motion.slots) for k in (frame, frame + 1))
+    first, last = (plan.angles(k, 0, len(plan.folded)) for k in (frame, frame + 1))
     seen = vertices.at(first, last, parts * fine)
     share = np.arange(fine)[:, None, None] / fine
     steps = np.diff(division.vertices, axis=0)[:, None]
@@ -53,7 +53,7 @@ def test_parts_are_as_straight_as_asked_at_all_moments(folded: Fold) -> None:
 def test_vertices_are_those_of_the_chain_seen_from_the_middle_module(folded: Fold) -> None:
     made = folded("wrench-24")
     plan = foldback_check.Plan(made.directory / "plan.npz")
-    angles = plan.motion.angles(plan.motion.frames - 1, 0, plan.motion.slots)
+    angles = plan.angles(plan.frames - 1, 0, len(plan.folded))
     seen = Vertices(plan).at(angles, angles, 1)[0].reshape(24, 8, 3)
     module = np.sort(seen[12], axis=0)
     np.testing.assert_allclose(module, np.sort(plan.module.corners, axis=0), atol=1e-12)

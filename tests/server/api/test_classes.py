@@ -9,8 +9,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.sync.connection import Connection
 
-from server.api.classes import CODE_LENGTH, MAX_FOLLOWERS, MAX_VIEWS_PER_SECOND, Classes, is_view
 from server.errors import NoSuch, TooMany
+from server.http.classes import CODE_LENGTH, MAX_FOLLOWERS, Classes, is_view
+from server.pages.classes import MAX_VIEWS_PER_SECOND
 from server.settings import Settings
 from tests.server.service import SNAKE, Service
 

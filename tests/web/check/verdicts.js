@@ -5,21 +5,25 @@ import { createInterface } from "node:readline";
 import { NotProved, Plan } from "../../../web/static/js/check/plan.js";
 import { Proof } from "../../../web/static/js/check/proof.js";
 
-// Counts bounds of an interval, and those from which it is not taken off what interpolation and rounding may hide.
+// Counts pairs and bounds of an interval, and those from which it is not taken off what interpolation and rounding may hide.
 class Watched extends Proof {
+  pairs = 0;
   bounds = 0;
   above = 0;
+  least = Infinity;
 
-  solids(i, j, at, to, lost) {
+  solids(lost) {
     this.seen = -Infinity;
-    const bound = super.solids(i, j, at, to, lost);
+    const bound = super.solids(lost);
+    this.pairs++;
     this.bounds += Number(Number.isFinite(bound));
     this.above += Number(bound > this.seen - lost);
+    if (bound >= this.plan.claim) this.least = Math.min(this.least, bound);
     return bound;
   }
 
-  during(at, to) {
-    const found = super.during(at, to);
+  during() {
+    const found = super.during();
     this.seen = Math.max(this.seen, found);
     return found;
   }
@@ -29,7 +33,7 @@ async function verdict(path) {
   try {
     const proof = new Watched(await Plan.read(new Uint8Array(readFileSync(path))));
     const frames = [...proof.run()];
-    return { proved: true, claim: proof.claim, least: proof.least, tightest: proof.tightest, pairs: proof.pairs, bounds: proof.bounds, above: proof.above, frames: frames.length };
+    return { proved: true, claim: proof.plan.claim, least: proof.least, tightest: proof.tightest, pairs: proof.pairs, bounds: proof.bounds, above: proof.above, frames: frames.length };
   } catch (error) {
     if (!(error instanceof NotProved)) throw error;
     return { proved: false, text: error.message, place: error.place };
@@ -37,8 +41,9 @@ async function verdict(path) {
 }
 
 async function largest(path) {
-  const proof = new Proof(await Plan.read(new Uint8Array(readFileSync(path))), { claim: 1e-5, size: 1, grow: true });
-  const frames = [...proof.run()];
+  const plan = await Plan.read(new Uint8Array(readFileSync(path)));
+  plan.claim = 1e-5;
+  const proof = new Proof(plan, true), frames = [...proof.run()];
   return { size: proof.size, touch: proof.touch, frames: frames.length };
 }
 

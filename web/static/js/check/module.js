@@ -26,11 +26,11 @@ export const KNOWN = {
   },
 };
 
-/** @type {(a: ArrayLike<number>, b: ArrayLike<number>) => number} */
+/** @type {(a: Vector, b: Vector) => number} */
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-/** @type {(a: ArrayLike<number>, b: ArrayLike<number>) => Vector} */
+/** @type {(a: Vector, b: Vector) => Vector} */
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-/** @type {(a: ArrayLike<number>) => number} */
+/** @type {(a: Vector) => number} */
 export const norm = (a) => Math.sqrt(dot(a, a));
 
 export class Module {
@@ -40,59 +40,47 @@ export class Module {
    */
   constructor(told, size) {
     this.told = told;
-    this.V = told.corners.map(([x, y, z]) => /** @type {Vector} */ ([x * size, y * size, z * size]));
-    this.radius = Math.max(...this.V.map(norm));
-    this.half = [0, 1, 2].map((k) => Math.max(...this.V.map((v) => Math.abs(v[k]))));
-    this.box = new Set(this.V.map(String)).size === 8 && this.V.length === 8 && this.V.every((v) => v.every((x, k) => Math.abs(x) === this.half[k]));
-    this.faces = told.faces;
-    this.edges = told.edges;
-    this.link = (norm(told.anchor) + norm(told.offset)) * (1 + 1e-12);
+    this.corners = told.corners.map(([x, y, z]) => /** @type {Vector} */ ([x * size, y * size, z * size]));
+    this.radius = Math.max(...this.corners.map(norm));
+    this.length = (norm(told.anchor) + norm(told.offset)) * (1 + 1e-12);
     this.hinges = told.hinges.length;
-    this.plain = told.turns.flat(2).every((v) => v === 0 || Math.abs(v) === 1);
+    this.exact = told.turns.flat(2).every((v) => v === 0 || Math.abs(v) === 1);
   }
 
-  /** Whether its turns are rotations, the normals of faces have length 1, and all else are numbers. */
+  /** Whether its turns are rotations, the normals of faces have length 1, and all else are numbers of a size that can be. */
   get sound() {
     const { turns, faces, edges, corners, anchor, offset, apart, rigid_links: rigid } = this.told;
-    const rotates = turns.every((rows) => dot(rows[0], cross(rows[1], rows[2])) > 0
-      && rows.every((a, i) => rows.every((b, j) => Math.abs(dot(a, b) - Number(i === j)) < 1e-15)));
-    return rotates && turns.length === this.hinges + 1 && faces.every((f) => Math.abs(dot(f, f) - 1) < 1e-15)
-      && [...corners, ...edges, anchor, offset].every((v) => v.length === 3 && v.every(Number.isFinite))
-      && [1, 2].includes(apart) && [0, 1].includes(rigid);
+    return turns.every((rows) => dot(rows[0], cross(rows[1], rows[2])) > 0 && rows.length === 3
+      && rows.every((a, i) => rows.every((b, j) => Math.abs(dot(a, b) - Number(i === j)) < 1e-15)))
+      && turns.length === this.hinges + 1 && faces.every((f) => Math.abs(dot(f, f) - 1) < 1e-15) && [1, 2].includes(apart)
+      && [...corners, ...edges, anchor, offset].every((v) => v.length === 3 && v.every((x) => Math.abs(x) < 1e6)) && [0, 1].includes(rigid);
   }
 
   /** Least of (x, y, z) . corner over the corners. @type {(x: number, y: number, z: number) => number} */
   least(x, y, z) {
-    if (this.box) return -(Math.abs(x) * this.half[0] + Math.abs(y) * this.half[1] + Math.abs(z) * this.half[2]);
     let found = Infinity;
-    for (const v of this.V) found = Math.min(found, x * v[0] + y * v[1] + z * v[2]);
+    for (const v of this.corners) found = Math.min(found, x * v[0] + y * v[1] + z * v[2]);
     return found;
   }
 
   /**
    * The next module's pose: centre, then three axes, from the one before and the angles of the hinges between.
-   * @param {Float64Array} P
-   * @param {number} from
-   * @param {number} to
-   * @param {ArrayLike<number>} q
-   * @param {number} at
+   * @type {(P: Float64Array, from: number, to: number, q: Float64Array, at: number) => void}
    */
   next(P, from, to, q, at) {
     const { anchor, offset, turns } = this.told;
     for (let x = 0; x < 12; x++) P[to + x] = P[from + x];
-    for (let x = 0; x < 3; x++) P[to + x] += anchor[0] * P[to + 3 + x] + anchor[1] * P[to + 6 + x] + anchor[2] * P[to + 9 + x];
+    for (let x = to; x < to + 3; x++) P[x] += anchor[0] * P[x + 3] + anchor[1] * P[x + 6] + anchor[2] * P[x + 9];
     for (let k = 0; k <= this.hinges; k++) {
       const [r0, r1, r2] = turns[k];
-      const c = k < this.hinges ? Math.cos(q[at + k]) : 1;
-      const s = k < this.hinges ? Math.sin(q[at + k]) : 0;
+      const c = k < this.hinges ? Math.cos(q[at + k]) : 1, s = k < this.hinges ? Math.sin(q[at + k]) : 0;
       for (let x = to + 3; x < to + 6; x++) {
-        const a = P[x], b = P[x + 3], d = P[x + 6];
-        const one = r0[0] * a + r1[0] * b + r2[0] * d, two = r0[1] * a + r1[1] * b + r2[1] * d;
+        const a = P[x], b = P[x + 3], d = P[x + 6], one = r0[0] * a + r1[0] * b + r2[0] * d, two = r0[1] * a + r1[1] * b + r2[1] * d;
         P[x] = c * one + s * two;
         P[x + 3] = c * two - s * one;
         P[x + 6] = r0[2] * a + r1[2] * b + r2[2] * d;
       }
     }
-    for (let x = 0; x < 3; x++) P[to + x] += offset[0] * P[to + 3 + x] + offset[1] * P[to + 6 + x] + offset[2] * P[to + 9 + x];
+    for (let x = to; x < to + 3; x++) P[x] += offset[0] * P[x + 3] + offset[1] * P[x + 6] + offset[2] * P[x + 9];
   }
 }

@@ -3,11 +3,8 @@
 /** @typedef {{ shape: number[], values: Float64Array | string[] }} Column values in C order */
 
 const ENTRY = 0x02014b50, END = 0x06054b50, NUMPY = 0x934e554d, DEFLATED = 8;
-/** @type {Record<string, ((view: DataView, at: number) => number) | undefined>} */
-const READERS = {
-  f8: (view, at) => view.getFloat64(at, true), f4: (view, at) => view.getFloat32(at, true), u1: (view, at) => view.getUint8(at),
-  i4: (view, at) => view.getInt32(at, true), i8: (view, at) => Number(view.getBigInt64(at, true)),
-};
+/** @type {Record<string, new (buffer: ArrayBuffer) => Iterable<number | bigint> & { length: number }>} numbers of one kind, least byte first as in all browsers */
+const KINDS = { f8: Float64Array, f4: Float32Array, u1: Uint8Array, i4: Int32Array, i8: BigInt64Array, U: Uint32Array };
 /** @type {(bytes: Uint8Array<ArrayBuffer>) => DataView<ArrayBuffer>} */
 const viewOf = (bytes) => new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
 
@@ -36,8 +33,7 @@ export async function readNpz(bytes) {
     const method = short(at + 10), local = long(at + 42), start = local + 30 + short(local + 26) + short(local + 28);
     const name = new TextDecoder().decode(bytes.subarray(at + 46, at + 46 + short(at + 28))).replace(/\.npy$/, "");
     readable(!found.has(name) && (method === 0 || method === DEFLATED), `another array ${name}, or one packed by method ${method}`);
-    const stored = bytes.subarray(start, start + long(at + 20));
-    const stream = () => new Blob([stored]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
+    const stored = bytes.subarray(start, start + long(at + 20)), stream = () => new Blob([stored]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
     const plain = method ? new Uint8Array(await new Response(stream()).arrayBuffer()) : stored;
     readable(plain.length === long(at + 24), `${plain.length} bytes of ${name}`);
     found.set(name, column(plain));
@@ -47,24 +43,17 @@ export async function readNpz(bytes) {
 
 /** @param {Uint8Array<ArrayBuffer>} bytes */
 function column(bytes) {
-  const view = viewOf(bytes), wide = bytes[6] > 1 ? 4 : 2;
-  const start = 8 + wide + (wide > 2 ? view.getUint32(8, true) : view.getUint16(8, true));
-  const header = new TextDecoder().decode(bytes.subarray(8 + wide, start));
-  const [, kind, digits] = /'descr': '[<|]([fiuU])(\d+)'/.exec(header) ?? [], width = Number(digits) * (kind === "U" ? 4 : 1);
+  const view = viewOf(bytes), wide = bytes[6] > 1 ? 4 : 2, start = 8 + wide + (wide > 2 ? view.getUint32(8, true) : view.getUint16(8, true));
+  const header = new TextDecoder().decode(bytes.subarray(8 + wide, start)), [, kind, digits] = /'descr': '[<|]([fiuU])(\d+)'/.exec(header) ?? [];
   const shape = (/'shape': \(([\d, ]*)\)/.exec(header)?.[1].match(/\d+/g) ?? []).map(Number), [rows, columns] = shape;
-  const count = shape.reduce((a, b) => a * b, 1), across = header.includes("'fortran_order': True") && shape.length > 1;
-  const read = READERS[kind + digits];
-  readable(view.getUint32(0) === NUMPY && bytes.length === start + count * width, "an array of another size than it tells");
-  readable((read || kind === "U") && (!across || (shape.length === 2 && read)), `an array of another kind: ${header.trim()}`);
-  if (!read) return { shape, values: Array.from({ length: count }, (_, k) => text(view, start + width * k, width)) };
-  const values = new Float64Array(count);
-  for (let k = 0; k < count; k++) values[across ? (k % rows) * columns + Math.floor(k / rows) : k] = read(view, start + k * width);
-  return { shape, values };
-}
-
-/** @type {(view: DataView, start: number, width: number) => string} */
-function text(view, start, width) {
-  let found = "";
-  for (let at = start; at < start + width; at += 4) if (view.getUint32(at, true)) found += String.fromCodePoint(view.getUint32(at, true));
-  return found;
+  const Kind = KINDS[kind === "U" ? kind : kind + digits], across = header.includes("'fortran_order': True") && shape.length > 1;
+  readable(view.getUint32(0) === NUMPY && Kind && (!across || (shape.length === 2 && kind !== "U")), `an array of another kind: ${header.trim()}`);
+  const items = new Kind(bytes.slice(start).buffer), count = shape.reduce((a, b) => a * b, 1), width = kind === "U" ? Number(digits) : 1;
+  readable(items.length === count * width, "an array of another size than it tells");
+  if (kind === "U") {
+    const letters = Array.from(items, (code) => (code ? String.fromCodePoint(Number(code)) : ""));
+    return { shape, values: Array.from({ length: count }, (_, k) => letters.slice(k * width, (k + 1) * width).join("")) };
+  }
+  const values = Float64Array.from(items, Number);
+  return { shape, values: across ? values.map((_, k) => values[(k % columns) * rows + Math.floor(k / columns)]) : values };
 }

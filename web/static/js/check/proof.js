@@ -1,207 +1,205 @@
 // Proves that modules stay apart all the time, also between frames. The lemmas and their proofs stand in foldback_check.py;
 // names follow it: S bounds how much hinges turn, L is the length of links, E what rounding may do.
-import { BERNSTEIN, Interval, MIDDLE, ORDER, POSE, REMAINDER, U } from "./interval.js";
-import { Module } from "./module.js";
+import { cross, dot, Module, norm } from "./module.js";
 import { NotProved } from "./plan.js";
 
 /** @typedef {import("./plan.js").Plan} Plan */
 /** @typedef {import("./plan.js").Place} Place */
+/** @typedef {import("./module.js").Vector} Vector */
 
+const U = 2 ** -53;
+const ORDER = 5, MIDDLE = 2; // nodes of an interval; odd, so that one of them is its middle
+const NODES = Array.from({ length: ORDER }, (_, k) => (1 - Math.cos((2 * k + 1) * Math.PI / (2 * ORDER))) / 2);
+const CHOOSE = [[1], [1, 1], [1, 2, 1], [1, 3, 3, 1], [1, 4, 6, 4, 1]];
+/** The polynomials that are 1 at one node and 0 at the others: factors of 1, t, t^2, ... */
+const LAGRANGE = NODES.map((t) => NODES.filter((u) => u !== t).reduce((p, u) => [...p, 0].map((c, k) => ((p[k - 1] ?? 0) - u * c) / (t - u)), [1]));
+/** What turns a polynomial's values at the nodes into its Bernstein coefficients. */
+const BERNSTEIN = CHOOSE.map((row) => LAGRANGE.map((p) => row.reduce((sum, c, k) => sum + c / CHOOSE[4][k] * p[k], 0)));
+/** Of interpolation: what S^p (L + r) is multiplied by. */
+const REMAINDER = 2 / (4 ** ORDER * 120) * (1 + 1e-9);
+const POSES = 12 * ORDER; // a module's centre and axes at all nodes
+const CROWD = 200; // pairs for each moving module from which on an interval is halved unseen
 const DEPTH = 14; // an interval is halved at most so many times
 const SHY = 1e-4; // by how much modules are made smaller than those that touch
 const PARALLEL = 1e-6; // edges with a shorter cross product give no axis
 
+/** A coefficient of the polynomial through values o, o + 12, o + 24, ... @type {(row: number[], values: Float64Array, o: number) => number} */
+const coefficient = (row, values, o) => row[0] * values[o] + row[1] * values[o + 12] + row[2] * values[o + 24] + row[3] * values[o + 36] + row[4] * values[o + 48];
+
 export class Proof {
-  y = new Float64Array(3 * ORDER); // where the second module's centre is, as seen from the first, at the nodes
-  M = new Float64Array(9); // the second module's axes there in the middle, as columns
-  line = new Float64Array(4 * ORDER);
-  best = { gap: 0, fits: 0, x: 0, y: 0, z: 0, ofSecond: false };
-  frame = 0;
-  looks = 0;
-  pairs = 0;
-  least = Infinity;
+  M = new Float64Array(POSES); // one module's poses as seen from another
+  /** @type {{ gap: number, axis: Vector, fits: number }} the axis that separates best, and up to which size of modules any does */
+  best = { gap: 0, axis: [0, 0, 0], fits: 0 };
   /** @type {Place | null} the tightest place so far */
   tightest = null;
-  /** @type {Place | null} where an interval was left open last */
-  open = null;
   /** @type {(Place & { size: number }) | null} which modules made all smaller last, and the size at which they touch */
   touch = null;
 
   /**
    * @param {Plan} plan
-   * @param {{ claim?: number, size?: number, grow?: boolean }} [options] with `grow`, modules become smaller until none touch
+   * @param {boolean} [grow] whether modules are of full size at first, and become smaller until none touch
    */
-  constructor(plan, { claim = plan.claim, size = plan.size, grow = false } = {}) {
-    const m = new Module(plan.module.told, size), angle = (4 * 2 + 2) * U * plan.most + 8 * U;
-    const e = m.hinges * Math.SQRT2 * (2 * angle + 3 * U) + (m.plain ? 0 : (m.hinges + 1) * 40 * U);
+  constructor(plan, grow = false) {
+    const size = grow ? 1 : plan.size, m = new Module(plan.module.told, size), angle = (4 * 2 + 2) * U * plan.most + 8 * U;
+    const e = m.hinges * Math.SQRT2 * (2 * angle + 3 * U) + (m.exact ? 0 : (m.hinges + 1) * 40 * U);
     const scale = Math.max(...BERNSTEIN.map((row) => row.reduce((sum, x) => sum + Math.abs(x), 0)));
-    this.E = scale * (m.link * plan.n + 2 * m.radius) * (plan.n * (2 * e + 48 * U) + 256 * U);
+    this.E = scale * (m.length * plan.n + 2 * m.radius) * (plan.n * (2 * e + 48 * U) + 256 * U);
     this.plan = plan;
-    this.claim = claim;
     this.size = size;
     this.grow = grow;
+    /** The interval begins at frame k; modules to c are as folded, those behind c + W straight; P is as folded up to module `folded`. */
+    this.k = this.frame = this.c = this.W = this.folded = this.slack = this.largest = 0;
     this.module = m;
-    this.motion = new Interval(plan, this.E);
+    this.P = Float64Array.from({ length: plan.n * POSES }, (_, x) => Number(x < POSES && x % 4 === 3));
+    this.S = new Float64Array(plan.n);
+    this.behind = new Int32Array(plan.n).fill(plan.n); // the first module behind a joint that turns, seen from one in front
+    this.boxes = new Float64Array(6 * plan.n); // in which centres stay: least and greatest corner
+    this.q = this.step = new Float64Array();
   }
 
   /** Proves all intervals; gives each one's frame before it looks at it. */
   * run() {
-    const { plan, motion, motion: { shapes } } = this, last = Math.max(1, plan.frames - 1);
-    for (let k = plan.windowed ? -2 : 0; k < last; k++) {
-      yield Math.max(k, 0);
-      if (k >= 0) motion.between(k); else if (k < -1) motion.still(shapes.folded, last); else motion.still(shapes.straight, 0);
-      this.look(0, 1, null);
+    const { plan } = this, { first, last, pad, n, module: { hinges } } = plan;
+    for (let k = 0; k < Math.max(1, plan.frames - 1); k++) {
+      yield k;
+      const after = Math.min(k + 1, plan.frames - 1), next = plan.frame(after);
+      this.k = k;
+      this.q = plan.frame(k);
+      this.step = next.map((x, s) => x - this.q[s]);
+      this.largest = this.step.reduce((most, x) => Math.max(most, Math.abs(x)), this.largest);
+      this.c = Math.min(Math.floor((Math.min(first[k], first[after]) + pad) / hinges), n - 2);
+      this.W = Math.max(Math.ceil((Math.max(last[k], last[after]) + pad) / hinges) - this.c, 1);
+      try {
+        this.look(0, 1, null);
+      } catch (error) {
+        const place = error instanceof NotProved && this.grow ? error.place : null, size = Math.min(place?.fits ?? 0, this.size);
+        if (!place || size <= SHY) throw error;
+        this.touch = { ...place, size };
+        this.size = size - SHY;
+        this.module = new Module(plan.module.told, this.size);
+        k--; // once more, with smaller modules
+      }
     }
+    if (!this.grow && this.largest > plan.step) throw new NotProved(`A hinge moves by ${this.largest.toFixed(6)} rad from frame to frame, more than the plan says.`);
   }
 
   /**
+   * Looks at a share of the time between two frames: from t on, w long.
    * @param {number} t
    * @param {number} w
-   * @param {number[] | null} only which modules to look at, if not at all
+   * @param {[number, number][] | null} only which modules to look at, if not at all
    */
   look(t, w, only) {
-    const { motion } = this;
-    motion.at(t, w);
-    this.looks++;
-    this.frame = motion.k + t + w / 2;
-    const found = only ?? motion.near(2 * this.module.radius + this.claim + this.E);
-    /** @type {number[]} */
-    const left = [];
-    for (let p = 0; found && p < found.length; p += 2) if (!this.clear(found[p], found[p + 1])) left.push(found[p], found[p + 1]);
-    if (found && !left.length) return;
-    if (w <= 2 ** -DEPTH) this.stuck(t, w, left);
-    else for (const begin of [t, t + w / 2]) this.look(begin, w / 2, found && left);
+    this.move(t, w);
+    this.frame = this.k + t + w / 2;
+    const left = (only ?? this.near())?.filter(([i, j]) => !this.clear(i, j)) ?? null;
+    if (left?.length === 0) return;
+    const open = left && { modules: left[0], frame: this.frame, gap: this.plan.claim, fits: this.size };
+    if (w <= 2 ** -DEPTH) throw new NotProved(`No proof around frame ${this.frame.toFixed(6)}.`, open);
+    for (const begin of [t, t + w / 2]) this.look(begin, w / 2, left);
   }
 
-  /** Ends the proof where halving does not help; or looks again with smaller modules. @param {number} t @param {number} w @param {number[]} left */
-  stuck(t, w, left) {
-    const place = left.length ? this.open : null;
-    if (!this.grow || !place) throw new NotProved(`No proof around frame ${this.frame.toFixed(6)}.`, place);
-    this.fit(place, this.size);
-    this.look(t, w, left);
+  /** Poses at the nodes, and turning. @param {number} t @param {number} w */
+  move(t, w) {
+    const { P, S, c, q, step, behind, module, plan: { n } } = this, { hinges } = module, angles = new Float64Array(q.length);
+    for (let a = 0; a < POSES; a += 12) {
+      for (let s = 0; s < q.length; s++) angles[s] = q[s] + (t + w * NODES[a / 12]) * step[s];
+      for (let j = Math.min(c, this.folded); j < n - 1; j++) module.next(P, j * POSES + a, (j + 1) * POSES + a, angles, j * hinges);
+    }
+    this.folded = c;
+    for (let m = n - 2, all = 0; m >= 0; m--) {
+      const turn = step.subarray(m * hinges, (m + 1) * hinges).reduce((sum, x) => sum + Math.abs(x), 0);
+      S[m] = (all += turn * w) * (1 + 1e-9);
+      behind[m] = turn > 0 ? m + 1 : behind[m + 1];
+    }
+    this.slack = 4 * (n * hinges + 4) * U * S[0];
   }
 
-  /** Makes all modules a little smaller than the size at which two touch. @param {Place} place @param {number} size */
-  fit(place, size) {
-    if (!(size > SHY)) throw new NotProved(`Modules ${place.modules} have one centre at frame ${this.frame.toFixed(6)}.`, place);
-    this.touch = { ...place, size };
-    this.size = size - SHY;
-    this.module = new Module(this.plan.module.told, this.size);
+  /** What interpolation and rounding may hide of a point of module j, so far from its centre, as seen from i. @type {(i: number, j: number, r: number) => number} */
+  lost(i, j, r) { return REMAINDER * (Math.abs(this.S[j] - this.S[i]) + this.slack) ** ORDER * (Math.abs(j - i) * this.module.length + r) + this.E; }
+
+  /** Poses of module j as seen from i, or their centres alone. @param {number} i @param {number} j */
+  see(i, j, count = 12) {
+    const { P, M } = this;
+    for (let a = 0, o = i * POSES, p = j * POSES; a < POSES; a += 12, o += 12, p += 12) for (let k = 0; k < count; k += 3) {
+      const x = P[p + k] - (k ? 0 : P[o]), y = P[p + k + 1] - (k ? 0 : P[o + 1]), z = P[p + k + 2] - (k ? 0 : P[o + 2]);
+      for (let r = 0; r < 3; r++) M[a + k + r] = P[o + 3 + 3 * r] * x + P[o + 4 + 3 * r] * y + P[o + 5 + 3 * r] * z;
+    }
   }
 
-  /** @type {(i: number, j: number) => Place} */
-  place(i, j) {
-    return { modules: [i, j], frame: this.frame, gap: this.best.gap };
+  /** Modules i, j that may come too near, each i before j; null if they are a crowd. As seen from a root, a centre stays in its box. */
+  near() {
+    const { boxes, k, c, W, behind, module: { radius, length, told: { apart } }, plan: { n, claim } } = this;
+    const found = /** @type {[number, number][]} */ ([]), root = Math.min(Math.max(n >> 1, c), c + W), reach = 2 * radius + claim + this.E;
+    for (let m = 0; m < n; m++) {
+      const lost = this.lost(root, m, 0);
+      this.see(root, m, 3);
+      for (let x = 0; x < 3; x++) {
+        const hull = BERNSTEIN.map((row) => coefficient(row, this.M, x));
+        boxes[6 * m + x] = Math.min(...hull) - lost;
+        boxes[6 * m + 3 + x] = Math.max(...hull) + lost;
+      }
+    }
+    for (let i = 0; i < n; i++) {
+      // Pairs between which nothing turns stay as they were. Along the chain no link is longer than `length`.
+      for (let j = Math.max(i + apart, k ? behind[i] : 0); j < n;) {
+        let gap = 0;
+        for (let x = 0; x < 3; x++) gap += Math.max(boxes[6 * i + x] - boxes[6 * j + x + 3], boxes[6 * j + x] - boxes[6 * i + x + 3], 0) ** 2;
+        const spare = (Math.sqrt(gap) - reach) / length;
+        if (!(spare >= 0)) found.push([i, j]);
+        j += spare >= 1 ? Math.floor(spare) : 1;
+      }
+      if (found.length > CROWD * (W + 10)) return null;
+    }
+    return found;
   }
 
   /** Whether two modules are proved to be far enough apart during the interval. @param {number} i @param {number} j */
   clear(i, j) {
-    const { motion: { P }, motion, y } = this;
-    const at = motion.pose(i, 0), to = motion.pose(j, 1);
-    this.pairs++;
-    for (let a = 0, s = 0; a < POSE; a += 12, s += 3) {
-      const o = at + a, g0 = P[to + a] - P[o], g1 = P[to + a + 1] - P[o + 1], g2 = P[to + a + 2] - P[o + 2];
-      y[s] = P[o + 3] * g0 + P[o + 4] * g1 + P[o + 5] * g2;
-      y[s + 1] = P[o + 6] * g0 + P[o + 7] * g1 + P[o + 8] * g2;
-      y[s + 2] = P[o + 9] * g0 + P[o + 10] * g1 + P[o + 11] * g2;
-    }
-    for (;;) {
-      const { module: m } = this;
-      const lost = REMAINDER * motion.turns(i, j) ** ORDER * ((j - i) * m.link + m.radius) + this.E;
-      let bound = this.balls() - 2 * m.radius - lost;
-      if (!(bound >= this.claim)) bound = this.solids(i, j, at, to, lost);
-      if (bound >= this.claim) {
-        this.least = Math.min(this.least, bound);
-        return true;
-      }
-      const place = this.place(i, j);
-      if (place.gap >= this.claim) {
-        this.open = place;
-        return false;
-      }
-      if (!this.grow) throw new NotProved(`Modules ${i} and ${j}: no gap above ${place.gap.toFixed(9)} was found at frame ${place.frame.toFixed(6)}, less than ${this.claim.toFixed(9)}.`, place);
-      this.fit(place, this.best.fits);
+    this.see(i, j);
+    const { frame, plan: { claim } } = this, bound = this.solids(this.lost(i, j, this.module.radius)), { gap, fits } = this.best;
+    /** @type {Place} */
+    const place = { modules: [i, j], frame, gap, fits };
+    if (!this.tightest || gap < this.tightest.gap) this.tightest = place;
+    if (!(bound >= claim || gap >= claim)) throw new NotProved(`Modules ${i} and ${j}: no gap above ${gap.toFixed(9)} was found at frame ${frame.toFixed(6)}, less than ${claim.toFixed(9)}.`, place);
+    return bound >= claim;
+  }
+
+  /** Bound along the axis that separates best in the middle, of centres and faces, and if it must be, of edges. @param {number} lost */
+  solids(lost) {
+    this.best = { gap: -Infinity, axis: [0, 0, 0], fits: -Infinity };
+    this.separate(false);
+    const bound = this.during() - lost;
+    if (bound >= this.plan.claim) return bound;
+    this.separate(true);
+    return Math.max(bound, this.during() - lost);
+  }
+
+  /** Finds the axis that separates best in the middle: the line of centres, a normal of a face, or what is normal to two edges. @param {boolean} edges */
+  separate(edges) {
+    const { M, module: m, size, plan: { claim } } = this, own = edges ? m.told.edges : m.told.faces;
+    /** @type {Vector[]} */
+    const [y, a, b, c] = [0, 3, 6, 9].map((k) => 12 * MIDDLE + k).map((k) => [M[k], M[k + 1], M[k + 2]]);
+    const other = own.map(([u, v, w]) => /** @type {Vector} */ ([u * a[0] + v * b[0] + w * c[0], u * a[1] + v * b[1] + w * c[1], u * a[2] + v * b[2] + w * c[2]]));
+    for (const axis of edges ? own.flatMap((e) => other.map((f) => cross(e, f))) : [y, ...own, ...other]) {
+      const far = dot(axis, y), l = norm(axis) * (far < 0 ? -1 : 1);
+      if (Math.abs(l) <= PARALLEL) continue;
+      /** @type {Vector} */
+      const n = [axis[0] / l, axis[1] / l, axis[2] / l], thick = -m.least(-n[0], -n[1], -n[2]) - m.least(dot(a, n), dot(b, n), dot(c, n));
+      this.best.fits = Math.max(this.best.fits, size * (far / l - claim) / thick);
+      if (far / l - thick > this.best.gap) Object.assign(this.best, { gap: far / l - thick, axis: n });
     }
   }
 
-  /** Least Bernstein coefficient of how far centres are apart along the line between them in the middle. */
-  balls() {
-    const { y: Y, line } = this, x = Y[3 * MIDDLE], y = Y[3 * MIDDLE + 1], z = Y[3 * MIDDLE + 2], l = Math.sqrt(x * x + y * y + z * z) || 1;
-    for (let a = 0, s = 0; a < ORDER; a++, s += 3) line[a] = (x * Y[s] + y * Y[s + 1] + z * Y[s + 2]) / l;
+  /** Bound along the best axis during the whole interval, before what is lost. */
+  during() {
+    const { M, module: m, best: { axis: [x, y, z] } } = this, line = new Float64Array(POSES);
+    for (let o = 0; o < POSES; o += 3) line[o] = x * M[o] + y * M[o + 1] + z * M[o + 2];
     let least = Infinity;
-    for (const row of BERNSTEIN) least = Math.min(least, this.coefficient(row, 0));
-    return least;
-  }
-
-  /** Bound along the axis that separates best in the middle: of centres and faces, and if it must be, of edges. @type {(i: number, j: number, at: number, to: number, lost: number) => number} */
-  solids(i, j, at, to, lost) {
-    const { M, y: Y, best, module: { faces, edges }, motion: { P } } = this, one = at + 12 * MIDDLE + 3, two = to + 12 * MIDDLE + 3;
-    for (let k = 0; k < 9; k++) {
-      const a = one + k - k % 3, b = two + 3 * (k % 3);
-      M[k] = P[a] * P[b] + P[a + 1] * P[b + 1] + P[a + 2] * P[b + 2];
+    for (const row of BERNSTEIN) {
+      const far = coefficient(row, line, 0), u = coefficient(row, line, 3), v = coefficient(row, line, 6), w = coefficient(row, line, 9);
+      least = Math.min(least, far + m.least(u, v, w));
     }
-    const x = Y[3 * MIDDLE], y = Y[3 * MIDDLE + 1], z = Y[3 * MIDDLE + 2], l = Math.sqrt(x * x + y * y + z * z) || 1;
-    let bound = -Infinity, gap = -Infinity;
-    best.fits = -Infinity;
-    for (const last of [false, true]) {
-      best.gap = -Infinity;
-      if (!last) this.along(x / l, y / l, z / l, false);
-      if (!last) for (const n of faces) this.along(n[0], n[1], n[2], false);
-      for (const n of last ? edges : faces) {
-        const u = n[0], v = n[1], w = n[2];
-        const a = M[0] * u + M[1] * v + M[2] * w, b = M[3] * u + M[4] * v + M[5] * w, c = M[6] * u + M[7] * v + M[8] * w;
-        if (!last) this.along(a, b, c, true);
-        else for (const e of edges) {
-          const p = e[1] * c - e[2] * b, q = e[2] * a - e[0] * c, r = e[0] * b - e[1] * a, s = Math.sqrt(p * p + q * q + r * r);
-          if (s > PARALLEL) this.along(p / s, q / s, r / s, false);
-        }
-      }
-      gap = Math.max(gap, best.gap);
-      if (best.gap - lost >= this.claim) bound = Math.max(bound, this.during(at, to) - lost);
-      if (bound >= this.claim) break;
-    }
-    best.gap = gap;
-    if (!this.tightest || gap < this.tightest.gap) this.tightest = this.place(i, j);
-    return bound;
-  }
-
-  /** Tries an axis of the first module: how far it separates the two in the middle, and up to which size. @type {(x: number, y: number, z: number, ofSecond: boolean) => void} */
-  along(x, y, z, ofSecond) {
-    const { y: Y, M, module: m, best } = this, far = x * Y[3 * MIDDLE] + y * Y[3 * MIDDLE + 1] + z * Y[3 * MIDDLE + 2], sign = far < 0 ? -1 : 1;
-    x *= sign;
-    y *= sign;
-    z *= sign;
-    const thick = -m.least(-x, -y, -z) - m.least(M[0] * x + M[3] * y + M[6] * z, M[1] * x + M[4] * y + M[7] * z, M[2] * x + M[5] * y + M[8] * z);
-    if (this.grow) best.fits = Math.max(best.fits, this.size * (sign * far - this.claim) / thick);
-    if (sign * far - thick <= best.gap) return;
-    best.gap = sign * far - thick;
-    best.x = x;
-    best.y = y;
-    best.z = z;
-    best.ofSecond = ofSecond;
-  }
-
-  /** Bound along the best axis during the whole interval, held still in the module that it belongs to, before what is lost. @type {(at: number, to: number) => number} */
-  during(at, to) {
-    const { best, M, line, module: m, motion: { P } } = this;
-    let { x, y, z } = best;
-    if (best.ofSecond) {
-      [x, y, z] = [-(M[0] * x + M[3] * y + M[6] * z), -(M[1] * x + M[4] * y + M[7] * z), -(M[2] * x + M[5] * y + M[8] * z)];
-      [at, to] = [to, at];
-    }
-    for (let a = 0, o = at, p = to; a < ORDER; a++, o += 12, p += 12) {
-      const u = x * P[o + 3] + y * P[o + 6] + z * P[o + 9], v = x * P[o + 4] + y * P[o + 7] + z * P[o + 10], w = x * P[o + 5] + y * P[o + 8] + z * P[o + 11];
-      line[a] = u * (P[p] - P[o]) + v * (P[p + 1] - P[o + 1]) + w * (P[p + 2] - P[o + 2]);
-      for (let s = 1; s < 4; s++) line[s * ORDER + a] = u * P[p + 3 * s] + v * P[p + 3 * s + 1] + w * P[p + 3 * s + 2];
-    }
-    let least = Infinity;
-    for (const row of BERNSTEIN) least = Math.min(least, this.coefficient(row, 0) + m.least(this.coefficient(row, 1), this.coefficient(row, 2), this.coefficient(row, 3)));
     return least + m.least(-x, -y, -z);
-  }
-
-  /** One Bernstein coefficient of one of the polynomials in `line`. @param {number[]} row @param {number} which */
-  coefficient(row, which) {
-    const { line } = this, o = which * ORDER;
-    return row[0] * line[o] + row[1] * line[o + 1] + row[2] * line[o + 2] + row[3] * line[o + 3] + row[4] * line[o + 4];
   }
 }

@@ -30,32 +30,32 @@ function turn(plan, module) {
     if (slot >= plan.first[k] && slot < plan.last[k]) plan.values[plan.offsets[k] + slot - plan.first[k]] -= Math.sign(plan.folded[slot] || 1) * OFF;
   }
   plan.most += OFF;
+  plan.step = Infinity;
   return joint;
 }
 
 /** @param {Asked} asked */
 async function check({ href, way, module }) {
   const began = performance.now();
-  let frames = 0, joint = 0, claim = 0;
+  let frames = 0, joint = 0, claim = 0, told = 0;
   try {
     const answer = await fetch(href);
     if (!answer.ok) throw new NotProved("The plan file cannot be loaded.");
-    const plan = await Plan.read(new Uint8Array(await answer.arrayBuffer()));
-    ({ frames, claim } = plan);
-    if (way !== "claim") claim = TOUCHES;
+    const plan = await Plan.read(new Uint8Array(await answer.arrayBuffer())), { n: modules, size } = plan;
+    if (way !== "claim") plan.claim = TOUCHES;
     if (way === "hinge") joint = turn(plan, module ?? Math.floor(Math.random() * plan.n));
-    const proof = new Proof(plan, way === "claim" ? {} : { claim, size: way === "size" ? 1 : plan.size, grow: way === "size" });
-    let told = 0;
+    ({ frames, claim } = plan);
+    const proof = new Proof(plan, way === "size");
     for (const frame of proof.run()) {
       if (performance.now() - told < TELL_MS) continue;
       told = performance.now();
       postMessage({ is: "progress", frame, frames, tightest: proof.tightest });
     }
-    const { n: modules, size } = plan;
-    postMessage({ is: "proved", plan: { frames, modules, size, claim }, size: proof.size, tightest: proof.tightest, touch: proof.touch, joint, seconds: (performance.now() - began) / 1000 });
+    const { tightest, touch, size: found } = proof, seconds = (performance.now() - began) / 1000;
+    postMessage({ is: "proved", plan: { frames, modules, size, claim }, size: found, tightest, touch, joint, seconds });
   } catch (error) {
-    const place = error instanceof NotProved ? error.place : null;
-    postMessage({ is: "refused", text: error instanceof Error ? error.message : String(error), place, frames, claim, joint });
+    const { message: text, place = null } = /** @type {Error & { place?: Place | null }} */ (error);
+    postMessage({ is: "refused", text, place, frames, claim, joint });
   }
 }
 

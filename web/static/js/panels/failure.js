@@ -90,15 +90,17 @@ export class Failure {
   }
 }
 
-// How to confirm the reason without us: the checker, and the two files that it reads.
+// How to confirm the reason without us: the checker's two files, and the two files that it reads.
 /** @param {string} files */
 function confirming(files) {
   const [plan, record] = ["plan.npz", "record.npz"].map((name) => element("a", { href: `${files}/${name}`, download: name }, name));
   return [
     element("h3", {}, "Check it yourself"),
     element("p", {}, "The checker confirms this reason from ", plan, " and ", record, " alone. It needs no trust in us."),
-    element("p", {}, element("code", {}, "python foldback_check.py plan.npz --record record.npz")),
-    element("p", {}, element("a", { class: "button quiet", href: "/static/foldback_check.py", download: true }, "Download the checker")),
+    element("p", {}, element("code", {}, "python foldback_check_refusals.py plan.npz record.npz")),
+    element("p", {}, "The checker is two files. Keep them in one folder:"),
+    element("p", {}, ...["foldback_check_refusals.py", "foldback_check.py"].flatMap((name) =>
+      [element("a", { class: "button quiet", href: `/static/${name}`, download: true }, name), " "])),
   ];
 }
 

@@ -1,4 +1,4 @@
-// The leader of a class: others see live what this page shows. See server/api/classes.py.
+// The leader of a class: others see live what this page shows. See server/pages/classes.py.
 import { at, button, copyText, element, get } from "../lib/text.js";
 import { hashOf } from "../player/address.js";
 

@@ -1,0 +1,221 @@
+"""Confirm why a fold failed from two files: the chain of modules is knotted, or blocks itself.
+
+    python foldback_check_refusals.py plan.npz record.npz [--json]
+
+Needs NumPy and foldback_check.py beside it, whose proof and bound of rounding it uses, and nothing
+of foldback. docs/certificate.md states what is claimed. Exits with 3: refusal confirmed, 1: not
+proved or not checked, 2: no plan.
+
+The record of a search that failed is proved like a plan: folded at first, no contact. Its
+last frame then shows one of two things. BLOCKS: cubes or tetrahedra overlap if no face and no two
+edges give a separating axis. Edges parallel to 1e-6 are left out, so overlaps count from 1e-4 on. A
+hinge, or a group, that makes modules overlap somewhere on its way cannot pass there by itself.
+KNOT: the line through all centres, lengthened at both ends and closed outside, is knotted. Look at
+it along any direction and give a number to each arc, so that 2 over = before + after wherever one
+passes under another (Fox). The matrix of these equations, less a row and a column, has the same
+determinant up to sign whatever the direction; for the unknot 1. It is computed modulo a prime. A
+view counts if nothing in it changes when every point moves by b, more than ROUNDING. An area of
+sides p, q then changes by less than 4 b (p + q), a volume of sides p, q, r by 4 b (p + q + r)^2.
+"""
+
+import argparse
+import itertools
+import json
+import math
+import sys
+
+import numpy as np
+
+from foldback_check import MODULES, NotProved, Plan, answer, load, prove, require, seen, show
+
+TOUCH, DEEP = 1e-9, 1e-4  # clearance of a record; least overlap that blocks
+PRIME, CROSSINGS, VIEWS = 2**31 - 1, 1500, 8  # modulus; most crossings of a view; views of a knot
+
+
+class NotChecked(NotProved):
+    """A reason that is no property of the shape."""
+
+
+class Refused(Plan):
+    """The motion of a search that failed, and the evidence of its reason."""
+
+    def __init__(self, path, record):
+        arrays, found = load(path), load(record)
+        told = json.loads(str(arrays["plan"]))
+        said, ran = told["certificate"], told["explosion"]
+        require(not str(said["verdict"]).startswith("verified"), "the plan does not fail")
+        tried = [a.get("diagnosis") for a in told["attempts"] if ran and ran.items() <= a.items()]
+        self.evidence = next((each["evidence"] for each in tried if each), None) or {}
+        kind = self.evidence.get("kind")
+        if kind == "budget":
+            raise NotChecked("this is a limit of foldback's search, not a property of the shape")
+        require(kind in REASONS, "the plan gives no reason that can be checked")
+        root, of = (0, "base_") if "first" in found else (told["root_module"], "root_")
+        self.root = root, found[of + "position"][-1], found[of + "wxyz"][-1]
+        told["start"] = {"folded_rad": told["chain"]["folded_rad"]}
+        size = self.evidence.get("module_size", said["module_size"])
+        self.read(found | {"joint_names": arrays["joint_names"]}, told, size, TOUCH, whole=False)
+
+
+def stopped(module, told, middle, end, poses):
+    """Require that two modules overlap as told, one before `middle`, one from there to `end`."""
+    i, j = sorted(told["modules"])
+    require(0 <= i < middle <= j < end and j - i >= module.apart, f"modules {i} and {j}")
+    pose = seen(poses[i], poses[j : j + 1])
+    deep = -max(module.gaps(pose, by_edges)[1].max() for by_edges in (False, True))
+    require(deep >= DEEP and abs(deep - told["overlap"]) <= 1e-6,
+            f"modules {i} and {j} overlap by {deep:.9f}, the plan says {told['overlap']:.9f}")
+
+
+def blocks(plan, told, _):
+    """Prove that modules stop each bent hinge, and the group that would move next (BLOCKS)."""
+    module, pad, turns, moves = plan.module, plan.pad, told["turns"], told["moves"]
+    q = plan.angles(plan.frames - 1, 0, len(plan.folded))
+    bend, first, hinges = told["bent_above_rad"], told["first_hinge"] + pad, len(module.names)
+    bent = first + np.flatnonzero(np.abs(q[first:]) > bend)
+    require(plan.kind in MODULES, "modules whose separating axes are not known")
+    require(turns + moves and 0.0 < bend <= math.pi / 3 and first >= pad and
+            np.abs(q - plan.folded)[:first].max(initial=0.0) <= 1e-5 and
+            [turn["hinge"] + pad for turn in turns] == bent.tolist(), "other bent hinges")
+    for slot, turn in zip(bent, turns, strict=True):
+        tried, by = q.copy(), turn["turned_rad"]
+        require(by * q[slot] < 0.0 and abs(by) <= math.radians(5.001), f"a turn by {by:.6f} rad")
+        tried[slot] += by
+        stopped(module, turn, slot // hinges + 1, plan.count, module.chain(tried))
+    low, high = told["unit"] if moves else (0, 0)
+    six = {(*way,) for way in [*np.eye(3), *-np.eye(3)]}
+    require(not moves or 0 < low <= high == first // hinges and
+            {(*move["direction"],) for move in moves} == six, "not all six directions")
+    for move in moves:
+        poses = module.chain(plan.folded)
+        require(0.0 < move["moved"] <= 1.0, "a move of more than a pitch")
+        poses[low:, 0] += np.multiply(move["direction"], move["moved"])
+        stopped(module, move, low, high + 1, poses)
+    return "; ".join([
+        f"none of the {len(turns)} hinges bent by more than {bend:g} rad from module "
+        f"{first // hinges} on can straighten by itself"][: len(turns)] + [
+        f"modules {low} to {high} as one cannot move by a pitch along any axis"][: len(moves)])
+
+
+def crossings(p, b):
+    """Return (over, under, off) of a closed polygon's crossings, seen along the third axis.
+
+    Places are edges plus fractions. None if anything may change when vertices move by b.
+    """
+    e, found = np.roll(p, -1, axis=0) - p, [np.empty((0, 3))]
+    low, high, size = np.minimum(p, p + e) - b, np.maximum(p, p + e) + b, np.linalg.norm(e, axis=1)
+    for i in range(len(p) - 2):
+        j = np.arange(i + 2, len(p) - (i == 0))
+        j = j[((low[j] < high[i]) & (low[i] < high[j]))[:, :2].all(1)]
+        gap = p[j] - p[i]
+        sides = (e[i], gap), (e[i], gap + e[j]), (gap, e[j]), (gap - e[i], e[j])
+        area = np.array([u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0] for u, v in sides])
+        most = size[i] + size[j] + np.linalg.norm(gap, axis=1)
+        side = np.where(np.abs(area) > 4 * b * most, np.sign(area), 0.0)
+        ours, theirs = side[0] * side[1], side[2] * side[3]
+        area, most, j = (v[..., (ours < 0.0) & (theirs < 0.0)] for v in (area, most, j))
+        whole = area[2] - area[3]
+        s, t = area[2] / whole, area[0] / (area[0] - area[1])
+        above = p[i, 2] + s * e[i, 2] - p[j, 2] - t * e[j, 2]
+        if (~((ours > 0.0) | (theirs > 0.0))).sum() > len(j) or not (
+                np.abs(above * whole) > 4 * b * most**2).all():
+            return None
+        two = np.where(above > 0.0, (i + s, j + t), (j + t, i + s))
+        found.append(np.column_stack([*two, 4 * b * most / np.abs(whole)]))
+    found = np.concatenate(found)
+    apart = np.diff(np.sort(found[:, :2], axis=None)).min(initial=1.0)
+    return found if apart > 2 * found[:, 2].max(initial=0.0) else None
+
+
+def determinant(polygon, b):
+    """Return the determinant of a closed polygon's knot, modulo PRIME and up to sign (KNOT)."""
+    turns = (np.linalg.qr(np.random.default_rng(k).normal(size=(3, 3)))[0] for k in range(VIEWS))
+    clear = [view for turn in turns if (view := crossings(polygon @ turn, b)) is not None]
+    require(clear, "no view of the line is clear")
+    over, under, _ = min(clear, key=len).T
+    require(len(over) <= CROSSINGS, f"a view of the line has {len(over)} crossings")
+    ends, one, found = np.sort(under), np.eye(len(over), dtype="i8"), 1  # an arc ends below another
+    arc, at = np.searchsorted(ends, under), np.searchsorted(ends, over) % len(over)
+    rows = (2 * one[at] - one[arc] - one[(arc + 1) % len(over)])[1:, 1:] % PRIME
+    while len(rows):
+        top = rows[:, 0].argmax()
+        first = int(rows[top, 0])
+        by, found = rows[:, :1] * pow(first, PRIME - 2, PRIME) % PRIME, found * first % PRIME
+        rows = np.delete((rows - by * rows[top]) % PRIME, top, 0)[:, 1:]
+    return min(found, PRIME - found)
+
+
+def away(points, a, b):
+    """Return the least distance of points from the way from a to b."""
+    share = ((points - a) @ (b - a) / max((b - a) @ (b - a), 1e-300)).clip(0.0, 1.0)
+    return np.linalg.norm(points - a - share[:, None] * (b - a), axis=1).min()
+
+
+def knot(plan, told, b):
+    """Prove that the line through all centres is knotted, its ends led out and joined (KNOT)."""
+    (root, place, (w, *v)), found = plan.root, set()
+    poses = plan.module.chain(plan.angles(plan.frames - 1, 0, len(plan.folded)))
+    spin = np.cross(v, np.eye(3))
+    turn = np.eye(3) + 2 * (w * spin + spin @ spin) / (w * w + np.dot(v, v))
+    x = seen(poses[root], poses)[:, 0] @ turn + place
+    middle, ends = x.mean(0), np.linalg.norm(x[-1] - x[0])
+    radius = np.linalg.norm(x - middle, axis=1).max()
+    for corners in told["closings"]:
+        c = np.array(corners, float).reshape(-1, 3)
+        line = np.concatenate([x, c])
+        require(len(c) in (0, 2, 3) and np.abs(line).max() < 1e5, "ends that are joined otherwise")
+        free = ends <= 1.1 if not len(c) else (
+            min(away(x[:-1], x[-1], c[0]), away(x[1:], x[0], c[-1])) >= 0.5 and
+            all(away(middle[None], *two) >= radius for two in itertools.pairwise(c)))
+        e = np.roll(line, -1, axis=0) - line
+        e /= np.linalg.norm(e, axis=1, keepdims=True)
+        straight = ((e * np.roll(e, -1, axis=0)).sum(1) > -0.999).all()
+        require(free and straight, "an end without a free way out")
+        found.add(determinant(line, b))
+    require(len(found) == 1 and 1 not in found, f"no knot: determinant {found}")
+    value = told["determinant"]
+    require(value is None or min(value % PRIME, -value % PRIME) in found, f"determinant {found}")
+    return (f"the line through all centres is knotted (determinant {value or found.pop()}), its "
+            "ends being led out along free straight lines and joined outside")
+
+
+REASONS = {"knot": knot, "blocks": blocks}
+
+
+def check(path, record):
+    """Return what was confirmed of a refusal, or why it was not (`foldback_check.answer`)."""
+
+    def work(found):
+        try:
+            plan = Refused(path, record)
+            proof = prove(plan, found)
+            because = REASONS[plan.evidence["kind"]](plan, plan.evidence, proof.rounding + 1e-9)
+            found |= {"verdict": "refusal confirmed", "because": because}
+        except NotChecked as error:
+            found |= {"verdict": "not checked", "reason": str(error)}
+
+    return answer(path, work)
+
+
+SAYS = """refusal confirmed: {modules} modules ({module}) of size {size:g}, {frames} frames.
+They begin folded and never touch. At last, {because}.
+That no other motion unfolds them is not claimed. {seconds:.1f} s."""
+
+
+def main(arguments=None):
+    """Check a refusal and print the result."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("plan", help="plan.npz of a fold that failed")
+    parser.add_argument("record", help="its record.npz")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    told = parser.parse_args(arguments)
+    try:
+        found = check(told.plan, told.record)
+    except ValueError as error:
+        print(f"no plan: {error}", file=sys.stderr)
+        return 2
+    return 3 if show(found, told.json, SAYS, "refusal confirmed") else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
