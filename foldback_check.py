@@ -302,6 +302,7 @@ class Batch:
     def pairs(self, wanted):
         """Return rows (b, i, j) of pairs that may come too near, and intervals with too many."""
         levels, n, crowded = [self.boxes()], len(self.at), np.zeros(len(self.k), bool)
+        crowd = CROWD * (np.where(self.k == 0, n, self.m) + 10)
         while len(levels[-1][0]) > 1:
             two = np.arange(0, len(levels[-1][0]), 2)
             low, high = levels[-1]
@@ -317,7 +318,7 @@ class Batch:
             keep &= last - first >= self.proof.plan.module.apart
             b, i, j = b[keep], i[keep], j[keep]
             if level:  # the halves of both boxes
-                crowded |= np.bincount(b, minlength=len(crowded)) > CROWD * (self.m + 10)
+                crowded |= np.bincount(b, minlength=len(crowded)) > crowd
                 half = np.arange(4)[:, None]
                 i, j, b = (2 * i + half // 2).ravel(), (2 * j + half % 2).ravel(), np.tile(b, 4)
                 keep = (i <= j) & (j < len(levels[level - 1][0]))

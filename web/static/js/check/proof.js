@@ -149,7 +149,7 @@ export class Proof {
         if (!(spare >= 0)) found.push([i, j]);
         j += spare >= 1 ? Math.floor(spare) : 1;
       }
-      if (found.length > CROWD * (W + 10)) return null;
+      if (found.length > CROWD * ((k ? W : n) + 10)) return null;
     }
     return found;
   }
