@@ -45,6 +45,9 @@ certificate."""
 TOUR: Final = "tour.json"
 """Name of a file with a tour in a fold's directory, which ``foldback play`` shows in place of a
 draft."""
+OWN_VALUES: Final = "values.json"
+"""Name of a file with numbers for modules in a fold's directory, which ``foldback play`` and
+``foldback site`` offer as colours."""
 PICTURE: Final = "picture.png"
 MANIFEST: Final = "manifest.json"
 ATTEMPTS_DIR: Final = "attempts"

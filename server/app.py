@@ -14,7 +14,18 @@ from typing import Final
 from fastapi import FastAPI
 
 from planner.readers.gallery import Gallery
-from server.api import artifacts, folds, frames, health, mine, movies, robot, shapes, tours
+from server.api import (
+    artifacts,
+    folds,
+    frames,
+    health,
+    mine,
+    movies,
+    own_values,
+    robot,
+    shapes,
+    tours,
+)
 from server.api.context import Context
 from server.api.finished import import_finished
 from server.api.fold_states import FoldStates
@@ -90,6 +101,7 @@ ROUTERS: Final = (
     folds,
     artifacts,
     tours,
+    own_values,
     movies,
     mine,
     shapes,

@@ -259,4 +259,13 @@ declare namespace Api {
     detail: string;
     cells: number[][];
   }
+  interface ValuesBody {
+    format: string;
+    name: string;
+    unit: string;
+    low: number;
+    high: number;
+    rows: number;
+    data: string;
+  }
 }

@@ -21,6 +21,7 @@ from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.finding import find_now, viewing_of
+from server.api.own_values import values_of
 from server.api.tours import tour_of
 from server.http.client_address import address_of
 from server.http.compression import Asset
@@ -149,6 +150,22 @@ async def tour(request: Request, fold_id: str) -> Response:
         if found is None:
             raise NoSuchFoldError(fold_id)
         told = tour_of(viewing_of(request).store, found)
+        if told is None:
+            return _nothing()
+        return JSONResponse(told, headers={"Cache-Control": "private, no-cache"})
+
+    return await asyncio.to_thread(answer)
+
+
+@router.get("/folds/{fold_id}/values.json")
+async def values(request: Request, fold_id: str) -> Response:
+    """Return the numbers that are stored with a fold for its pages; 204 without any."""
+
+    def answer() -> Response:
+        found = find_now(request, fold_id)
+        if found is None:
+            raise NoSuchFoldError(fold_id)
+        told = values_of(viewing_of(request).store, found)
         if told is None:
             return _nothing()
         return JSONResponse(told, headers={"Cache-Control": "private, no-cache"})

@@ -18,8 +18,8 @@ from server.errors import Conflict, Forbidden, Unusable
 from server.store.fold_files import frames_promised
 from server.store.folds import NoSuchFoldError
 from server.store.shown import FoldSource, Found
-from server.store.tables import FoldRow
-from server.store.tours import write_tour
+from server.store.tables import FoldRow, TourRow
+from server.store.tours import write_beside
 from words.fold import RUNNING_STATUSES
 from words.tour import draft_tour
 
@@ -86,22 +86,13 @@ def get_tour(
 )
 def put_tour(fold: ExistingFold, context: Here, owner: RequiredOwner, body: TourBody) -> TourBody:
     """Store a tour with the fold, in place of an earlier one. Gallery folds have drafts only."""
-    _check_private(fold)
-    if not context.store.owns(fold.id, owner):
-        raise not_owner(NOT_FOLD_OWNER)
-    if not fold.over:
-        raise Conflict(
-            "not-ready", f"The fold is {fold.status}; tours need its frames.", retry_after_s=1
-        )
-    frames = frames_promised(context.store.directory(fold.id))
-    if not frames:
-        raise not_there(fold, "frames")
+    frames = frames_of_own(fold, context, owner)
     try:
         told = body.model_dump(by_alias=True, exclude_none=True)
         tour = Tour.from_dict(told, frames=frames, modules=fold.modules).as_dict()
     except InputError as error:
         raise Unusable.of(error) from None
-    if not write_tour(context.store, fold.id, owner, tour):
+    if not write_beside(context.store, fold.id, owner, TourRow, tour):
         raise not_owner(NOT_FOLD_OWNER)
     return TourBody.model_validate(tour)
 
@@ -111,8 +102,8 @@ def put_tour(fold: ExistingFold, context: Here, owner: RequiredOwner, body: Tour
 )
 def delete_tour(fold: ExistingFold, context: Here, owner: RequiredOwner) -> Response:
     """Delete the stored tour; the fold then has its draft again."""
-    _check_private(fold)
-    if not write_tour(context.store, fold.id, owner, None):
+    check_private(fold)
+    if not write_beside(context.store, fold.id, owner, TourRow, None):
         raise not_owner(NOT_FOLD_OWNER)
     return Response(status_code=204)
 
@@ -138,8 +129,28 @@ def draft_of(found: Found) -> dict[str, Any] | None:
     return None if drafted is None else drafted.as_dict()
 
 
-def _check_private(fold: FoldRow) -> None:
+def frames_of_own(fold: FoldRow, context: Here, owner: RequiredOwner) -> int:
+    """Return the number of frames of a fold with which its owner stores something.
+
+    Raises:
+        ServiceError: The fold is public, belongs to somebody else, runs, or has no frames.
+    """
+    check_private(fold)
+    if not context.store.owns(fold.id, owner):
+        raise not_owner(NOT_FOLD_OWNER)
+    if not fold.over:
+        detail = f"The fold is {fold.status}; what is stored with it needs its frames."
+        raise Conflict("not-ready", detail, retry_after_s=1)
+    frames = frames_promised(context.store.directory(fold.id))
+    if not frames:
+        raise not_there(fold, "frames")
+    return frames
+
+
+def check_private(fold: FoldRow) -> None:
+    """Raise Forbidden for a gallery fold, which belongs to nobody."""
     if fold.public:
         raise Forbidden(
-            "public", "This is a gallery fold, which everyone can see; its tour cannot be changed."
+            "public",
+            "This is a gallery fold, which everyone can see; nothing can be stored with it.",
         )

@@ -29,6 +29,7 @@ from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.workspace import Workspace
+from planner.plan.own_values import values_in
 from server.api import frames as timelines
 from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
@@ -56,6 +57,10 @@ class FolderStore:
         del fold_id
         tour = stored_tour(self._directory)
         return None if tour is None else tour.as_dict()
+
+    def values(self, fold_id: str) -> dict[str, Any] | None:
+        """Return the numbers in the directory; None without any, or any that are right."""
+        return values_in(self._directory, self.fold(fold_id).modules)
 
     def fold(self, fold_id: str) -> ShownFold:
         """Return the facts of the fold."""

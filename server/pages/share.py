@@ -21,6 +21,7 @@ from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.finding import find_fold, viewing_of
 from server.api.frames import view_page
+from server.api.own_values import values_of
 from server.api.tours import tour_of
 from server.errors import Conflict
 from server.http.client_address import address_of
@@ -29,7 +30,7 @@ from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import page, policy_of_pages, rendered, script_json
 from server.pages.problem_page import not_found_page
 from server.store.folds import NoSuchFoldError
-from server.store.shown import Found
+from server.store.shown import FoldSource, Found
 from web.pictures.table_top import TableTop
 from web.timeline.metrics import FIGURES, curves_of, table_forces
 from web.timeline.view import TimelineView
@@ -96,13 +97,13 @@ async def standalone(request: Request, fold_id: str) -> Response:
     """Return the fold as one HTML file that plays without a server; it is written once."""
     found = await _finished(request, fold_id)
     facts = await asyncio.to_thread(fold_facts, found, api=False)
-    tour = await asyncio.to_thread(tour_of, viewing_of(request).store, found)
+    kept = await asyncio.to_thread(_kept, viewing_of(request).store, found)
     path = await viewing_of(request).artifacts.file(
         fold_id,
         "standalone.html",
-        _of_view(found, lambda timeline: standalone_page(found, timeline, facts, _page, tour=tour)),
+        _of_view(found, lambda timeline: standalone_page(found, timeline, facts, _page, kept=kept)),
         of=CHANGE_MARKER,
-        edition=await asyncio.to_thread(_edition, facts, tour),
+        edition=await asyncio.to_thread(_edition, facts, kept),
         visitor=address_of(request),
     )
     return _file(path, facts["name"], "html", "text/html")
@@ -143,7 +144,7 @@ def standalone_page(
     render: Render,
     *,
     view: str | None = None,
-    tour: dict[str, Any] | None = None,
+    kept: dict[str, Any],
 ) -> bytes:
     """Return a fold's page that plays without a server: see ``standalone_html``."""
     try:
@@ -163,7 +164,7 @@ def standalone_page(
         forces=forces,
         table=_table(found, timeline),
         view=view,
-        tour=tour,
+        kept=kept,
     )
 
 
@@ -172,9 +173,14 @@ def _table(found: Found, timeline: TimelineView) -> TableTop | None:
     return None if found.row.world == FLOATING else timeline.table()
 
 
-def _edition(facts: FoldFacts, tour: dict[str, Any] | None) -> str:
+def _kept(store: FoldSource, found: Found) -> dict[str, Any]:
+    """Return the tour of a fold, and the numbers that are stored with it."""
+    return {"tour": tour_of(store, found), "values": values_of(store, found)}
+
+
+def _edition(facts: FoldFacts, kept: dict[str, Any]) -> str:
     """Return an edition that changes with a standalone page's content and scripts."""
-    told = json.dumps([version("foldback"), standalone_scripts(), facts, tour], sort_keys=True)
+    told = json.dumps([version("foldback"), standalone_scripts(), facts, kept], sort_keys=True)
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 
 

@@ -18,6 +18,7 @@ from markupsafe import Markup
 from planner.file_names import TIMELINE
 from planner.files import write_whole
 from planner.pipeline.fold_layout import result
+from planner.plan.own_values import values_in
 from server.api.tours import draft_of
 from server.pages.facts import fold_facts
 from server.pages.fold import drawing_in
@@ -141,8 +142,8 @@ def _fold_page(site: Site, fold: Found) -> bytes:
     render = partial(site.rendered, "standalone.html", "../", details=True)
     timeline = TimelineView(result(fold.directory, TIMELINE))
     facts = fold_facts(fold, api=False)
-    view, tour = f"../{VIEW_FILE}", draft_of(fold)
-    return standalone_page(fold, timeline, facts, render, view=view, tour=tour)
+    kept = {"tour": draft_of(fold), "values": values_in(fold.directory, fold.row.modules)}
+    return standalone_page(fold, timeline, facts, render, view=f"../{VIEW_FILE}", kept=kept)
 
 
 def _shared_files(site: Site) -> None:

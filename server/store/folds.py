@@ -38,6 +38,7 @@ from server.store.tables import (
     FoldRow,
     SecretRow,
     TourRow,
+    ValuesRow,
     engine_of,
     is_read_only,
     migrate,
@@ -172,7 +173,13 @@ class Store:
         """Return the tour that a fold's owner has stored, as plain values; None without one."""
         with self._sessions() as session:
             row = session.get(TourRow, fold_id)
-        return None if row is None else row.tour
+        return None if row is None else row.told
+
+    def values(self, fold_id: str) -> dict[str, Any] | None:
+        """Return the numbers that a fold's owner has stored, as plain values; None without any."""
+        with self._sessions() as session:
+            row = session.get(ValuesRow, fold_id)
+        return None if row is None else row.told
 
     def list_public(self, limit: int = 100) -> Sequence[FoldRow]:
         """Return the gallery folds that are not cancelled, newest first."""

@@ -37,6 +37,10 @@ class FoldSource(Protocol):
         """Return the tour that is stored with a fold, as plain values; None without one."""
         ...
 
+    def values(self, fold_id: str) -> dict[str, Any] | None:
+        """Return the numbers stored with a fold, as plain values; None without any."""
+        ...
+
 
 def id_of_fold(shown_id: str) -> str:
     """Return the id of the fold to which the id of a page belongs: ``abc`` for ``abc-3``."""

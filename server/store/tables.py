@@ -219,7 +219,18 @@ class TourRow(Base):
     fold_id: Mapped[str] = mapped_column(
         sa.ForeignKey("folds.id", ondelete="CASCADE"), primary_key=True
     )
-    tour: Mapped[dict[str, Any]]
+    told: Mapped[dict[str, Any]] = mapped_column("tour")
+
+
+class ValuesRow(Base):
+    """The numbers that the owner of a fold has stored: ``planner.plan.own_values``."""
+
+    __tablename__ = "own_values"
+
+    fold_id: Mapped[str] = mapped_column(
+        sa.ForeignKey("folds.id", ondelete="CASCADE"), primary_key=True
+    )
+    told: Mapped[dict[str, Any]]
 
 
 class PreviewRow(Base):

@@ -1,4 +1,4 @@
-"""Tours that owners have written for their folds."""
+"""What owners have stored with their folds: tours, and numbers for modules."""
 
 from __future__ import annotations
 
@@ -8,17 +8,24 @@ import sqlalchemy as sa
 
 from server.store.folds import Store
 from server.store.owner import Owner, owned_by
-from server.store.tables import FoldRow, TourRow
+from server.store.tables import FoldRow, TourRow, ValuesRow
 
 
-def write_tour(store: Store, fold_id: str, owner: Owner, tour: dict[str, Any] | None) -> bool:
-    """Store the tour of a fold, in place of an earlier one, or remove it.
+def write_beside(
+    store: Store,
+    fold_id: str,
+    owner: Owner,
+    kind: type[TourRow | ValuesRow],
+    told: dict[str, Any] | None,
+) -> bool:
+    """Store something with a fold, in place of what was there, or remove it.
 
     Args:
         store: The rows.
         fold_id: The fold.
         owner: Its owner.
-        tour: The tour as plain values; None to remove it.
+        kind: What it is.
+        told: Its plain values; None to remove it.
 
     Returns:
         False if the fold does not belong to the owner; gallery folds belong to none.
@@ -27,8 +34,8 @@ def write_tour(store: Store, fold_id: str, owner: Owner, tour: dict[str, Any] | 
     with store.changing() as session:
         if session.scalar(sa.select(FoldRow.id).where(*own).with_for_update()) is None:
             return False
-        if tour is None:
-            session.execute(sa.delete(TourRow).where(TourRow.fold_id == fold_id))
+        if told is None:
+            session.execute(sa.delete(kind).where(kind.fold_id == fold_id))
         else:
-            session.merge(TourRow(fold_id=fold_id, tour=tour))
+            session.merge(kind(fold_id=fold_id, told=told))
         return True

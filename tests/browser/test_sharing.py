@@ -143,6 +143,21 @@ def test_tour_is_played_edited_and_kept(visit: Visit, service: Service) -> None:
     other = visit(f"/embed/{told['id']}#stop=2", view=False)
     expect(other.locator(".tour-caption")).to_have_text("<b>Here</b> it begins.")
 
+    # So are numbers that the owner colours by.
+    page.get_by_role("button", name="Close", exact=True).click()
+    page.locator("#colour-by").select_option("own-file")
+    box, numbers = page.locator(".own-values"), page.locator(".own-values input")
+    numbers.set_input_files({"name": "a.csv", "mimeType": "text/csv", "buffer": b"1\n2\n"})
+    expect(box.get_by_role("alert")).to_have_text(re.compile("^Got 2 rows with 1 number each"))
+    heat = "Heat (K)\n" + "".join(f"{k}\n" for k in range(len(SNAKE)))
+    numbers.set_input_files({"name": "a.csv", "mimeType": "text/csv", "buffer": heat.encode()})
+    expect(page.locator("#legend-low")).to_have_text("0 K")
+    box.get_by_role("button", name="Keep with this fold").click()
+    expect(box).to_contain_text("Everyone with a link to this fold can see them.")
+    other.evaluate("() => { location.hash = '#colour=own'; }")
+    expect(other.locator("#legend-low")).to_have_text("0 K")
+    expect(other.locator("#colour-by option:checked")).to_have_text("Heat")
+
 
 @pytest.fixture(scope="module")
 def offered(service: Service, wrench: str) -> Iterator[Page]:

@@ -28,7 +28,7 @@ def parts_of(timeline: Path, plan: Path) -> dict[str, Any]:
     def render(**values: Any) -> str:
         return values["parts"]
 
-    return json.loads(standalone_html(TimelineView(timeline), render, {}, plan=plan))
+    return json.loads(standalone_html(TimelineView(timeline), render, {}, plan=plan, kept={}))
 
 
 def there_and_back(path: Path, plan: Plan) -> Path:

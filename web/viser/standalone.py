@@ -69,7 +69,7 @@ def standalone_html(
     forces: bytes | None = None,
     table: TableTop | None = None,
     view: str | None = None,
-    tour: Mapping[str, Any] | None = None,
+    kept: Mapping[str, Any],
 ) -> bytes:
     """Return the page of one finished fold.
 
@@ -82,7 +82,7 @@ def standalone_html(
         forces: ``web.timeline.metrics.table_forces``, of a fold on a table.
         table: That table.
         view: Address of viser's client, for pages that share it; None to put it into the page.
-        tour: Tour of the fold.
+        kept: ``tour`` and ``values`` of the fold, each None without one.
 
     Raises:
         TimelineError: When the timeline is being replaced.
@@ -102,7 +102,7 @@ def standalone_html(
         "curves": None if curves is None or stride > 1 else _text(curves),
         "forces": None if forces is None or stride > 1 else _text(forces),
         "facts": dict(facts),
-        "tour": tour,
+        **kept,
     }
     styles = "".join(text_of(name) for name in STYLES)
     return render(

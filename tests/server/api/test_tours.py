@@ -1,11 +1,13 @@
-"""Tours over HTTP: drafts, what an owner stores, and what is refused."""
+"""Tours and numbers over HTTP: drafts, what an owner stores, and what is refused."""
 
 from __future__ import annotations
 
+import base64
 from typing import Any
 
 import pytest
 
+from planner.plan.own_values import VALUES_FORMAT
 from planner.plan.tour import MAX_CAPTION, MAX_STOPS, Tour
 from tests.case import case
 from tests.server.service import Service, bearer
@@ -80,3 +82,40 @@ def test_fold_without_frames_has_no_tour(desk: Service) -> None:
     assert (answer.status_code, answer.json()["code"]) == (409, "not-ready")
     assert desk.http.get(f"/folds/{waiting}/tour.json").status_code == 204
     assert desk.http.get("/api/folds/nothere/tour").status_code == 404
+
+
+def test_numbers_of_the_owner_are_kept_with_the_fold_and_wrong_ones_are_refused(
+    service: Service, finished: dict[str, Any], token: str
+) -> None:
+    address, page = f"/api/folds/{finished['id']}/values", f"/folds/{finished['id']}/values.json"
+    modules = service.state(finished["id"])["modules"]
+
+    def values(**changed: object) -> dict[str, Any]:
+        data = base64.b64encode(bytes(2 * modules)).decode()
+        scale = {"name": "a\u202e  b", "unit": "K", "low": -1, "high": 2.5}
+        return {"format": VALUES_FORMAT, **scale, "rows": 2, "data": data, **changed}
+
+    assert service.http.get(address).status_code == 404
+    assert service.http.get(page).status_code == 204
+    for wrong, place in (
+        ({"format": "foldback-values/2"}, "format"),
+        ({"name": "x" * 81}, "name"),
+        ({"low": 3}, "low"),
+        ({"rows": 10**6}, "rows"),
+        ({"rows": 3}, "data"),
+        ({"data": "<b>"}, "data"),
+        ({"html": "<b>"}, "html"),
+    ):
+        with case(wrong):
+            status, problem = put(service, address, values(**wrong), token)
+            assert status == 422
+            assert place in str(problem)
+    assert put(service, address, values(data="A" * 300_000), token)[0] == 413
+    assert service.http.get(page).status_code == 204
+
+    assert put(service, address, values(), token)[0] == 200
+    kept = {**values(), "name": "a b"}
+    assert service.http.get(address).json() == service.http.get(page).json() == kept
+    assert kept["data"] in service.http.get(f"/folds/{finished['id']}/standalone.html").text
+    assert service.http.delete(address, headers=bearer(token)).status_code == 204
+    assert service.http.get(page).status_code == 204

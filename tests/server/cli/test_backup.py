@@ -251,13 +251,13 @@ def test_migration_is_announced_before_it_is_done(tmp_path: Path) -> None:
     alembic = config()
     with engine.begin() as connection:
         alembic.attributes["connection"] = connection
-        command.upgrade(alembic, "0014")
+        command.upgrade(alembic, "0015")
     told = site.run("migrate", "--check")
     assert told.exit_code == 3
-    assert told.stdout == "would migrate tables of folds: version 0015\n"
+    assert told.stdout == "would migrate tables of folds: version 0016\n"
     assert site.run("backup", tmp_path / "copy").exit_code == 0  # before the upgrade
     assert "foldback admin migrate" in site.run("list").stderr
-    assert site.run("migrate").stdout == "migrated tables of folds: version 0015\n"
+    assert site.run("migrate").stdout == "migrated tables of folds: version 0016\n"
     assert site.run("migrate", "--check").stdout == "All tables are of this version.\n"
     with engine.begin() as connection:
         connection.exec_driver_sql("UPDATE alembic_version SET version_num = '9999'")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.server.contract.application import Application
-from tests.server.contract.things import ACTORS, MOVIE_ID, TOUR, Thing
+from tests.server.contract.things import ACTORS, MOVIE_ID, TOUR, VALUES, Thing
 
 MATRIX = """
 action        thing                         none     short    stranger asker    owner    heir
@@ -67,6 +67,11 @@ del-tour      verified+tour+handed          401      401      403      403      
 del-tour      verified                      401      401      403      403      204=     403
 del-tour      gallery                       401      401      403p     403p     403p     403p
 del-tour      verified+deleted              404      404      404      404      404      404
+values        verified+frames               401      401      403      403      200      403
+values        verified+frames+handed        401      401      403      403      403      200
+values        gallery                       401      401      403p     403p     403p     403p
+del-values    verified+values               401      401      403      403      204      403
+del-values    gallery                       401      401      403p     403p     403p     403p
 del-movie     verified+movie                403      403      403      403      204      403
 del-movie     verified+movie+handed         403      403      403      403      204      204
 del-movie     verified+movie+rekeyed        403      403      403      403      403      204
@@ -116,6 +121,8 @@ ACTIONS: dict[str, tuple[str, str, object]] = {
     "delete": ("DELETE", "/api/folds/{id}", None),
     "tour": ("PUT", "/api/folds/{id}/tour", TOUR),
     "del-tour": ("DELETE", "/api/folds/{id}/tour", None),
+    "values": ("PUT", "/api/folds/{id}/values", VALUES),
+    "del-values": ("DELETE", "/api/folds/{id}/values", None),
     "del-movie": ("DELETE", f"/api/folds/{{id}}/movies/{MOVIE_ID}", None),
     "del-preview": ("DELETE", "/api/mine/previews/{id}", None),
     "list-folds": ("GET", "/api/mine/folds", None),

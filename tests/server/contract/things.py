@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import base64
 import time
 from collections.abc import Callable
 from typing import Any
 
 from planner.file_names import TIMELINE
 from planner.files import write_json
+from planner.plan.own_values import VALUES_FORMAT
 from planner.plan.tour import TOUR_FORMAT
 from server.store.folds import new_id
 from server.store.owner import Owner, new_token
-from server.store.tables import FoldRow, MovieRow, PreviewRow, TourRow
-from server.store.tours import write_tour
+from server.store.tables import FoldRow, MovieRow, PreviewRow, TourRow, ValuesRow
+from server.store.tours import write_beside
 from tests.server.contract.application import Application
 from tests.server.rows import a_fold, a_movie
 
@@ -25,6 +27,10 @@ TOUR: dict[str, Any] = {
     "format": TOUR_FORMAT,
     "title": "Mine",
     "stops": [{"caption": "It folds.", "frame": 9}],
+}
+VALUES: dict[str, Any] = {
+    **{"format": VALUES_FORMAT, "name": "Heat", "unit": "K", "low": -1.5, "high": 2.0, "rows": 1},
+    "data": base64.b64encode(bytes(range(16))).decode(),
 }
 STATES: dict[str, dict[str, Any]] = {
     **{status: {"status": status} for status in ("queued", "running", "verified", "failed")},
@@ -58,7 +64,8 @@ class Thing:
             "taken-movie": lambda: self._add_movie(None, of_owner=True),
             "preview": self._add_preview,
             "frames": self._add_frames,
-            "tour": lambda: write_tour(self._store, self.fold_id, self.owner("owner"), TOUR),
+            "tour": lambda: self._keep(TourRow, TOUR),
+            "values": lambda: self._keep(ValuesRow, VALUES),
             "handed": self._hand_over,
             "rekeyed": self._replace_key,
             "deleted": lambda: self._store.delete(self.fold_id),
@@ -82,9 +89,12 @@ class Thing:
             fold = session.get(FoldRow, self.fold_id)
             movie = session.get(MovieRow, (self.fold_id, MOVIE_ID))
             preview = session.get(PreviewRow, self.fold_id)
-            tour = session.get(TourRow, self.fold_id)
+            kept = [session.get(kind, self.fold_id) is None for kind in (TourRow, ValuesRow)]
         known = fold and (fold.name, fold.status, fold.cancel_requested, fold.owner)
-        return known, movie is None, preview is None, tour is None
+        return known, movie is None, preview is None, *kept
+
+    def _keep(self, kind: type[TourRow | ValuesRow], told: dict[str, Any]) -> None:
+        assert write_beside(self._store, self.fold_id, self.owner("owner"), kind, told)
 
     def _share(self) -> None:
         content_key = self._store.fold(self.fold_id).content_key

@@ -2,6 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { radians } from "../../../web/static/js/lib/text.js";
 import { colouring, colouringsOf, ramped, roundUp } from "../../../web/static/js/player/colours.js";
+import { packed, readValues, unpacked, valuesAt } from "../../../web/static/js/values/reading.js";
 import { close, recorded, unpack, vectors } from "./vectors.js";
 
 // Figures that tell the same of every frame.
@@ -67,4 +68,71 @@ test("what is not measured yet is grey", async () => {
   const { timeline: peeled } = await recorded(vectors.peeled);
   for (const key of ["torque", "clearance"]) assert.equal(colouring(key, peeled, nothing).legend().none, "only known for the whole chain");
   assert.equal(colouring("position", peeled, nothing).legend().none, "no data in this phase");
+});
+
+// A visitor's own numbers.
+const expected = { modules: 4, frames: 3 };
+const read = (text, name = "heat.csv") => readValues(text, name, expected);
+const list = ({ values }) => Array.from(values, (value) => (Number.isNaN(value) ? null : value));
+
+const READ = [
+  ["1\n2\n3\n4", [1, 2, 3, 4], "heat", ""],
+  ["\uFEFFTemperature (°C)\r\n1,5\r\n2\r\n\r\n4e0\r\n", [1.5, 2, null, 4], "Temperature", "°C"],
+  ["load [mN];\n1,5;\n2;\nNaN;\n4;\n", [1.5, 2, null, 4], "load", "mN"],
+  ["module,heat\n4,40\n1,10\n2,20\n", [10, 20, null, 40], "heat", ""],
+  ["0\t10\n3\t-40\n", [10, null, null, -40], "heat", ""],
+  ["# stress\n1.0e0 2.0e0 nan 4.0e0", [1, 2, null, 4], "stress", ""],
+  ["1;2;3;4\n5;6;7;8\n9;10;11;", [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, null], "heat", ""],
+  [",0,1,2,3\n0,1,2,3,4\n1,5,6,7,8\n2,9,10,11,12\n", [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], "heat", ""],
+  ["frame,m1,m2,m3,m4\n1,1,2,3,4\n2,5,6,7,8\n3,9,10,11,12", [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], "heat", ""],
+  ["1,5,9\n2,6,10\n3,7,11\n4,8,12", [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], "heat", ""],
+  ["[1, NaN, null, 4]", [1, null, null, 4], "heat", ""],
+  ['{"name": "Heat", "unit": "K", "values": [[1, 2, 3, 4], [5, 6, 7, 8], [9, 10, 11, 12]]}', [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], "Heat", "K"],
+];
+
+test("numbers_are_read_from_files_of_many_forms", () => {
+  for (const [text, values, name, unit] of READ) {
+    const found = read(text);
+    assert.deepEqual([list(found), found.name, found.unit], [values, name, unit], text);
+    const known = values.filter((value) => value !== null);
+    assert.deepEqual([found.low, found.high], [Math.min(...known), Math.max(...known)], text);
+  }
+});
+
+const REFUSED = [
+  ["1\n2\n3", /Got 3 rows with 1 number each, expected 4 numbers, one for each module, or 3 rows with 4 each/],
+  ["1,2,3,4\n5,6,7", /Line 2: got 3 values, expected 4/],
+  ["1\n2\nthree\n4", /Line 3: got "three", expected a number/],
+  ["1,1\n9,2", /Line 2: got module 9, expected one from 1 to 4/],
+  ["1,1\n1,2", /Line 2: got module 1 a second time/],
+  ["\n\n", /expected 4 numbers/],
+  ["nan\nnan\nnan\nnan", /Got no number/],
+  ['{"a": 1}', /expected such a list/],
+  ["[1, 2", /The file is no JSON/],
+  ['[1, 2, 3, {"a": 1}]', /Value 4: got {"a":1}, expected a number or null/],
+  ['{"format": "foldback-values/1", "rows": 1, "low": 0, "high": 1, "data": "AAA="}', /values of another fold/],
+];
+
+test("what_does_not_fit_is_refused_in_words", () => {
+  for (const [text, words] of REFUSED) assert.throws(() => read(text), words, text);
+});
+
+test("kept_numbers_come_back_within_a_level_of_the_scale", () => {
+  const own = read("1;2;3;4\n5;6;7;8\n9;10;11;");
+  const back = unpacked(packed(own), 4);
+  assert.deepEqual([back.name, back.rows, back.low, back.high], ["heat", 3, 1, 11]);
+  own.values.forEach((value, i) => assert.ok(Number.isNaN(value) ? Number.isNaN(back.values[i]) : Math.abs(value - back.values[i]) <= 10 / 254));
+  assert.deepEqual(list(read(JSON.stringify(packed(own)))), list(back));
+  // Of more rows than can be kept some are left out, evenly.
+  const long = readValues(JSON.stringify(Array.from({ length: 90 }, (_, k) => Array.from({ length: 1000 }, () => k))), "a.json", { modules: 1000, frames: 90 });
+  const short = unpacked(packed(long), 1000);
+  assert.deepEqual([short.rows, short.values[0], short.values.at(-1)], [45, 0, 89]);
+});
+
+test("values_between_rows_are_in_between", () => {
+  const own = read("1;2;3;4\n5;6;7;8\n9;10;11;");
+  assert.deepEqual(Array.from(valuesAt(own, 0)), [1, 2, 3, 4]);
+  assert.deepEqual(Array.from(valuesAt(own, 0.25)), [3, 4, 5, 6]);
+  assert.deepEqual(Array.from(valuesAt(own, 0.9)).map(Math.round), [8, 9, 10, NaN]);
+  assert.deepEqual(Array.from(valuesAt(own, 1)), [9, 10, 11, NaN]);
 });

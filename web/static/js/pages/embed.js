@@ -12,7 +12,9 @@ const toast = later(() => import("../panels/toast.js"), () => {});
 const zoomKey = /Mac|iPhone|iPad/.test(navigator.platform) ? "⌘" : "Ctrl";
 const { stage, player } = view({
   over: !facts.running, source: new Source(at(`/folds/${facts.id}`)), figures, load: (frame) => { frame.src = at("/embed/view"); },
-  tour: { load: () => ask(`/folds/${facts.id}/tour.json`), id: null, toast: (text) => toast((part) => part.toast(text)) },
+  kept: {
+    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), id: null, toast: (text) => toast((part) => part.toast(text)),
+  },
   onScroll: () => toast((part) => part.toast(`Click to zoom, or hold ${zoomKey}`)),
 });
 // Full screen leaves nothing around it to scroll.

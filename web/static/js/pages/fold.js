@@ -16,7 +16,9 @@ const drawer = new Drawer(toast);
 const { timeline, player, place, bar } = view({
   over: !facts.running,
   source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.src = at("/view"); },
-  tour: { load: () => ask(`/folds/${facts.id}/tour.json`), get id() { return facts.movies ? facts.id : null; }, toast },
+  kept: {
+    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), get id() { return facts.movies ? facts.id : null; }, toast,
+  },
 });
 
 // Parts that most visitors do not use.

@@ -23,6 +23,7 @@ import { get } from "../lib/text.js";
  * @property {string | null} client
  * @property {string | null} view address of the client, where pages share it
  * @property {Tour | null} tour
+ * @property {KeptValues | null} values
  * @property {Facts} facts
  */
 
@@ -89,7 +90,7 @@ function load(frame) {
 const figures = new StoredFigures("");
 const drawer = new Drawer(toast);
 drawer.facts(parts.facts);
-const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load, tour: parts.tour && { load: async () => parts.tour, id: null, toast } });
+const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load, kept: { tour: async () => parts.tour, values: async () => parts.values, id: null, toast } });
 figures.begin();
 if (parts.plan) {
   const checker = await (await fetch(import.meta.resolve("foldback/checker"))).text();

@@ -4,20 +4,32 @@ import { element, get, store, stored } from "../lib/text.js";
 import { showScale } from "../viewer/controls.js";
 
 const KEPT = "foldback:colour-by";
+const OWN = "own";
+const OTHER = "own-file";
 
 export class Legend {
   /**
    * @param {import("../player/player.js").Player} player
    * @param {import("../player/figures.js").Figures} figures
+   * @param {(how: "show" | "open") => void} own shows the visitor's own numbers, or where to choose them
    */
-  constructor(player, figures) {
+  constructor(player, figures, own) {
     this.player = player;
     this.figures = figures;
+    this.own = own;
+    /** @type {string | null} */
+    this.ownName = null;
     this.menu = get("colour-by");
     /** @type {string | null} */
     this.asked = null; // by the address
     this.fill();
-    this.menu.onchange = () => { store(KEPT, this.menu.value); this.choose(this.menu.value); };
+    this.menu.onchange = () => {
+      const { value } = this.menu;
+      this.show();
+      if (value === OWN) own("show");
+      else if (value === OTHER) own("open");
+      else { store(KEPT, value); this.choose(value); }
+    };
     player.on("begun", () => {
       const kept = this.asked ?? stored(KEPT);
       if (kept && !(MEASURED.has(kept) && !figures.plots)) this.choose(kept);
@@ -37,20 +49,29 @@ export class Legend {
     const { plots } = this.figures;
     const before = this.menu.value;
     const known = colouringsOf(Boolean(plots?.table));
-    this.menu.replaceChildren(...known.map(([key, label]) => element("option", { value: key, disabled: MEASURED.has(key) && !plots }, label)));
-    if (known.some(([key]) => key === before)) this.menu.value = before;
+    this.menu.replaceChildren(...known.map(([key, label]) => element("option", { value: key, disabled: MEASURED.has(key) && !plots }, label)),
+      ...(this.ownName === null ? [] : [element("option", { value: OWN }, this.ownName)]), element("option", { value: OTHER }, "Your own numbers…"));
+    if ([...this.menu.options].some(({ value }) => value === before)) this.menu.value = before;
+  }
+
+  // Offers the visitor's own numbers by their name; null for none.
+  /** @param {string | null} name */
+  offer(name) {
+    this.ownName = name;
+    this.fill();
   }
 
   // Takes the colouring of an address once there is what it needs; the visitor's own stays stored.
   /** @param {string} key */
   ask(key) {
     this.asked = key;
+    if (key === OWN) this.own("show");
     if (!MEASURED.has(key) || this.figures.plots) this.choose(key);
   }
 
   /** @param {string} key */
   choose(key) {
-    if (![...this.menu.options].some(({ value }) => value === key)) return;
+    if (key === OWN || ![...this.menu.options].some(({ value }) => value === key)) return;
     this.asked = null;
     const { stage } = this.player;
     if (stage) stage.pressed = key === "pressed" ? (shown) => this.figures.row(shown.low)?.pressed ?? null : null;

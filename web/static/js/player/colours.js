@@ -97,7 +97,7 @@ export class Colouring {
     const { header, arrays } = this.timeline.bundle;
     const values = this.values(shown);
     const high = typeof this.high === "function" ? this.high() : this.high;
-    const colours = ramped(values.map((v) => (v - this.low) / (high - this.low)), arrays[this.ramp], header.colours.unknown);
+    const colours = ramped(values.map((v) => (v - this.low) / (high - this.low || 1)), arrays[this.ramp], header.colours.unknown);
     const { bad } = this;
     if (bad) values.forEach((v, i) => { if (bad(v)) colours.set(header.colours.error, 3 * i); });
     return colours;

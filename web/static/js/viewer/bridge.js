@@ -264,6 +264,11 @@
     say({ is: scrolls ? "scroll" : "touch" });
   }, { capture: true, passive: true });
 
+  // A file that is dragged here is the page's.
+  for (const name of /** @type {const} */ (["dragenter", "dragover", "drop"])) {
+    addEventListener(name, (event) => { event.preventDefault(); if (name === "dragenter") say({ is: "drag" }); });
+  }
+
   // Where the page moves the camera it hears of pointers and wheels, and the client, which would move
   // it too, does not: its camera listens to moves at the document, its clicks at elements below it.
   const LINE_PX = 33; // a wheel that counts in lines

@@ -35,14 +35,14 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
  * @property {boolean} [over]
  * @property {Details | null} [details]
  * @property {boolean} [play]
- * @property {{ load: () => Promise<Tour | null>, id: string | null, toast: (text: string) => void } | null} [tour]
- *   `id` is that of a fold whose tour can be edited
+ * @property {{ tour: () => Promise<Tour | null>, values: () => Promise<KeptValues | null>, id: string | null, toast: (text: string) => void }} kept
+ *   what is kept with the fold; `id` is that of a fold with which more can be kept
  * @property {() => void} [onScroll] called when the page around an embed scrolls in place of a zoom
  */
 
 // `load` begins to load viser's client into the frame; the drawer is shown when a module is selected.
 /** @param {Viewed} viewed */
-export function view({ source, figures, load, over = true, details = null, play = !calm, tour = null, onScroll }) {
+export function view({ source, figures, load, over = true, details = null, play = !calm, kept, onScroll }) {
   // What embeds ask for: the picture alone.
   if (/[?#&]controls=0\b/.test(location.search + location.hash)) document.body.classList.add("bare");
   const timeline = new Timeline(source, { over });
@@ -60,7 +60,9 @@ export function view({ source, figures, load, over = true, details = null, play 
   standIn.onOpen = () => get("cover").classList.add("gone");
   const plots = details && new details.Plots(get("panel-plots"), player, figures);
   const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
-  const legend = new Legend(player, figures);
+  const own = later(() => import("../values/panel.js").then(({ OwnPanel }) => new OwnPanel({ player, legend, load: kept.values, id: kept.id })), kept.toast);
+  const legend = new Legend(player, figures, (how) => own((panel) => panel[how]()));
+  takeFiles((file) => own((panel) => panel.take(file)));
   const panel = details && new details.ModulePanel(get("panel-module"), player, figures, () => details.drawer.openAt("module"));
   const through = pathButton([stage]);
   const place = new Place({
@@ -90,7 +92,7 @@ export function view({ source, figures, load, over = true, details = null, play 
     get("cover-text").textContent = detail;
   });
 
-  const open = offerTour(tour, player, place);
+  const open = offerTour(kept, player, place);
   let begun = false;
   player.on("begun", () => {
     if (begun) return;
@@ -105,13 +107,12 @@ export function view({ source, figures, load, over = true, details = null, play 
 
 // Offers the tour of the fold; what comes back opens it at a stop, or where the address says so, and says whether it does.
 /**
- * @param {Viewed["tour"]} tour
+ * @param {Viewed["kept"]} kept
  * @param {import("../player/player.js").Player} player
  * @param {Place} place
  */
-function offerTour(tour, player, place) {
-  if (!tour) return () => false;
-  const touring = later(() => import("../tour/panel.js").then(({ TourPanel }) => new TourPanel({ player, place, calm, ...tour })), tour.toast);
+function offerTour(kept, player, place) {
+  const touring = later(() => import("../tour/panel.js").then(({ TourPanel }) => new TourPanel({ player, place, calm, load: kept.tour, id: kept.id, toast: kept.toast })), kept.toast);
   get("tour").onclick = () => touring(async (panel) => { if (panel.box.hidden) await panel.open({ playing: !calm }); else panel.close(); });
   const open = (/** @type {number | null} */ asked = null) => {
     get("tour").hidden = false; // there are frames now
@@ -121,4 +122,20 @@ function offerTour(tour, player, place) {
   };
   addEventListener("hashchange", () => { if (!get("tour").hidden) open(); });
   return open;
+}
+
+// Takes files that are dropped on the view. While one is dragged, its frame lets the page have the pointer.
+/** @param {(file: File) => void} take */
+function takeFiles(take) {
+  const { classList } = get("main");
+  for (const name of /** @type {const} */ (["dragenter", "dragover", "drop"])) {
+    addEventListener(name, (event) => {
+      if (!event.dataTransfer?.types.includes("Files")) return;
+      event.preventDefault();
+      classList.toggle("dropping", name !== "drop");
+      const [file] = event.dataTransfer.files;
+      if (name === "drop" && file) take(file);
+    });
+  }
+  addEventListener("pointermove", () => classList.remove("dropping")); // none comes while something is dragged
 }

@@ -215,6 +215,7 @@ export class Scene {
         return;
       case "touch": this.heard.touch?.(); return;
       case "scroll": this.heard.scroll?.(); return;
+      case "drag": this.frame.parentElement?.classList.add("dropping"); return;
       case "focus": this.frame.classList.toggle("focused", told.on === true); return;
       case "key":
         if (typeof told.key !== "string" || !this.keys.includes(told.key)) return;

@@ -1,0 +1,73 @@
+"""Numbers that the owner of a fold keeps with it, one for each module: docs/links.md."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, cast
+
+from planner.errors import InputError
+from planner.file_names import OWN_VALUES
+from planner.files import json_of
+from planner.names import clean_name
+
+VALUES_FORMAT: Final = "foldback-values/1"
+MAX_VALUES: Final = 45_000
+"""Maximum number of values that are kept with a fold: one for each module of the longest chains, or
+about 300 rows for a chain of 150. More would not fit into the body of a request. Chosen."""
+MAX_VALUES_NAME: Final = 80
+"""Maximum number of characters of their name, which a menu shows. Chosen."""
+MAX_UNIT: Final = 20
+"""Maximum number of characters of their unit, which stands beside the scale. Chosen."""
+FIELDS: Final = frozenset({"format", "name", "unit", "low", "high", "rows", "data"})
+
+
+def checked_values(values: object, modules: int) -> dict[str, Any]:
+    """Return numbers for modules as plain JSON values, with cleaned texts.
+
+    Args:
+        values: ``name`` and ``unit``; the scale from ``low`` to ``high``; ``rows``, and their bytes
+            in base64 as ``data``: for each module of each row a level of the scale from 0 to 254,
+            or 255 where there is no number. Several rows are spread evenly over the frames.
+        modules: Number of modules of the fold.
+
+    Raises:
+        InputError: ``bad-values``: saying what was found, what is expected, and where.
+    """
+    told = cast("Mapping[str, Any]", values) if isinstance(values, Mapping) else {}
+    if told.get("format") != VALUES_FORMAT or told.keys() != FIELDS:
+        raise _bad("format", f"the format {VALUES_FORMAT} with {', '.join(sorted(FIELDS))}")
+    for name, most in (("name", MAX_VALUES_NAME), ("unit", MAX_UNIT)):
+        if not isinstance(told[name], str) or len(told[name]) > most:
+            raise _bad(name, f"a text of at most {most} characters")
+    low, high, rows, data = (told[key] for key in ("low", "high", "rows", "data"))
+    numbers = all(isinstance(x, int | float) and math.isfinite(x) for x in (low, high))
+    if not numbers or low > high:
+        raise _bad("low", "two finite numbers, 'low' not above 'high'")
+    if type(rows) is not int or not 1 <= rows <= max(1, MAX_VALUES // modules):
+        raise _bad("rows", f"1 to {max(1, MAX_VALUES // modules)} rows")
+    try:
+        levels = base64.b64decode(data, validate=True)
+    except (TypeError, ValueError):
+        levels = b""
+    if len(levels) != rows * modules:
+        raise _bad("data", f"{rows * modules} bytes in base64, one for each module of each row")
+    return {
+        **told,
+        "name": clean_name(told["name"], max_length=MAX_VALUES_NAME) or "Own numbers",
+        "unit": clean_name(told["unit"], max_length=MAX_UNIT),
+    }
+
+
+def values_in(directory: Path, modules: int) -> dict[str, Any] | None:
+    """Return the numbers in a fold's directory; None without any, or any that are right."""
+    try:
+        return checked_values(json_of(directory / OWN_VALUES), modules)
+    except InputError:
+        return None
+
+
+def _bad(where: str, expected: str) -> InputError:
+    return InputError("bad-values", f"expected {expected}.", where=where)

@@ -1,0 +1,120 @@
+// A visitor's own numbers as colours: from a file that is dropped or chosen, or kept with the fold.
+import { Refusal, ask, tokenOf } from "../lib/api.js";
+import { at, button, element, get, number, wordsOf } from "../lib/text.js";
+import { Colouring } from "../player/colours.js";
+import { MAX_FILE_BYTES, packed, readValues, unpacked, valuesAt } from "./reading.js";
+
+const STYLE = "/static/css/tour.css";
+const DIGITS = 3;
+
+/**
+ * @typedef {object} Owned
+ * @property {import("../player/player.js").Player} player
+ * @property {import("../panels/legend.js").Legend} legend
+ * @property {() => Promise<KeptValues | null>} load
+ * @property {string | null} id of the fold with which numbers can be kept
+ */
+
+export class OwnPanel {
+  /** @param {Owned} owned */
+  constructor({ player, legend, load, id }) {
+    this.player = player;
+    this.legend = legend;
+    this.load = load;
+    this.id = id;
+    this.token = id && tokenOf(id);
+    /** @type {import("./reading.js").OwnValues | null} */
+    this.own = null;
+    this.asked = false;
+    this.kept = false;
+    this.words = element("p", { class: "tour-caption" });
+    this.error = element("p", { class: "bad", role: "alert" });
+    this.file = element("input", { class: "visually-hidden", type: "file", accept: ".csv,.tsv,.txt,.json", "aria-label": "File with numbers" });
+    this.file.onchange = () => { if (this.file.files?.[0]) this.take(this.file.files[0]); this.file.value = ""; };
+    this.keep = button("button", "Keep with this fold", () => this.change("PUT"));
+    this.remove = button("button quiet", "Remove", () => this.change("DELETE"));
+    this.box = element("section", { class: "tour own-values", "aria-label": "Your own numbers", hidden: true }, this.words, this.error,
+      element("div", { class: "tour-ways" }, button("button primary", "Choose a file", () => this.file.click()), this.file, this.keep, this.remove,
+        button("button quiet", "Close", () => this.close())));
+    get("main").append(this.box);
+    const style = at(STYLE);
+    if (!document.body.classList.contains("standalone") && !document.querySelector(`link[href="${style}"]`)) document.head.append(element("link", { rel: "stylesheet", href: style }));
+    player.on("begun", () => { if (player.colouring?.key === "own") this.colour(); });
+  }
+
+  // Colours by what is kept with the fold, if something is.
+  async show() {
+    if (!this.own && !this.asked) {
+      this.asked = true;
+      try {
+        const kept = await this.load();
+        if (kept?.data) [this.own, this.kept] = [unpacked(kept, this.player.timeline.chain.modules), true];
+      } catch (error) { this.error.textContent = wordsOf(error); }
+    }
+    this.colour();
+  }
+
+  async open() {
+    this.box.hidden = false;
+    await this.show();
+    this.say();
+  }
+
+  close() {
+    this.box.hidden = true;
+    get("colour-by").focus();
+  }
+
+  // Takes a file; what is wrong with it is said, and the colours stay.
+  /** @param {File} file */
+  async take(file) {
+    this.box.hidden = false;
+    this.error.textContent = "";
+    const { timeline } = this.player;
+    try {
+      if (file.size > MAX_FILE_BYTES) throw new Error(`Got a file of ${Math.ceil(file.size / 2 ** 20)} MB, expected at most ${MAX_FILE_BYTES / 2 ** 20} MB. Leave out digits or frames.`);
+      const frames = timeline.growing ? 0 : timeline.total;
+      this.own = readValues(await file.text(), file.name, { modules: timeline.chain.modules, frames });
+      [this.asked, this.kept] = [true, false];
+      this.colour();
+    } catch (error) { this.error.textContent = wordsOf(error); }
+    this.say();
+  }
+
+  colour() {
+    const { own, player: { timeline } } = this;
+    this.legend.offer(own?.name ?? null);
+    if (!own) return;
+    const text = (/** @type {number} */ value) => `${number(value, DIGITS)}${own.unit && ` ${own.unit}`}`;
+    this.player.colourBy(new Colouring("own", timeline, {
+      values: ({ frame }) => valuesAt(own, timeline.last ? frame / timeline.last : 0), low: own.low, high: own.high, text, none: own.values.some(Number.isNaN) ? "no value" : null,
+    }));
+  }
+
+  say() {
+    const { own, kept, token, player: { timeline: { chain, total, growing } } } = this;
+    const rows = growing ? "" : `, or ${total} rows with ${chain.modules} each, one for each frame`;
+    const more = own && own.rows > 1 ? `${own.rows} rows with ${chain.modules} numbers each` : `${chain.modules} numbers`;
+    const where = kept ? "Everyone with a link to this fold can see them." : "They stay in this browser.";
+    this.words.textContent = own ? `${own.name}${own.unit && ` (${own.unit})`}: ${more}. ${where}`
+      : `Colour the modules by your own numbers: drop a CSV or JSON file here, or choose one. It has ${chain.modules} numbers, one for each module${rows}. The file stays in this browser.`;
+    this.keep.hidden = !own || kept || !token;
+    this.remove.hidden = !own || (kept && !token);
+  }
+
+  // Keeps the numbers with the fold, or removes them there and here.
+  /** @param {"PUT" | "DELETE"} method */
+  async change(method) {
+    const { own, token } = this;
+    const remove = method === "DELETE";
+    this.error.textContent = "";
+    try {
+      if (own && token && (!remove || this.kept)) await ask(`/api/folds/${this.id}/values`, { method, token, body: remove ? null : packed(own) });
+      this.kept = !remove;
+      if (remove) { this.own = null; this.legend.offer(null); this.legend.choose("error"); }
+    } catch (error) {
+      this.error.textContent = error instanceof Refusal && error.gone ? "Only the owner of this fold can keep numbers with it." : wordsOf(error);
+    }
+    this.say();
+  }
+}

@@ -1,0 +1,207 @@
+// A visitor's own numbers for modules, read from CSV or JSON: see docs/links.md.
+
+export const MAX_FILE_BYTES = 20 * 2 ** 20;
+const FORMAT = "foldback-values/1";
+/** Maximum number of values that a service keeps with a fold, as planner/plan/own_values.py has it. */
+const MAX_KEPT = 45_000;
+const MAX_NAME = 80;
+const LEVELS = 254; // of a kept value, from the least to the largest; one more is none
+const NONE = LEVELS + 1;
+const NOTHING = /^(|nan|na|n\/a|null|none|-|[+-]?inf(inity)?)$/i;
+const NAMED = /^(.*?)\s*[([]([^()[\]]{1,20})[)\]]$/; // Temperature (°C)
+
+/**
+ * @typedef {object} OwnValues
+ * @property {string} name
+ * @property {string} unit
+ * @property {number} rows of values; 1, or several that are spread evenly over the frames
+ * @property {Float32Array} values rows × modules; NaN where there is none
+ * @property {number} low
+ * @property {number} high
+ * @typedef {{ modules: number, frames: number }} Counts frames are 0 while they are not known
+ * @typedef {{ rows: number[][], header: string[], places: number[] }} Cells `places` are the lines of the rows
+ */
+
+/** @param {string} text */
+function bad(text) { return new Error(text); }
+
+// The numbers of a text, row by row, and the words above them.
+/**
+ * @param {string} text
+ * @returns {Cells}
+ */
+function cellsOf(text) {
+  const lines = text.trimEnd().split(/\r\n|\n|\r/);
+  // Where some lines have a comma and others none, it is that of decimals.
+  const [, ...below] = lines.filter((line) => line.trim());
+  const decimal = below.every((line) => /^[^,]*(,\d+)?$/.test(line.trim())) && below.some((line) => !line.includes(","));
+  const separator = [";", "\t", ...(decimal ? [] : [","])].find((one) => text.includes(one)) ?? / +/;
+  const several = below.some((line) => line.trim().split(separator).length > 1);
+  const read = (/** @type {string} */ cell) => {
+    if (NOTHING.test(cell)) return NaN;
+    const number = Number(separator === "," ? cell : cell.replace(",", "."));
+    return Number.isNaN(number) ? null : number;
+  };
+  /** @type {Cells} */
+  const found = { rows: [], header: [], places: [] };
+  lines.forEach((line, k) => {
+    if (several && !line.trim()) return;
+    const cells = (!several ? [line] : (typeof separator === "string" ? line : line.trim()).split(separator)).map((cell) => cell.trim().replace(/^"(.*)"$/, "$1").trim());
+    const row = cells.map(read);
+    const wrong = row.indexOf(null);
+    if (line.startsWith("#") || (wrong >= 0 && !found.rows.length)) { found.header = line.startsWith("#") ? [line.replace(/^#\s*/, "")] : cells; return; }
+    if (wrong >= 0) throw bad(`Line ${k + 1}: got "${cells[wrong].slice(0, 40)}", expected a number or nothing.`);
+    found.rows.push(/** @type {number[]} */ (row));
+    found.places.push(k + 1);
+  });
+  return found;
+}
+
+// The numbers of JSON: a list of numbers, a list of lists, or either in an object with a name and a unit.
+/**
+ * @param {string} text
+ * @returns {{ told: Record<string, unknown>, cells: Cells }}
+ */
+function jsonOf(text) {
+  let told;
+  try {
+    told = JSON.parse(text.replace(/\bNaN\b|-?\bInfinity\b/g, "null")); // which Python writes
+  } catch (error) { throw bad(`The file is no JSON: ${/** @type {Error} */ (error).message}.`); }
+  if (Array.isArray(told)) told = { values: told };
+  const { values } = told;
+  if (told.format !== FORMAT && !Array.isArray(values)) throw bad('Got JSON without a list of numbers, expected such a list, or an object with "values", "name" and "unit".');
+  const rows = (Array.isArray(values) ? (Array.isArray(values[0]) ? values : [values]) : []).map((row, k) => {
+    if (!Array.isArray(row)) throw bad(`Value ${k + 1}: got ${JSON.stringify(row)?.slice(0, 40)}, expected a list of numbers like the first one.`);
+    return row.map((/** @type {unknown} */ value, /** @type {number} */ i) => {
+      if (typeof value === "number") return value;
+      if (value === null || (typeof value === "string" && NOTHING.test(value))) return NaN;
+      throw bad(`Value ${i + 1}: got ${JSON.stringify(value).slice(0, 40)}, expected a number or null.`);
+    });
+  });
+  return { told, cells: { rows, header: [], places: rows.map((_, k) => k + 1) } };
+}
+
+const counts = (/** @type {number[]} */ row) => row.length > 2 && [-1, 0, 1].some((from) => row.every((value, i) => value === i + from || (i === 0 && Number.isNaN(value))));
+const rises = (/** @type {number[][]} */ rows) => rows.every(([first], k) => k === 0 || first > rows[k - 1][0]);
+
+// Values of modules whose numbers stand beside them: from 0 where there is a 0, else from 1.
+/**
+ * @param {Cells} cells
+ * @param {number} modules
+ */
+function byNumber({ rows, places }, modules) {
+  const from = rows.some(([module]) => module === 0) ? 0 : 1;
+  const row = new Array(modules).fill(NaN);
+  const seen = new Set();
+  rows.forEach(([module, value], k) => {
+    if (!Number.isInteger(module) || module < from || module >= modules + from) throw bad(`Line ${places[k]}: got module ${module}, expected one from ${from} to ${modules + from - 1}.`);
+    if (seen.has(module)) throw bad(`Line ${places[k]}: got module ${module} a second time, expected each module once. Decimal places need a point, not a comma.`);
+    seen.add(module);
+    row[module - from] = value;
+  });
+  return [row];
+}
+
+// Rows of one value for each module: one row, or one for each frame.
+/**
+ * @param {Cells} cells
+ * @param {Counts} expected
+ */
+function arranged(cells, { modules, frames }) {
+  let { rows } = cells;
+  const width = rows[0]?.length ?? 0;
+  const odd = rows.findIndex((row) => row.length !== width);
+  if (odd >= 0) throw bad(`Line ${cells.places[odd]}: got ${rows[odd].length} values, expected ${width} as in the lines before.`);
+  if (![1, modules, frames].includes(width) && rows.every((row) => Number.isNaN(row.at(-1)))) rows = rows.map((row) => row.slice(0, -1));
+  if (rows[0]?.length === 1 && rows.length === modules) return [rows.flat()];
+  if (rows[0]?.length === 2 && modules !== 2 && rows.length <= modules) return byNumber(cells, modules);
+  // The first row may count the modules, and the first column the frames.
+  const below = counts(rows[0] ?? []) ? rows.slice(1) : rows;
+  for (const found of [rows, below, ...(rises(below) ? [rows, below].map((all) => all.map((row) => row.slice(1))) : [])]) {
+    const wide = found[0]?.length ?? 0;
+    if (wide === modules && (found.length === 1 || found.length === frames)) return found;
+    if (found.length === modules && wide === frames) return Array.from({ length: frames }, (_, frame) => found.map((row) => row[frame]));
+  }
+  const each = frames ? `, or ${frames} rows with ${modules} each, one row for each frame` : "";
+  throw bad(`Got ${rows.length} ${rows.length === 1 ? "row" : "rows"} with ${width} ${width === 1 ? "number" : "numbers"} each, expected ${modules} numbers, one for each module${each}. Check that the file belongs to this fold.`);
+}
+
+/**
+ * @param {string} text
+ * @returns {[name: string, unit: string]}
+ */
+function named(text) {
+  const [, name = text, unit = ""] = NAMED.exec(text.trim()) ?? [];
+  return [name.trim().slice(0, MAX_NAME), unit];
+}
+
+// Read a file; what is wrong is thrown as a sentence.
+/**
+ * @param {string} text
+ * @param {string} file its name
+ * @param {Counts} expected
+ * @returns {OwnValues}
+ */
+export function readValues(text, file, expected) {
+  const clean = text.replace(/^\uFEFF/, "");
+  const { told, cells } = /^\s*[[{]/.test(clean) ? jsonOf(clean) : { told: /** @type {Record<string, unknown>} */ ({}), cells: cellsOf(clean) };
+  if (told.format === FORMAT) return unpacked(/** @type {any} */ (told), expected.modules);
+  const rows = arranged(cells, expected);
+  const { header } = cells;
+  const above = header.length <= 2 ? header.findLast(Boolean) : "";
+  const [name, unit] = named(typeof told.name === "string" && told.name ? told.name : above || file.replace(/\.[^.]*$/, ""));
+  const values = Float32Array.from(rows.flat(), (value) => (Number.isFinite(value) ? value : NaN));
+  let [low, high] = [Infinity, -Infinity];
+  for (const value of values) { if (value < low) low = value; if (value > high) high = value; }
+  if (low > high) throw bad("Got no number in the file, expected at least one.");
+  return { name: name || "Own numbers", unit: typeof told.unit === "string" ? told.unit.slice(0, 20) : unit, rows: rows.length, values, low, high };
+}
+
+// What is kept with a fold: values as levels between the least and the largest. Of more than can be kept, rows are left out.
+/**
+ * @param {OwnValues} own
+ * @returns {KeptValues}
+ */
+export function packed({ name, unit, rows, values, low, high }) {
+  const modules = values.length / rows;
+  const kept = Math.min(rows, Math.max(1, Math.floor(MAX_KEPT / modules)));
+  let data = "";
+  for (let row = 0; row < kept; row++) {
+    const from = modules * (kept === 1 ? 0 : Math.round((row / (kept - 1)) * (rows - 1)));
+    for (let i = 0; i < modules; i++) {
+      const value = values[from + i];
+      data += String.fromCharCode(Number.isNaN(value) ? NONE : Math.round((LEVELS * (value - low)) / (high - low || 1)));
+    }
+  }
+  return { format: FORMAT, name, unit, low, high, rows: kept, data: btoa(data) };
+}
+
+/**
+ * @param {KeptValues} kept
+ * @param {number} modules
+ * @returns {OwnValues}
+ */
+export function unpacked({ name, unit, low, high, rows, data }, modules) {
+  let levels = "";
+  try { levels = atob(data); } catch { }
+  if (!(rows >= 1) || levels.length !== rows * modules || !(low <= high)) throw bad(`Got values of another fold, expected ${modules} in each row.`);
+  const values = Float32Array.from(levels, (level) => (level.charCodeAt(0) === NONE ? NaN : low + (level.charCodeAt(0) / LEVELS) * (high - low)));
+  return { name: String(name), unit: String(unit), rows, values, low, high };
+}
+
+// The values of all modules at a share of the frames, 0 to 1: between two rows where both have one.
+/**
+ * @param {OwnValues} own
+ * @param {number} share
+ */
+export function valuesAt({ rows, values }, share) {
+  const modules = values.length / rows;
+  const at = Math.min(1, Math.max(0, share)) * (rows - 1);
+  const [low, part] = [Math.floor(at), at % 1];
+  const before = values.slice(low * modules, (low + 1) * modules);
+  if (!part) return before;
+  return before.map((value, i) => {
+    const next = values[(low + 1) * modules + i];
+    return Number.isNaN(next) || Number.isNaN(value) ? (part < 0.5 ? value : next) : value + part * (next - value);
+  });
+}
