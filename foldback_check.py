@@ -226,7 +226,7 @@ class Plan:
         self.largest = np.abs(np.append(self.values, self.folded)).max()
         yield "angles within the limit", self.largest <= module.limit + 1e-6
         yield "module size and clearance", 0.0 < self.size <= 1.0 and 0.0 < self.claim < math.inf
-        self.exempt = (module.apart - 1) * (n - 1)
+        self.windowed, self.exempt = windowed, (module.apart - 1) * (n - 1)
         exempt = {"apart": module.apart, "count": self.exempt}
         yield "exempt pairs", exempt.items() <= (said.get("exempt_pairs") or exempt).items()
         yield "frames", said.get("frames") in (None, self.frames) and len(times) == self.frames
@@ -288,7 +288,7 @@ class Batch:
     def boxes(self):
         """Return corners (n, B, 3) of boxes in which centres stay (CANDIDATES)."""
         c, n = self.c, len(self.at)
-        root = min(max(n // 2, c), c + self.m)
+        root = c if self.proof.plan.windowed else n // 2
         hull = seen(self.bodies[self.at[root]], self.bodies)
         hull = np.tensordot(BERNSTEIN, hull, (1, 2)).swapaxes(0, 1)
         front = np.tensordot(self.proof.folded[:c, 0], hull[0], (1, 2))
@@ -302,6 +302,7 @@ class Batch:
     def pairs(self, wanted):
         """Return rows (b, i, j) of pairs that may come too near, and intervals with too many."""
         levels, n, crowded = [self.boxes()], len(self.at), np.zeros(len(self.k), bool)
+        crowd = CROWD * (np.where(self.k == 0, n, self.m) + 10)
         while len(levels[-1][0]) > 1:
             two = np.arange(0, len(levels[-1][0]), 2)
             low, high = levels[-1]
@@ -317,7 +318,7 @@ class Batch:
             keep &= last - first >= self.proof.plan.module.apart
             b, i, j = b[keep], i[keep], j[keep]
             if level:  # the halves of both boxes
-                crowded |= np.bincount(b, minlength=len(crowded)) > CROWD * (self.m + 10)
+                crowded |= np.bincount(b, minlength=len(crowded)) > crowd
                 half = np.arange(4)[:, None]
                 i, j, b = (2 * i + half // 2).ravel(), (2 * j + half % 2).ravel(), np.tile(b, 4)
                 keep = (i <= j) & (j < len(levels[level - 1][0]))

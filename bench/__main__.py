@@ -22,6 +22,7 @@ from bench.portfolio import portfolio
 from bench.scaling import scaling
 from bench.service.compiling import compiling
 from bench.service.dropped import dropped
+from bench.service.kiosk import kiosk
 from bench.service.movies import movies
 from bench.service.remaining import remaining
 from bench.service.sites import sites
@@ -69,6 +70,7 @@ SECTIONS = {
     "long-folds": long_folds,
     "compiling": compiling,
     "dropped": dropped,
+    "kiosk": kiosk,
     "movies": movies,
     "remaining": remaining,
     "sites": sites,

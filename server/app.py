@@ -40,6 +40,7 @@ from server.files.uploads import Uploads
 from server.http import problems
 from server.http.access_log import Access
 from server.http.base_path import BelowPath
+from server.http.classes import Classes
 from server.http.head import HeadAsGet
 from server.http.read_only import ReadOnly
 from server.http.request_rate import RequestRate
@@ -62,8 +63,10 @@ from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
 from server.ops.readiness import Readiness
 from server.pages import (
+    classes,
     fold,
     gallery,
+    kiosk,
     landing,
     oembed,
     paper,
@@ -113,6 +116,7 @@ ROUTERS: Final = (
     static,
     paper,
     gallery,
+    kiosk,
     frames,
     share,
     oembed,
@@ -120,6 +124,7 @@ ROUTERS: Final = (
     preview,
     privacy,
     robot,
+    classes,
 )
 
 
@@ -240,6 +245,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         waits=FrameWaits(settings.max_waits, settings.max_waits_of_visitor),
         streams=_quota("event streams", settings.max_streams, settings.max_streams_of_visitor),
         robots=_quota("robots", settings.max_robots, settings.max_robots_of_visitor),
+        classes=Classes(settings),
         trajectories=_trajectories(settings, awaited, motions, fork_server),
         answers=SingleFlight(
             "answers",

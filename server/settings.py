@@ -342,6 +342,18 @@ class Settings(BaseSettings):
     max_robots_of_visitor: int = Field(
         default=8, ge=1, description="Maximum number of robots connected from one address."
     )
+    max_classes: int = Field(
+        default=32, ge=1, description="Maximum number of classes that follow a leader."
+    )
+    max_classes_of_visitor: int = Field(
+        default=4, ge=1, description="Maximum number of classes with leaders at one address."
+    )
+    max_followers: int = Field(
+        default=400, ge=1, description="Maximum number of followers of all classes."
+    )
+    max_followers_of_visitor: int = Field(
+        default=100, ge=1, description="Maximum number of followers at one address."
+    )
     embed_origins: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
         description="Sites that may embed folds, as `https://…`, separated by commas; `*` "

@@ -285,6 +285,7 @@ interface Playing {
 }
 interface SceneHeard {
   open?: () => void;
+  lost?: () => void; // its graphics, until it opens again
   touch?: () => void;
   pointer?: (pointer: Pointer) => void;
   scroll?: () => void; // of a page around an embed, in place of a zoom

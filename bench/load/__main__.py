@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from bench.load.classes import classes
 from bench.load.disks import inside
 from bench.load.faults import FAULTS, SEED, faults, signals
 from bench.load.mutated import mutated_uploads
@@ -35,6 +36,7 @@ FAULTY = {"faults": _faults, "several": _several}
 
 
 SECTIONS: dict[str, Callable[[bool], Section]] = {
+    "classes": classes,
     "scrubbing": scrubbing,
     "strangers": strangers,
     "uploads": uploads,

@@ -15,13 +15,13 @@ from tests.tools import CHROMIUM
 
 
 @contextmanager
-def service_and_browser() -> Generator[tuple[Service, Browser, Path]]:
+def service_and_browser(**settings: object) -> Generator[tuple[Service, Browser, Path]]:
     """Yield a warm service, a browser, and a folder for files; end and delete them afterwards."""
     with (
         tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder,
         sync_playwright() as playwright,
     ):
-        service = Service(Path(folder) / "data", prewarm=True).start()
+        service = Service(Path(folder) / "data", **{"prewarm": True, **settings}).start()
         browser = playwright.chromium.launch(executable_path=CHROMIUM.get(), args=FLAGS)
         try:
             yield service, browser, Path(folder)

@@ -19,6 +19,7 @@ from server.files.preview_reports import PreviewReports
 from server.files.preview_scenes import PreviewScenes
 from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
+from server.http.classes import Classes
 from server.http.client_address import address_of
 from server.jobs.movies import Movies
 from server.jobs.remaining import EtaEstimator
@@ -60,6 +61,7 @@ class Context:
     fold_states: FoldStates
     streams: Quota
     robots: Quota
+    classes: Classes
     trajectories: Trajectories
     answers: SingleFlight
     lists: TokenBuckets

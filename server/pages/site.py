@@ -22,6 +22,7 @@ from planner.plan.own_values import values_in
 from server.api.tours import draft_of
 from server.pages.facts import fold_facts
 from server.pages.fold import drawing_in
+from server.pages.kiosk import exhibits
 from server.pages.page import rendered
 from server.pages.paper import paper_data, paper_files, paper_values
 from server.pages.share import standalone_page
@@ -32,10 +33,12 @@ from web.viser.client import client
 from web.viser.standalone import (
     ENTRY_SCRIPT,
     FILMS_SCRIPT,
+    KIOSK_SCRIPT,
     entry_of,
     film_script,
     packed_scripts,
 )
+from words.fold import ShownFold
 from words.gallery import CARD_STATUS_LABELS, MODULE_PLURALS, method_of
 
 if TYPE_CHECKING:
@@ -50,6 +53,7 @@ FILES: Final = {
     "/gallery": "index.html",
     "/paper": "paper.html",
     "/benchmarks": "benchmarks.html",
+    "/kiosk": "kiosk.html",
 }
 """Pages of a site by their addresses in the service."""
 FOLD_ADDRESS: Final = re.compile(r"/folds/([A-Za-z0-9_-]+)(/drawing\.svg)?")
@@ -135,6 +139,9 @@ def write_site(out: Path, folds: Sequence[Found], service: str | None = None) ->
     site.write("benchmarks.html", site.rendered("benchmarks.html"))
     films = site.rendered("paper.html", **paper_values(), origin="", entry=site.films)
     site.write("paper.html", films)
+    shown = exhibits([ShownFold.of(fold.row) for fold in folds], "folds/{}.html")
+    script = entry_of(KIOSK_SCRIPT)
+    site.write("kiosk.html", site.rendered("kiosk.html", exhibits=shown, script=script))
     _shared_files(site)
 
 
@@ -153,7 +160,7 @@ def _shared_files(site: Site) -> None:
     for name in sorted(site.asked):
         folder, _, rest = name.partition("/")
         if name == SCRIPTS_FILE:
-            site.write(name, packed_scripts(ENTRY_SCRIPT, FILMS_SCRIPT))
+            site.write(name, packed_scripts(ENTRY_SCRIPT, FILMS_SCRIPT, KIOSK_SCRIPT))
         elif folder == "static":
             site.write(name, (STATIC / rest).read_bytes())
         elif folder == "paper" and "/" in rest:

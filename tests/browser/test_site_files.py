@@ -113,6 +113,10 @@ def test_site_plays_from_a_folder_without_a_server(written: Path, browser: Brows
         page.locator("#details").click()
         page.locator("#tab-plots").click()
         expect(page.locator(".plot").first).to_be_visible()
+        page.goto(f"{written.as_uri()}/kiosk.html?folds=cube")
+        expect(page.locator("#exhibit")).to_have_text("tetra-cube-2")
+        caption = page.frame_locator("iframe").locator(".tour-caption")
+        expect(caption).to_contain_text("The chain is straight")
 
 
 def test_site_plays_below_any_path_of_a_web_host(written: Path, browser: Browser) -> None:

@@ -38,6 +38,8 @@ from web.viser.scene_bundle import bundle_of
 ENTRY_SCRIPT: Final = "js/pages/standalone.js"
 FILMS_SCRIPT: Final = "js/pages/films.js"
 """Entry script of the page of the paper's experiments in a site of files."""
+KIOSK_SCRIPT: Final = "js/pages/kiosk.js"
+"""Entry script of the kiosk in a site of files."""
 UNPACK_SCRIPT: Final = "js/unpack.js"
 WORKER_SCRIPT: Final = "js/viewer/sketch_worker.js"
 CHECKER_SCRIPT: Final = "js/check/worker.js"

@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { hashOf, viewIn } from "../../../web/static/js/player/address.js";
+import { idleSeconds } from "../../../web/static/js/tour/kiosk.js";
 import { MAX_CAPTION, MAX_STOPS, TourState, frameBetween, movingSeconds, readingSeconds } from "../../../web/static/js/tour/state.js";
 
 const tour = (...captions) => ({ format: "foldback-tour/1", title: "Wrench", stops: captions.map((caption, k) => ({ caption, frame: k + 1 })) });
@@ -54,4 +55,9 @@ test("address_names_a_stop_of_the_tour", () => {
   assert.equal(viewIn("#tour=1").stop, 0);
   assert.equal(viewIn("#frame=3").stop, null);
   assert.equal(hashOf({ ...viewIn("#frame=7&stop=3") }), "#frame=7&stop=3");
+});
+
+test("kiosk_takes_seconds_within_its_range_and_sixty_for_all_else", () => {
+  assert.equal(idleSeconds("?theme=dark"), null);
+  assert.deepEqual(["10", "3600", "9", "3601", "-30", "1e3", "99999", ""].map((asked) => idleSeconds(`?kiosk=${asked}`)), [10, 3600, 60, 60, 60, 60, 60, 60]);
 });

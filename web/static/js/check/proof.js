@@ -47,7 +47,7 @@ export class Proof {
     this.plan = plan;
     this.size = size;
     this.grow = grow;
-    /** The interval begins at frame k; modules to c are as folded, those behind c + W straight; P is as folded up to module `folded`. */
+    /** The interval begins at frame k; modules to c are as folded, those behind c + W straight; P and boxes are as folded up to module `folded`. */
     this.k = this.frame = this.c = this.W = this.folded = this.slack = this.largest = 0;
     this.module = m;
     this.P = Float64Array.from({ length: plan.n * POSES }, (_, x) => Number(x < POSES && x % 4 === 3));
@@ -106,7 +106,6 @@ export class Proof {
       for (let s = 0; s < q.length; s++) angles[s] = q[s] + (t + w * NODES[a / 12]) * step[s];
       for (let j = Math.min(c, this.folded); j < n - 1; j++) module.next(P, j * POSES + a, (j + 1) * POSES + a, angles, j * hinges);
     }
-    this.folded = c;
     for (let m = n - 2, all = 0; m >= 0; m--) {
       const turn = step.subarray(m * hinges, (m + 1) * hinges).reduce((sum, x) => sum + Math.abs(x), 0);
       S[m] = (all += turn * w) * (1 + 1e-9);
@@ -129,9 +128,9 @@ export class Proof {
 
   /** Modules i, j that may come too near, each i before j; null if they are a crowd. As seen from a root, a centre stays in its box. */
   near() {
-    const { boxes, k, c, W, behind, module: { radius, length, told: { apart } }, plan: { n, claim } } = this;
-    const found = /** @type {[number, number][]} */ ([]), root = Math.min(Math.max(n >> 1, c), c + W), reach = 2 * radius + claim + this.E;
-    for (let m = 0; m < n; m++) {
+    const { boxes, k, c, W, behind, folded, module: { radius, length, told: { apart } }, plan: { n, claim, windowed } } = this;
+    const found = /** @type {[number, number][]} */ ([]), root = windowed ? 0 : n >> 1, reach = 2 * radius + claim + this.E;
+    for (let m = windowed ? Math.min(c, folded) : 0; m < n; m++) { // boxes in front stay as they were
       const lost = this.lost(root, m, 0);
       this.see(root, m, 3);
       for (let x = 0; x < 3; x++) {
@@ -140,6 +139,7 @@ export class Proof {
         boxes[6 * m + 3 + x] = Math.max(...hull) + lost;
       }
     }
+    this.folded = c;
     for (let i = 0; i < n; i++) {
       // Pairs between which nothing turns stay as they were. Along the chain no link is longer than `length`.
       for (let j = Math.max(i + apart, k ? behind[i] : 0); j < n;) {
@@ -149,7 +149,7 @@ export class Proof {
         if (!(spare >= 0)) found.push([i, j]);
         j += spare >= 1 ? Math.floor(spare) : 1;
       }
-      if (found.length > CROWD * (W + 10)) return null;
+      if (found.length > CROWD * ((k ? W : n) + 10)) return null;
     }
     return found;
   }

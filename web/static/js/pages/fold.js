@@ -7,14 +7,15 @@ import { Source } from "../player/timeline.js";
 import { ask } from "../lib/api.js";
 import { toast } from "../panels/toast.js";
 import { view } from "../viewer/fold_view.js";
-import { at, checkable, get, later } from "../lib/text.js";
+import { at, checkable, get, later, wordsOf } from "../lib/text.js";
 
 /** @type {Facts} */
 let facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
 const drawer = new Drawer(toast);
+const code = new URLSearchParams(location.search).get("class"); // of a leader who is followed
 const { timeline, player, place, bar } = view({
-  over: !facts.running,
+  over: !facts.running, play: code ? false : undefined,
   source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.src = at("/view"); },
   kept: {
     tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), get id() { return facts.movies ? facts.id : null; }, toast,
@@ -113,6 +114,7 @@ async function tryAgain({ form }) {
 }
 
 show(facts);
+if (code) import("../tour/follower.js").then(({ Follower }) => new Follower(code, player, place)).catch((error) => toast(wordsOf(error)));
 if (facts.running) {
   progress(([{ Progress }, { Outcome }]) => {
     const outcome = new Outcome(toast);

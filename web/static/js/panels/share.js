@@ -25,6 +25,8 @@ export class Share {
     get("share-send").onclick = () => navigator.share({ title: document.title, url: get("share-link").value }).catch(() => {}); // closed again
     get("share-mine").hidden = !tokenOf(facts.id);
     this.embed = facts.embed;
+    const lead = document.getElementById("lead"); // not without a service
+    if (lead) lead.onclick = async () => { this.dialog.close(); (await import("../tour/leader.js")).lead(facts.id, { place, toast }); };
     get("share-files").append(element("p", { class: "hint" }, "To show the HTML file in a page of your own, put ",
       element("a", { href: "/static/foldback-fold.js", download: true }, "foldback-fold.js"), " beside it and write ", element("code", {}, '<foldback-fold src="FILE.html"></foldback-fold>'), "."));
   }

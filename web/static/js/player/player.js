@@ -125,6 +125,7 @@ export class Player extends Emitter {
   send(asked) {
     if (!this.colouring) return false;
     this.story.heard(asked);
+    this.tell("asked", asked);
     if (!this.timeline.chain) { this.unheard.push(asked); return true; }
     const message = this.state.sought(asked);
     const { follow, turn } = this.is;

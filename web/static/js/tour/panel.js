@@ -31,6 +31,7 @@ export class TourPanel {
     const { colour, path } = place.page;
     this.flight = new Flight(player, { calm, colour, path, over: () => this.next(true) });
     this.playing = false;
+    this.onEnd = () => {}; // called when the last caption has been read
     this.caption = element("p", { class: "tour-caption", "aria-live": "polite" });
     this.count = element("span", { class: "tour-count" });
     this.before = button("button quiet", "Previous", () => this.step(-1), { title: "Previous stop (Page Up)" });
@@ -87,10 +88,16 @@ export class TourPanel {
 
   toggle() {
     if (!this.state) return;
-    this.playing = !this.playing;
-    if (!this.playing) { this.flight.end(); this.say(); return; }
+    if (this.playing) { this.pause(); return; }
+    this.playing = true;
     if (this.state.at === this.state.stops.length - 1) this.state.go(0);
     this.go();
+  }
+
+  pause() {
+    this.playing = false;
+    this.flight.end();
+    this.say();
   }
 
   /** @param {number} by */
@@ -106,6 +113,7 @@ export class TourPanel {
     if (this.state?.go(this.state.at + 1)) { this.playing = playing; this.go(); return; }
     this.playing = false;
     this.say();
+    this.onEnd();
   }
 
   go() {

@@ -117,6 +117,9 @@
     owe();
   }
 
+  // The browser has taken the graphics away: only a new client has them again.
+  addEventListener("webglcontextlost", () => say({ is: "lost" }), { capture: true });
+
   const say = (/** @type {Record<string, unknown>} */ message) => port?.postMessage(message);
   const opened = () => { if (port && wire) say({ is: "open" }); };
 

@@ -94,7 +94,7 @@ export class Hand {
 export function playerOn(timeline, frame, canvas, { calm, onFirst, onScroll, pauseMs }) {
   const sketch = new Sketch(canvas, onFirst);
   const stage = new Stage(frame, {
-    open: () => standIn.takeOver(), pick: (origin, direction) => player.pick(origin, direction), pointer: (pointer) => hand.hear(pointer), scroll: onScroll,
+    open: () => standIn.takeOver(), pick: (origin, direction) => player.pick(origin, direction), pointer: (pointer) => hand.hear(pointer), scroll: onScroll, lost: () => { standIn.fallBack(); player.show(true); },
   });
   const standIn = new StandIn(canvas, stage, sketch);
   /** @type {Player} */

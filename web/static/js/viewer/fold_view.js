@@ -44,7 +44,9 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 /** @param {Viewed} viewed */
 export function view({ source, figures, load, over = true, details = null, play = !calm, kept, onScroll }) {
   // What embeds ask for: the picture alone.
-  if (/[?#&]controls=0\b/.test(location.search + location.hash)) document.body.classList.add("bare");
+  const kiosk = /[?&]kiosk=/.test(location.search);
+  if (kiosk || /[?#&]controls=0\b/.test(location.search + location.hash)) document.body.classList.add("bare");
+  document.body.classList.toggle("kiosk", kiosk);
   const timeline = new Timeline(source, { over });
   const frame = get("view");
   const shares = navigator.hardwareConcurrency <= MAX_SHARED_CORES;
@@ -97,6 +99,10 @@ export function view({ source, figures, load, over = true, details = null, play 
   player.on("begun", () => {
     if (begun) return;
     begun = true;
+    if (kiosk) {
+      import("../tour/kiosk.js").then(({ Kiosk }) => new Kiosk({ player, stage, place, calm, load: kept.tour }).begin());
+      return;
+    }
     const shown = place.go();
     if (!open() && !shown && !player.story.telling && play) player.send({ do: "play" });
   });

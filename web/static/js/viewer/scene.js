@@ -3,6 +3,7 @@
 import { rayThrough } from "./camera.js";
 
 const FARTHEST = 1e9;
+const RELOAD_MS = 500; // before the client starts anew for the first time
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
 export const linear = Uint8Array.from({ length: 256 }, (_, byte) => {
@@ -104,6 +105,7 @@ export class Scene {
     /** @type {Eye | null} */
     this.camera = null; // of the client, where the page does not move it
     this.yields = false;
+    this.losses = 0; // of its graphics
     this.asks = 0;
     /** @type {Map<unknown, { what: "pass" | "paint", then: () => void }>} */
     this.asked = new Map();
@@ -167,6 +169,13 @@ export class Scene {
     for (const [id, { what }] of this.asked) port1.postMessage({ do: what, id });
   }
 
+  // Has the client start anew, less and less soon: where graphics are lost again and again it rests.
+  reload() {
+    this.open = false;
+    this.heard.lost?.();
+    setTimeout(() => this.frame.parentNode?.insertBefore(this.frame, this.frame.nextSibling), RELOAD_MS * 2 ** this.losses++);
+  }
+
   // The camera was moved; one that looks nowhere is not believed.
   /**
    * @param {unknown} position
@@ -213,6 +222,7 @@ export class Scene {
       case "tap":
         if (isShare(told.x) && isShare(told.y)) this.tap(told.x, told.y);
         return;
+      case "lost": this.reload(); return;
       case "touch": this.heard.touch?.(); return;
       case "scroll": this.heard.scroll?.(); return;
       case "drag": this.frame.parentElement?.classList.add("dropping"); return;

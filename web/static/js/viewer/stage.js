@@ -297,6 +297,13 @@ export class StandIn {
     this.stage.painted(() => this.open());
   }
 
+  // The drawing stands in again, until the view has started anew.
+  fallBack() {
+    this.opened = this.begun = this.asked = false;
+    this.given = this.stage.latest;
+    this.canvas.classList.remove("gone", "fading");
+  }
+
   open() {
     this.opened = true;
     this.onOpen();

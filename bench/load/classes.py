@@ -1,0 +1,109 @@
+"""Classes: a hundred follow one leader, while others look at pages."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+
+import httpx
+from websockets.asyncio.client import ClientConnection, connect
+
+from bench.load.loopback import serving
+from bench.load.visitors import percentile_ms
+from bench.tables import Section
+
+FOLLOWERS = 100
+SECONDS = 60.0
+VIEWS_PER_SECOND = 10
+PAGES_PER_SECOND = 4
+DELAY_MS = 300
+PAGE_MS = 100
+
+
+def classes(short: bool = False) -> Section:
+    """The delay of views, and how long others wait for pages meanwhile."""
+    section = Section(name="classes")
+    followers, seconds = (5, 1.0) if short else (FOLLOWERS, SECONDS)
+    with serving(workers=1) as service:
+        fold = service.fold(shape="wrench-24" if short else "wrench-160")["id"]
+        assert service.wait_over(fold)["status"] == "verified"
+        delays, pages = asyncio.run(_taught(str(service.http.base_url), fold, followers, seconds))
+    delay, page = percentile_ms(delays, 95), percentile_ms(pages, 95)
+    got = len(delays) / (followers * seconds * VIEWS_PER_SECOND)
+    section.rows.append(
+        {
+            "followers": followers,
+            "views of all that were sent": round(got, 3),
+            "delay p50, ms": percentile_ms(delays, 50),
+            "delay p95, ms": delay,
+            "delay max, ms": 1000 * max(delays),
+            "page p50, ms": percentile_ms(pages, 50),
+            "page p95, ms": page,
+        }
+    )
+    judged = not short
+    section.add(
+        f"{followers} followers: delay of a view, p95",
+        f"{delay:.0f} ms",
+        f"≤ {DELAY_MS} ms",
+        delay <= DELAY_MS if judged else None,
+    )
+    section.add(
+        "a fold's page of others meanwhile, p95",
+        f"{page:.0f} ms",
+        f"≤ {PAGE_MS} ms",
+        page <= PAGE_MS if judged else None,
+    )
+    section.add("part of the views that arrived", f"{got:.3f}")
+    return section
+
+
+async def _taught(
+    address: str, fold: str, followers: int, seconds: float
+) -> tuple[list[float], list[float]]:
+    """Return the delays of views and the times of pages, in s."""
+    socket = address.replace("http", "ws", 1).rstrip("/")
+    delays: list[float] = []
+    sent: dict[str, float] = {}
+    async with connect(f"{socket}/api/class/lead?fold={fold}") as leader:
+        code = json.loads(await leader.recv())["link"].rpartition("/")[2]
+        where = f"{socket}/api/class/follow?code={code}"
+        all_ = [await connect(where) for _ in range(followers)]
+        works = [asyncio.create_task(_listen(each, sent, delays)) for each in all_]
+        works.append(asyncio.create_task(_read_counts(leader)))
+        looking = asyncio.create_task(_look(address, fold, seconds))
+        begun = time.monotonic()
+        for k in range(round(seconds * VIEWS_PER_SECOND)):
+            view = f"frame={k + 1}&module={k % 9 + 1}&camera={k % 180}.5,24,1.2&colour=speed"
+            sent[view] = time.monotonic()
+            await leader.send(view)
+            await asyncio.sleep(begun + (k + 1) / VIEWS_PER_SECOND - time.monotonic())
+        pages = await looking
+        await asyncio.sleep(1)
+    await asyncio.gather(*works, return_exceptions=True)
+    return delays, pages
+
+
+async def _listen(follower: ClientConnection, sent: dict[str, float], delays: list[float]) -> None:
+    async for view in follower:
+        if view in sent:
+            delays.append(time.monotonic() - sent[str(view)])
+
+
+async def _read_counts(leader: ClientConnection) -> None:
+    async for _ in leader:
+        pass
+
+
+async def _look(address: str, fold: str, seconds: float) -> list[float]:
+    """Load the page of the fold from another address, again and again."""
+    found = []
+    headers = {"X-Forwarded-For": "10.9.8.7"}
+    async with httpx.AsyncClient(base_url=address, headers=headers) as http:
+        end = time.monotonic() + seconds
+        while (begun := time.monotonic()) < end:
+            (await http.get(f"/folds/{fold}")).raise_for_status()
+            found.append(time.monotonic() - begun)
+            await asyncio.sleep(max(0.0, 1 / PAGES_PER_SECOND - found[-1]))
+    return found

@@ -1,0 +1,126 @@
+"""The kiosk at eight times the speed: memory and script errors, as after a day of an exhibition.
+
+``python -m bench.service.kiosk --minutes 20`` for another time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import time
+from typing import Final
+
+import psutil
+from playwright.sync_api import CDPSession, Error, Page
+
+from bench.service.browsing import service_and_browser
+from bench.tables import Section
+
+SPEED: Final = 8
+MINUTES: Final = 60.0
+SAMPLES: Final = 6
+MAX_GROWTH: Final = 0.10
+"""Largest growth of the JavaScript heap after the first round, as a fraction."""
+
+
+def faster(speed: float) -> str:
+    """Return a script for all frames, with which their clocks and timers run faster."""
+    return f"""(() => {{
+  const speed = {speed};
+  const [timeout, interval, paint] = [setTimeout, setInterval, requestAnimationFrame];
+  const now = performance.now.bind(performance);
+  const start = now();
+  const fast = (ms) => start + speed * (ms - start);
+  performance.now = () => fast(now());
+  window.setTimeout = (call, ms, ...given) => timeout(call, (ms ?? 0) / speed, ...given);
+  window.setInterval = (call, ms, ...given) => interval(call, (ms ?? 0) / speed, ...given);
+  window.requestAnimationFrame = (draw) => paint((ms) => draw(fast(ms)));
+}})()"""
+
+
+def kiosk(reference_seconds: float) -> Section:
+    """Plays the finished folds in turn, as in eight hours."""
+    del reference_seconds
+    return _played(MINUTES)
+
+
+def _played(minutes: float) -> Section:
+    section = Section(name="kiosk")
+    errors: list[str] = []
+    with service_and_browser(prewarm=False, finished_folds=True) as (service, browser, _):
+        context = browser.new_context(viewport={"width": 1366, "height": 768})
+        context.add_init_script(faster(SPEED))
+        page = context.new_page()
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        session = context.new_cdp_session(page)
+        page.goto(f"{service.http.base_url}/kiosk?kiosk=60")
+        first = _name_of_next(page, "foldback")
+        deadline = time.monotonic() + 60 * minutes
+        shown, name = 1, first
+        while True:
+            if name == first:  # each round begins with the same fold
+                section.rows.append({"folds shown": shown, **_memory(page, session)})
+                if time.monotonic() > deadline:
+                    break
+            name = _name_of_next(page, name)
+            shown += 1
+        context.close()
+    after_first, end = section.rows[1], section.rows[-1]
+    growth = end["heap, MB"] / after_first["heap, MB"] - 1
+    section.add(
+        f"heap after {shown} folds in {SPEED * minutes / 60:.1f} h, against the first round",
+        f"{growth:+.1%}",
+        f"≤ {MAX_GROWTH:+.0%}",
+        growth <= MAX_GROWTH,
+    )
+    section.add("script errors", str(errors or 0), "0", not errors)
+    return section
+
+
+def _name_of_next(page: Page, name: str) -> str:
+    """Wait until another fold is shown and return its name."""
+    page.wait_for_function(
+        "(name) => document.getElementById('exhibit').textContent !== name",
+        arg=name,
+        timeout=600_000,
+        polling=200,
+    )
+    return page.locator("#exhibit").inner_text()
+
+
+def _memory(page: Page, session: CDPSession) -> dict[str, float]:
+    """Return the heap after a collection of garbage, and the memory of all of the browser.
+
+    What plays allocates all the time: the least of a few samples is what is kept.
+    """
+    session.send("Performance.enable")
+    samples = []
+    for _ in range(SAMPLES):
+        page.wait_for_timeout(500)
+        with contextlib.suppress(Error):
+            session.send("HeapProfiler.collectGarbage")
+        told = session.send("Performance.getMetrics")["metrics"]
+        samples.append({metric["name"]: metric["value"] for metric in told})
+    metrics = min(samples, key=lambda sample: sample["JSHeapUsedSize"])
+    resident = 0
+    for process in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.Error):
+            if "chrom" in process.name():
+                resident += process.memory_info().rss
+    return {
+        "heap, MB": metrics["JSHeapUsedSize"] / 1e6,
+        "documents": metrics["Documents"],
+        "nodes": metrics["Nodes"],
+        "listeners": metrics["JSEventListeners"],
+        "browser, MB": resident / 1e6,
+    }
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=MINUTES)
+    found = _played(parser.parse_args().minutes)
+    for row in found.rows:
+        print({name: round(value, 1) for name, value in row.items()}, flush=True)
+    for figure in found.figures:
+        print(figure, flush=True)

@@ -1,0 +1,132 @@
+"""Classes: a leader's view, live for all who follow.
+
+A view is the part of an address that says what is seen (docs/links.md); nothing else is passed on.
+A class is in the memory of the web process that its leader is connected to, and ends with that
+connection.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import re
+import secrets
+from collections.abc import Generator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+
+from server.errors import NoSuch, TooMany
+from server.limits.quota import OPEN_RETRY_S, Quota
+
+if TYPE_CHECKING:
+    from server.settings import Settings
+
+CODE_LETTERS: Final = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"
+"""Characters of a code: those that people do not confuse, as codes are read aloud."""
+CODE_LENGTH: Final = 12
+"""Length of the code of a class, 60 bits. A smaller value makes codes easier to guess. Chosen."""
+MAX_FOLLOWERS: Final = 100
+"""Maximum number of followers of one class. A larger value delays views and other visitors."""
+MAX_VIEW_LENGTH: Final = 200
+"""Maximum length of a view, in characters: all words with their longest values are shorter."""
+VIEW_WORDS: Final = {
+    "frame": re.compile(r"[0-9]{1,9}"),
+    "module": re.compile(r"[0-9]{1,9}"),
+    "camera": re.compile(r"(-?[0-9.]{1,11})?(,(-?[0-9.]{1,11})?){2}((,-?[0-9.]{1,11}){2})?"),
+    "colour": re.compile(r"[a-z_-]{1,20}"),
+    "path": re.compile(r"1"),
+    "follow": re.compile(r"0"),
+}
+"""Words of a view and their values; the page that shows a view reads them as strictly."""
+
+
+@dataclass(slots=True, eq=False)
+class TaughtClass:
+    """One class: what its leader sees now.
+
+    Attributes:
+        fold_id: Its fold.
+        view: The view; empty for that of the page.
+        followers: Number of followers.
+        over: True once it has ended.
+        changed: Set at the next change of these values, which replaces it.
+    """
+
+    fold_id: str
+    view: str = ""
+    followers: int = 0
+    over: bool = False
+    changed: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def change(self, **values: Any) -> None:
+        """Change values, and wake all that wait for a change."""
+        for name, value in values.items():
+            setattr(self, name, value)
+        before, self.changed = self.changed, asyncio.Event()
+        before.set()
+
+    @contextlib.contextmanager
+    def joined(self) -> Generator[None]:
+        """Count a follower.
+
+        Raises:
+            TooMany: If there are as many as there may be.
+        """
+        if self.followers >= MAX_FOLLOWERS:
+            detail = f"{MAX_FOLLOWERS} people follow this class, which is the limit."
+            raise TooMany("class-full", detail, retry_after_s=OPEN_RETRY_S)
+        self.change(followers=self.followers + 1)
+        try:
+            yield
+        finally:
+            self.change(followers=self.followers - 1)
+
+
+class Classes:
+    """Classes of one web process, by their codes. Belongs to one event loop."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.leaders = Quota(
+            "classes", total=settings.max_classes, per_visitor=settings.max_classes_of_visitor
+        )
+        self.followers = Quota(
+            "followers", total=settings.max_followers, per_visitor=settings.max_followers_of_visitor
+        )
+        self._by_code: dict[str, TaughtClass] = {}
+
+    @contextlib.contextmanager
+    def begun(self, fold_id: str) -> Generator[tuple[str, TaughtClass]]:
+        """Begin a class, which ends with the context; yield its code too."""
+        code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
+        begun = self._by_code[code] = TaughtClass(fold_id)
+        try:
+            yield code, begun
+        finally:
+            del self._by_code[code]
+            begun.change(over=True)
+
+    def find(self, code: str) -> TaughtClass:
+        """Return the class of a code.
+
+        Raises:
+            NoSuch: If there is none.
+        """
+        found = self._by_code.get(code.upper())
+        if found is None:
+            raise NoSuch("no-class", "This class has ended, or the link is incomplete.")
+        return found
+
+
+def is_view(text: str) -> bool:
+    """Return True if a text is a view: known words, each once, with proper values."""
+    if not text:
+        return True
+    words = [part.partition("=") for part in text.split("&", len(VIEW_WORDS))]
+    return (
+        len(text) <= MAX_VIEW_LENGTH
+        and len({name for name, _, _ in words}) == len(words)
+        and all(
+            name in VIEW_WORDS and VIEW_WORDS[name].fullmatch(value) is not None
+            for name, _, value in words
+        )
+    )

@@ -1,0 +1,152 @@
+"""Classes: the short link, and the connections of leaders and followers."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Coroutine
+from typing import TYPE_CHECKING, Any, Final, cast
+
+import segno
+from fastapi import APIRouter, Request, WebSocket, WebSocketDisconnect
+from fastapi.responses import RedirectResponse, Response
+
+from server.api.finding import ADDRESS_ID
+from server.http.base_path import BASE_PATH
+from server.http.classes import TaughtClass, is_view
+from server.http.client_address import address_of
+from server.store.folds import NoSuchFoldError
+
+if TYPE_CHECKING:
+    from server.api.context import Context
+
+router = APIRouter(include_in_schema=False)
+MAX_CLASS_S: Final = 8 * 3600.0
+"""Time after which a class ends, in s. A larger value leaves forgotten classes open. Chosen."""
+VIEW_INTERVAL_S: Final = 0.1
+"""Minimum time between two views that one follower gets, in s; those in between are dropped. A
+larger value makes motions jerk; a smaller one takes more processor time. Chosen."""
+MAX_VIEWS_PER_SECOND: Final = 30
+"""Maximum number of views that a leader may send per second; more of them end the class. Pages
+send 10. A larger value lets one leader take more processor time. Chosen."""
+UNREAD_S: Final = 20.0
+"""Time after which a follower that reads nothing is disconnected, in s. A smaller value
+disconnects followers after short network failures. Chosen."""
+DONE, REFUSED = 1000, 1008
+OVER: Final = "over"
+"""Reason with which followers are disconnected when their class ends."""
+
+
+@router.get("/c/{code}")
+async def join(request: Request, code: str) -> Response:
+    """Lead to the fold that a class sees."""
+    found = _context_of(request).classes.find(code)
+    return RedirectResponse(f"/folds/{found.fold_id}?class={code.upper()}", status_code=303)
+
+
+@router.websocket("/api/class/lead")
+async def lead(websocket: WebSocket) -> None:
+    """Take a leader's views, and report the number of followers."""
+    context = _context_of(websocket)
+    fold_id = websocket.query_params.get("fold", "")
+    with context.classes.leaders.enter(address_of(websocket)):
+        if not ADDRESS_ID.fullmatch(fold_id):
+            raise NoSuchFoldError(fold_id)
+        await asyncio.to_thread(context.store.fold, fold_id)
+        with context.classes.begun(fold_id) as (code, shown):
+            await websocket.accept()
+            link = f"http{str(websocket.base_url)[2:].rstrip('/')}{BASE_PATH.get()}/c/{code}"
+            picture = segno.make_qr(link, error="m").svg_data_uri(scale=4, border=4, light="#fff")
+            await _first_of(
+                _report(websocket, shown, {"link": link, "picture": picture}),
+                _take_views(websocket, shown),
+                asyncio.sleep(MAX_CLASS_S),
+            )
+    await _close(websocket, DONE)
+
+
+@router.websocket("/api/class/follow")
+async def follow(websocket: WebSocket) -> None:
+    """Send a follower the views of a class."""
+    context = _context_of(websocket)
+    shown = context.classes.find(websocket.query_params.get("code", ""))
+    with context.classes.followers.enter(address_of(websocket)), shown.joined():
+        await websocket.accept()
+        await _first_of(_send_views(websocket, shown), _receive(websocket))
+    await _close(websocket, *((DONE, OVER) if shown.over else (REFUSED, "")))
+
+
+async def _take_views(websocket: WebSocket, shown: TaughtClass) -> None:
+    """Take views until one is none, or there are too many in a second."""
+    clock = asyncio.get_running_loop().time
+    second, count = 0, 0
+    while is_view(text := await _receive(websocket)):
+        now = int(clock())
+        second, count = now, (count + 1 if now == second else 1)
+        if count > MAX_VIEWS_PER_SECOND:
+            return
+        if text != shown.view:
+            shown.change(view=text)
+
+
+async def _report(websocket: WebSocket, shown: TaughtClass, first: dict[str, str]) -> None:
+    """Tell a leader its link, and how many follow."""
+    await websocket.send_json(first)
+    told = 0
+    while True:
+        changed = shown.changed
+        if shown.followers == told:
+            await changed.wait()
+            continue
+        told = shown.followers
+        await _send(websocket, f'{{"followers": {told}}}')
+
+
+async def _send_views(websocket: WebSocket, shown: TaughtClass) -> None:
+    """Send views until the class is over; of those in quick succession the latest."""
+    sent: str | None = None
+    while not shown.over:
+        changed = shown.changed
+        if shown.view == sent:
+            await changed.wait()
+            continue
+        sent = shown.view
+        await _send(websocket, sent)
+
+
+async def _send(websocket: WebSocket, text: str) -> None:
+    async with asyncio.timeout(UNREAD_S):
+        await websocket.send_text(text)
+    await asyncio.sleep(VIEW_INTERVAL_S)
+
+
+async def _receive(websocket: WebSocket) -> str:
+    message = await websocket.receive()
+    if message["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect
+    text = message.get("text")
+    return "bytes" if text is None else text
+
+
+async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
+    """Wait until one of some works ends or the peer is gone, and cancel the others."""
+    tasks = [asyncio.ensure_future(work) for work in works]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        ended = await asyncio.gather(*tasks, return_exceptions=True)
+    gone = (asyncio.CancelledError, WebSocketDisconnect, TimeoutError, RuntimeError)
+    for error in ended:
+        if isinstance(error, Exception) and not isinstance(error, gone):
+            raise error
+
+
+async def _close(websocket: WebSocket, code: int, reason: str = "") -> None:
+    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+        await websocket.close(code, reason)
+
+
+def _context_of(connection: Request | WebSocket) -> Context:
+    return cast("Context", connection.app.state.context)

@@ -1,0 +1,55 @@
+"""The kiosk: chosen folds play in turn, each in a frame of its own."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Annotated, Final
+
+from fastapi import APIRouter, Depends, Query, Request
+from fastapi.responses import HTMLResponse, Response
+
+from server.api.context import context_of, in_list_rate
+from server.api.finding import find_now
+from server.http.base_path import at
+from server.pages.cards import included_folds
+from server.pages.page import page, script_json
+from server.pages.problem_page import not_found_page
+from words.fold import ShownFold
+from words.missing import NO_FOLD
+
+router = APIRouter(include_in_schema=False)
+CHOSEN_FOLDS: Final = r"^([A-Za-z0-9_-]{1,64}(,[A-Za-z0-9_-]{1,64}){0,49})?$"
+"""Ids of at most 50 folds: each costs a query of the database."""
+
+
+@router.get("/kiosk", response_class=HTMLResponse, dependencies=[Depends(in_list_rate)])
+async def kiosk(
+    request: Request, folds: Annotated[str, Query(pattern=CHOSEN_FOLDS)] = ""
+) -> Response:
+    """Return the page; without chosen folds it plays those that came with the package."""
+    shown = await asyncio.to_thread(_chosen, request, folds.split(",") if folds else [])
+    if not shown:
+        return not_found_page(*NO_FOLD, service=True)
+    return page("kiosk.html", exhibits=exhibits(shown, at("/embed/{}")))
+
+
+def exhibits(folds: list[ShownFold], address: str) -> str:
+    """Return the folds as JSON for the page's script.
+
+    Args:
+        folds: The folds, in the order in which they play.
+        address: Address of a fold's frame, with braces in place of its id.
+    """
+    return script_json(
+        [
+            {"id": fold.id, "name": fold.title, "src": address.replace("{}", fold.id)}
+            for fold in folds
+        ]
+    )
+
+
+def _chosen(request: Request, ids: list[str]) -> list[ShownFold]:
+    if not ids:
+        return included_folds(context_of(request).store)
+    found = (find_now(request, fold_id) for fold_id in ids)
+    return [ShownFold.of(each.row) for each in found if each is not None]

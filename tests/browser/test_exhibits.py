@@ -1,0 +1,85 @@
+"""Folds that are shown to others: in a kiosk, and to a class that follows its leader."""
+
+from __future__ import annotations
+
+import re
+
+from playwright.sync_api import FrameLocator, Page, expect
+
+from bench.service.kiosk import faster
+from tests.browser.conftest import Visit, seek
+from tests.server.service import Service
+
+TARGET_PX = 64
+SPEED = 6
+
+
+def _shown(page: Page) -> FrameLocator:
+    return page.frame_locator("iframe:not(.coming)")
+
+
+def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
+    visit: Visit, service: Service, wrench: str
+) -> None:
+    other = service.fold(shape="wrench-24", seed="6")["id"]
+    service.wait_over(other)
+    for folds, status in (("nothing", 404), ("a/b", 422), (",".join(["a"] * 51), 422)):
+        assert service.http.get("/kiosk", params={"folds": folds}).status_code == status
+    page = visit(f"/kiosk?kiosk=10&folds={wrench},{other}", view=False, script=faster(SPEED))
+    shown = _shown(page)
+    expect(shown.locator(".tour-caption")).to_contain_text("The chain is straight")
+    first = page.locator("iframe:not(.coming)").get_attribute("src")
+    assert first == f"/embed/{wrench}?kiosk=10"
+    assert shown.locator("a:visible").count() == 0
+    assert page.locator("a:visible").count() == 0
+    for one in [*shown.locator("button:visible, input:visible").all(), page.locator("#next")]:
+        box = one.bounding_box()
+        assert box and min(box["width"], box["height"]) >= TARGET_PX
+
+    page.context.set_offline(True)
+    page.locator("#next").click()
+    expect(page.locator("iframe")).to_have_count(1)  # the next one has failed
+    expect(page.locator("#trouble")).to_be_hidden()
+    expect(shown.locator(".tour-count")).to_have_text(re.compile("^[2-9] of"))  # plays on
+    page.context.set_offline(False)
+    expect(page.locator(f"iframe[src^='/embed/{other}']:not(.coming)")).to_be_visible()
+
+    expect(shown.locator(".tour .primary")).to_have_text("Pause")
+    shown.locator("#sketch").click()
+    expect(shown.locator(".tour .primary")).to_have_text("Play tour")
+    expect(page.locator(f"iframe[src^='/embed/{wrench}']:not(.coming)")).to_be_visible()
+
+
+def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench: str) -> None:
+    leader = visit(f"/folds/{wrench}#frame=1", view=False)
+    expect(leader.locator("#scrub")).to_be_enabled()
+    leader.locator("#share").click()
+    leader.locator("#lead").click()
+    link = leader.locator(".class-code input").input_value()
+    assert re.search(r"/c/[0-9A-Z]{12}$", link)
+    width = "image => image.decode().then(() => image.naturalWidth)"
+    assert leader.locator(".class-code img").evaluate(width) > 100
+
+    follower = visit(f"/c/{link.rpartition('/')[2]}", view=False)
+    words, back = follower.locator(".class-ways span"), follower.locator(".class-ways .primary")
+    frame = follower.locator("#r-frame")
+    expect(words).to_have_text("You follow the leader")
+    expect(leader.locator(".class-ways span")).to_have_text("1 person follows")
+    seek(leader, 30)
+    expect(frame).to_have_text(re.compile("Frame 31 of"))
+    leader.evaluate("() => foldback.player.send({ do: 'orbit', turn: [0.5, 0.2] })")
+    azimuth = leader.evaluate("() => foldback.player.rig.choice.azimuth")
+    turned = "(to) => Math.abs(foldback.player.rig.choice.azimuth - to) < 1e-3"
+    follower.wait_for_function(turned, arg=azimuth)
+    expect(back).to_be_hidden()
+
+    seek(follower, 5)
+    expect(words).to_have_text("You look around")
+    leader.evaluate("() => foldback.player.send({ do: 'select', module: 7 })")
+    seek(leader, 40)
+    back.click()
+    expect(frame).to_have_text(re.compile("Frame 41 of"))
+    assert follower.evaluate("() => foldback.player.selected") == 7
+    leader.goto("/health")
+    expect(words).to_have_text(re.compile("The class has ended"))
+    expect(back).to_be_hidden()

@@ -1,0 +1,145 @@
+"""Classes: followers see a leader's view, and nothing else is passed on."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+from websockets.sync.connection import Connection
+
+from server.errors import NoSuch, TooMany
+from server.http.classes import CODE_LENGTH, MAX_FOLLOWERS, Classes, is_view
+from server.pages.classes import MAX_VIEWS_PER_SECOND
+from server.settings import Settings
+from tests.server.service import SNAKE, Service
+
+VIEW = "frame=12&module=4&camera=-62.5,24,0.6,0.05,-0.1&colour=speed&path=1&follow=0"
+PATIENCE_S = 30
+
+
+@pytest.fixture(scope="module")
+def fold(service: Service) -> str:
+    return service.fold(SNAKE)["id"]
+
+
+def opened(service: Service, path: str, **headers: str) -> ClientConnection:
+    address = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
+    return connect(f"{address}{path}", additional_headers=headers)
+
+
+def refusal(service: Service, path: str, **headers: str) -> int:
+    with pytest.raises(InvalidStatus) as refused, opened(service, path, **headers):
+        pass
+    return refused.value.response.status_code
+
+
+def ending(socket: Connection) -> tuple[int, str]:
+    """Read until the socket is closed, and return the code and the reason."""
+    with pytest.raises(ConnectionClosed) as closed:
+        while True:
+            socket.recv(PATIENCE_S)
+    assert closed.value.rcvd is not None
+    return closed.value.rcvd.code, closed.value.rcvd.reason
+
+
+def test_followers_see_the_view_of_the_leader_until_it_leaves(service: Service, fold: str) -> None:
+    with opened(service, f"/api/class/lead?fold={fold}") as leader:
+        told = json.loads(leader.recv(PATIENCE_S))
+        assert told["picture"].startswith("data:image/svg+xml")
+        path = told["link"].removeprefix(str(service.http.base_url).rstrip("/"))
+        code = path.removeprefix("/c/")
+        joined = service.http.get(path.lower())
+        assert (joined.status_code, joined.headers["location"]) == (
+            303,
+            f"/folds/{fold}?class={code}",
+        )
+        with (
+            opened(service, f"/api/class/follow?code={code}") as one,
+            opened(service, f"/api/class/follow?code={code}") as other,
+        ):
+            assert one.recv(PATIENCE_S) == other.recv(PATIENCE_S) == ""
+            while json.loads(leader.recv(PATIENCE_S)) != {"followers": 2}:
+                pass
+            leader.send(VIEW)
+            assert one.recv(PATIENCE_S) == other.recv(PATIENCE_S) == VIEW
+            other.send("frame=1")  # followers have nothing to say
+            assert ending(other)[0] == 1008
+            leader.close()
+            assert ending(one) == (1000, "over")
+    assert service.http.get(path).status_code == 404
+    assert refusal(service, f"/api/class/follow?code={code}") == 404
+
+
+def test_class_of_a_leader_who_sends_nonsense_or_floods_ends(service: Service, fold: str) -> None:
+    for messages in (["<script>"], [b"frame=1"], [f"frame={k}" for k in range(1000)]):
+        with opened(service, f"/api/class/lead?fold={fold}") as leader:
+            code = json.loads(leader.recv(PATIENCE_S))["link"].rpartition("/")[2]
+            with opened(service, f"/api/class/follow?code={code}") as follower:
+                assert follower.recv(PATIENCE_S) == ""
+                try:
+                    for message in messages:
+                        leader.send(message)
+                except ConnectionClosed:
+                    pass
+                got = []
+                with pytest.raises(ConnectionClosed):
+                    while True:
+                        got.append(follower.recv(PATIENCE_S))
+                assert len(got) <= MAX_VIEWS_PER_SECOND
+                assert all(is_view(str(view)) for view in got)
+
+
+def test_class_is_refused_before_it_begins(service: Service, fold: str) -> None:
+    assert refusal(service, "/api/class/lead?fold=nothing") == 404
+    assert refusal(service, "/api/class/lead?fold=../etc") == 404
+    assert refusal(service, "/api/class/follow?code=AAAA") == 404
+    assert refusal(service, f"/api/class/lead?fold={fold}", Origin="http://evil.example") == 403
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "frame=-1",
+        "frame=1e3",
+        "frame=1&frame=2",
+        "camera=1,2",
+        "camera=a,b,c",
+        "colour=Red",
+        "path=2",
+        "follow=1",
+        "theme=dark",
+        "tour=1",
+        "frame",
+        "&",
+        "frame=1&",
+        "frame=1#",
+        "frame=१",
+        f"camera={'1' * 300},,1",
+    ],
+)
+def test_view_has_known_words_with_proper_values_only(text: str) -> None:
+    assert not is_view(text)
+    assert is_view(VIEW)
+    assert is_view("")
+
+
+def test_classes_and_followers_are_limited_and_codes_are_long() -> None:
+    classes = Classes(Settings())
+    leaders = [classes.leaders.enter("192.0.2.1") for _ in range(4)]
+    with pytest.raises(TooMany):
+        classes.leaders.enter("192.0.2.1")
+    assert len(leaders) == len(classes.leaders)
+    for _ in range(MAX_FOLLOWERS):
+        classes.followers.enter("192.0.2.1")
+    with pytest.raises(TooMany):
+        classes.followers.enter("192.0.2.1")
+    with classes.begun("a") as (code, shown), classes.begun("a") as (other, _):
+        assert len(code) == len(other) == CODE_LENGTH >= 12
+        assert code != other
+        shown.followers = MAX_FOLLOWERS
+        with pytest.raises(TooMany), shown.joined():
+            pass
+    with pytest.raises(NoSuch):
+        classes.find(code)

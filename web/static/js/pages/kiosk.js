@@ -1,0 +1,85 @@
+// An exhibition: folds play in turn, each in a frame of its own, so that nothing of it stays in memory. A
+// frame is shown once its fold plays; until then the one before plays on, also without a connection.
+import { idleSeconds } from "../tour/kiosk.js";
+import { element, get } from "../lib/text.js";
+
+const READY_MS = 45_000; // for a frame to play; later the next fold is tried
+const STALLED_MS = 90_000; // without a word of a frame, besides the visitor's time
+const RETRY_MS = [2000, 60_000]; // before the next try, first and at most
+const IDLE_MS = 1000 * (idleSeconds(location.search) ?? idleSeconds("?kiosk") ?? 0);
+
+/** @type {{ id: string, name: string, src: string }[]} */
+const all = JSON.parse(get("exhibits").textContent);
+const asked = new URLSearchParams(location.search).get("folds")?.split(",") ?? [];
+const chosen = asked.flatMap((id) => all.filter((fold) => fold.id === id));
+const exhibits = chosen.length ? chosen : all;
+let at = -1; // the exhibit that is shown or comes
+let failures = 0; // in a row
+/** @type {HTMLIFrameElement | null} */
+let shown = null;
+/** @type {HTMLIFrameElement | null} */
+let coming = null;
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let timer = undefined; // of the frame that comes, or of the next try
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let stalled = undefined;
+
+function cancel() {
+  clearTimeout(timer);
+  timer = undefined;
+  coming?.remove();
+  coming = null;
+  get("next").removeAttribute("aria-disabled");
+}
+
+function next() {
+  if (coming || timer) return;
+  at = (at + 1) % exhibits.length;
+  const { name, src } = exhibits[at];
+  // Without a permission for windows and for the page around it, no link leads away.
+  coming = element("iframe", { title: name, sandbox: "allow-scripts allow-same-origin", class: "coming" });
+  coming.src = `${src}?kiosk=${IDLE_MS / 1000}`;
+  coming.onload = () => {
+    // A page of the browser or of an error; what files show cannot be read.
+    if (location.protocol !== "file:" && !coming?.contentDocument?.getElementById("view")) fail();
+  };
+  get("main").append(coming);
+  get("next").setAttribute("aria-disabled", "true");
+  timer = setTimeout(fail, READY_MS);
+}
+
+function fail() {
+  cancel();
+  get("trouble").hidden = shown !== null;
+  timer = setTimeout(() => { timer = undefined; next(); }, Math.min(RETRY_MS[1], RETRY_MS[0] * 2 ** failures++));
+}
+
+function show() {
+  const fresh = coming;
+  coming = null;
+  cancel();
+  failures = 0;
+  shown?.remove();
+  shown = fresh;
+  fresh?.classList.remove("coming");
+  get("trouble").hidden = true;
+  get("exhibit").textContent = exhibits[at].name;
+}
+
+addEventListener("message", ({ source, data }) => {
+  const word = data?.kiosk;
+  if (coming && source === coming.contentWindow && word === "ready") show();
+  else if (!shown || source !== shown.contentWindow) return;
+  clearTimeout(stalled);
+  stalled = setTimeout(next, STALLED_MS + IDLE_MS);
+  if (word === "touched") cancel(); // the visitor keeps what is touched
+  else if (word === "over") next();
+});
+get("next").onclick = () => { if (!coming) { cancel(); next(); } };
+addEventListener("online", () => { if (!coming && timer) { cancel(); next(); } });
+const full = get("full-screen");
+const offer = () => { full.hidden = !document.fullscreenEnabled || document.fullscreenElement !== null; };
+full.onclick = () => document.documentElement.requestFullscreen().catch(() => {}); // the browser may refuse
+addEventListener("fullscreenchange", offer);
+offer();
+next();

@@ -1,0 +1,115 @@
+// A follower of a class: shows what the leader looks at, until the visitor looks around.
+import { button, element } from "../lib/text.js";
+import { viewIn } from "../player/address.js";
+import { frameBetween } from "./state.js";
+import { panelOf, socketAt } from "./leader.js";
+
+const GLIDE_MS = 120; // to a new frame, while the next is on its way
+const MAX_TRIES = 6;
+const RETRY_MS = 500; // before the second try; each pause is twice as long
+const ENDED = "The class has ended. The view stays as it is.";
+const LOST = "The connection to the class is lost, or the class has ended.";
+const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+export class Follower {
+  /**
+   * @param {string} code of the class
+   * @param {import("../player/player.js").Player} player
+   * @param {import("../player/address.js").Place} place
+   */
+  constructor(code, player, place) {
+    this.code = code;
+    this.player = player;
+    this.page = place.page;
+    this.own = false; // whether a command is of the leader
+    this.ready = false;
+    this.follows = true;
+    this.tries = 0;
+    this.glide = 0; // number of the latest one
+    this.looked = ""; // the camera of the leader that is shown
+    /** @type {string | null} */
+    this.latest = null;
+    this.words = element("span", { role: "status" }, "Connecting to the class");
+    this.back = button("button primary", "Return to the leader", () => this.return(), { hidden: true });
+    panelOf(element("div", { class: "class-ways" }, this.words, this.back));
+    player.on("asked", () => { if (this.ready && !this.own && this.follows) this.leave(); });
+    const begin = () => { this.ready = true; this.show(); };
+    if (player.shown) begin(); else player.on("begun", () => queueMicrotask(begin));
+    this.connect();
+  }
+
+  connect() {
+    const socket = new WebSocket(socketAt(`/api/class/follow?code=${encodeURIComponent(this.code)}`));
+    socket.onmessage = ({ data }) => {
+      if (this.latest === null || this.tries) this.words.textContent = this.follows ? "You follow the leader" : "You look around";
+      this.tries = 0;
+      this.latest = String(data);
+      this.show();
+    };
+    socket.onclose = ({ reason }) => {
+      if (reason === "over" || ++this.tries > MAX_TRIES) {
+        this.words.textContent = reason === "over" ? ENDED : LOST;
+        this.back.hidden = true;
+        this.follows = false;
+        return;
+      }
+      this.words.textContent = "Connecting to the class";
+      setTimeout(() => this.connect(), RETRY_MS * 2 ** this.tries);
+    };
+  }
+
+  leave() {
+    this.follows = false;
+    this.glide++;
+    this.back.hidden = false;
+    this.words.textContent = "You look around";
+  }
+
+  return() {
+    this.follows = true;
+    this.looked = "";
+    this.back.hidden = true;
+    this.words.textContent = "You follow the leader";
+    this.show();
+  }
+
+  /** @param {Command} command */
+  send(command) {
+    this.own = true;
+    this.player.send(command);
+    this.own = false;
+  }
+
+  show() {
+    if (!this.follows || !this.ready || this.latest === null) return;
+    const { frame, module, camera, colour, path, follow } = viewIn(this.latest);
+    this.page.colour(colour ?? "error");
+    this.page.path(path);
+    if (this.player.is.playing) this.send({ do: "pause" });
+    if (module !== this.player.selected) this.send({ do: "select", module });
+    if (follow !== this.player.is.follow) this.send({ do: "set", follow });
+    if (frame !== null) this.go(frame, follow && !calm);
+    // A camera that does not follow is relative to the frame.
+    const looked = JSON.stringify(camera);
+    if (follow && looked === this.looked) return;
+    this.looked = looked;
+    this.send({ do: "camera", camera, gently: !calm });
+  }
+
+  // Goes to a frame evenly, as leaders send ten views a second.
+  /**
+   * @param {number} to
+   * @param {boolean} evenly
+   */
+  go(to, evenly) {
+    const glide = ++this.glide;
+    const [from, begun] = [this.player.playhead.frame, performance.now()];
+    const step = () => {
+      if (glide !== this.glide) return;
+      const share = !evenly ? 1 : Math.min(1, (performance.now() - begun) / GLIDE_MS);
+      this.send({ do: "seek", frame: frameBetween(from, to, share) });
+      if (share < 1) requestAnimationFrame(step);
+    };
+    step();
+  }
+}

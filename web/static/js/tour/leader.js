@@ -1,0 +1,79 @@
+// The leader of a class: others see live what this page shows. See server/pages/classes.py.
+import { at, button, copyText, element, get } from "../lib/text.js";
+import { hashOf } from "../player/address.js";
+
+const SEND_MS = 100; // between two looks at what is shown
+const STYLE = "/static/css/class.css";
+
+// Return the words of a view that followers see.
+/** @param {AddressedView} view */
+export const wordsOfView = (view) => hashOf({ ...view, from: null, to: null, loop: false, speed: 1, play: null, stop: null }).slice(1);
+
+// Return the address of a websocket of the service.
+/** @param {string} path */
+export const socketAt = (path) => `${location.origin.replace(/^http/, "ws")}${at(path)}`;
+
+// Return a panel over the view, with its style.
+/** @param {(Node | string)[]} children */
+export function panelOf(...children) {
+  const style = at(STYLE);
+  if (!document.querySelector(`link[href="${style}"]`)) document.head.append(element("link", { rel: "stylesheet", href: style }));
+  const box = element("section", { class: "class-panel", "aria-label": "Class" }, ...children);
+  get("main").append(box);
+  return box;
+}
+
+let leading = false;
+
+/**
+ * @param {string} id of the fold
+ * @param {{ place: import("../player/address.js").Place, toast: (text: string) => void }} page
+ */
+export function lead(id, { place, toast }) {
+  if (leading) return;
+  leading = true;
+  const socket = new WebSocket(socketAt(`/api/class/lead?fold=${id}`));
+  /** @type {HTMLElement | null} */
+  let box = null;
+  /** @type {ReturnType<typeof setInterval> | undefined} */
+  let looks = undefined;
+  let sent = "";
+  const count = element("span", { role: "status" }, "Nobody follows yet");
+  const send = () => {
+    const view = place.page.view();
+    const words = view && wordsOfView(view);
+    if (words === null || words === sent || socket.readyState !== WebSocket.OPEN) return;
+    socket.send(words);
+    sent = words;
+  };
+  socket.onmessage = ({ data }) => {
+    const told = JSON.parse(data);
+    if (told.link) {
+      box = show(told, count, () => socket.close());
+      looks = setInterval(send, SEND_MS);
+    } else count.textContent = told.followers ? `${told.followers} ${told.followers === 1 ? "person follows" : "people follow"}` : "Nobody follows";
+  };
+  socket.onclose = () => {
+    clearInterval(looks);
+    leading = false;
+    toast(box ? "The class has ended." : "The class could not begin. Try again later.");
+    box?.remove();
+  };
+
+  /**
+   * @param {{ link: string, picture: string }} told
+   * @param {HTMLElement} counted
+   * @param {() => void} stop
+   */
+  function show({ link, picture }, counted, stop) {
+    const field = element("input", { type: "text", readonly: true, "aria-label": "Link of the class" });
+    field.value = link;
+    const more = element("div", { class: "class-code" }, element("img", { src: picture, alt: "QR code of the link", width: 180, height: 180 }), field,
+      button("button quiet", "Copy link", () => copyText(link, () => toast("Copied"), () => field.select())));
+    const fold = button("button quiet", "Hide code", () => {
+      more.hidden = !more.hidden;
+      fold.textContent = more.hidden ? "Show code" : "Hide code";
+    });
+    return panelOf(more, element("div", { class: "class-ways" }, counted, fold, button("button", "End class", stop)));
+  }
+}
