@@ -35,7 +35,7 @@ def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: S
     damping.fill("2")
     page.locator("#fold").click()
     expect(page.locator("#problem")).to_have_text(
-        "Settings: got Damping = '2', expected a number from 0 to 0.9."
+        "Settings: Expected a number from 0 to 0.9, but found Damping = '2'."
     )
     expect(damping).to_have_attribute("aria-invalid", "true")
     expect(damping).to_be_focused()
@@ -48,7 +48,8 @@ def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: S
     assert service.state(fold)["settings"] == "damping=0.12,radial_gain=5"
     page.locator("#details").click()
     page.locator("#tab-properties").click()
-    changed = page.locator(".group", has=page.get_by_role("heading", name="Changed settings"))
+    changed = page.locator(".group", has=page.locator("summary", has_text="Changed settings"))
+    changed.locator("summary").click()
     expect(changed).to_contain_text("instead of 0.1")
     page.locator("#drawer-close").click()
 
@@ -58,7 +59,7 @@ def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: S
     gain.fill("none")
     published = page.locator("#compare-ways .way", has_text="Published method")
     published.click()
-    expect(page.locator("#compare-message")).to_contain_text("got Radial force gain λ = 'none'")
+    expect(page.locator("#compare-message")).to_contain_text("found Radial force gain λ = 'none'")
     gain.fill("20")
     published.click()
     page.wait_for_url(re.compile(rf"/compare\?a={fold}&b="))

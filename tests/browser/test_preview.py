@@ -68,6 +68,9 @@ def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, vi
         re.compile(r"\d+ modules · matches your model: \d+ %")
     )
     expect(page.locator("#knot")).to_have_text("None")
+    expect(page.locator("#preset")).to_be_hidden()
+    page.locator(".more > summary").click()
+    expect(page.locator("#preset")).to_be_visible()
     if view:
         settled(page)
         seen = picture(page)

@@ -91,7 +91,7 @@ def test_client_docs_and_preview_page_have_a_new_option() -> None:
     assert row in make_options.page(make_options.PAGE.read_text(encoding="utf-8"), Extended)
     facts = {"name": "Cup", "most_modules": 100}
     html = rendered("preview.html", facts=facts, facts_json="{}", options=options_of(Extended))
-    _, _, more = html.partition('id="more"')  # the script sends all fields in there
+    _, _, more = html.partition('id="more-options"')  # the script sends all fields in there
     control, _, _ = more.partition("</div>")
     assert '<select id="pace" name="pace"><option value="brisk">Brisk</option>' in control
     for name in ("preset", "seed"):

@@ -132,7 +132,7 @@ get("fold").onclick = async () => {
   showProblem("");
   const settings = preview.onTable ? settingsOf(get("table-settings")) : preset === "paper" ? settingsOf(get("paper-settings")) : "";
   const words = await requesting(({ openFold }) => openFold({
-    ...fieldsOf(get("more")), ...preview.fields, prefer, ...(settings && { settings }), ...(report.as_voxels && { as_voxels: true }),
+    ...fieldsOf(get("more-options")), ...preview.fields, prefer, ...(settings && { settings }), ...(report.as_voxels && { as_voxels: true }),
   }));
   if (words === "") return;
   if (words) {

@@ -29,10 +29,13 @@ export class Failure {
     this.found = frames ? failure : null;
     get("stuck").hidden = !this.found;
     this.bar.sticksAt(this.found);
-    get("tab-attempts").hidden = false;
-    get("stuck-attempts").hidden = !attempts.length;
-    get("stuck-attempts").textContent = attempts.length === 1 ? "The attempt" : `All ${attempts.length} attempts`;
-    get("attempts").replaceChildren(...this.panel(failure, attempts, downloads.length ? `/api/folds/${id}` : null));
+    const tab = document.getElementById("tab-attempts"); // pages without a service have none
+    get("stuck-attempts").hidden = !tab || !attempts.length;
+    if (tab) {
+      tab.hidden = false;
+      get("stuck-attempts").textContent = attempts.length === 1 ? "The attempt" : `All ${attempts.length} attempts`;
+      get("attempts").replaceChildren(...this.panel(failure, attempts, downloads.length ? `/api/folds/${id}` : null));
+    }
     if (!this.found) return;
     const { heading, text, modules, knot } = this.found;
     get("stuck-heading").textContent = heading;

@@ -44,10 +44,10 @@ export function open(field = fields[0]) {
 // A refusal in words of the page; the field that it is about, if any, is marked and shown.
 /** @param {string} said */
 export function refused(said) {
-  const bad = fields.find(({ name }) => said.includes(`got ${name} = `));
+  const bad = fields.find(({ name }) => said.includes(` ${name} = `));
   for (const field of fields) field.toggleAttribute("aria-invalid", false);
   if (!bad) return said;
   bad.setAttribute("aria-invalid", "true");
   open(bad);
-  return said.replace(`got ${bad.name} = `, `got ${bad.dataset.label} = `);
+  return said.replace(` ${bad.name} = `, ` ${bad.dataset.label} = `);
 }
