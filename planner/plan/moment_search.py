@@ -104,12 +104,11 @@ class _Folding:
             clearance, _ = self._clearances(poses, CONTACT_LINKS, CONTACT_PITCH)
             # The gap along a separating axis is at most the distance, so these may have met.
             for row in np.flatnonzero((clearance < CONTACT_PITCH).any(axis=1)):
-                near = np.flatnonzero(clearance[row] < CONTACT_PITCH)
+                near = np.flatnonzero(clearance[row] < CONTACT_PITCH).tolist()
                 pairs = [(i, j) for i in near for j in near if j - i >= CONTACT_LINKS]
                 distances = [self._distance(poses, int(row), i, j) for i, j in pairs]
                 if min(distances, default=CONTACT_PITCH) < CONTACT_PITCH:
-                    one, other = pairs[int(np.argmin(distances))]
-                    return Meeting(frame=start + int(row), modules=(int(one), int(other)))
+                    return Meeting(frame=start + int(row), modules=pairs[int(np.argmin(distances))])
         return None
 
     def direct(self) -> tuple[Meeting | None, int | None]:
