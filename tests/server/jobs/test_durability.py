@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from typing import Any
 import psutil
 import pytest
 
+from planner.errors import TimelineError
 from planner.file_names import TIMELINE
 from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import last_frame, result
@@ -145,31 +146,32 @@ class Held:
     server: ForkServer
     hold: Path
 
-    def kill_child(self, directory: Path, killed: set[int]) -> None:
+    def kill_child(self, directory: Path, killed: dict[int, str]) -> None:
         """Wait for a child that has recorded motion of a fold and was not killed yet; kill it."""
         process = self.child(directory, killed)
+        recorded = recorded_id(directory)
+        assert recorded is not None
+        killed[process.pid] = recorded
         process.kill()
-        killed.add(process.pid)
 
-    def child(self, directory: Path, killed: set[int]) -> psutil.Process:
+    def child(self, directory: Path, killed: dict[int, str]) -> psutil.Process:
         """Wait for a child that has recorded motion of a fold, and return it."""
         deadline = time.monotonic() + PATIENCE_S
         while True:
             for process in psutil.Process(self.server.pid).children():
-                if process.pid not in killed and recorded_by(process, directory):
+                recorded = recorded_id(directory)
+                if process.pid not in killed and recorded not in (None, *killed.values()):
                     return process
             assert time.monotonic() < deadline, f"killed {killed}"
             time.sleep(0.02)
 
 
-def recorded_by(process: psutil.Process, directory: Path) -> bool:
+def recorded_id(directory: Path) -> str | None:
+    """Return the identity of a fold's timeline that has a frame; each child makes its own."""
     timeline = result(directory, TIMELINE)
-    described = timeline / "zarr.json"
-    return (
-        described.exists()
-        and described.stat().st_mtime > process.create_time()
-        and last_frame(timeline) is not None
-    )
+    with suppress(TimelineError):
+        return Timeline.open(timeline).id if last_frame(timeline) is not None else None
+    return None
 
 
 @pytest.fixture(scope="module")
@@ -196,7 +198,7 @@ def test_fold_whose_process_dies_repeatedly_fails_alone(here_with: HereWith, hel
     service = here_with().start()
     options = {"strategy": "simultaneous"}
     accepted = service.fold(STAIRS, **options)
-    directory, killed = service.directory(accepted["id"]), set[int]()
+    directory, killed = service.directory(accepted["id"]), dict[int, str]()
     with ThreadPoolExecutor(1) as worker:
         computing = worker.submit(compute, service, accepted["id"], fork_server=held.server)
         for _ in range(2):
@@ -218,7 +220,7 @@ def test_fold_goes_on_when_its_process_or_fork_server_is_killed(
 ) -> None:
     service = here_with().start()
     fold_id = service.fold(STAIRS, strategy="simultaneous")["id"]
-    directory, killed = service.directory(fold_id), set[int]()
+    directory, killed = service.directory(fold_id), dict[int, str]()
     with ThreadPoolExecutor(1) as worker:
         computing = worker.submit(compute, service, fold_id, fork_server=held.server)
         for _ in range(1):
