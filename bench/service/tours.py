@@ -1,8 +1,8 @@
 """Tours: the gallery's drafts, each sentence compared with the motion and the certificate.
 
 ``python -m bench.service.tours [N]`` folds the gallery, or its first N shapes, and drafts a tour of
-each fold. What a sentence says is computed here again: distances by linear programs and the method
-of Frank and Wolfe, figures from ``certificate.json``; only knots by the same test as for paths.
+each fold. What a sentence says is computed here again: distances by linear programs and
+SciPy's SLSQP, figures from ``certificate.json``; only knots by the same test as for paths.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from scipy.optimize import linprog
+from scipy.optimize import LinearConstraint, linprog, minimize
 
 from bench.machine import machine
 from bench.tables import Section
@@ -196,14 +196,20 @@ def _distance(a: Array, b: Array) -> float:
     weights = np.block([[a.T, -b.T], [ones, zeros], [zeros, ones]])
     if linprog(np.zeros(len(a) + len(b)), A_eq=weights, b_eq=[0, 0, 0, 1, 1]).status == 0:
         return 0.0
-    x = a.mean(axis=0) - b.mean(axis=0)
-    for _ in range(10_000):  # Frank and Wolfe (1956) on |x|² over the difference of the hulls
-        y = a[(a @ x).argmin()] - b[(b @ x).argmax()]
-        way = y - x
-        if float(x @ -way) <= 1e-9:
-            break
-        x = x + way * min(1.0, float(-(x @ way) / (way @ way)))
-    return float(np.linalg.norm(x))
+    difference = np.vstack([a, -b])
+
+    def squared(w: Array) -> float:
+        return float(((difference.T @ w) ** 2).sum())
+
+    found = minimize(
+        squared,
+        np.full(len(difference), 1.0 / len(a)),
+        bounds=[(0.0, 1.0)] * len(difference),
+        constraints=LinearConstraint(weights[3:], 1.0, 1.0),
+        method="SLSQP",
+        options={"ftol": 1e-14, "maxiter": 500},
+    )
+    return float(np.sqrt(found.fun))
 
 
 def _numbers(text: str) -> list[float]:
