@@ -35,10 +35,8 @@ def tour(
         found = drafted(directory)
         if out is not None:
             _write(out, found)
-    except (InputError, TimelineError) as error:
-        refuse(
-            error if isinstance(error, InputError) else InputError("no-frames", f"{error}"), as_json
-        )
+    except InputError as error:
+        refuse(error, as_json)
     if as_json:
         print(json.dumps(found.as_dict()), flush=True)
         return
@@ -60,8 +58,7 @@ def drafted(directory: Path) -> Tour:
     """Return the draft of a fold's directory.
 
     Raises:
-        InputError: There is no plan, or it has no frames.
-        TimelineError: There is no timeline, or it is damaged.
+        InputError: There is no plan or no timeline, the timeline is damaged, or has no frames.
     """
     plan = read_plan(directory)
     told = plan.summary()
@@ -75,8 +72,12 @@ def drafted(directory: Path) -> Tour:
         seed=plan.seed,
         summary=told,  # pyright: ignore[reportArgumentType]
     )
-    moments = stored_moments(directory) or Workspace(directory).find_moments()
-    drafted = draft_tour(row, len(Timeline.open(result(directory, TIMELINE))), moments)
+    try:
+        moments = stored_moments(directory) or Workspace(directory).find_moments()
+        frames = len(Timeline.open(result(directory, TIMELINE)))
+    except TimelineError as error:
+        raise InputError("no-frames", f"{error}") from error
+    drafted = draft_tour(row, frames, moments)
     if drafted is None:
         raise InputError("no-frames", "got a fold without frames, expected one with a motion.")
     return drafted

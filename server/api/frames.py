@@ -9,8 +9,9 @@ door.
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from functools import cache
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, Response
@@ -28,6 +29,7 @@ from server.http.compression import Asset
 from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from server.http.response_cache import mark
 from server.store.folds import NoSuchFoldError
+from server.store.shown import FoldSource, Found
 from web.timeline.frame_batch import cached_batch
 from web.timeline.metrics import FIGURES, cached_figures
 from web.timeline.view import TimelineView
@@ -144,33 +146,26 @@ async def figures(
 @router.get("/folds/{fold_id}/tour.json")
 async def tour(request: Request, fold_id: str) -> Response:
     """Return the tour of a fold for its pages: the one that is stored, else a draft."""
-
-    def answer() -> Response:
-        found = find_now(request, fold_id)
-        if found is None:
-            raise NoSuchFoldError(fold_id)
-        told = tour_of(viewing_of(request).store, found)
-        if told is None:
-            return _nothing()
-        return JSONResponse(told, headers={"Cache-Control": "private, no-cache"})
-
-    return await asyncio.to_thread(answer)
+    return await asyncio.to_thread(_stored, request, fold_id, tour_of)
 
 
 @router.get("/folds/{fold_id}/values.json")
 async def values(request: Request, fold_id: str) -> Response:
     """Return the numbers that are stored with a fold for its pages; 204 without any."""
+    return await asyncio.to_thread(_stored, request, fold_id, values_of)
 
-    def answer() -> Response:
-        found = find_now(request, fold_id)
-        if found is None:
-            raise NoSuchFoldError(fold_id)
-        told = values_of(viewing_of(request).store, found)
-        if told is None:
-            return _nothing()
-        return JSONResponse(told, headers={"Cache-Control": "private, no-cache"})
 
-    return await asyncio.to_thread(answer)
+def _stored(
+    request: Request, fold_id: str, of: Callable[[FoldSource, Found], dict[str, Any] | None]
+) -> Response:
+    """Return what is stored with a fold; 204 where there is nothing."""
+    found = find_now(request, fold_id)
+    if found is None:
+        raise NoSuchFoldError(fold_id)
+    told = of(viewing_of(request).store, found)
+    if told is None:
+        return _nothing()
+    return JSONResponse(told, headers={"Cache-Control": "private, no-cache"})
 
 
 def _bundle(request: Request, row: ShownFold, timeline: TimelineView) -> Response:

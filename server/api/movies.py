@@ -130,8 +130,8 @@ def post_movie(
 
     Movies requested by the fold's owner, with the owner token, are not replaced by those of others.
     """
-    found = context.store.find(fold_id)
-    tour = tour_of(context.store, found) if found is not None and options.tour else None
+    found = context.store.find(fold_id) if options.tour else None
+    tour = None if found is None else tour_of(context.store, found)
     try:
         movie = Movie.of(options.model_dump(exclude={"tour"}), tour)
     except InputError as error:

@@ -171,14 +171,15 @@ class Store:
 
     def tour(self, fold_id: str) -> dict[str, Any] | None:
         """Return the tour that a fold's owner has stored, as plain values; None without one."""
-        with self._sessions() as session:
-            row = session.get(TourRow, fold_id)
-        return None if row is None else row.told
+        return self._told(TourRow, fold_id)
 
     def values(self, fold_id: str) -> dict[str, Any] | None:
         """Return the numbers that a fold's owner has stored, as plain values; None without any."""
+        return self._told(ValuesRow, fold_id)
+
+    def _told(self, kind: type[TourRow | ValuesRow], fold_id: str) -> dict[str, Any] | None:
         with self._sessions() as session:
-            row = session.get(ValuesRow, fold_id)
+            row = session.get(kind, fold_id)
         return None if row is None else row.told
 
     def list_public(self, limit: int = 100) -> Sequence[FoldRow]:

@@ -220,6 +220,10 @@ def test_movie_command_films_a_directory(
         assert refused.exit_code == 2 and said in refused.stderr
     empty = film(tmp_path, tmp_path / "other.mp4")
     assert empty.exit_code == 2 and "foldback fold" in empty.stderr
+    still = tmp_path / "still"
+    shutil.copytree(directory, still, ignore=shutil.ignore_patterns("timeline.zarr"))
+    without = film(still, tmp_path / "other.mp4", "--tour")
+    assert without.exit_code == 2 and isinstance(without.exception, SystemExit)
 
 
 @pytest.mark.parametrize(
