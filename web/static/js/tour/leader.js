@@ -1,5 +1,6 @@
 // The leader of a class: others see live what this page shows. See server/pages/classes.py.
 import { at, button, copyText, element, get } from "../lib/text.js";
+import { addStyle } from "../lib/style.js";
 import { hashOf } from "../player/address.js";
 
 const SEND_MS = 100; // between two looks at what is shown
@@ -16,8 +17,7 @@ export const socketAt = (path) => `${location.origin.replace(/^http/, "ws")}${at
 // Return a panel over the view, with its style.
 /** @param {(Node | string)[]} children */
 export function panelOf(...children) {
-  const style = at(STYLE);
-  if (!document.querySelector(`link[href="${style}"]`)) document.head.append(element("link", { rel: "stylesheet", href: style }));
+  addStyle(STYLE);
   const box = element("section", { class: "class-panel", "aria-label": "Class" }, ...children);
   get("main").append(box);
   return box;

@@ -1,6 +1,7 @@
 // The tour of a fold over its view: captions with previous, play and next, and the list for editing.
 import { Refusal, ask, tokenOf } from "../lib/api.js";
-import { at, button, element, get, wordsOf } from "../lib/text.js";
+import { button, element, get, wordsOf } from "../lib/text.js";
+import { addStyle } from "../lib/style.js";
 import { cameraText } from "../player/address.js";
 import { Flight } from "./flight.js";
 import { MAX_CAPTION, TourState } from "./state.js";
@@ -45,8 +46,7 @@ export class TourPanel {
         button("button quiet", "Close", () => this.close())), this.editor);
     if (id) this.fillEditor();
     get("main").append(this.box);
-    const style = at(STYLE);
-    if (!document.body.classList.contains("standalone") && !document.querySelector(`link[href="${style}"]`)) document.head.append(element("link", { rel: "stylesheet", href: style }));
+    addStyle(STYLE);
     addEventListener("keydown", (event) => this.key(event));
   }
 

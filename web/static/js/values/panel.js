@@ -1,6 +1,7 @@
 // A visitor's own numbers as colours: from a file that is dropped or chosen, or kept with the fold.
 import { Refusal, ask, tokenOf } from "../lib/api.js";
-import { at, button, element, get, number, wordsOf } from "../lib/text.js";
+import { button, element, get, number, wordsOf } from "../lib/text.js";
+import { addStyle } from "../lib/style.js";
 import { Colouring } from "../player/colours.js";
 import { MAX_FILE_BYTES, packed, readValues, unpacked, valuesAt } from "./reading.js";
 
@@ -37,8 +38,7 @@ export class OwnPanel {
       element("div", { class: "tour-ways" }, button("button primary", "Choose a file", () => this.file.click()), this.file, this.keep, this.remove,
         button("button quiet", "Close", () => this.close())));
     get("main").append(this.box);
-    const style = at(STYLE);
-    if (!document.body.classList.contains("standalone") && !document.querySelector(`link[href="${style}"]`)) document.head.append(element("link", { rel: "stylesheet", href: style }));
+    addStyle(STYLE);
     player.on("begun", () => { if (player.colouring?.key === "own") this.colour(); });
   }
 
