@@ -248,6 +248,14 @@ def with_view(page: Page) -> Page:
     return page
 
 
+def until(page: Page, true: Callable[[], bool]) -> None:
+    """Wait, while the page goes on, until a condition is true."""
+    deadline = time.monotonic() + PATIENCE_MS / 1000
+    while not true():
+        assert time.monotonic() < deadline
+        page.wait_for_timeout(20)
+
+
 def cancel_fold(page: Page, service: Service) -> None:
     """Cancel the fold whose page this is, as its owner: for tests that do not wait for it."""
     fold = re.findall(r"[a-z0-9]{12,}", page.url)[-1]

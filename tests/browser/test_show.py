@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from playwright.sync_api import Browser, Page, expect
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import TimelineWriter
-from tests.browser.conftest import PATIENCE_MS
+from tests.browser.conftest import PATIENCE_MS, until
 from tests.web.conftest import SNAKE, folding
 from web.viser import Shown, show
 
@@ -43,14 +42,6 @@ def page(browser: Browser, shown: Shown) -> Iterator[Page]:
     page.goto(shown.url)
     yield page
     context.close()
-
-
-def until(page: Page, true: Callable[[], bool]) -> None:
-    """Waits for what the server hears of."""
-    deadline = time.monotonic() + PATIENCE_MS / 1000
-    while not true():
-        assert time.monotonic() < deadline
-        page.wait_for_timeout(20)
 
 
 def whole_chain_in_view(shown: Shown) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import AT_REST, Visit
+from tests.browser.conftest import AT_REST, Visit, until
 from tests.server.service import Service
 from tests.web.blog import Blog
 
@@ -139,8 +139,15 @@ def test_wheel_over_an_embed_zooms_only_after_a_click(
     expect(reader.frame_locator("iframe").locator("#toast")).to_contain_text("Click to zoom")
     assert frame.evaluate(distance) == before
     reader.evaluate("() => scrollTo(0, 0)")
-    reader.mouse.click(370, 90)
-    reader.mouse.move(200, 120)
-    reader.mouse.wheel(0, -200)
-    frame.wait_for_function(f"() => ({distance})() < {before} - 1e-6")
+    # A locator's click reaches the view even if the browser still takes the page for scrolled.
+    view = reader.frame_locator("iframe").frame_locator("#view").locator("canvas[data-engine]")
+    view.click(position={"x": 330, "y": 150})
+    frame.wait_for_function("() => foldback.player.selected !== null")
+    view.hover(position={"x": 190, "y": 110})
+
+    def zoomed() -> bool:  # a browser may send one wheel too many to what scrolled last
+        reader.mouse.wheel(0, -200)
+        return frame.evaluate(distance) < before - 1e-6
+
+    until(reader, zoomed)
     assert reader.evaluate("() => scrollY") == 0

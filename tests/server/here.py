@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import faulthandler
 import logging
 import shutil
 import socket
@@ -111,6 +112,8 @@ class ServiceHere(Service):
         self.tell_to_end()
         self.http.close()
         self._thread.join(PATIENCE_S)
+        if self._thread.is_alive():
+            faulthandler.dump_traceback(2)  # to the standard error: what it waits for
         TELLER.removeHandler(self._telling)
         self._telling.close()
         return int(self._thread.is_alive())

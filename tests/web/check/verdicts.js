@@ -4,6 +4,7 @@ import { readFileSync } from "node:fs";
 import { createInterface } from "node:readline";
 import { NotProved, Plan } from "../../../web/static/js/check/plan.js";
 import { Proof } from "../../../web/static/js/check/proof.js";
+import { Largest } from "../../../web/static/js/check/spoil.js";
 
 // Counts pairs and bounds of an interval, and those from which it is not taken off what interpolation and rounding may hide.
 class Watched extends Proof {
@@ -43,8 +44,8 @@ async function verdict(path) {
 async function largest(path) {
   const plan = await Plan.read(new Uint8Array(readFileSync(path)));
   plan.claim = 1e-5;
-  const proof = new Proof(plan, true), frames = [...proof.run()];
-  return { size: proof.size, touch: proof.touch, frames: frames.length };
+  const found = new Largest(plan), frames = [...found.run()];
+  return { size: found.proof.size, touch: found.touch, frames: frames.length };
 }
 
 const check = process.argv[2] === "size" ? largest : verdict;

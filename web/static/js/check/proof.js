@@ -20,7 +20,6 @@ const REMAINDER = 2 / (4 ** ORDER * 120) * (1 + 1e-9);
 const POSES = 12 * ORDER; // a module's centre and axes at all nodes
 const CROWD = 200; // pairs for each moving module from which on an interval is halved unseen
 const DEPTH = 14; // an interval is halved at most so many times
-const SHY = 1e-4; // by how much modules are made smaller than those that touch
 const PARALLEL = 1e-6; // edges with a shorter cross product give no axis
 
 /** A coefficient of the polynomial through values o, o + 12, o + 24, ... @type {(row: number[], values: Float64Array, o: number) => number} */
@@ -32,26 +31,25 @@ export class Proof {
   best = { gap: 0, axis: [0, 0, 0], fits: 0 };
   /** @type {Place | null} the tightest place so far */
   tightest = null;
-  /** @type {(Place & { size: number }) | null} which modules made all smaller last, and the size at which they touch */
-  touch = null;
 
   /**
    * @param {Plan} plan
-   * @param {boolean} [grow] whether modules are of full size at first, and become smaller until none touch
+   * @param {number} [size] of modules
    */
-  constructor(plan, grow = false) {
-    const size = grow ? 1 : plan.size, m = new Module(plan.module.told, size), angle = (4 * 2 + 2) * U * plan.most + 8 * U;
+  constructor(plan, size = plan.size) {
+    const m = new Module(plan.module.told, size), still = new Float64Array(m.hinges), angle = (4 * 2 + 2) * U * plan.most + 8 * U;
     const e = m.hinges * Math.SQRT2 * (2 * angle + 3 * U) + (m.exact ? 0 : (m.hinges + 1) * 40 * U);
     const scale = Math.max(...BERNSTEIN.map((row) => row.reduce((sum, x) => sum + Math.abs(x), 0)));
     this.E = scale * (m.length * plan.n + 2 * m.radius) * (plan.n * (2 * e + 48 * U) + 256 * U);
     this.plan = plan;
-    this.size = size;
-    this.grow = grow;
-    /** The interval begins at frame k; modules to c are as folded, those behind c + W straight; P and boxes are as folded up to module `folded`. */
-    this.k = this.frame = this.c = this.W = this.folded = this.slack = this.largest = 0;
     this.module = m;
+    this.size = size;
+    /** The interval begins at frame k; modules to c are as folded, those behind `end` straight; P and boxes are as folded up to module `folded`. */
+    this.k = this.frame = this.c = this.end = this.folded = this.slack = this.largest = 0;
     this.P = Float64Array.from({ length: plan.n * POSES }, (_, x) => Number(x < POSES && x % 4 === 3));
     this.S = new Float64Array(plan.n);
+    this.straight = this.P.slice(0, 12 * plan.n).fill(0, 12); // poses of a chain that is all straight
+    for (let k = 1; k < plan.n; k++) m.next(this.straight, 12 * k - 12, 12 * k, still, 0);
     this.behind = new Int32Array(plan.n).fill(plan.n); // the first module behind a joint that turns, seen from one in front
     this.boxes = new Float64Array(6 * plan.n); // in which centres stay: least and greatest corner
     this.q = this.step = new Float64Array();
@@ -59,28 +57,25 @@ export class Proof {
 
   /** Proves all intervals; gives each one's frame before it looks at it. */
   * run() {
-    const { plan } = this, { first, last, pad, n, module: { hinges } } = plan;
-    for (let k = 0; k < Math.max(1, plan.frames - 1); k++) {
+    for (let k = 0; k < this.intervals; k++) {
       yield k;
-      const after = Math.min(k + 1, plan.frames - 1), next = plan.frame(after);
-      this.k = k;
-      this.q = plan.frame(k);
-      this.step = next.map((x, s) => x - this.q[s]);
-      this.largest = this.step.reduce((most, x) => Math.max(most, Math.abs(x)), this.largest);
-      this.c = Math.min(Math.floor((Math.min(first[k], first[after]) + pad) / hinges), n - 2);
-      this.W = Math.max(Math.ceil((Math.max(last[k], last[after]) + pad) / hinges) - this.c, 1);
-      try {
-        this.look(0, 1, null);
-      } catch (error) {
-        const place = error instanceof NotProved && this.grow ? error.place : null, size = Math.min(place?.fits ?? 0, this.size);
-        if (!place || size <= SHY) throw error;
-        this.touch = { ...place, size };
-        this.size = size - SHY;
-        this.module = new Module(plan.module.told, this.size);
-        k--; // once more, with smaller modules
-      }
+      this.interval(k);
     }
-    if (!this.grow && this.largest > plan.step) throw new NotProved(`A hinge moves by ${this.largest.toFixed(6)} rad from frame to frame, more than the plan says.`);
+    if (this.largest > this.plan.step) throw new NotProved(`A hinge moves by ${this.largest.toFixed(6)} rad from frame to frame, more than the plan says.`);
+  }
+
+  get intervals() { return Math.max(1, this.plan.frames - 1); }
+
+  /** Proves the interval from frame k to the next one. @param {number} k */
+  interval(k) {
+    const { plan, module: { hinges } } = this, { first, last, pad, n } = plan, after = Math.min(k + 1, plan.frames - 1);
+    this.k = k;
+    this.q = plan.frame(k);
+    this.step = plan.frame(after).map((x, s) => x - this.q[s]);
+    this.largest = this.step.reduce((most, x) => Math.max(most, Math.abs(x)), this.largest);
+    this.c = Math.min(Math.floor((Math.min(first[k], first[after]) + pad) / hinges), n - 2);
+    this.end = Math.min(Math.max(Math.ceil((Math.max(last[k], last[after]) + pad) / hinges), this.c + 1), n - 1);
+    this.look(0, 1, null);
   }
 
   /**
@@ -99,19 +94,28 @@ export class Proof {
     for (const begin of [t, t + w / 2]) this.look(begin, w / 2, left);
   }
 
-  /** Poses at the nodes, and turning. @param {number} t @param {number} w */
+  /** Poses at the nodes up to where the chain is straight, and turning. @param {number} t @param {number} w */
   move(t, w) {
-    const { P, S, c, q, step, behind, module, plan: { n } } = this, { hinges } = module, angles = new Float64Array(q.length);
+    const { P, S, c, end, q, step, behind, module, plan: { n } } = this, { hinges } = module, angles = q.slice();
     for (let a = 0; a < POSES; a += 12) {
-      for (let s = 0; s < q.length; s++) angles[s] = q[s] + (t + w * NODES[a / 12]) * step[s];
-      for (let j = Math.min(c, this.folded); j < n - 1; j++) module.next(P, j * POSES + a, (j + 1) * POSES + a, angles, j * hinges);
+      for (let s = c * hinges; s < end * hinges; s++) angles[s] = q[s] + (t + w * NODES[a / 12]) * step[s];
+      for (let j = Math.min(c, this.folded); j < end; j++) module.next(P, j * POSES + a, (j + 1) * POSES + a, angles, j * hinges);
     }
     for (let m = n - 2, all = 0; m >= 0; m--) {
-      const turn = step.subarray(m * hinges, (m + 1) * hinges).reduce((sum, x) => sum + Math.abs(x), 0);
+      let turn = 0;
+      for (let s = m * hinges; s < (m + 1) * hinges; s++) turn += Math.abs(step[s]);
       S[m] = (all += turn * w) * (1 + 1e-9);
       behind[m] = turn > 0 ? m + 1 : behind[m + 1];
     }
     this.slack = 4 * (n * hinges + 4) * U * S[0];
+  }
+
+  /** Poses of a module where the chain is straight. @param {number} m */
+  place(m) {
+    const { P, straight, end } = this;
+    for (let a = end * POSES, p = m * POSES; p < (m + 1) * POSES; a += 12) for (let k = 0, s = 12 * (m - end); k < 12; k += 3, s += 3) {
+      for (let o = a; o < a + 3; o++, p++) P[p] = (k ? 0 : P[o]) + straight[s] * P[o + 3] + straight[s + 1] * P[o + 6] + straight[s + 2] * P[o + 9];
+    }
   }
 
   /** What interpolation and rounding may hide of a point of module j, so far from its centre, as seen from i. @type {(i: number, j: number, r: number) => number} */
@@ -120,36 +124,46 @@ export class Proof {
   /** Poses of module j as seen from i, or their centres alone. @param {number} i @param {number} j */
   see(i, j, count = 12) {
     const { P, M } = this;
+    for (const m of [i, j]) if (m > this.end) this.place(m);
     for (let a = 0, o = i * POSES, p = j * POSES; a < POSES; a += 12, o += 12, p += 12) for (let k = 0; k < count; k += 3) {
       const x = P[p + k] - (k ? 0 : P[o]), y = P[p + k + 1] - (k ? 0 : P[o + 1]), z = P[p + k + 2] - (k ? 0 : P[o + 2]);
       for (let r = 0; r < 3; r++) M[a + k + r] = P[o + 3 + 3 * r] * x + P[o + 4 + 3 * r] * y + P[o + 5 + 3 * r] * z;
     }
   }
 
-  /** Modules i, j that may come too near, each i before j; null if they are a crowd. As seen from a root, a centre stays in its box. */
-  near() {
-    const { boxes, k, c, W, behind, folded, module: { radius, length, told: { apart } }, plan: { n, claim, windowed } } = this;
-    const found = /** @type {[number, number][]} */ ([]), root = windowed ? 0 : n >> 1, reach = 2 * radius + claim + this.E;
-    for (let m = windowed ? Math.min(c, folded) : 0; m < n; m++) { // boxes in front stay as they were
-      const lost = this.lost(root, m, 0);
-      this.see(root, m, 3);
-      for (let x = 0; x < 3; x++) {
-        const hull = BERNSTEIN.map((row) => coefficient(row, this.M, x));
-        boxes[6 * m + x] = Math.min(...hull) - lost;
-        boxes[6 * m + 3 + x] = Math.max(...hull) + lost;
-      }
+  /** The box in which a module's centre stays, as seen from a root. @param {number} m */
+  box(m) {
+    const { boxes, plan: { n, windowed } } = this, root = windowed ? 0 : n >> 1, lost = this.lost(root, m, 0);
+    this.see(root, m, 3);
+    for (let x = 0; x < 3; x++) {
+      const hull = BERNSTEIN.map((row) => coefficient(row, this.M, x));
+      boxes[6 * m + x] = Math.min(...hull) - lost;
+      boxes[6 * m + 3 + x] = Math.max(...hull) + lost;
     }
+  }
+
+  /** Modules i, j that may come too near, each i before j; null if they are a crowd. */
+  near() {
+    const { boxes, k, c, end, behind, folded, module: { radius, length, told: { apart } }, plan: { n, claim, windowed } } = this;
+    const found = /** @type {[number, number][]} */ ([]), reach = 2 * radius + claim + this.E;
+    // Boxes in front stay as they were, those where the chain is straight are made when they are met.
+    for (let m = windowed ? Math.min(c, folded) : 0; m <= end; m++) this.box(m);
+    boxes.fill(NaN, 6 * end + 6);
     this.folded = c;
-    for (let i = 0; i < n; i++) {
-      // Pairs between which nothing turns stay as they were. Along the chain no link is longer than `length`.
+    for (let i = 0, least = Infinity; i < n; i += Math.max(Math.floor(least), 1), least = Infinity) {
+      // Pairs between which nothing turns stay as they were. Along the chain no link is longer than `length`: half
+      // of what is to spare is left for modules after j, half for those after i.
       for (let j = Math.max(i + apart, k ? behind[i] : 0); j < n;) {
         let gap = 0;
+        for (const m of [i, j]) if (Number.isNaN(boxes[6 * m])) this.box(m);
         for (let x = 0; x < 3; x++) gap += Math.max(boxes[6 * i + x] - boxes[6 * j + x + 3], boxes[6 * j + x] - boxes[6 * i + x + 3], 0) ** 2;
-        const spare = (Math.sqrt(gap) - reach) / length;
+        const spare = (Math.sqrt(gap) - reach) / length / 2;
         if (!(spare >= 0)) found.push([i, j]);
-        j += spare >= 1 ? Math.floor(spare) : 1;
+        least = Math.min(least, spare);
+        const leap = Math.max(Math.floor(spare), 1) || 1; // once more at round numbers: many i share the boxes of those far away
+        j += leap - (j + leap) % 2 ** Math.floor(Math.log2(leap / 2));
       }
-      if (found.length > CROWD * ((k ? W : n) + 10)) return null;
+      if (found.length > CROWD * ((k ? end - c : n) + 10)) return null;
     }
     return found;
   }
@@ -158,8 +172,7 @@ export class Proof {
   clear(i, j) {
     this.see(i, j);
     const { frame, plan: { claim } } = this, bound = this.solids(this.lost(i, j, this.module.radius)), { gap, fits } = this.best;
-    /** @type {Place} */
-    const place = { modules: [i, j], frame, gap, fits };
+    const place = /** @type {Place} */ ({ modules: [i, j], frame, gap, fits });
     if (!this.tightest || gap < this.tightest.gap) this.tightest = place;
     if (!(bound >= claim || gap >= claim)) throw new NotProved(`Modules ${i} and ${j}: no gap above ${gap.toFixed(9)} was found at frame ${frame.toFixed(6)}, less than ${claim.toFixed(9)}.`, place);
     return bound >= claim;

@@ -1,0 +1,55 @@
+// Spoils a plan on purpose: makes its modules larger until some touch, or turns a hinge too far.
+import { Module } from "./module.js";
+import { NotProved } from "./plan.js";
+import { Proof } from "./proof.js";
+
+/** @typedef {import("./plan.js").Plan} Plan */
+/** @typedef {import("./plan.js").Place} Place */
+
+const SHY = 1e-4; // by how much modules are made smaller than those that touch
+const OFF = Math.PI / 180;
+
+/** Finds how large modules may be: they begin as large as their cells, and become smaller wherever some touch. */
+export class Largest {
+  /** @type {(Place & { size: number }) | null} which modules made all smaller last, and the size at which they touch */
+  touch = null;
+
+  /** @param {Plan} plan */
+  constructor(plan) { this.proof = new Proof(plan, 1); }
+
+  /** Proves all intervals, as `Proof.run` does. */
+  * run() {
+    const { proof } = this;
+    for (let k = 0; k < proof.intervals; k++) {
+      yield k;
+      try {
+        proof.interval(k);
+      } catch (error) {
+        const place = error instanceof NotProved ? error.place : null, size = Math.min(place?.fits ?? 0, proof.size);
+        if (!place || size <= SHY) throw error;
+        this.touch = { ...place, size };
+        proof.size = size - SHY;
+        proof.module = new Module(proof.plan.module.told, proof.size);
+        k--; // once more, with smaller modules
+      }
+    }
+  }
+}
+
+/**
+ * Turns a hinge a little further than the plan does, in all frames but the first and the last; gives the joint's number.
+ * @param {Plan} plan
+ * @param {number} module
+ */
+export function turnMore(plan, module) {
+  const { hinges, told: { rigid_links: rigid } } = plan.module;
+  const joint = Math.min(Math.max(module, rigid), plan.n - 2);
+  const some = Array.from({ length: hinges }, (_, h) => (joint - rigid) * hinges + h);
+  const slot = some.reduce((a, b) => (Math.abs(plan.folded[b]) > Math.abs(plan.folded[a]) ? b : a));
+  for (let k = 1; k < plan.frames - 1; k++) {
+    if (slot >= plan.first[k] && slot < plan.last[k]) plan.values[plan.offsets[k] + slot - plan.first[k]] -= Math.sign(plan.folded[slot] || 1) * OFF;
+  }
+  plan.most += OFF;
+  plan.step = Infinity;
+  return joint;
+}
