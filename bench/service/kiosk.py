@@ -98,8 +98,7 @@ def _memory(page: Page, session: CDPSession) -> dict[str, float]:
     A visitor keeps the fold meanwhile: the next one would load beside it. The 3D view has a process
     of its own, in which garbage waits for a collection of its own.
     """
-    fold = page.locator("iframe:not(.coming)").element_handle().content_frame()
-    assert fold is not None
+    (fold,) = page.main_frame.child_frames
     fold.evaluate(TOUCH)
     fold.wait_for_function(OPEN, timeout=60_000)
     view = page.context.new_cdp_session(fold.child_frames[0])
