@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from playwright.sync_api import FrameLocator, Page, expect
+from playwright.sync_api import FrameLocator, Page, WebSocketRoute, expect
 
 from bench.service.kiosk import faster
 from tests.browser.conftest import Visit, seek
@@ -70,6 +70,11 @@ def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
 
 def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench: str) -> None:
     leader = visit(f"/folds/{wrench}#frame=1", view=False)
+    connections: list[tuple[WebSocketRoute, WebSocketRoute]] = []
+    leader.route_web_socket(
+        re.compile("/api/class/lead"),
+        lambda socket: connections.append((socket, socket.connect_to_server())),
+    )
     expect(leader.locator("#scrub")).to_be_enabled()
     leader.locator("#share").click()
     leader.locator("#lead").click()
@@ -98,6 +103,12 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     back.click()
     expect(frame).to_have_text(re.compile("Frame 41 of"))
     assert follower.evaluate("() => foldback.player.selected") == 7
+    for end in connections[0]:
+        end.close(code=4000)  # as if the network between them had failed
+    expect(leader.locator(".class-ways span")).to_have_text("1 person follows")
+    seek(leader, 20)
+    expect(frame).to_have_text(re.compile("Frame 21 of"))
+    assert len(connections) == 2
     leader.goto("/health")
     expect(words).to_have_text(re.compile("The class has ended"))
     expect(back).to_be_hidden()
