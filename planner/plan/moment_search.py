@@ -193,19 +193,22 @@ class _Folding:
     def _folded_by(self, share: float) -> int:
         """Return the frame at which the chain is folded by nearly this share of all turns."""
         low, high = self.first, self.end - 1
-        while high - low > 1:
+        while high - low > self.timeline.chunk_frames:  # then all of them take one read
             middle = (low + high) // 2
-            if self._foldedness(middle) < share:
+            if self._foldedness(middle, middle + 1)[0] < share:
                 low = middle
             else:
                 high = middle
-        return high
+        if high <= low + 1:
+            return high
+        return low + 1 + int(np.searchsorted(self._foldedness(low + 1, high), share))
 
-    def _foldedness(self, frame: int) -> float:
+    def _foldedness(self, start: int, end: int) -> Array:
+        """Return the share of all turns by which the chain is folded at some frames."""
         goal = self.chain.folded_rad
-        turned = self.timeline.frames(frame, frame + 1).joint_angles_rad[0] * np.sign(goal)
+        turned = self.timeline.frames(start, end).joint_angles_rad * np.sign(goal)
         wanted = np.abs(goal)
-        return float(np.clip(turned, 0.0, wanted).sum() / max(wanted.sum(), OVERLAP_PITCH))
+        return np.clip(turned, 0.0, wanted).sum(axis=1) / max(wanted.sum(), OVERLAP_PITCH)
 
 
 def _torque(

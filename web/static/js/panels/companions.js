@@ -3,12 +3,16 @@ import { ask } from "../lib/api.js";
 import { openFold, requestFold } from "../lib/fold_request.js";
 import { changed, open, refused } from "./paper_settings.js";
 import { Sending } from "./sending.js";
+import { addStyle } from "../lib/style.js";
 import { at, element, get, wordsOf } from "../lib/text.js";
+
+const STYLE = "/static/css/paper_settings.css";
 
 export class Companions {
   /** @param {(text: string) => void} toast */
   constructor(toast) {
     this.toast = toast;
+    addStyle(STYLE);
     get("refold-file").onchange = () => this.refoldInto(get("refold-file"));
     this.sending = new Sending(get("refold-sending"));
     this.id = "";
