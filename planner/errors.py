@@ -29,6 +29,13 @@ class InputError(PlannerError):
         self.detail = detail
 
 
+def unexpected(code: str, where: str, got: object, expected: str) -> InputError:
+    """The error for a value that is not what is expected; a long one is shortened."""
+    shown = "nothing" if got is None else got if isinstance(got, str) else repr(got)
+    short = shown if len(shown) <= 40 else f"{shown[:39]}…"
+    return InputError(code, f"got {short}, expected {expected}.", where=where)
+
+
 def named(error: InputError, name: str) -> InputError:
     """The error with the name of the file that it is about, if it doesn't tell."""
     if name in str(error):

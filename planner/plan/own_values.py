@@ -5,14 +5,16 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, cast
 
-from planner.errors import InputError
+from planner.errors import InputError, unexpected
 from planner.file_names import OWN_VALUES
 from planner.files import json_of
 from planner.names import clean_name
 
+_bad: Final = partial(unexpected, "bad-values")
 VALUES_FORMAT: Final = "foldback-values/1"
 MAX_VALUES: Final = 45_000
 """Maximum number of values that are kept with a fold: one for each module of the longest chains, or
@@ -37,23 +39,28 @@ def checked_values(values: object, modules: int) -> dict[str, Any]:
         InputError: ``bad-values``: saying what was found, what is expected, and where.
     """
     told = cast("Mapping[str, Any]", values) if isinstance(values, Mapping) else {}
-    if told.get("format") != VALUES_FORMAT or told.keys() != FIELDS:
-        raise _bad("format", f"the format {VALUES_FORMAT} with {', '.join(sorted(FIELDS))}")
+    if told.get("format") != VALUES_FORMAT:
+        raise _bad("format", told.get("format"), VALUES_FORMAT)
+    odd = [*sorted(told.keys() - FIELDS), *(f"no {name}" for name in sorted(FIELDS - told.keys()))]
+    if odd:
+        raise _bad("fields", odd[0], ", ".join(sorted(FIELDS)))
     for name, most in (("name", MAX_VALUES_NAME), ("unit", MAX_UNIT)):
         if not isinstance(told[name], str) or len(told[name]) > most:
-            raise _bad(name, f"a text of at most {most} characters")
+            raise _bad(name, told[name], f"a text of at most {most} characters")
     low, high, rows, data = (told[key] for key in ("low", "high", "rows", "data"))
     numbers = all(isinstance(x, int | float) and math.isfinite(x) for x in (low, high))
     if not numbers or low > high:
-        raise _bad("low", "two finite numbers, 'low' not above 'high'")
-    if type(rows) is not int or not 1 <= rows <= max(1, MAX_VALUES // modules):
-        raise _bad("rows", f"1 to {max(1, MAX_VALUES // modules)} rows")
+        raise _bad("low", f"{low} to {high}", "two finite numbers, 'low' not above 'high'")
+    most_rows = max(1, MAX_VALUES // modules)
+    if type(rows) is not int or not 1 <= rows <= most_rows:
+        raise _bad("rows", rows, f"1 to {most_rows}")
     try:
         levels = base64.b64decode(data, validate=True)
     except (TypeError, ValueError):
-        levels = b""
+        raise _bad("data", data, "bytes in base64") from None
     if len(levels) != rows * modules:
-        raise _bad("data", f"{rows * modules} bytes in base64, one for each module of each row")
+        each = "one for each module of each row"
+        raise _bad("data", f"{len(levels)} bytes", f"{rows * modules}, {each}")
     return {
         **told,
         "name": clean_name(told["name"], max_length=MAX_VALUES_NAME) or "Own numbers",
@@ -67,7 +74,3 @@ def values_in(directory: Path, modules: int) -> dict[str, Any] | None:
         return checked_values(json_of(directory / OWN_VALUES), modules)
     except InputError:
         return None
-
-
-def _bad(where: str, expected: str) -> InputError:
-    return InputError("bad-values", f"expected {expected}.", where=where)

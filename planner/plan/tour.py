@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any, Final, cast
 
-from planner.errors import InputError
+from planner.errors import unexpected
 from planner.names import clean_name
 
 TOUR_FORMAT: Final = "foldback-tour/1"
+_bad: Final = partial(unexpected, "bad-tour")
 MAX_STOPS: Final = 50
 """Maximum number of stops of a tour; a longer one is refused. Chosen."""
 MAX_CAPTION: Final = 300
@@ -186,9 +188,3 @@ def _modules(where: str, values: object, most: int) -> tuple[int, ...]:
     if not 1 <= len(several) <= MAX_STOP_MODULES:
         raise _bad(where, values, f"a list of 1 to {MAX_STOP_MODULES} numbers of modules")
     return tuple(_number(where, value, most) for value in several)
-
-
-def _bad(where: str, got: object, expected: str) -> InputError:
-    shown = "nothing" if got is None else got if isinstance(got, str) else repr(got)
-    short = shown if len(shown) <= 40 else f"{shown[:39]}…"
-    return InputError("bad-tour", f"got {short}, expected {expected}.", where=where)

@@ -1,8 +1,8 @@
 """Classes: a leader's view, live for all who follow.
 
 A view is the part of an address that says what is seen (docs/links.md); nothing else is passed on.
-A class is in the memory of the web process that its leader is connected to, and ends with that
-connection.
+A class is in the memory of the web process that its leader is connected to. It ends with the page
+of its leader; one whose connection is lost has some time to come back.
 """
 
 from __future__ import annotations
@@ -46,6 +46,10 @@ class TaughtClass:
 
     Attributes:
         fold_id: Its fold.
+        code: What followers join it with.
+        key: Secret with which its leader comes back.
+        leader: Connection of its leader; None while it is lost.
+        lost_at: Time at which the leader was lost last, in s of the event loop.
         view: The view; empty for that of the page.
         followers: Number of followers.
         over: True once it has ended.
@@ -53,6 +57,10 @@ class TaughtClass:
     """
 
     fold_id: str
+    code: str
+    key: str = field(default_factory=lambda: secrets.token_urlsafe(16))
+    leader: object = None
+    lost_at: float = 0.0
     view: str = ""
     followers: int = 0
     over: bool = False
@@ -64,6 +72,21 @@ class TaughtClass:
             setattr(self, name, value)
         before, self.changed = self.changed, asyncio.Event()
         before.set()
+
+    async def wait_without(self, leader: object) -> None:
+        """Wait until the class is over, or led by another connection than one."""
+        while not self.over and self.leader is leader:
+            await self.changed.wait()
+
+    async def wait_abandoned(self, patience_s: float) -> None:
+        """Wait until the class is over, or has been without a leader for some seconds."""
+        while not self.over:
+            end = self.lost_at + patience_s if self.leader is None else None
+            try:
+                async with asyncio.timeout_at(end):
+                    await self.changed.wait()
+            except TimeoutError:
+                return
 
     @contextlib.contextmanager
     def joined(self) -> Generator[None]:
@@ -95,12 +118,12 @@ class Classes:
         self._by_code: dict[str, TaughtClass] = {}
 
     @contextlib.contextmanager
-    def begun(self, fold_id: str) -> Generator[tuple[str, TaughtClass]]:
-        """Begin a class, which ends with the context; yield its code too."""
+    def begun(self, fold_id: str) -> Generator[TaughtClass]:
+        """Begin a class, which ends with the context."""
         code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
-        begun = self._by_code[code] = TaughtClass(fold_id)
+        begun = self._by_code[code] = TaughtClass(fold_id, code)
         try:
-            yield code, begun
+            yield begun
         finally:
             del self._by_code[code]
             begun.change(over=True)
@@ -114,6 +137,17 @@ class Classes:
         found = self._by_code.get(code.upper())
         if found is None:
             raise NoSuch("no-class", "This class has ended, or the link is incomplete.")
+        return found
+
+    def find_led(self, code: str, key: str) -> TaughtClass:
+        """Return the class that a leader comes back to.
+
+        Raises:
+            NoSuch: If there is none, or it has another key.
+        """
+        found = self._by_code.get(code)
+        if found is None or not secrets.compare_digest(found.key.encode(), key.encode()):
+            raise NoSuch("no-class", "This class has ended.")
         return found
 
 

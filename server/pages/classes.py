@@ -32,7 +32,13 @@ send 10. A larger value lets one leader take more processor time. Chosen."""
 UNREAD_S: Final = 20.0
 """Time after which a follower that reads nothing is disconnected, in s. A smaller value
 disconnects followers after short network failures. Chosen."""
+LOST_LEADER_S: Final = 60.0
+"""Time for which a class waits for a leader whose connection is lost, in s. A smaller value ends
+classes in short network failures; a larger one keeps followers waiting for nothing. Chosen."""
 DONE, REFUSED = 1000, 1008
+LEFT: Final = {1000, 1001}
+"""Codes with which a connection ends because its page ends it or is left (RFC 6455, section 7.4.1);
+any other, such as uvicorn's 1005, means that it is lost."""
 OVER: Final = "over"
 """Reason with which followers are disconnected when their class ends."""
 
@@ -47,22 +53,20 @@ async def join(request: Request, code: str) -> Response:
 @router.websocket("/api/class/lead")
 async def lead(websocket: WebSocket) -> None:
     """Take a leader's views, and report the number of followers."""
-    context = _context_of(websocket)
-    fold_id = websocket.query_params.get("fold", "")
+    context, asked = _context_of(websocket), websocket.query_params
+    if "key" in asked:
+        await _lead(websocket, context.classes.find_led(asked.get("code", ""), asked["key"]))
+        return
+    fold_id = asked.get("fold", "")
     with context.classes.leaders.enter(address_of(websocket)):
         if not ADDRESS_ID.fullmatch(fold_id):
             raise NoSuchFoldError(fold_id)
         await asyncio.to_thread(context.store.fold, fold_id)
-        with context.classes.begun(fold_id) as (code, shown):
-            await websocket.accept()
-            link = f"http{str(websocket.base_url)[2:].rstrip('/')}{BASE_PATH.get()}/c/{code}"
-            picture = segno.make_qr(link, error="m").svg_data_uri(scale=4, border=4, light="#fff")
-            await _first_of(
-                _report(websocket, shown, {"link": link, "picture": picture}),
-                _take_views(websocket, shown),
-                asyncio.sleep(MAX_CLASS_S),
-            )
-    await _close(websocket, DONE)
+        # The class counts for this visitor until it ends, also if its leader comes back meanwhile.
+        with context.classes.begun(fold_id) as begun, contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(MAX_CLASS_S):
+                await _lead(websocket, begun)
+                await begun.wait_abandoned(LOST_LEADER_S)
 
 
 @router.websocket("/api/class/follow")
@@ -76,22 +80,46 @@ async def follow(websocket: WebSocket) -> None:
     await _close(websocket, *((DONE, OVER) if shown.over else (REFUSED, "")))
 
 
+async def _lead(websocket: WebSocket, shown: TaughtClass) -> None:
+    """Lead a class by a connection, until it is lost or replaced, or ends the class."""
+    shown.change(leader=websocket)
+    try:
+        await websocket.accept()
+        await _first_of(
+            _report(websocket, shown),
+            _take_views(websocket, shown),
+            shown.wait_without(websocket),
+        )
+    finally:
+        if shown.leader is websocket:
+            shown.change(leader=None, lost_at=asyncio.get_running_loop().time())
+        await _close(websocket, DONE)
+
+
 async def _take_views(websocket: WebSocket, shown: TaughtClass) -> None:
-    """Take views until one is none, or there are too many in a second."""
+    """Take views; the class is over if one is none, they are too many, or the page is left."""
     clock = asyncio.get_running_loop().time
     second, count = 0, 0
-    while is_view(text := await _receive(websocket)):
-        now = int(clock())
-        second, count = now, (count + 1 if now == second else 1)
-        if count > MAX_VIEWS_PER_SECOND:
+    try:
+        while is_view(text := await _receive(websocket)):
+            now = int(clock())
+            second, count = now, (count + 1 if now == second else 1)
+            if count > MAX_VIEWS_PER_SECOND:
+                break
+            if text != shown.view:
+                shown.change(view=text)
+    except WebSocketDisconnect as gone:
+        if gone.code not in LEFT:
             return
-        if text != shown.view:
-            shown.change(view=text)
+    shown.change(over=True)
 
 
-async def _report(websocket: WebSocket, shown: TaughtClass, first: dict[str, str]) -> None:
-    """Tell a leader its link, and how many follow."""
-    await websocket.send_json(first)
+async def _report(websocket: WebSocket, shown: TaughtClass) -> None:
+    """Tell a leader the link and how it comes back, and how many follow."""
+    link = f"http{str(websocket.base_url)[2:].rstrip('/')}{BASE_PATH.get()}/c/{shown.code}"
+    picture = segno.make_qr(link, error="m").svg_data_uri(scale=4, border=4, light="#fff")
+    back = {"code": shown.code, "key": shown.key}
+    await websocket.send_json({"link": link, "picture": picture, "back": back})
     told = 0
     while True:
         changed = shown.changed
@@ -123,7 +151,7 @@ async def _send(websocket: WebSocket, text: str) -> None:
 async def _receive(websocket: WebSocket) -> str:
     message = await websocket.receive()
     if message["type"] == "websocket.disconnect":
-        raise WebSocketDisconnect
+        raise WebSocketDisconnect(message["code"])
     text = message.get("text")
     return "bytes" if text is None else text
 

@@ -116,7 +116,16 @@ def test_picture_fills_most_of_the_page_at_each_size(visit: Visit, wrench: str, 
         assert "#main" not in page.url
 
 
-def test_wheel_over_an_embed_zooms_only_after_a_click(
+DROP = """() => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File(["1\\n2\\n"], "a.csv"));
+  document.elementFromPoint(innerWidth / 2, innerHeight / 2).dispatchEvent(
+    new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
+}"""
+"""Drops a file with two numbers on what the pointer would meet in the middle of the page."""
+
+
+def test_embed_zooms_after_a_click_and_takes_files(
     visit: Visit, blog: Blog, service: Service, wrench: str
 ) -> None:
     address = f"{service.http.base_url}/embed/{wrench}#frame=9"
@@ -151,3 +160,10 @@ def test_wheel_over_an_embed_zooms_only_after_a_click(
 
     until(reader, zoomed)
     assert reader.evaluate("() => scrollY") == 0
+
+    # A file that is dragged over the view is dropped on the page around it.
+    view.dispatch_event("dragenter")
+    expect(frame.locator("main.dropping")).to_be_visible()
+    frame.evaluate(DROP)
+    expect(frame.locator(".own-values [role=alert]")).to_contain_text("Got 2 rows with 1 number")
+    expect(frame.locator("main.dropping")).to_have_count(0)

@@ -17,7 +17,7 @@ from websockets.sync.client import connect
 
 from foldback_client import Client
 from tests.deploy.proxy import CADDYFILE, Proxy, free_ports
-from tests.server.service import SNAKE, Service
+from tests.server.service import SNAKE, STAIRS, Service
 from tests.tools import CADDY
 
 SETTINGS = {
@@ -106,17 +106,14 @@ def test_events_are_streamed_unbuffered(proxy: Proxy) -> None:
     assert "event: done" in rest and '"cancelled"' in rest
 
 
-def test_web_sockets_are_proxied(proxy: Proxy) -> None:
-    with Client(proxy.address, verify=proxy.trusts) as client:
-        fold = client.fold(SNAKE, seed=2)
+def test_web_sockets_are_proxied(proxy: Proxy, webs: list[Service]) -> None:
+    with webs[0].worker(), Client(proxy.address, verify=proxy.trusts) as client:
+        fold = client.fold(STAIRS, seed=2).wait()
     address = f"wss://localhost:{proxy.port}/api/folds/{fold.id}/play"
-    with connect(address, ssl=proxy.trusts, origin=None) as socket:
-        said = json.loads(socket.recv(timeout=60))
-    # The handshake was made and a message came; no robot is driven along a fold that waits.
-    assert said["is"] == "problem" and said["code"]
-    with connect(address, ssl=proxy.trusts, origin=f"https://localhost:{proxy.port}") as socket:  # type: ignore[arg-type]
-        assert json.loads(socket.recv(timeout=60))["is"] == "problem"
-    with pytest.raises(InvalidStatus):
+    for origin in (None, f"https://localhost:{proxy.port}"):
+        with connect(address, ssl=proxy.trusts, origin=origin) as socket:  # type: ignore[arg-type]
+            assert json.loads(socket.recv(timeout=60))["is"] == "begin"
+    with pytest.raises(InvalidStatus, match="403"):
         connect(address, ssl=proxy.trusts, origin="https://evil.example")  # type: ignore[arg-type]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -35,11 +36,11 @@ def refusal(service: Service, path: str, **headers: str) -> int:
     return refused.value.response.status_code
 
 
-def ending(socket: Connection) -> tuple[int, str]:
+def ending(connection: Connection) -> tuple[int, str]:
     """Read until the socket is closed, and return the code and the reason."""
     with pytest.raises(ConnectionClosed) as closed:
         while True:
-            socket.recv(PATIENCE_S)
+            connection.recv(PATIENCE_S)
     assert closed.value.rcvd is not None
     return closed.value.rcvd.code, closed.value.rcvd.reason
 
@@ -91,6 +92,30 @@ def test_class_of_a_leader_who_sends_nonsense_or_floods_ends(service: Service, f
                 assert all(is_view(str(view)) for view in got)
 
 
+def test_class_waits_for_a_leader_whose_connection_is_lost(service: Service, fold: str) -> None:
+    leader = opened(service, f"/api/class/lead?fold={fold}")
+    back = json.loads(leader.recv(PATIENCE_S))["back"]
+    code, key = back["code"], back["key"]
+    assert len(key) >= 20
+    with opened(service, f"/api/class/follow?code={code}") as follower:
+        leader.send("frame=1")
+        while follower.recv(PATIENCE_S) != "frame=1":
+            pass
+        leader.socket.shutdown(socket.SHUT_RDWR)  # without a word, as a network that fails
+        for wrong in (f"code={code}&key={key[:-1]}", f"code={code}&key=", f"code=A&key={key}"):
+            assert refusal(service, f"/api/class/lead?fold={fold}&{wrong}") == 404
+        with opened(service, f"/api/class/lead?code={code}&key={key}") as again:
+            assert json.loads(again.recv(PATIENCE_S))["back"] == back
+            assert json.loads(again.recv(PATIENCE_S)) == {"followers": 1}
+            again.send("frame=2")
+            assert follower.recv(PATIENCE_S) == "frame=2"
+            with opened(service, f"/api/class/lead?code={code}&key={key}") as newest:
+                assert ending(again)[0] == 1000  # the latest connection leads
+                newest.send("frame=3")
+                assert follower.recv(PATIENCE_S) == "frame=3"
+        assert ending(follower) == (1000, "over")
+
+
 def test_class_is_refused_before_it_begins(service: Service, fold: str) -> None:
     assert refusal(service, "/api/class/lead?fold=nothing") == 404
     assert refusal(service, "/api/class/lead?fold=../etc") == 404
@@ -135,11 +160,11 @@ def test_classes_and_followers_are_limited_and_codes_are_long() -> None:
         classes.followers.enter("192.0.2.1")
     with pytest.raises(TooMany):
         classes.followers.enter("192.0.2.1")
-    with classes.begun("a") as (code, shown), classes.begun("a") as (other, _):
-        assert len(code) == len(other) == CODE_LENGTH >= 12
-        assert code != other
+    with classes.begun("a") as shown, classes.begun("a") as other:
+        assert len(shown.code) == len(other.code) == CODE_LENGTH >= 12
+        assert shown.code != other.code
         shown.followers = MAX_FOLLOWERS
         with pytest.raises(TooMany), shown.joined():
             pass
     with pytest.raises(NoSuch):
-        classes.find(code)
+        classes.find(shown.code)

@@ -100,9 +100,9 @@ def test_numbers_of_the_owner_are_kept_with_the_fold_and_wrong_ones_are_refused(
     for wrong, place in (
         ({"format": "foldback-values/2"}, "format"),
         ({"name": "x" * 81}, "name"),
-        ({"low": 3}, "low"),
+        ({"low": 3}, "but found 3.0 to 2.5"),
         ({"rows": 10**6}, "rows"),
-        ({"rows": 3}, "data"),
+        ({"rows": 3}, f"but found {2 * modules} bytes"),
         ({"data": "<b>"}, "data"),
         ({"html": "<b>"}, "html"),
     ):

@@ -4,6 +4,9 @@ import { addStyle } from "../lib/style.js";
 import { hashOf } from "../player/address.js";
 
 const SEND_MS = 100; // between two looks at what is shown
+const MAX_TRIES = 6; // to come back to the class
+const RETRY_MS = 500; // before the first of them; each pause is twice as long
+const ENDED = [1000, 1008]; // codes with which the service ends a class; with any other the connection is lost
 const STYLE = "/static/css/class.css";
 
 // Return the words of a view that followers see.
@@ -32,9 +35,13 @@ let leading = false;
 export function lead(id, { place, toast }) {
   if (leading) return;
   leading = true;
-  const socket = new WebSocket(socketAt(`/api/class/lead?fold=${id}`));
+  /** @type {WebSocket | null} */
+  let socket = null;
   /** @type {HTMLElement | null} */
   let box = null;
+  let back = ""; // words of the address with which the leader comes back
+  let tries = 0;
+  let ended = false;
   /** @type {ReturnType<typeof setInterval> | undefined} */
   let looks = undefined;
   let sent = "";
@@ -42,23 +49,40 @@ export function lead(id, { place, toast }) {
   const send = () => {
     const view = place.page.view();
     const words = view && wordsOfView(view);
-    if (words === null || words === sent || socket.readyState !== WebSocket.OPEN) return;
+    if (words === null || words === sent || socket?.readyState !== WebSocket.OPEN) return;
     socket.send(words);
     sent = words;
   };
-  socket.onmessage = ({ data }) => {
-    const told = JSON.parse(data);
-    if (told.link) {
-      box = show(told, count, () => socket.close());
-      looks = setInterval(send, SEND_MS);
-    } else count.textContent = told.followers ? `${told.followers} ${told.followers === 1 ? "person follows" : "people follow"}` : "Nobody follows";
+  const connect = () => {
+    if (ended) return;
+    socket = new WebSocket(socketAt(`/api/class/lead?fold=${id}${back}`));
+    socket.onmessage = ({ data }) => {
+      const { link, picture, back: words, followers = 0 } = JSON.parse(data);
+      if (link) {
+        back = `&${new URLSearchParams(words)}`;
+        sent = "";
+        tries = 0;
+        box ??= show({ link, picture }, count, end);
+        looks ??= setInterval(send, SEND_MS);
+      }
+      count.textContent = followers ? `${followers} ${followers === 1 ? "person follows" : "people follow"}` : "Nobody follows yet";
+    };
+    socket.onclose = ({ code }) => {
+      if (ended) return;
+      if (!box || ENDED.includes(code) || tries === MAX_TRIES) { end(); return; }
+      count.textContent = "The connection is lost. Trying again";
+      setTimeout(connect, RETRY_MS * 2 ** tries++);
+    };
   };
-  socket.onclose = () => {
-    clearInterval(looks);
+  const end = () => {
+    ended = true;
     leading = false;
+    clearInterval(looks);
     toast(box ? "The class has ended." : "The class could not begin. Try again later.");
     box?.remove();
+    socket?.close(1000); // the server ends the class for no other code
   };
+  connect();
 
   /**
    * @param {{ link: string, picture: string }} told

@@ -3,7 +3,7 @@ import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { button, element, get, number, wordsOf } from "../lib/text.js";
 import { addStyle } from "../lib/style.js";
 import { Colouring } from "../player/colours.js";
-import { MAX_FILE_BYTES, packed, readValues, unpacked, valuesAt } from "./reading.js";
+import { MAX_FILE_BYTES, keptRows, packed, readValues, unpacked, valuesAt } from "./reading.js";
 
 const STYLE = "/static/css/tour.css";
 const DIGITS = 3;
@@ -96,7 +96,8 @@ export class OwnPanel {
     const rows = growing ? "" : `, or ${total} rows with ${chain.modules} each, one for each frame`;
     const more = own && own.rows > 1 ? `${own.rows} rows with ${chain.modules} numbers each` : `${chain.modules} numbers`;
     const where = kept ? "Everyone with a link to this fold can see them." : "They stay in this browser.";
-    this.words.textContent = own ? `${own.name}${own.unit && ` (${own.unit})`}: ${more}. ${where}`
+    const fewer = own && token && keptRows(own) < own.rows ? ` Only ${keptRows(own)} rows, evenly spread, can be kept with the fold.` : "";
+    this.words.textContent = own ? `${own.name}${own.unit && ` (${own.unit})`}: ${more}. ${where}${fewer}`
       : `Colour the modules by your own numbers: drop a CSV or JSON file here, or choose one. It has ${chain.modules} numbers, one for each module${rows}. The file stays in this browser.`;
     this.keep.hidden = !own || kept || !token;
     this.remove.hidden = !own || (kept && !token);

@@ -157,14 +157,19 @@ export function readValues(text, file, expected) {
   return { name: name || "Own numbers", unit: typeof told.unit === "string" ? told.unit.slice(0, 20) : unit, rows: rows.length, values, low, high };
 }
 
+// How many rows can be kept with a fold.
+/** @param {OwnValues} own */
+export const keptRows = ({ rows, values }) => Math.min(rows, Math.max(1, Math.floor((MAX_KEPT * rows) / values.length)));
+
 // What is kept with a fold: values as levels between the least and the largest. Of more than can be kept, rows are left out.
 /**
  * @param {OwnValues} own
  * @returns {KeptValues}
  */
-export function packed({ name, unit, rows, values, low, high }) {
+export function packed(own) {
+  const { name, unit, rows, values, low, high } = own;
   const modules = values.length / rows;
-  const kept = Math.min(rows, Math.max(1, Math.floor(MAX_KEPT / modules)));
+  const kept = keptRows(own);
   let data = "";
   for (let row = 0; row < kept; row++) {
     const from = modules * (kept === 1 ? 0 : Math.round((row / (kept - 1)) * (rows - 1)));
