@@ -127,10 +127,11 @@ def forgeries(count: int, seed: int, node: bool, processes: int) -> Section:
         tasks = [
             (sources[k % len(sources)], seed + k, BATCH, node) for k in range(-(-count // BATCH))
         ]
+        kinds, proved = Counter[str](), list[str]()
         with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-            found = list(pool.map(batch, tasks))
-    kinds = sum((each[0] for each in found), Counter[str]())
-    proved = [line for each in found for line in each[1]]
+            for forged, wrong in pool.map(batch, tasks):
+                kinds, proved = kinds + forged, proved + wrong
+                print(f"{len(proved)} of {kinds.total()} wrongly proved", flush=True)
     section.rows = [{"kind": kind, "forged": number} for kind, number in kinds.most_common()]
     section.add("forged plans wrongly proved", f"{len(proved)} of {kinds.total()}", "0", not proved)
     for line in proved[:20]:

@@ -14,6 +14,7 @@ from bench.clearance.forgeries import certainly_false
 from planner.certificate.measure import clearances_of
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON
+from tests.planner.peels import snake
 from tests.planner.verification.forged_plans import (
     FALSE,
     MOTIONS,
@@ -21,6 +22,7 @@ from tests.planner.verification.forged_plans import (
     Told,
     forge,
     rewrite,
+    save,
     take,
 )
 from tests.web.node import JavaScriptChecker
@@ -108,6 +110,27 @@ def test_no_forged_plan_is_proved(
             assert kind not in FALSE, (kind, seed)
             assert not certainly_false(path), (kind, seed, found)
     assert refused > len(kinds)
+
+
+def test_pairs_at_rest_are_no_crowd_at_first(checker: JavaScriptChecker, tmp_path: Path) -> None:
+    """One module turns at the end of a folded box: at first, all pairs in the box are looked at."""
+    folded = snake((10, 10, 8)).folded_rad
+    last = np.array([-0.3, 0.0]) * [[1.0], [0.5], [0.0]] + folded[-2:]
+    path = save(tmp_path / "plan.npz", np.vstack([folded] * len(last)))
+
+    def window(arrays: Arrays, told: Told) -> None:
+        arrays.pop("joint_angles_rad")
+        arrays["first"] = np.full(len(last), len(folded) - 2)
+        arrays["offsets"] = np.arange(len(last) + 1) * 2
+        arrays["angles_rad"] = last.ravel().astype("f4")
+        told["start"] = {"folded_rad": [*folded[:-2], *last[0]]}
+
+    found, other = checker(rewrite(path, path, window)), python_says(path)
+    assert found["proved"], found
+    assert other["verdict"] == "proved", other
+    assert found["pairs"] == other["looks"] > 14 * foldback_check.CROWD, (
+        "more than for 1 + 10 modules"
+    )
 
 
 @pytest.mark.parametrize("change", [{"apart": 9}, {"apart": 0}, {"rigid_links": -1}])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import sys
 from pathlib import Path as FilePath
 from typing import Any, Final
@@ -89,6 +90,19 @@ def test_new_plan_states_digest_and_is_proved_as_its_path(folded: Fold, tmp_path
 
     found = foldback_check.check(rewrite(plan, tmp_path / "plan.npz", other))
     assert "digest" in str(found["reason"])
+
+
+def test_end_is_compared_with_the_angles_of_a_chain(tmp_path: FilePath) -> None:
+    unpack((FINISHED / "tetra-cube-2.fold").read_bytes(), tmp_path)
+    plan = foldback_check.Plan(tmp_path / "plan.npz")
+    shape = FilePath(__file__).parents[3] / "examples" / "shapes" / "tetra-cube-2.json"
+    foldback_check.check_end(plan, shape)
+    told = json.loads(shape.read_text(encoding="utf-8"))
+    angles, other = told["joint_angles_deg"], tmp_path / "other.json"
+    for wrong in ([*angles[:-1], angles[-1] + 1e-3], angles[:-1], []):
+        other.write_text(json.dumps({"joint_angles_deg": wrong}), encoding="utf-8")
+        with pytest.raises(foldback_check.NotProved, match="does not end as"):
+            foldback_check.check_end(plan, other)
 
 
 def random_motion(random: np.random.Generator, kind: Any, modules: int) -> Array:

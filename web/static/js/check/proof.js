@@ -27,6 +27,7 @@ const coefficient = (row, values, o) => row[0] * values[o] + row[1] * values[o +
 
 export class Proof {
   M = new Float64Array(POSES); // one module's poses as seen from another
+  line = new Float64Array(POSES); // the same along an axis
   /** @type {{ gap: number, axis: Vector, fits: number }} the axis that separates best, and up to which size of modules any does */
   best = { gap: 0, axis: [0, 0, 0], fits: 0 };
   /** @type {Place | null} the tightest place so far */
@@ -161,7 +162,7 @@ export class Proof {
         if (!(spare >= 0)) found.push([i, j]);
         least = Math.min(least, spare);
         const leap = Math.max(Math.floor(spare), 1) || 1; // once more at round numbers: many i share the boxes of those far away
-        j += leap - (j + leap) % 2 ** Math.floor(Math.log2(leap / 2));
+        j += leap - (j + leap) % (1 << (31 - Math.clz32(leap)) >> 1 || 1);
       }
       if (found.length > CROWD * ((k ? end - c : n) + 10)) return null;
     }
@@ -192,7 +193,7 @@ export class Proof {
   separate(edges) {
     const { M, module: m, size, plan: { claim } } = this, own = edges ? m.told.edges : m.told.faces;
     /** @type {Vector[]} */
-    const [y, a, b, c] = [0, 3, 6, 9].map((k) => 12 * MIDDLE + k).map((k) => [M[k], M[k + 1], M[k + 2]]);
+    const [y, a, b, c] = [0, 3, 6, 9].map((k) => [M[12 * MIDDLE + k], M[12 * MIDDLE + k + 1], M[12 * MIDDLE + k + 2]]);
     const other = own.map(([u, v, w]) => /** @type {Vector} */ ([u * a[0] + v * b[0] + w * c[0], u * a[1] + v * b[1] + w * c[1], u * a[2] + v * b[2] + w * c[2]]));
     for (const axis of edges ? own.flatMap((e) => other.map((f) => cross(e, f))) : [y, ...own, ...other]) {
       const far = dot(axis, y), l = norm(axis) * (far < 0 ? -1 : 1);
@@ -200,13 +201,13 @@ export class Proof {
       /** @type {Vector} */
       const n = [axis[0] / l, axis[1] / l, axis[2] / l], thick = -m.least(-n[0], -n[1], -n[2]) - m.least(dot(a, n), dot(b, n), dot(c, n));
       this.best.fits = Math.max(this.best.fits, size * (far / l - claim) / thick);
-      if (far / l - thick > this.best.gap) Object.assign(this.best, { gap: far / l - thick, axis: n });
+      if (far / l - thick > this.best.gap) this.best = { gap: far / l - thick, axis: n, fits: this.best.fits };
     }
   }
 
   /** Bound along the best axis during the whole interval, before what is lost. */
   during() {
-    const { M, module: m, best: { axis: [x, y, z] } } = this, line = new Float64Array(POSES);
+    const { M, line, module: m, best: { axis: [x, y, z] } } = this;
     for (let o = 0; o < POSES; o += 3) line[o] = x * M[o] + y * M[o + 1] + z * M[o + 2];
     let least = Infinity;
     for (const row of BERNSTEIN) {
