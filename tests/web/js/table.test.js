@@ -4,10 +4,22 @@ import { test } from "node:test";
 // What a browser has.
 globalThis.matchMedia = () => ({ matches: false, addEventListener() {} });
 globalThis.document = { documentElement: { dataset: {} } };
-const { discs } = await import("../../../web/static/js/viewer/stage.js");
+const { Stage, discs } = await import("../../../web/static/js/viewer/stage.js");
 const { tableColours } = await import("../../../web/static/js/viewer/sketch.js");
 const { colouring, colouringsOf, withUnit } = await import("../../../web/static/js/player/colours.js");
 const { recorded } = await import("./vectors.js");
+
+test("the ground arrives below the chain, wherever it was and if its first step takes no time", () => {
+  const shown = { positions: Float32Array.of(0, 0, -5, 0, 0, -9), framed: 1 };
+  const found = [-1, -20].map((ground) => {
+    const stage = Object.assign(Object.create(Stage.prototype), { ground, pitch: 1 });
+    assert.ok(stage.moveGround(0, shown));
+    while (stage.moveGround(0.05, shown)) assert.ok(stage.ground >= -20 && stage.ground <= -1);
+    return stage.ground;
+  });
+  assert.equal(found[0], found[1]);
+  assert.ok(found[0] < -5.5);
+});
 
 test("the area of a disc is the force, and modules without force have none", () => {
   const positions = [0, 0, 0, 1, 2, 0, 5, 5, 5, 7, 7, 7];

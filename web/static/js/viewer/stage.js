@@ -8,6 +8,7 @@ import { tableColours } from "./sketch.js";
 const GROUND_GAP = 0.35;
 const SINK_S = 0.05;
 const RISE_S = 0.5;
+const LEVEL = 0.01; // pitches from where it goes at which the ground arrives
 const SEEN_THROUGH = 0.22;
 const NOWHERE = -1e6;
 const SLOW_MS = 70; // for a picture; below it the view keeps up
@@ -213,10 +214,9 @@ export class Stage extends Scene {
     let low = Infinity;
     for (let k = 2; k < 3 * framed; k += 3) low = Math.min(low, positions[k]);
     low = (low - 0.5 - GROUND_GAP) * this.pitch;
+    if (this.ground === low) return false;
     const before = this.ground ?? low;
-    const after = low + (before - low) * Math.exp(-seconds / (low < before ? SINK_S : RISE_S));
-    if (this.ground !== null && Math.abs(after - this.ground) < 1e-3 * this.pitch) return false;
-    this.ground = after;
+    this.ground = Math.abs(before - low) < LEVEL * this.pitch ? low : low + (before - low) * Math.exp(-seconds / (low < before ? SINK_S : RISE_S));
     return true;
   }
 }
