@@ -145,8 +145,8 @@ class Classes:
         Raises:
             NoSuch: If there is none, or it has another key.
         """
-        found = self._by_code.get(code)
-        if found is None or not secrets.compare_digest(found.key.encode(), key.encode()):
+        found = self.find(code)
+        if not secrets.compare_digest(found.key.encode(), key.encode()):
             raise NoSuch("no-class", "This class has ended.")
         return found
 

@@ -2,11 +2,9 @@
 import { button, element } from "../lib/text.js";
 import { viewIn } from "../player/address.js";
 import { frameBetween } from "./state.js";
-import { panelOf, socketAt } from "./leader.js";
+import { MAX_TRIES, RETRY_MS, panelOf, socketAt } from "./leader.js";
 
 const GLIDE_MS = 120; // to a new frame, while the next is on its way
-const MAX_TRIES = 6;
-const RETRY_MS = 500; // before the second try; each pause is twice as long
 const ENDED = "The class has ended. The view stays as it is.";
 const LOST = "The connection to the class is lost, or the class has ended.";
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;

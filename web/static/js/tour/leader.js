@@ -4,8 +4,8 @@ import { addStyle } from "../lib/style.js";
 import { hashOf } from "../player/address.js";
 
 const SEND_MS = 100; // between two looks at what is shown
-const MAX_TRIES = 6; // to come back to the class
-const RETRY_MS = 500; // before the first of them; each pause is twice as long
+export const MAX_TRIES = 6; // to come back to a class, for leaders and followers
+export const RETRY_MS = 500; // before the first of them; each pause is twice as long
 const ENDED = [1000, 1008]; // codes with which the service ends a class; with any other the connection is lost
 const STYLE = "/static/css/class.css";
 
