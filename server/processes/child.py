@@ -20,6 +20,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
+import psutil
 from setproctitle import setproctitle
 
 from planner.errors import InputError
@@ -34,6 +35,9 @@ LOW_PRIORITY_KINDS: Final = ("stages", "movies", "retimer")
 waits for their results."""
 FULL_DISK_ERRNOS: Final = (errno.ENOSPC, errno.EDQUOT)
 FAILED_DISK_ERRNOS: Final = (errno.EROFS, errno.EIO)
+NO_THREAD: Final = "can't start new thread"
+"""Message of the ``RuntimeError`` by which Python says that no memory is left for the stack of a
+thread."""
 COMPUTING_LIBRARIES: Final = (
     "mujoco",
     "scipy.interpolate",
@@ -129,8 +133,10 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
     seconds = int(cpu_s) + 1
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    # What is resident is watched by the parent; this stops one huge request for memory.
-    resource.setrlimit(resource.RLIMIT_DATA, (2 * memory_bytes, 2 * memory_bytes))
+    # What is resident is watched by the parent; this stops one huge request for memory. It counts
+    # address space: libraries and the stacks of their threads reserve far more than they touch.
+    most = psutil.Process().memory_info().data + 2 * memory_bytes
+    resource.setrlimit(resource.RLIMIT_DATA, (most, most))
     for name, most in (
         (resource.RLIMIT_FSIZE, MAX_WRITTEN_FILE_BYTES),
         (resource.RLIMIT_NOFILE, MAX_OPEN_FILES),
@@ -139,6 +145,26 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
         most = most if hard == resource.RLIM_INFINITY else min(most, hard)
         resource.setrlimit(name, (most, most))
     no_new_rights()
+
+
+def _end_without_memory(parent: _Parent, memory_bytes: int) -> None:
+    """End this process when one of its threads runs out of memory.
+
+    Whoever waits for that thread would wait until the time limit: ``Thread.start`` itself waits for
+    ever for a thread that dies before it runs.
+    """
+
+    def hook(default: Callable[[Any], object]) -> Callable[[Any], None]:
+        def end(unhandled: threading.ExceptHookArgs | sys.UnraisableHookArgs) -> None:
+            if unhandled.exc_type is not None and issubclass(unhandled.exc_type, MemoryError):
+                parent.tell("problem", code="memory-limit", detail=memory_words(memory_bytes))
+                os._exit(1)
+            default(unhandled)
+
+        return end
+
+    threading.excepthook = hook(threading.__excepthook__)
+    sys.unraisablehook = hook(sys.__unraisablehook__)
 
 
 def _step_back(niceness: int) -> None:
@@ -365,6 +391,7 @@ def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) 
             "problem", code="no-start", detail=(f"the sandbox could not be set up: {error!r}")
         )
         return
+    _end_without_memory(parent, limits["memory_bytes"])
     parent.listen()
     while True:
         _answer(parent, task, request, limits["memory_bytes"])
@@ -383,14 +410,16 @@ def _answer(parent: _Parent, task: Task, request: Mapping[str, Any], memory_byte
         parent.tell("problem", code="memory-limit", detail=memory_words(memory_bytes))
     except Exception as error:
         traceback.print_exc()
-        code, detail = _problem(error, request["task"])
+        code, detail = _problem(error, request["task"], memory_bytes)
         parent.tell("problem", code=code, detail=detail)
     else:
         parent.tell("done", result=result)
 
 
-def _problem(error: Exception, task: str) -> tuple[str, str]:
+def _problem(error: Exception, task: str, memory_bytes: int) -> tuple[str, str]:
     """Return the code and the detail of an unexpected error of a task."""
+    if str(error) == NO_THREAD:
+        return "memory-limit", memory_words(memory_bytes)
     if isinstance(error, OSError) and error.errno in FULL_DISK_ERRNOS:
         return "disk-full", (
             "the disk of the service is full; nothing else was lost. Try again later."

@@ -149,6 +149,31 @@ def test_memory_of_a_child_is_limited(directory: Path) -> None:
     assert greedy.value.code == "memory-limit"
 
 
+@pytest.mark.parametrize(
+    "task",
+    [
+        "threading.Thread(target=fail).start()",
+        "_thread.start_new_thread(fail, ())",
+        'fail(RuntimeError("can\'t start new thread"))',
+    ],
+)
+def test_thread_without_memory_ends_the_child(directory: Path, tmp_path: Path, task: str) -> None:
+    (tmp_path / "sitecustomize.py").write_text(
+        f"{WITHOUT_LIBRARIES}"
+        "stand_in('planner.pipeline.warm_up').warm_up = None\n"
+        "import _thread, threading\n"
+        "def fail(error=MemoryError()): raise error\n"
+        f"def run_stage(*_, **__): {task}; threading.Event().wait()\n"
+        "sys.modules['planner.pipeline.stages'].run_stage = run_stage\n"
+    )
+    with (
+        made("stages", environment={"PYTHONPATH": str(tmp_path)}) as child,
+        pytest.raises(ChildError, match="1024 MiB") as lost,
+    ):
+        child.call("read", directory, wall_s=60)
+    assert lost.value.code == "memory-limit"
+
+
 @pytest.fixture
 def pool() -> Iterator[Pool]:
     with closing(Pool("reader", LIMITS, wall_s=60, fork_server=FORKS)) as pool:
