@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.browser.conftest import (
     NO_WEBGL,
@@ -19,6 +19,7 @@ from tests.browser.conftest import (
     opened_fold,
     picture,
     previewed,
+    until,
 )
 from tests.server.files.test_preview import CROSS, box, stl, voxels
 from tests.server.service import Service
@@ -120,6 +121,24 @@ def test_drawing_comes_before_the_3d_view(visit: Visit, brick: dict[str, Any]) -
     page.locator("#modules-number").fill("64")
     page.locator("#modules-number").press("Enter")
     expect(page.locator("#drawing")).not_to_have_attribute("src", before or "")
+
+
+def test_preview_that_is_left_starts_no_3d_view(visit: Visit, brick: dict[str, Any]) -> None:
+    page = visit("about:blank")
+    drawings: list[Route] = []
+    requests: list[Route] = []
+    page.route("**/drawing.svg*", lambda route: drawings.append(route))
+    page.route("**/api/folds", lambda route: requests.append(route))
+    page.goto(brick["links"]["page"])
+    page.locator("#fold").click()
+    until(page, lambda: bool(drawings and requests))
+    drawings[0].continue_()
+    expect(page.locator("#drawing")).to_be_visible()
+    page.wait_for_timeout(600)
+    assert page.locator("#view").get_attribute("src") is None
+    requests[0].fulfill(status=503)
+    page.unroute("**/drawing.svg*")
+    expect(page.locator("#view")).to_have_attribute("src", "/view")
 
 
 def test_preview_without_webgl_keeps_the_drawing(visit: Visit, brick: dict[str, Any]) -> None:

@@ -116,8 +116,9 @@ for (const list of [get("preset"), get("prefer")]) {
 for (const input of radios) input.addEventListener("change", () => change({ [input.name]: input.value }));
 get("unrepair").onclick = () => change({ repair: false, ...(preview.onTable && { method: preview.choices.method[0] }) });
 
-// Loads the scripts of the fold's page for a visitor who is about to request a fold.
-function loadAhead() {
+// Loads the scripts of the request and of the fold's page for a visitor who is about to request a fold.
+async function loadAhead() {
+  await requesting(() => {}); // a browser has six connections to a server: the request goes first
   document.head.append(...facts.next_scripts.splice(0).map((href) => element("link", { rel: "prefetch", as: "script", href })));
 }
 for (const name of ["pointerenter", "focus"]) get("fold").addEventListener(name, loadAhead, { once: true });
@@ -125,16 +126,19 @@ for (const name of ["pointerenter", "focus"]) get("fold").addEventListener(name,
 get("fold").onclick = async () => {
   const { report, preset, prefer } = preview;
   if (!report) return;
-  loadAhead();
   const button = get("fold");
   button.disabled = true;
   button.textContent = "Sending…";
   showProblem("");
+  picture.hold();
   const settings = preview.onTable ? settingsOf(get("table-settings")) : preset === "paper" ? settingsOf(get("paper-settings")) : "";
-  const words = await requesting(({ openFold }) => openFold({
+  const opened = requesting(({ openFold }) => openFold({
     ...fieldsOf(get("more-options")), ...preview.fields, prefer, ...(settings && { settings }), ...(report.as_voxels && { as_voxels: true }),
   }));
+  loadAhead();
+  const words = await opened;
   if (words === "") return;
+  picture.release();
   if (words) {
     showProblem(words); // takes its room first, so that the field is seen beside it
     showProblem(refused(words));
@@ -143,6 +147,6 @@ get("fold").onclick = async () => {
   button.textContent = foldWords(report);
 };
 
-addEventListener("pageshow", (event) => { if (event.persisted) busy(false); });
+addEventListener("pageshow", (event) => { if (event.persisted) { picture.release(); busy(false); } });
 showOptions(preview);
 look();

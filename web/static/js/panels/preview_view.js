@@ -175,6 +175,7 @@ export class Picture {
     this.settled = settled;
     this.viewing = false; // in 3D
     this.started = false;
+    this.held = false; // the page is about to be left
     this.flat = false; // there are no 3D graphics
     this.failed = false;
     /** @type {Api.Preview | null} */
@@ -232,12 +233,22 @@ export class Picture {
 
   // To ask is to start the browser's 3D graphics, which takes a second where they are software.
   start() {
-    if (this.started) return;
+    if (this.started || this.held) return;
     this.started = true;
     this.flat = !hasWebGL();
     if (!this.flat) { get("view").src = at("/view"); this.show3d(); return; }
     if (get("drawing").hidden) cover("This browser cannot show 3D graphics", `${NO_WEBGL}. The numbers are still correct, and you can fold the shape.`);
     else this.explain();
+  }
+
+  // Does not start the 3D view of a page that is about to be left: the next page has one.
+  hold() { this.held = true; }
+
+  // The page stays after all.
+  release() {
+    if (!this.held) return;
+    this.held = false;
+    if (this.report && !this.viewing) this.draw();
   }
 
   show3d() {
