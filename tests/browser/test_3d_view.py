@@ -55,6 +55,9 @@ def test_colours_show_each_figure(visit: Visit, service: Service, wrench: str) -
 def test_resting_view_paints_nothing_until_it_is_moved(visit: Visit, wrench: str) -> None:
     page = with_view(visit(f"/folds/{wrench}", **SMALL))
     (view,) = (frame for frame in page.frames if "view" in frame.url)
+    expect(view.get_by_role("application", name="3D view")).to_have_attribute(
+        "data-engine", re.compile("three")
+    )
     view.evaluate(COUNT_PICTURES)
     view.wait_for_function(AT_REST)
     before = view.evaluate("pictures")

@@ -22,6 +22,9 @@ const CROWD = 200; // pairs for each moving module from which on an interval is 
 const DEPTH = 14; // an interval is halved at most so many times
 const PARALLEL = 1e-6; // edges with a shorter cross product give no axis
 
+/** The largest power of two that is not above a number, and at least 1. @param {number} x */
+const powerIn = (x) => 1 << (31 - Math.clz32(Math.max(x, 1)));
+
 /** A coefficient of the polynomial through values o, o + 12, o + 24, ... @type {(row: number[], values: Float64Array, o: number) => number} */
 const coefficient = (row, values, o) => row[0] * values[o] + row[1] * values[o + 12] + row[2] * values[o + 24] + row[3] * values[o + 36] + row[4] * values[o + 48];
 
@@ -162,7 +165,7 @@ export class Proof {
         if (!(spare >= 0)) found.push([i, j]);
         least = Math.min(least, spare);
         const leap = Math.max(Math.floor(spare), 1) || 1; // once more at round numbers: many i share the boxes of those far away
-        j += leap - (j + leap) % (1 << (31 - Math.clz32(leap)) >> 1 || 1);
+        j += leap - (j + leap) % powerIn(leap / 2);
       }
       if (found.length > CROWD * ((k ? end - c : n) + 10)) return null;
     }

@@ -178,13 +178,13 @@
     for (const one of document.querySelectorAll("a, button, input, select, textarea, summary, [tabindex]")) {
       if (one instanceof HTMLElement && one.tabIndex >= 0 && one.tagName !== "CANVAS") one.tabIndex = -1;
     }
-    const canvas = document.querySelector("canvas");
-    if (!canvas || canvas.tabIndex === 0) return;
+    const canvas = document.querySelector("canvas[data-engine]"); // the client has one more, of no size
+    if (!(canvas instanceof HTMLCanvasElement) || canvas.tabIndex === 0) return;
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "application");
     canvas.setAttribute("aria-label", "3D view");
   }
-  new MutationObserver(limitFocus).observe(document, { childList: true, subtree: true });
+  new MutationObserver(limitFocus).observe(document, { childList: true, subtree: true, attributeFilter: ["data-engine"] });
   addEventListener("focusin", ({ target }) => say({ is: "focus", on: target instanceof Element && target.matches(":focus-visible") }));
   addEventListener("focusout", () => say({ is: "focus", on: false }));
 
