@@ -20,6 +20,7 @@ from bench.peeling import peeling
 from bench.plan_files import plan_files
 from bench.portfolio import portfolio
 from bench.scaling import scaling
+from bench.service.checked import checked
 from bench.service.compiling import compiling
 from bench.service.dropped import dropped
 from bench.service.kiosk import kiosk
@@ -68,6 +69,7 @@ SECTIONS = {
     "plan-files": plan_files,
     "page": page,
     "long-folds": long_folds,
+    "checked": checked,
     "compiling": compiling,
     "dropped": dropped,
     "kiosk": kiosk,

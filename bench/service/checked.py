@@ -1,0 +1,80 @@
+"""*Check it here*: plans that a fold's page proves in one worker of Chromium."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Final
+
+from playwright.sync_api import Browser, ViewportSize
+
+from bench.scaling import CASES
+from bench.service.browsing import service_and_browser
+from bench.tables import Section
+from tests.server.service import Service
+
+BARS_S: Final = {"wrench-160": 1.0, "simultaneous-512": 30.0, "ball-1000": 15.0}
+"""Seconds, as the page says them, in which the plan of each case should be proved."""
+RUNS: Final = 3
+"""Times that each plan is checked; the median counts, and the worker starts anew each time."""
+PATIENCE_MS: Final = 300_000
+SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
+COMPLETE: Final = "() => window.foldback?.timeline.complete"
+PAUSED: Final = "foldback.player.send({ do: 'pause' })"
+
+
+def checked(reference_seconds: float) -> Section:
+    """Fold each case in a service, then let its page check it."""
+    section = Section(name="checked")
+    with service_and_browser(max_modules=1000) as (service, browser, _):
+        folds = {name: _folded(service, name) for name in BARS_S}
+        for name, fold in folds.items():
+            row = _checked(browser, f"{service.http.base_url}/folds/{fold}")
+            section.rows.append({"plan": name, **row})
+            seconds = sorted(row["s"])[RUNS // 2]
+            section.add(
+                f"{name}: checked in the page",
+                f"{row['verdict']}, {seconds:.2f} s = {seconds / reference_seconds:.1f} references",
+                f"≤ {BARS_S[name]:g} s",
+                row["verdict"] == "proved" and seconds <= BARS_S[name],
+            )
+    return section
+
+
+def _folded(service: Service, name: str) -> str:
+    """Return the id of a case's fold that is over."""
+    case = CASES[name]
+    options = {
+        option.removeprefix("--"): value
+        for option, value in zip(case.options[::2], case.options[1::2], strict=True)
+    }
+    if case.data is None:
+        fold = service.fold(shape=case.shape, **options)["id"]
+    else:
+        sent = {"file": (case.shape, case.data())}
+        fold = service.http.post("/api/folds", files=sent, data=options).json()["id"]
+    assert service.wait_over(fold)["status"] == "verified", name
+    return fold
+
+
+def _checked(browser: Browser, address: str) -> dict[str, Any]:
+    context = browser.new_context(viewport=SIZE)
+    context.set_default_timeout(PATIENCE_MS)
+    page = context.new_page()
+    page.goto(address)
+    page.wait_for_function(COMPLETE)
+    page.evaluate(PAUSED)
+    page.locator("#details").click()
+    check = page.locator("#check")
+    seconds: list[float] = []
+    text = ""
+    for _ in range(RUNS):
+        page.wait_for_timeout(1000)
+        check.get_by_role("button", name="Check it here").click()
+        check.get_by_text("It took").wait_for()
+        text = check.get_by_role("status").inner_text()
+        taken = re.search(r"It took ([\d.]+) s", text)
+        assert taken is not None, text
+        seconds.append(float(taken[1]))
+    context.close()
+    proved = text.startswith("Checked by this browser, without our server")
+    return {"verdict": "proved" if proved else text, "s": seconds}
