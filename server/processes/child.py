@@ -156,7 +156,7 @@ def _end_without_memory(parent: _Parent, memory_bytes: int) -> None:
 
     def hook(default: Callable[[Any], object]) -> Callable[[Any], None]:
         def end(unhandled: threading.ExceptHookArgs | sys.UnraisableHookArgs) -> None:
-            if unhandled.exc_type is not None and issubclass(unhandled.exc_type, MemoryError):
+            if issubclass(unhandled.exc_type, MemoryError):
                 parent.tell("problem", code="memory-limit", detail=memory_words(memory_bytes))
                 os._exit(1)
             default(unhandled)
