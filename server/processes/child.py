@@ -135,8 +135,9 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     # What is resident is watched by the parent; this stops one huge request for memory. It counts
     # address space: libraries and the stacks of their threads reserve far more than they touch.
-    most = psutil.Process().memory_info().data + 2 * memory_bytes
-    resource.setrlimit(resource.RLIMIT_DATA, (most, most))
+    reserved = getattr(psutil.Process().memory_info(), "data", 0)  # only Linux tells it
+    data = reserved + 2 * memory_bytes
+    resource.setrlimit(resource.RLIMIT_DATA, (data, data))
     for name, most in (
         (resource.RLIMIT_FSIZE, MAX_WRITTEN_FILE_BYTES),
         (resource.RLIMIT_NOFILE, MAX_OPEN_FILES),
@@ -157,7 +158,7 @@ def _end_without_memory(parent: _Parent, memory_bytes: int) -> None:
     def hook(default: Callable[[Any], object]) -> Callable[[Any], None]:
         def end(unhandled: threading.ExceptHookArgs | sys.UnraisableHookArgs) -> None:
             if issubclass(unhandled.exc_type, MemoryError):
-                parent.tell("problem", code="memory-limit", detail=memory_words(memory_bytes))
+                _tell_memory_limit(parent, memory_bytes)
                 os._exit(1)
             default(unhandled)
 
@@ -406,20 +407,23 @@ def _answer(parent: _Parent, task: Task, request: Mapping[str, Any], memory_byte
         )
     except InputError as error:
         parent.tell("bad-input", code=error.code, detail=error.detail, where=error.where)
-    except MemoryError:
-        parent.tell("problem", code="memory-limit", detail=memory_words(memory_bytes))
     except Exception as error:
+        if isinstance(error, MemoryError) or str(error) == NO_THREAD:
+            _tell_memory_limit(parent, memory_bytes)
+            return
         traceback.print_exc()
-        code, detail = _problem(error, request["task"], memory_bytes)
+        code, detail = _problem(error, request["task"])
         parent.tell("problem", code=code, detail=detail)
     else:
         parent.tell("done", result=result)
 
 
-def _problem(error: Exception, task: str, memory_bytes: int) -> tuple[str, str]:
+def _tell_memory_limit(parent: _Parent, memory_bytes: int) -> None:
+    parent.tell("problem", code="memory-limit", detail=memory_words(memory_bytes))
+
+
+def _problem(error: Exception, task: str) -> tuple[str, str]:
     """Return the code and the detail of an unexpected error of a task."""
-    if str(error) == NO_THREAD:
-        return "memory-limit", memory_words(memory_bytes)
     if isinstance(error, OSError) and error.errno in FULL_DISK_ERRNOS:
         return "disk-full", (
             "the disk of the service is full; nothing else was lost. Try again later."

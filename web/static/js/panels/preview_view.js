@@ -246,9 +246,8 @@ export class Picture {
 
   // The page stays after all.
   release() {
-    if (!this.held) return;
     this.held = false;
-    if (this.report && !this.viewing) this.draw();
+    if (this.report) this.start();
   }
 
   show3d() {

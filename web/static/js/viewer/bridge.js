@@ -178,7 +178,7 @@
     for (const one of document.querySelectorAll("a, button, input, select, textarea, summary, [tabindex]")) {
       if (one instanceof HTMLElement && one.tabIndex >= 0 && one.tagName !== "CANVAS") one.tabIndex = -1;
     }
-    const canvas = document.querySelector("canvas[data-engine]"); // the client has one more, of no size
+    const canvas = document.querySelector("canvas[data-engine]"); // three.js marks the one that it draws on; the client has another
     if (!(canvas instanceof HTMLCanvasElement) || canvas.tabIndex === 0) return;
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "application");

@@ -403,7 +403,7 @@ function shadow(drawn, numbers, see, width, height) {
   if (w <= 0 || h <= 0) return;
   pen.globalAlpha = SHADOW;
   pen.imageSmoothingEnabled = true;
-  pen.imageSmoothingQuality = "medium"; // "high" takes twice as long, and looks the same
+  pen.imageSmoothingQuality = "medium"; // "high" takes more than twice as long, and looks the same
   pen.drawImage(small, left, top, w, h, left / SHADOW_SCALE, top / SHADOW_SCALE, w / SHADOW_SCALE, h / SHADOW_SCALE);
   pen.globalAlpha = 1;
 }
