@@ -88,7 +88,7 @@ function load(frame) {
   if (parts.view) frame.src = parts.view; else frame.srcdoc = parts.client ?? "";
 }
 const figures = new StoredFigures("");
-const drawer = new Drawer(toast);
+const drawer = new Drawer();
 drawer.facts(parts.facts);
 const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load, kept: { tour: async () => parts.tour, values: async () => parts.values, id: null, toast } });
 figures.begin();
