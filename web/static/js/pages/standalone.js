@@ -89,7 +89,7 @@ function loadView(frame) {
   if (parts.view) load(frame, parts.view); else frame.srcdoc = parts.client ?? "";
 }
 const figures = new StoredFigures("");
-const drawer = new Drawer(toast);
+const drawer = new Drawer();
 drawer.facts(parts.facts);
 const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: loadView, kept: { tour: async () => parts.tour, values: async () => parts.values, id: null, toast } });
 figures.begin();
