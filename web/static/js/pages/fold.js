@@ -7,6 +7,7 @@ import { Source } from "../player/timeline.js";
 import { ask } from "../lib/api.js";
 import { toast } from "../panels/toast.js";
 import { view } from "../viewer/fold_view.js";
+import { load } from "../viewer/scene.js";
 import { at, checkable, get, later, wordsOf } from "../lib/text.js";
 
 /** @type {Facts} */
@@ -16,7 +17,7 @@ const drawer = new Drawer();
 const code = new URLSearchParams(location.search).get("class"); // of a leader who is followed
 const { timeline, player, place, bar } = view({
   over: !facts.running, play: code ? false : undefined,
-  source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.src = at("/view"); },
+  source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => load(frame, at("/view")),
   kept: {
     tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), get id() { return facts.movies ? facts.id : null; }, toast,
   },
