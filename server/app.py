@@ -282,7 +282,7 @@ def _close(context: Context, *, shared: bool) -> None:
     """Close what has been opened, first what uses the rest.
 
     Args:
-        context: What has been opened.
+        context: Objects of the application.
         shared: True if the fork server goes on for other applications.
     """
     own_fork_server = None if shared else context.fork_server
