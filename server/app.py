@@ -81,7 +81,7 @@ from server.pages import (
 from server.pages.problem_page import problem_page
 from server.processes.children import Pool, Reader
 from server.processes.fork_server import ForkServer
-from server.processes.limits import READERS, ChildLimits
+from server.processes.limits import READER_PROCESSES, ChildLimits
 from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.estimates import Estimates
@@ -361,7 +361,7 @@ def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer 
 def _bounded(pool: Pool, what: str, total: int, per_visitor: int) -> Reader:
     quota = Quota(
         what,
-        at_once=READERS,
+        at_once=READER_PROCESSES,
         at_once_per_visitor=1,
         total=total,
         per_visitor=per_visitor,
