@@ -321,7 +321,7 @@ def _opened(
     page.locator("#sketch.gone").wait_for(state="attached", timeout=90_000)
     page.wait_for_function("() => window.foldback.timeline.complete", timeout=60_000)
     page.wait_for_timeout(1500)
-    page.evaluate(WARM)  # until the page knows how quick the machine's 3D graphics are
+    page.evaluate(WARM)  # so that the page has measured the speed of the 3D graphics
     page.wait_for_timeout(2500)
     return page
 
