@@ -30,7 +30,7 @@ SHAPE = "wrench-160"
 LARGE = (10, 10, 10)
 """Sides of the box whose fold is played to measure frame rates, in cells."""
 LARGE_FRAMES = 600
-"""Number of frames of that fold."""
+"""Number of frames of the fold of 1000 modules that is played. More frames take longer to fetch."""
 WINDOWS = ((1280, 720), (640, 400))
 """Widths and heights of the browser windows, in CSS pixels. The first one is used for scrubbing."""
 SCRUBS = 120
