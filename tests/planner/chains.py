@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.chain.module import Module
 from planner.chain.path import Path
+from planner.kernels.backbite import grow
 from planner.motion.motion import Motion, Phase
+from planner.pathfinding.lattice import neighbours
 from planner.simulation.reduced import State, turned
 
 Array = NDArray[np.float64]
@@ -35,6 +38,25 @@ SQUARE: Final = Path.from_cells(
     name="square",
 )
 """The same, of eight cells in a plane."""
+
+
+def shuffled(sides: tuple[int, int, int], moves: int, seed: int) -> Chain:
+    """A box along a random path, made by so many moves for each cell."""
+    cells = np.argwhere(np.ones(sides, dtype=bool))
+    count, order = grow(neighbours(cells), np.ones(len(cells), bool), -1, moves * len(cells), seed)
+    assert count == len(cells)
+    return Chain.from_path(Path.from_cells(cells[order], name="box"))
+
+
+def unchecked(module: Module, folded_rad: Array) -> Chain:
+    """A chain whose modules may overlap when it is folded."""
+    return Chain(
+        name="unchecked",
+        module=module,
+        folded_rad=folded_rad,
+        folded_position=np.zeros(3),
+        folded_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+    )
 
 
 def random_angles(chain: Chain, rng: np.random.Generator, most: float = 1.5) -> Array:

@@ -46,20 +46,11 @@ def test_plan_is_read_back(plan: Plan, suffix: str, tmp_path: FilePath) -> None:
 
 
 def test_json_and_npz_forms_hold_the_documented_fields(plan: Plan, tmp_path: FilePath) -> None:
-    def no_constant(word: str) -> None:
-        raise AssertionError(word)
-
-    text = json.dumps(plan.as_dict(), allow_nan=False)
-    values = json.loads(text, parse_constant=no_constant)
-    frames, joints = plan.joint_angles_rad.shape
+    values = json.loads(json.dumps(plan.as_dict(), allow_nan=False))
     assert values["format"] == PLAN_FORMAT
-    assert len(values["time_s"]) == len(values["phase"]) == frames
-    assert len(values["joint_names"]) == joints
-    assert np.array(values["root_wxyz"]).shape == (frames, 4)
-    for key in ("chain", "parameters", "seed", "versions", "certificate"):
-        assert values[key] is not None
-    assert values["time_s"][0] == 0.0
     assert {"python", "foldback", "mujoco", "numpy"} <= set(values["versions"])
+    for key in ("chain", "parameters", "seed", "certificate"):
+        assert values[key] is not None
     plan.save_npz(tmp_path / "plan.npz")
     with np.load(tmp_path / "plan.npz", allow_pickle=False) as arrays:
         assert {*ARRAYS, "plan", "phase", "joint_names"} == set(arrays.files)
@@ -89,24 +80,19 @@ def test_invalid_plan_is_refused(
         Plan.load(path)
 
 
-@pytest.mark.parametrize("suffix", ["json", "npz"])
-def test_plan_with_angles_in_two_forms_is_refused(
-    plan: Plan, suffix: str, tmp_path: FilePath
-) -> None:
+def test_plan_with_angles_in_two_forms_is_refused(plan: Plan, tmp_path: FilePath) -> None:
     """Readers that took one or the other would see two motions."""
-    path = tmp_path / f"plan.{suffix}"
     planes = frame_planes(plan.joint_angles_rad)
     assert planes is not None
-    if suffix == "json":
-        values = plan.as_dict()
-        values["angles"]["data"] = b64encode(compress(planes.tobytes())).decode()
-        path.write_text(json.dumps(values))
-    else:
-        np.savez(path, **plan.npz_arrays(), angle_planes=planes)
-        with pytest.raises(ValueError, match="got its angles 2 times"):
-            plan_columns(path, plan.chain.folded_rad)
-    with pytest.raises(InputError, match="got its angles 2 times"):
-        Plan.load(path)
+    values = plan.as_dict()
+    values["angles"]["data"] = b64encode(compress(planes.tobytes())).decode()
+    (tmp_path / "plan.json").write_text(json.dumps(values))
+    np.savez(tmp_path / "plan.npz", **plan.npz_arrays(), angle_planes=planes)
+    for path in tmp_path.iterdir():
+        with pytest.raises(InputError, match="got its angles 2 times"):
+            Plan.load(path)
+    with pytest.raises(ValueError, match="got its angles 2 times"):
+        plan_columns(tmp_path / "plan.npz", plan.chain.folded_rad)
 
 
 @pytest.mark.parametrize("suffix", ["json", "npz"])
@@ -115,15 +101,8 @@ def test_damaged_files_are_refused(plan: Plan, suffix: str, tmp_path: FilePath) 
     plan.save_json(path) if suffix == "json" else plan.save_npz(path)
     whole = path.read_bytes()
     middle = len(whole) // 2
-    for data in (
-        b"",
-        b"\x00" * 50,
-        whole[:middle],
-        whole[: middle // 20],
-        whole[:600] + b"\x00" * 64 + whole[664:],
-        b"[" * 100_000,
-        b"[{}]",
-    ):
+    spoilt = whole[:600] + b"\x00" * 64 + whole[664:]
+    for data in (b"", b"\x00" * 50, whole[:middle], spoilt, b"[" * 100_000, b"[{}]"):
         path.write_bytes(data)
         with pytest.raises(InputError, match=path.name):
             Plan.load(path)
@@ -132,14 +111,9 @@ def test_damaged_files_are_refused(plan: Plan, suffix: str, tmp_path: FilePath) 
 
 
 @pytest.mark.parametrize("name", ["ring-12-frames", "box-8-windows"])
-@pytest.mark.parametrize("suffix", ["json", "npz"])
-def test_plans_of_earlier_formats_are_read(name: str, suffix: str, tmp_path: FilePath) -> None:
-    plan = Plan.load(EARLIER / f"{name}.{suffix}")
-    assert plan.verified
-    chain, last = plan.chain, plan.part(len(plan.motion) - 1, len(plan.motion))
-    np.testing.assert_allclose(last.joint_angles_rad[0], chain.folded_rad, atol=1e-7)
-    path = tmp_path / f"plan.{suffix}"
-    plan.save_json(path) if suffix == "json" else plan.save_npz(path)
-    again = Plan.load(path).motion.columns()
-    for column, mine in plan.motion.columns().items():
-        np.testing.assert_array_equal(again[column], mine, err_msg=column)
+def test_plans_of_earlier_formats_are_read(name: str) -> None:
+    plans = [Plan.load(EARLIER / f"{name}.{suffix}") for suffix in ("json", "npz")]
+    for plan in plans:
+        assert plan.verified
+        last = plan.part(len(plan.motion) - 1, len(plan.motion))
+        np.testing.assert_allclose(last.joint_angles_rad[0], plan.chain.folded_rad, atol=1e-7)

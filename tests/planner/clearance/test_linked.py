@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON, Module
@@ -17,11 +18,7 @@ Array = NDArray[np.float64]
 
 def turned(z: Array, y: Array) -> Array:
     """(N, 3, 3) rotations of the next cube: hinge z, then hinge y."""
-    zero, one = np.zeros_like(z), np.ones_like(z)
-    about_z = [[np.cos(z), -np.sin(z), zero], [np.sin(z), np.cos(z), zero], [zero, zero, one]]
-    about_y = [[np.cos(y), zero, np.sin(y)], [zero, one, zero], [-np.sin(y), zero, np.cos(y)]]
-    first, second = np.moveaxis(np.array([about_z, about_y]), -1, 1)
-    return first @ second
+    return Rotation.from_euler("ZY", np.stack([z, y], axis=-1)).as_matrix()
 
 
 def whole_range(count: int) -> Array:
@@ -39,8 +36,8 @@ def relieved(size: float, count: int) -> Array:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [0.9, pytest.param(0.99, marks=pytest.mark.long)])
-def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range(size: float) -> None:
+def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range() -> None:
+    size = 0.9
     points = relieved(size, 17)
     half = 0.5 * size
     for rotation in whole_range(33):
@@ -48,25 +45,8 @@ def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range(size: float) 
         assert not (np.abs(seen) < half - 1e-9).all(axis=1).any()
 
 
-@pytest.mark.parametrize("size", [0.9, 0.95, 0.99])
-def test_relieved_cube_keeps_its_joint_and_the_centres_of_its_faces(size: float) -> None:
-    rng = np.random.default_rng(0)
-    ball = rng.normal(size=(2000, 3))
-    ball *= 0.5 * size / np.linalg.norm(ball, axis=1)[:, None]
-    faces = 0.5 * size * np.concatenate([np.eye(3), -np.eye(3)])
-    for points in (ball, faces):
-        assert (CUBE.reach(points) <= CUBE.relief_radius(size)).all()
-
-
 def overlap(rotation: Array, size: float) -> float:
-    return -pair_separation(
-        rotation @ CUBE.offset,
-        np.eye(3),
-        rotation,
-        CUBE.hull,
-        size,
-        np.inf,
-    )
+    return -pair_separation(rotation @ CUBE.offset, np.eye(3), rotation, CUBE.hull, size, np.inf)
 
 
 def test_worst_overlap_is_found_and_bounded() -> None:
@@ -120,7 +100,7 @@ def test_tetrahedra_have_no_exempt_pairs() -> None:
     assert (found.worst_overlap, found.worst_overlap_bound, found.worst_overlap_at) == (None,) * 3
 
 
-@pytest.mark.parametrize(("module", "count"), [(CUBE, 9), (CUBE, 900), (TETRAHEDRON, 12)])
+@pytest.mark.parametrize(("module", "count"), [(CUBE, 9), (CUBE, 801), (TETRAHEDRON, 12)])
 def test_exported_model_excludes_exactly_the_exempt_pairs(module: Module, count: int) -> None:
     row = Chain.from_angles(module, np.zeros(len(module.joint_names(count))))
     model = mujoco.MjModel.from_xml_string(mjcf(row, module_size=0.95))

@@ -1,19 +1,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from planner.chain.chain import Chain
-from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path
-from planner.clearance.sweep import sweep
-from planner.errors import InputError
-from planner.explosion.blocks import (
-    TETHER_CHECK_STEPS,
-    Tethers,
-    block_starts,
-    explode_blocks_first,
-)
+from planner.explosion.blocks import TETHER_CHECK_STEPS, Tethers, block_starts
 from planner.explosion.explosion import Watch
 from planner.explosion.simultaneous import Simultaneous
 from planner.parameters.explosion import ExplosionParameters
@@ -87,47 +78,6 @@ def test_hinges_within_a_block_are_held() -> None:
     assert np.abs(found.hinges[~held]).max() > 0.0
     # Five joints of two hinges are free.
     assert (~held).sum() == 10
-
-
-def test_blocks_collide_except_at_their_joint() -> None:
-    chain = solid(1, 1, 2)
-    blocks = engine(chain, np.array([0, 64]))
-    folded = chain.folded_poses
-    for hinge in blocks.free.tolist():
-        for turn in (-0.3, 0.3):
-            angles = chain.folded_rad.copy()
-            angles[hinge] += turn
-            state = State.at_rest(
-                angles, folded.positions[chain.root], folded.rotations[chain.root]
-            )
-            blocks.place(state)
-            contacts = blocks.accelerations(state, np.zeros((128, 3))).contacts
-            clear = sweep(chain, angles[None], size=0.99).clearance
-            assert (contacts > 0) == (clear < 0.0)
-
-
-def test_tetrahedra_and_chains_off_the_lattice_are_refused() -> None:
-    for chain in (
-        Chain.from_angles(TETRAHEDRON, np.zeros(6)),
-        Chain.from_angles(coil(8).module, np.full(12, 0.3)),
-    ):
-        with pytest.raises(InputError, match="expected"):
-            explode_blocks_first(chain, DEFAULT)
-
-
-@pytest.mark.long
-def test_explosion_by_blocks_ends_straight() -> None:
-    chain = solid(1, 2, 2)
-    record = explode_blocks_first(chain, DEFAULT)
-    assert record.status == "straight", record.reason
-    angles = record.frames.joint_angles_rad
-    np.testing.assert_array_equal(angles[0], chain.folded_rad)
-    np.testing.assert_array_equal(angles[-1], 0.0)
-    assert len(record.frames) < 500
-    for size in (0.95, 0.98):
-        found = sweep(chain, angles, size=size)
-        assert found.clearance > 0.0
-        assert found.bound > 0.0
 
 
 def test_blocks_are_not_released_in_the_step_that_restarted() -> None:
