@@ -69,6 +69,17 @@ def random_rotation(rng: np.random.Generator) -> Array:
     return turned(rng.normal(size=3) * 2.0)
 
 
+def folded_state(chain: Chain) -> State:
+    """A folded chain at rest."""
+    poses = chain.folded_poses
+    return State.at_rest(chain.folded_rad, poses.positions[chain.root], poses.rotations[chain.root])
+
+
+def near_pairs_of(modules: int) -> NDArray[np.int64]:
+    """(P, 2) all pairs of modules that are not linked."""
+    return np.stack(np.triu_indices(modules, 2), axis=1)
+
+
 def random_state(chain: Chain, seed: int, most: float = 0.3) -> State:
     """A moving chain anywhere, its angles small enough not to overlap."""
     rng = np.random.default_rng(seed)

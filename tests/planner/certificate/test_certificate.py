@@ -23,7 +23,6 @@ from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
 from tests.case import case
 from tests.planner.chains import coil, in_place, line
-from tests.planner.conftest import REAL
 
 Array = NDArray[np.float64]
 PARAMETERS = Parameters()
@@ -60,7 +59,7 @@ def verdict(chain: Chain, playback: Playback | None, record: Record | None = Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", REAL)
+@pytest.mark.parametrize("shape", ["wrench-24", "mallet-24"])
 def test_real_plans_are_verified_and_read_back(shape: str, folded: Callable[..., Any]) -> None:
     certificate = folded(shape).plan.certificate
     assert certificate.verdict == "verified (simulated)"

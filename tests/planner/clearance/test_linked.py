@@ -10,7 +10,6 @@ from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.clearance.linked import exempt_pairs
 from planner.exports.mjcf import mjcf
-from planner.kernels.clearance import pair_separation
 from tests.planner.chains import coil, in_place, line
 
 Array = NDArray[np.float64]
@@ -43,28 +42,6 @@ def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range() -> None:
     for rotation in whole_range(33):
         seen = points @ rotation - CUBE.offset  # from the next cube, all of which is there
         assert not (np.abs(seen) < half - 1e-9).all(axis=1).any()
-
-
-def overlap(rotation: Array, size: float) -> float:
-    return -pair_separation(rotation @ CUBE.offset, np.eye(3), rotation, CUBE.hull, size, np.inf)
-
-
-def test_worst_overlap_is_found_and_bounded() -> None:
-    chain = line(5)
-    ends = np.zeros((4, len(chain.folded_rad)))
-    ends[1, 2:4] = [0.8, 0.5]
-    ends[2, 2:4] = [-0.7, 0.9]
-    ends[3, 0:2] = [1.2, -0.3]
-    found = exempt_pairs(chain, [ends], size=0.95)
-    share = np.linspace(0.0, 1.0, 400)[:, None]
-    dense = np.concatenate([a + share * (b - a) for a, b in zip(ends, ends[1:], strict=False)])
-    joints = dense.reshape(-1, 2)
-    deepest = max(overlap(rotation, 0.95) for rotation in turned(joints[:, 0], joints[:, 1]))
-    looked = np.concatenate([ends, 0.5 * (ends[1:] + ends[:-1])]).reshape(-1, 2)
-    seen = [overlap(rotation, 0.95) for rotation in turned(looked[:, 0], looked[:, 1])]
-    assert found.worst_overlap == pytest.approx(max(seen), abs=1e-12)
-    assert found.worst_overlap_at.modules == (2, 3)
-    assert deepest <= found.worst_overlap_bound
 
 
 def test_overlap_of_a_quarter_turn() -> None:

@@ -13,7 +13,6 @@ from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.clearance.margins import (
     FAILURE_PROBABILITY,
-    STEP,
     Margin,
     Margins,
     margins,
@@ -70,17 +69,6 @@ def test_motion_with_random_errors_within_the_margin_is_clear(
     assert 0.0 < off < found.one_hinge_rad.value
     for _ in range(20):
         assert _is_clear(chain, angles + rng.uniform(-off, off, angles.shape[1]))
-
-
-def test_size_margin_is_the_largest_size_within_a_step(
-    folding: tuple[Chain, Motion, Margins],
-) -> None:
-    chain, motion, found = folding
-    size = found.module_size.value
-    assert SIZE < size < 1.0
-    assert _is_clear(chain, motion.angles(chain), size)
-    larger = SIZE + (size - SIZE) / STEP**3
-    assert larger >= 1.0 or not _is_clear(chain, motion.angles(chain), larger)
 
 
 def test_margins_that_are_too_large_are_not_proved(folding: tuple[Chain, Motion, Margins]) -> None:

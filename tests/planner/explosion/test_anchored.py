@@ -136,16 +136,20 @@ def test_boxes_are_moved_resized_added_and_removed() -> None:
     chain = line(5)
     finder = ContactFinder(chain, MATERIAL)
     state = random_state(chain, 0, 0.0)
-    many = np.array([[100.0 + i, 0.0, 0.0] for i in range(80)])
+
+    def cubes(*centres: tuple[float, float, float]) -> tuple[Array, Array]:
+        return np.array(centres), np.full((len(centres), 3), 0.5)
+
+    many = [(100.0 + i, 0.0, 0.0) for i in range(80)]
     cases = [
         (AWAY, 0),
-        ((np.array([[4.9, 0.0, 0.0]]), np.array([[0.5, 0.5, 0.5]])), 4),
-        ((np.array([[6.0, 0.0, 0.0]]), np.array([[0.5, 0.5, 0.5]])), 0),
+        (cubes((4.9, 0.0, 0.0)), 4),
+        (cubes((6.0, 0.0, 0.0)), 0),
         ((np.array([[6.0, 0.0, 0.0]]), np.array([[1.6, 0.5, 0.5]])), 4),
-        ((np.array([[4.0, 9.0, 0.0], [4.0, 0.9, 0.0]]), np.full((2, 3), 0.5)), 4),
-        ((np.array([[4.0, 9.0, 0.0]]), np.full((1, 3), 0.5)), 0),
-        ((np.concatenate([[[4.9, 0.0, 0.0]], many]), np.full((81, 3), 0.5)), 4),
-        ((many, np.full((80, 3), 0.5)), 0),
+        (cubes((4.0, 9.0, 0.0), (4.0, 0.9, 0.0)), 4),
+        (cubes((4.0, 9.0, 0.0)), 0),
+        (cubes((4.9, 0.0, 0.0), *many), 4),
+        (cubes(*many), 0),
     ]
     for boxes, contacts in cases:
         finder.set_boxes(*boxes)

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import threading
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -91,28 +90,6 @@ def test_reader_follows_the_tail(place: FilePath, hook_chain: Chain) -> None:
     writer.close()
     assert timeline.refresh()
     assert timeline.status == "complete"
-
-
-def test_reader_beside_a_busy_writer_sees_only_whole_frames(
-    place: FilePath, hook_chain: Chain
-) -> None:
-    writer = TimelineWriter.create(place, hook_chain)
-
-    def write() -> None:
-        for start in range(0, 40, 4):
-            writer.append(some_frames(4, start=start))
-            writer.flush()
-        writer.close()
-
-    thread = threading.Thread(target=write)
-    thread.start()
-    timeline = Timeline.open(place)
-    while timeline.status == "growing":
-        timeline.refresh()
-        assert len(timeline) % 4 == 0
-        assert_same(timeline.frames(), some_frames(len(timeline)))
-    thread.join()
-    assert len(timeline) == 40
 
 
 def test_frames_not_flushed_are_counted_by_the_writer_only(

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path as FilePath
 from typing import Any
 
 import mujoco
@@ -20,10 +18,9 @@ from planner.parameters.parameters import Parameters
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
 from planner.simulation.contacts import robot_contacts
-from planner.simulation.model import Material, tree_spec
 from planner.simulation.robot import Robot
-from planner.verification.verify import verify
 from tests.planner.chains import coil, line
+from tests.planner.mujoco_tree import tree_with
 
 Array = NDArray[np.float64]
 FAULTLESS = RobotParameters(mass_error=0.0, friction=0.0, encoder_rad=0.0, noise_rad=0.0, runs=1)
@@ -59,11 +56,7 @@ def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None
     robot.end_step()
     h, stiffness = 0.08, robot.errors.limit / FAULTLESS.give_rad
     damping = stiffness * FAULTLESS.damping_s
-    model: Any = tree_spec(chain, Material(geom_size=0.3)).compile()
-    for i, mass in enumerate(robot.errors.masses):
-        body = model.body(f"module_{i}").id
-        model.body_mass[body] *= mass
-        model.body_inertia[body] *= mass
+    model = tree_with(chain, 0.3, robot.errors.masses)
     data: Any = mujoco.MjData(model)
     dofs = [model.joint(name).dofadr[0] for name in chain.joint_names]
     for name, angle in zip(chain.joint_names, angles, strict=True):
@@ -145,15 +138,3 @@ def test_each_robot_is_certified_and_refused_if_it_collides(
     ):
         found = certify(chain, record, replace(playback, others_rad=others), Parameters())
         assert found.verdict.startswith(f"failed: {said}")
-
-
-def test_plan_without_the_other_robots_is_verified_with_a_note(
-    folded: Callable[..., Any], tmp_path: FilePath
-) -> None:
-    place = tmp_path / "fold"
-    shutil.copytree(folded("wrench-24").directory, place)
-    assert verify(place).problems == ()
-    (place / "playback.npz").unlink()
-    found = verify(place)
-    assert any("playbacks of other robots were not checked" in note for note in found.notes)
-    assert not any("certificate" in problem for problem in found.problems)

@@ -17,8 +17,8 @@ from planner.motion.record import Record
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
 from planner.playback.window_course import FRAME_RAD, WindowCourse
-from planner.simulation.model import Material, tree_spec
 from planner.simulation.window_robot import RigidEnds, WindowRobot
+from tests.planner.mujoco_tree import tree_with
 from tests.planner.peels import peel, snake
 
 Array = NDArray[np.float64]
@@ -81,11 +81,7 @@ def test_step_agrees_with_a_mujoco_tree_whose_other_hinges_are_held(chain: Chain
     given = robot.step(target, rates, torques)
     h, errors = 0.08, robot.errors
     inertia = h * h * errors.stiffness + h * errors.damping
-    model: Any = tree_spec(chain, Material(geom_size=SIZE)).compile()
-    for i, mass in enumerate(errors.masses):
-        module = model.body(f"module_{i}").id
-        model.body_mass[module] *= mass
-        model.body_inertia[module] *= mass
+    model = tree_with(chain, SIZE, errors.masses)
     data: Any = mujoco.MjData(model)
     dofs = np.array([model.joint(name).dofadr[0] for name in chain.joint_names])
     for name, angle in zip(chain.joint_names, bent(chain, angles), strict=True):

@@ -158,13 +158,7 @@ def test_urdf_moves_as_the_plan_in_yourdfpy(plan: Plan, tmp_path: Path) -> None:
             for i in range(len(plan.chain))
         ]
         same_poses(centred(plan, links), plan, frame, 1e-6)
-    # What is seen is where the modules are, as large as they are.
     edge = plan.certificate.module_size * plan.chain.pitch_m
-    widest = np.linalg.norm(poses_of(plan, 0).positions[0] - poses_of(plan, 0).positions[-1])
-    robot.update_cfg(plan.joint_angles_rad[0])
-    across = np.linalg.norm(np.ptp(robot.scene.bounds, axis=0))
-    assert across > widest * plan.chain.pitch_m
-    assert across < (widest + 4) * plan.chain.pitch_m
     (volume,) = {round(g.volume, 12) for g in robot.scene.geometry.values()}
     assert volume == pytest.approx(plan.chain.module.volume * edge**3, rel=1e-6)
 

@@ -37,20 +37,10 @@ def wrench(folded: Callable[..., Folded]) -> Folded:
     return folded("wrench-24")
 
 
-@pytest.fixture(scope="module")
-def made(wrench: Folded, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
-    """The directory of a smoothed wrench. Look, don't touch."""
-    directory = tmp_path_factory.mktemp("smoothed")
-    smooth_plan(wrench.plan, directory=directory, module_size=SIZE)
-    return directory
-
-
-@pytest.fixture(scope="module")
-def plan(made: FilePath) -> Plan:
-    return Plan.load(made / "plan.npz")
-
-
-def test_smoothed_plan_is_verified_and_better(plan: Plan, made: FilePath, wrench: Folded) -> None:
+def test_smoothed_plan_is_verified_and_better(wrench: Folded, tmp_path: FilePath) -> None:
+    made = tmp_path / "smoothed"
+    smooth_plan(wrench.plan, directory=made, module_size=SIZE)
+    plan = Plan.load(made / "plan.npz")
     assert plan.verified
     before, after = plan.smoothing["before"], plan.smoothing["after"]
     assert plan.smoothing["way"] == SMOOTHED
@@ -81,11 +71,7 @@ def test_smoothed_plan_is_verified_and_better(plan: Plan, made: FilePath, wrench
     assert Plan.load(made / "plan.json").smoothing == plan.smoothing
     assert plan.summary()["smoothing"] == plan.smoothing
     assert wrench.plan.smoothing is wrench.plan.summary()["smoothing"] is None
-
-
-def test_playback_of_a_smoothing_run_again_is_the_same(
-    made: FilePath, plan: Plan, tmp_path: FilePath
-) -> None:
+    # Run again, its playback is the same.
     shutil.copytree(made, tmp_path / "again")
     result = stages.run_stage("play_back", tmp_path / "again")
     assert result["status"] == "folded"
@@ -102,26 +88,21 @@ def test_cancelled_smoothing_fails(wrench: Folded, tmp_path: FilePath) -> None:
     assert summary["smoothing"]["after"] is None
 
 
-def refused(plan: Plan) -> str:
-    with pytest.raises(InputError) as told:
-        check_smoothable(plan)
-    return told.value.code
-
-
-def test_unsuitable_plans_are_not_smoothed(
-    folded: Callable[..., Folded], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    wrench = folded("wrench-24").plan
-    certificate = replace(wrench.certificate, verdict="failed: it overlaps")
-    assert refused(changed(wrench, certificate=certificate)) == "smooth-not-verified"
-    still = replace(wrench.certificate, fold_time_s=0.0)
-    assert refused(changed(wrench, certificate=still)) == "smooth-no-motion"
-    older = replace(wrench.certificate, peak_torque_nm=None)
-    assert refused(changed(wrench, certificate=older)) == "smooth-no-torques"
-    assert refused(changed(wrench, start=wrench.chain)) == "smooth-refold"
+def test_unsuitable_plans_are_not_smoothed(wrench: Folded, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, told = wrench.plan, wrench.plan.certificate
+    unsuitable = {
+        "smooth-not-verified": replace(told, verdict="failed: it overlaps"),
+        "smooth-no-motion": replace(told, fold_time_s=0.0),
+        "smooth-no-torques": replace(told, peak_torque_nm=None),
+    }
+    plans = {code: changed(plan, certificate=other) for code, other in unsuitable.items()}
     monkeypatch.setattr("planner.robot.smoothed.MAX_SMOOTHED_ANGLES", 1000)
-    assert refused(wrench) == "smooth-too-long"
+    more = {"smooth-refold": changed(plan, start=wrench.chain), "smooth-too-long": plan}
+    for code, other in {**plans, **more}.items():
+        with pytest.raises(InputError) as refused:
+            check_smoothable(other)
+        assert refused.value.code == code
     for wish in ({"preset": "paper"}, {"strategy": "peel"}):
-        with pytest.raises(InputError, match="smoothing runs no new explosion") as told:
+        with pytest.raises(InputError, match="smoothing runs no new explosion") as refused:
             FoldRequest(smooth=True, **wish).check()  # pyright: ignore[reportArgumentType]
-        assert told.value.where == next(iter(wish))
+        assert refused.value.where == next(iter(wish))

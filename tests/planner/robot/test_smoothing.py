@@ -68,11 +68,11 @@ def test_detour_is_removed() -> None:
     assert travel(found.angles) < 1.1 * shortest
 
 
-@pytest.mark.parametrize("frames", [1, 2, 3])
-def test_motions_of_few_frames_are_kept(frames: int) -> None:
+def test_motions_of_few_frames_are_kept() -> None:
     chain = line(8)
-    found = smooth(chain, np.zeros((frames, len(chain.folded_rad))), size=0.95)
-    assert (found.angles == 0.0).all()
+    for frames in (1, 2, 3):
+        found = smooth(chain, np.zeros((frames, len(chain.folded_rad))), size=0.95)
+        assert (found.angles == 0.0).all()
     with pytest.raises(InputError, match="hinge angles"):
         smooth(chain, np.zeros((4, 27)), size=0.95)
 
