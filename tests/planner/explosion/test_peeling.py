@@ -147,7 +147,7 @@ def test_recorder_proves_the_same_clearance_as_the_certificate() -> None:
 def test_recorder_proves_no_way_through_the_core() -> None:
     chain, _ = snake()
     proof = Proof(chain, 0.98)
-    first = 150
+    first = 120
     folded = chain.folded_rad[2 * first : 2 * first + 40]
     here = WindowConfiguration(time_s=0.0, first=first, angles=folded)
     there = WindowConfiguration(time_s=1.0, first=first, angles=-folded)

@@ -106,7 +106,8 @@ def test_figures_are_those_of_the_certificate_and_scale_with_time(folded: Fold) 
     assert quality.tail_speed == pytest.approx(2.0 * slow.tail_speed)
     assert quality.peak_torque_nm == pytest.approx(4.0 * slow.peak_torque_nm)
     assert quality.length_rad == slow.length_rad
-    centres = plan.whole().poses(plan.chain).positions
+    upright = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    centres = plan.chain.poses(plan.joint_angles_rad, *upright).positions
     ends = centres[:, [0, -1]] - centres.mean(axis=1)[:, None]
     ways = np.linalg.norm(np.diff(ends, axis=0), axis=2).sum(axis=0)
     assert quality.tail_way == slow.tail_way == pytest.approx(ways.max())
