@@ -87,9 +87,9 @@ def test_chain_below_the_table_is_refused() -> None:
 
 def test_floating_frames_are_put_down_and_refused() -> None:
     chain = coil(8)
-    shares = np.linspace(0.0, 1.0, 40)
+    shares = np.linspace(0.0, 1.0, 20)
     angles = shares[:, None] * chain.folded_rad
-    frames = in_place("playback", angles).with_columns(root_position=np.full((40, 3), 30.0))
+    frames = in_place("playback", angles).with_columns(root_position=np.full((20, 3), 30.0))
     found = table_certificate(chain, frames, base="clamped")
     assert not found.on_table and not found.rests
     assert found.base == "free"

@@ -125,7 +125,7 @@ def test_most_random_motions_are_proved_and_some_refused(module: Module) -> None
     verdicts: list[bool] = []
     for seed in range(5):
         rng = np.random.default_rng(seed)
-        chain = bent(module, 6, rng)
+        chain = bent(module, 5, rng)
         start = rng.normal(0.0, 0.6, len(chain.folded_rad))
         motion = np.stack([start, start + rng.uniform(-1.5, 1.5, len(start))])
         verdicts.append(assert_same(chain, motion, 0.8))

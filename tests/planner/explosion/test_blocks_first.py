@@ -11,10 +11,9 @@ from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.assembly import assembly_path
 from planner.progress import never, silent
 from planner.simulation.model import Material
-from planner.simulation.reduced import State
 from planner.simulation.rigid_blocks import Blocks
 from planner.simulation.segments import Segments
-from tests.planner.chains import coil
+from tests.planner.chains import coil, folded_state
 
 DEFAULT = ExplosionParameters()
 
@@ -42,12 +41,8 @@ def test_blocks_of_single_modules_move_as_segments() -> None:
     # With every joint free it is the same chain in another model.
     chain = coil(16)
     rng = np.random.default_rng(0)
-    folded = chain.folded_poses
-    state = State.at_rest(
-        0.2 * rng.normal(size=len(chain.folded_rad)),
-        folded.positions[chain.root],
-        folded.rotations[chain.root],
-    )
+    state = folded_state(chain)
+    state.angles[:] = 0.2 * rng.normal(size=len(state.angles))
     forces = rng.normal(size=(len(chain), 3))
     found = []
     for one in (
@@ -64,10 +59,7 @@ def test_blocks_of_single_modules_move_as_segments() -> None:
 def test_hinges_within_a_block_are_held() -> None:
     chain = solid(1, 1, 2)
     blocks = engine(chain, block_starts(128, 64, 2))
-    folded = chain.folded_poses
-    state = State.at_rest(
-        chain.folded_rad, folded.positions[chain.root], folded.rotations[chain.root]
-    )
+    folded, state = chain.folded_poses, folded_state(chain)
     blocks.place(state)
     np.testing.assert_allclose(blocks.positions, folded.positions, atol=1e-9)
     found = blocks.accelerations(state, folded.positions - folded.positions.mean(axis=0))

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from planner.chain.module import CUBE
 from planner.errors import InputError
 from planner.robot.casings import CASINGS, Casing, casing_named
-from planner.robot.retiming import retimed
 from planner.robot.servos import Servo, servo_named, servos
 from planner.robot.sizing import (
     HINGES_PER_MODULE,
@@ -111,11 +110,6 @@ def test_turned_rad_counts_the_fastest_hinge_of_each_step() -> None:
     frames = np.array([[0.0, 0.0], [0.3, -0.5], [0.3, -0.5], [1.0, -0.6]])
     assert turned_rad(frames) == pytest.approx(0.5 + 0.0 + 0.7)
     assert turned_rad(frames[:1]) == 0.0
-    # Many small steps, of which retiming cuts no corner by much.
-    steps = np.stack([np.interp(np.linspace(0, 3, 301), range(4), q) for q in frames.T], axis=1)
-    fastest = retimed(steps, ("a", "b"), 2.0, 1e5).duration_s
-    assert fastest == pytest.approx(turned_rad(steps) / 2.0, rel=1e-2)
-    assert turned_rad(steps) == pytest.approx(turned_rad(frames))
 
 
 def test_sizing_out_of_range_is_refused() -> None:
