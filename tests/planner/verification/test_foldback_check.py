@@ -25,7 +25,7 @@ from planner.plan.packed import unpack
 from planner.plan.plan import Plan
 from tests.case import case
 from tests.planner.chains import unchecked
-from tests.planner.conftest import Fold
+from tests.planner.conftest import SHAPES, Fold
 from tests.planner.peels import peel, snake, windows_of
 from tests.planner.plans import unverified
 from tests.planner.verification.forged_plans import FALSE, SIZE, forge, rewrite, save
@@ -82,30 +82,30 @@ def test_shipped_folds_are_proved(name: str, tmp_path: FilePath) -> None:
     assert grown["verdict"] == "not proved", "modules of full size touch when they are folded"
 
 
-def test_new_plan_states_digest_and_is_proved_as_its_path(folded: Fold, tmp_path: FilePath) -> None:
+def test_end_is_compared_with_a_path_or_the_angles_of_a_chain(
+    folded: Fold, tmp_path: FilePath
+) -> None:
     plan = folded("wrench-24").directory / "plan.npz"
-    shapes = FilePath(__file__).parents[3] / "examples" / "shapes"
-    assert verdict(plan, end=shapes / "wrench-24.json") == "proved"
-    assert verdict(plan, end=shapes / "mallet-24.json") == "not proved"
-
-    def other(arrays: dict[str, Any], told: Any) -> None:
-        arrays["joint_angles_rad"][5, 5] += 1e-9
-
-    found = foldback_check.check(rewrite(plan, tmp_path / "plan.npz", other))
-    assert "digest" in str(found["reason"])
-
-
-def test_end_is_compared_with_the_angles_of_a_chain(tmp_path: FilePath) -> None:
+    assert verdict(plan, end=SHAPES / "wrench-24.json") == "proved"
+    assert verdict(plan, end=SHAPES / "mallet-24.json") == "not proved"
     unpack((FINISHED / "tetra-cube-2.fold").read_bytes(), tmp_path)
-    plan = foldback_check.Plan(tmp_path / "plan.npz")
-    shape = FilePath(__file__).parents[3] / "examples" / "shapes" / "tetra-cube-2.json"
-    foldback_check.check_end(plan, shape)
-    told = json.loads(shape.read_text(encoding="utf-8"))
-    angles, other = told["joint_angles_deg"], tmp_path / "other.json"
+    chain = foldback_check.Plan(tmp_path / "plan.npz")
+    shape = SHAPES / "tetra-cube-2.json"
+    foldback_check.check_end(chain, shape)
+    angles, other = json.loads(shape.read_text())["joint_angles_deg"], tmp_path / "other.json"
     for wrong in ([*angles[:-1], angles[-1] + 1e-3], angles[:-1], []):
         other.write_text(json.dumps({"joint_angles_deg": wrong}), encoding="utf-8")
         with pytest.raises(foldback_check.NotProved, match="does not end as"):
-            foldback_check.check_end(plan, other)
+            foldback_check.check_end(chain, other)
+
+
+def test_new_plan_states_its_digest(folded: Fold, tmp_path: FilePath) -> None:
+    def other(arrays: dict[str, Any], told: Any) -> None:
+        arrays["joint_angles_rad"][5, 5] += 1e-9
+
+    plan = folded("wrench-24").directory / "plan.npz"
+    found = foldback_check.check(rewrite(plan, tmp_path / "plan.npz", other))
+    assert "digest" in str(found["reason"])
 
 
 def random_motion(random: np.random.Generator, kind: Any, modules: int) -> Array:
