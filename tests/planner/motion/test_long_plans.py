@@ -33,7 +33,7 @@ from planner.playback.playback import Playback
 from planner.verification.replay import replay
 from planner.verification.verify import verify
 from tests.case import case
-from tests.planner.chains import in_place, line, shuffled
+from tests.planner.chains import in_place, shuffled
 from tests.planner.folds import asked
 from tests.planner.peels import peel, snake
 
@@ -269,7 +269,6 @@ def test_strategies_by_chain_and_preset() -> None:
     # A refold is one simulation from end to end.
     assert ways(small, "auto", refolds=True) == ("simultaneous",)
     assert ways(large, "auto", refolds=True) == ("simultaneous", "blocks")
-    assert ways(line(1500), "auto", refolds=True) == ("simultaneous",)
 
 
 def test_unsuitable_strategy_is_refused(tmp_path: FilePath) -> None:

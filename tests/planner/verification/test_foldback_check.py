@@ -140,7 +140,7 @@ def test_random_motions_are_proved_only_up_to_their_clearance(
     kind: Any, tmp_path: FilePath
 ) -> None:
     random, proved, refused = np.random.default_rng(7), 0, 0
-    for _ in range(16):
+    for _ in range(20):
         q = random_motion(random, kind, int(random.integers(4, 14)))
         chain, fine = unchecked(kind, q[-1]), interpolated(q, 40)
         least = min(sweep(chain, each, size=SIZE, share=0.0).clearance for each in (q, fine))
