@@ -23,7 +23,7 @@ from planner.parameters.playback import PlaybackParameters
 from planner.pipeline.manifest import write_manifest
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain, write_path
+from planner.plan.shape_files import write_chain
 from planner.verification.replay import replay
 from planner.verification.verify import verify
 from tests.golden.cases import HOOK
@@ -200,7 +200,7 @@ def forge(directory: FilePath, **changes: Any) -> None:
 def kinematic(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """A fold that was not simulated. Look, don't touch."""
     place = tmp_path_factory.mktemp("kinematic") / "fold"
-    made(place, write_path(HOOK), strategy="peel", settings=KINEMATIC)
+    made(place, HOOK, strategy="peel", settings=KINEMATIC)
     return place
 
 
@@ -396,7 +396,7 @@ def test_forged_results_and_parameters_are_found(directory: FilePath) -> None:
 
 
 def test_changed_snapshots_are_found(tmp_path: FilePath) -> None:
-    made(tmp_path, write_path(HOOK), preset="paper", settings="radial_gain=5")
+    made(tmp_path, HOOK, preset="paper", settings="radial_gain=5")
     record = Workspace(tmp_path).read_record()
     snapshots = record.snapshots_rad.copy()
     snapshots[len(snapshots) // 2, 3] += 0.1
