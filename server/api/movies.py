@@ -6,14 +6,14 @@ from typing import Any, Final, Literal
 
 from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict
 
 from planner.errors import InputError
 from planner.file_names import TIMELINE
 from planner.verification.integrity import check
 from server.api.folds import Here, problems
 from server.api.owners import AnyClaim, OptionalOwner, not_owner
-from server.api.schemas import Fault
+from server.api.schemas import Body, Fault
 from server.api.tours import tour_of
 from server.errors import Conflict, Unusable
 from server.http.downloads import download
@@ -24,46 +24,36 @@ router = APIRouter(prefix="/api/folds/{fold_id}/movies", tags=["movies"])
 MOVIE_MEDIA_TYPES: Final = {"mp4": "video/mp4", "gif": "image/gif"}
 
 
-class MovieOptions(BaseModel):
+class MovieOptions(Body):
     """Options of a movie; each format has defaults."""
 
     model_config = ConfigDict(extra="forbid")
 
     format: Literal["mp4", "gif"] = "mp4"
-    width: int | None = Field(
-        default=None, description=("Width in pixels, even, at most 1920 (GIF: 960).")
-    )
-    height: int | None = Field(default=None, description="Height in pixels, even.")
-    fps: int | None = Field(default=None, description="Frames per second, at most 60 (GIF: 25).")
-    seconds: float | None = Field(
-        default=None, description=("Length in seconds, at most 60 (GIF: 20).")
-    )
-    azimuth_deg: float | None = Field(
-        default=None, description="Viewing direction at the end. Default: chosen from the shape."
-    )
-    elevation_deg: float | None = Field(
-        default=None, description=("Angle of the camera above the ground.")
-    )
-    turn_deg: float | None = Field(
-        default=None, description=("Angle through which the camera circles.")
-    )
+    width: int | None = None
+    """Width in pixels, even, at most 1920 (GIF: 960)."""
+    height: int | None = None
+    """Height in pixels, even."""
+    fps: int | None = None
+    """Frames per second, at most 60 (GIF: 25)."""
+    seconds: float | None = None
+    """Length in seconds, at most 60 (GIF: 20)."""
+    azimuth_deg: float | None = None
+    """Viewing direction at the end. Default: chosen from the shape."""
+    elevation_deg: float | None = None
+    """Angle of the camera above the ground."""
+    turn_deg: float | None = None
+    """Angle through which the camera circles."""
     theme: Literal["light", "dark"] | None = None
-    first_frame: int | None = Field(
-        default=None, description="First frame. Default: the first frame of the playback."
-    )
-    last_frame: int | None = Field(
-        default=None,
-        description=(
-            "Last frame. Default: the last frame. A frame before `first` plays backwards."
-        ),
-    )
-    tour: bool = Field(
-        default=False,
-        description="True: rest at the stops of the fold's tour and show their captions.",
-    )
+    first_frame: int | None = None
+    """First frame. Default: the first frame of the playback."""
+    last_frame: int | None = None
+    """Last frame. Default: the last frame. A frame before `first` plays backwards."""
+    tour: bool = False
+    """True: rest at the stops of the fold's tour and show their captions."""
 
 
-class MovieLinks(BaseModel):
+class MovieLinks(Body):
     """Links of a movie."""
 
     self: str
@@ -71,7 +61,7 @@ class MovieLinks(BaseModel):
     fold: str
 
 
-class MovieBody(BaseModel):
+class MovieBody(Body):
     """A movie as it is now."""
 
     id: str
@@ -84,11 +74,9 @@ class MovieBody(BaseModel):
     fps: int
     seconds: float
     problem: Fault | None
-    token: str | None = Field(
-        default=None,
-        description="Token that deletes the movie: the token you sent, or a new one. Only the "
-        "first request for a movie gets it.",
-    )
+    token: str | None = None
+    """Token that deletes the movie: the token you sent, or a new one. Only the first request for a
+    movie gets it."""
     links: MovieLinks
 
     @classmethod
