@@ -95,18 +95,14 @@ def server_of(
 
     from server.app import create_app
     from server.http.connections import protocol_of
+    from server.operate.migration import run_migration
     from server.store.object_store import open_storage
-    from server.store.tables import engine_of, migrate
 
     if settings.read_only:
         log.error("%s Restart the service once %s can be written.", READ_ONLY_WORDS, settings.root)
     with starting("service"):
         open_storage(settings)
-        engine = engine_of(settings)
-        try:
-            migrate(engine)
-        finally:
-            engine.dispose()
+        run_migration(settings)
     app = create_app(settings, fork_server=fork_server)
 
     class Server(uvicorn.Server):
