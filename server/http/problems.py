@@ -23,6 +23,7 @@ from sqlalchemy.exc import (
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from planner.errors import DamagedError, InputError
 from planner.parameters.option import options_of
@@ -133,6 +134,28 @@ class Problem:
 def response_of(error: ServiceError) -> JSONResponse:
     """Return the answer of middleware outside of the application's error handlers."""
     return Problem.of(error).response()
+
+
+class Guard:
+    """Middleware that answers some requests and websockets with a refusal.
+
+    Args:
+        app: Inner ASGI application.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle one request."""
+        asks = scope["type"] in ("http", "websocket")
+        refusal = self.refusal(scope) if asks else None
+        answer = self._app if refusal is None else response_of(refusal)
+        await answer(scope, receive, send)
+
+    def refusal(self, scope: Scope) -> ServiceError | None:
+        """Return the reason why a request is refused; None if it is not."""
+        raise NotImplementedError
 
 
 def answer_of(

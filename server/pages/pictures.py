@@ -131,7 +131,7 @@ async def _picture_of_view(request: Request, found: Found, view: str) -> Respons
         except (InputError, ChildError, OSError, TimelineError):
             return None
         if over:
-            recent.put(key, made)
+            recent.keep(key, made)
         return made
 
     data = recent.get(key) if over else None
