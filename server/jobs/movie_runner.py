@@ -49,27 +49,26 @@ class MovieJobs:
     def make(self, claim: MovieClaim) -> None:
         """Make one movie. Errors are stored in its row; none is raised."""
         fold_id, movie_id, job = claim.fold_id, claim.movie_id, claim.job
-        about = {"fold": fold_id, "movie": movie_id}
         if claim.losses >= MAX_LOSSES:
-            self._fail(job, INTERRUPTED["code"], INTERRUPTED["detail"], None, about)
+            self._fail(job, INTERRUPTED["code"], INTERRUPTED["detail"], None)
             return
         try:
-            self._make(fold_id, job, about)
+            self._make(fold_id, job)
         except (InputError, ChildError) as error:
             where = error.where if isinstance(error, InputError) else None
-            self._fail(job, error.code, error.detail, where, about)
+            self._fail(job, error.code, error.detail, where)
         except DamagedError as error:
             damaged = Damaged.of(error)
-            self._fail(job, damaged.code, damaged.detail, str(error.path), about)
+            self._fail(job, damaged.code, damaged.detail, str(error.path))
         except NoSuchFoldError:
-            log.info("a movie's fold was deleted", extra=about)
+            log.info("a movie's fold was deleted")
         except Exception as error:
-            log.exception("movie %s of fold %s failed", movie_id, fold_id, extra=about)
+            log.exception("movie %s of fold %s failed", movie_id, fold_id)
             words = f"an error occurred inside the service ({type(error).__name__}); try again."
-            self._fail(job, "internal", words, None, about)
+            self._fail(job, "internal", words, None)
         self._clear_up(fold_id, job)
 
-    def _make(self, fold_id: str, job: str, about: dict[str, str]) -> None:
+    def _make(self, fold_id: str, job: str) -> None:
         row = retry_until_available(lambda: self._row(job))
         if row is None or row.status not in UNFINISHED_MOVIE_STATUSES:
             return  # nobody wants it any more, or it was made before
@@ -96,7 +95,7 @@ class MovieJobs:
                 cancelled=progress.cancelled,
             )
             if whole and self._kept(fold_id, job, movie, place / MOVIE_FILE):
-                log.info("created a movie of %d pictures", movie.count, extra=about)
+                log.info("created a movie of %d pictures", movie.count)
 
     def _report(self, job: str, fields: dict[str, Any] | None) -> bool:
         """Store the number of drawn pictures; False if the movie is no longer wanted."""
@@ -129,10 +128,8 @@ class MovieJobs:
 
         return retry_until_available(keep) and retry_until_available(ready)
 
-    def _fail(
-        self, job: str, code: str, detail: str, where: str | None, about: dict[str, str]
-    ) -> None:
-        log.warning("a movie failed: %s", detail, extra=about)
+    def _fail(self, job: str, code: str, detail: str, where: str | None) -> None:
+        log.warning("a movie failed: %s", detail)
         problem = {"code": code, "detail": detail, "where": where}
 
         def fail() -> None:
