@@ -13,6 +13,7 @@ from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.settings import Settings
 from server.store.estimates import Estimates
+from server.store.fold_files import NoSuchFoldError
 from server.store.shown import FoldSource, Found, id_of_fold
 
 if TYPE_CHECKING:
@@ -58,6 +59,18 @@ def find_now(request: Request, fold_id: str) -> Found | None:
     if found is None or fold_id == found.row.id:
         return found
     return alternative(found, fold_id.removeprefix(f"{found.row.id}-"))
+
+
+def existing_fold(request: Request, fold_id: str) -> Found:
+    """Return the fold of that id.
+
+    Raises:
+        NoSuchFoldError: There is none.
+    """
+    found = find_now(request, fold_id)
+    if found is None:
+        raise NoSuchFoldError(fold_id)
+    return found
 
 
 async def find_fold(request: Request, fold_id: str) -> Found | None:

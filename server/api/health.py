@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import asdict
 from secrets import compare_digest
 
 from fastapi import APIRouter, Request
@@ -34,14 +35,7 @@ def get_ready(request: Request) -> JSONResponse:
     readiness: Readiness = request.app.state.readiness
     found = readiness.state()
     return JSONResponse(
-        {
-            "ready": found.ready,
-            "database": found.database,
-            "disk": found.disk,
-            "storage": found.storage,
-            "workers": found.workers,
-            "reasons": list(found.reasons),
-        },
+        {"ready": found.ready, **asdict(found)},
         status_code=200 if found.ready else 503,
         headers={"Cache-Control": "no-store"},
     )

@@ -24,6 +24,10 @@ router = APIRouter(prefix="/api/folds/{fold_id}/movies", tags=["movies"])
 MOVIE_MEDIA_TYPES: Final = {"mp4": "video/mp4", "gif": "image/gif"}
 
 
+SHOWN_OPTIONS: Final = ("format", "width", "height", "fps", "seconds")
+"""Options of a movie that its answer states."""
+
+
 class MovieOptions(Body):
     """Options of a movie; each format has defaults."""
 
@@ -89,11 +93,7 @@ class MovieBody(Body):
             status=state.status,
             frames_done=state.frames_done,
             frames_total=movie.count,
-            format=movie.format,
-            width=movie.width,
-            height=movie.height,
-            fps=movie.fps,
-            seconds=movie.seconds,
+            **{name: getattr(movie, name) for name in SHOWN_OPTIONS},
             problem=Fault.model_validate(state.problem) if state.problem else None,
             token=token,
             links=MovieLinks(self=here, file=f"{here}/file", fold=f"/api/folds/{fold_id}"),

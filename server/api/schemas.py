@@ -124,14 +124,8 @@ class ExportBody(Body):
     @classmethod
     def of(cls, fold_id: str, export: Export) -> ExportBody:
         """Return the API's representation of an export."""
-        return cls(
-            name=export.name,
-            label=export.label,
-            hint=export.hint,
-            media_type=export.media_type,
-            filename=export.filename,
-            href=export_href(fold_id, export),
-        )
+        shown = {name: getattr(export, name) for name in cls.model_fields if name != "href"}
+        return cls(**shown, href=export_href(fold_id, export))
 
 
 class ExportList(Body):
@@ -356,13 +350,7 @@ class Shape(Body):
     @classmethod
     def of(cls, shape: GalleryShape) -> Shape:
         """Return the API's representation of an example."""
-        return cls(
-            name=shape.name,
-            title=shape.title,
-            module=shape.module,
-            modules=shape.modules,
-            tags=list(shape.tags),
-        )
+        return cls.model_validate(shape, from_attributes=True)
 
 
 class Shapes(Body):

@@ -25,6 +25,7 @@ from server.files.pictures import moment_of
 from server.http.client_address import address_of
 from server.http.security import INDEXED_HEADERS
 from server.pages.fold import drawing_in
+from server.pages.page import drawing, not_found
 from server.processes.children import ChildError
 from server.store.fold_files import EXPORTS_DIR
 from server.store.shown import Found
@@ -61,13 +62,7 @@ async def drawing_of_fold(request: Request, fold_id: str) -> Response:
         return drawing_in(directory), row.over
 
     svg, over = await asyncio.to_thread(drawn)
-    if not svg:
-        return _no_picture()
-    headers = {
-        "Cache-Control": "private, max-age=3600" if over else "no-store",
-        "Content-Security-Policy": "default-src 'none'",
-    }
-    return Response(svg, media_type="image/svg+xml", headers=headers)
+    return drawing(svg, "private, max-age=3600" if over else "no-store")
 
 
 @router.get("/folds/{fold_id}/picture.png")
@@ -81,7 +76,7 @@ async def picture_of_fold(
     """Return a picture of 1200×630 pixels: the folded shape, or the view in ``view``."""
     found = await find_fold(request, fold_id)
     if found is None:
-        return _no_picture()
+        return not_found()
     if view is not None:
         return await _picture_of_view(request, found, view)
     path, over = (
@@ -101,7 +96,7 @@ async def picture_of_fold(
             visitor=address_of(request),
         )
     if data is None:
-        return _no_picture()
+        return not_found()
     # While it computes, another of the candidates may take the place of this one.
     max_age_s = FINAL_PICTURE_AGE_S if over else RUNNING_PICTURE_AGE_S
     return picture_answer(data, max_age_s, listed=found.row.public, private=not found.row.public)
@@ -138,7 +133,7 @@ async def _picture_of_view(request: Request, found: Found, view: str) -> Respons
     if data is None:
         data = await context.artifacts.get_or_make(key, drawn, visitor=address_of(request))
     if data is None:
-        return _no_picture()
+        return not_found()
     return picture_answer(
         data,
         FINAL_PICTURE_AGE_S if over else RUNNING_PICTURE_AGE_S,
@@ -181,10 +176,6 @@ def picture_answer(
         **(INDEXED_HEADERS if listed else {}),
     }
     return Response(data, media_type="image/png", headers=headers)
-
-
-def _no_picture() -> Response:
-    return Response("not found", status_code=404, media_type="text/plain")
 
 
 def _stored_picture(path: Path) -> bytes | None:
