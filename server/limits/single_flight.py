@@ -47,10 +47,6 @@ class SingleFlight:
         self._threads = ThreadPoolExecutor(at_once, thread_name_prefix=what.replace(" ", "-"))
         self._making: dict[Hashable, tuple[Future[Any], asyncio.Future[Any]]] = {}
 
-    def __len__(self) -> int:
-        """Return the number of results that are computed or wait for it."""
-        return len(self._making)
-
     def close(self) -> None:
         """Start no further computation."""
         for made, _ in self._making.values():

@@ -114,11 +114,6 @@ class Store:
         self._engine.dispose()
         self.folders.close()
 
-    def check(self) -> None:
-        """Raise an error if the database does not answer."""
-        with self._engine.connect() as connection:
-            connection.execute(sa.select(1))
-
     def directory(self, fold_id: str) -> Path:
         """Return the directory with a fold's files as readers see them.
 
@@ -305,14 +300,6 @@ class Store:
             if took is not None and took >= 0:
                 taken, cost = taken + took, cost + expected
         return taken / cost if taken and cost else 1.0
-
-    def counts(self) -> dict[str, int]:
-        """Number of folds by status."""
-        query = sa.select(FoldRow.status, sa.func.count()).group_by(FoldRow.status)
-        with self._sessions() as session:
-            return {status: count for status, count in session.execute(query)}
-
-    # Writing, on the side of the visitors
 
     def add(self, row: FoldRow, owner: Owner) -> bool:
         """Add a fold with its owner; False if another fold has its content key.

@@ -98,9 +98,6 @@ class TimelineView:
         """
         self.path = str(path)
         self._lock = threading.RLock()
-        self.version = 0
-        self.stretch: int | None = None
-        """Straight modules that a camera keeps in view; all of them when None."""
         self._begin()
 
     def _begin(self) -> None:
@@ -115,6 +112,7 @@ class TimelineView:
         self._time_s: Array = np.zeros(0)
         self._max_error: Array = np.zeros(0)
         self.stretch = straight_stretch(self.chain) if self.windowed else None
+        """Straight modules that a camera keeps in view; all of them when None."""
         self._summarise()
 
     def __len__(self) -> int:
@@ -184,9 +182,7 @@ class TimelineView:
                     self._begin()
                 except (TimelineError, OSError, ValueError, KeyError):
                     return False
-            changed = before != (self._summarised, self._timeline.status)
-            self.version += changed
-            return changed
+            return before != (self._summarised, self._timeline.status)
 
     def snapshot(self, frame: float) -> Snapshot:
         """Return the moment at ``frame``, interpolated when it is not whole.

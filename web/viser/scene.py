@@ -240,23 +240,18 @@ class Scene:
         self._ends.batched_positions = (at * self.pitch).astype(np.float32)
         self._ends.batched_wxyzs = wxyzs.astype(np.float32)
 
-    def move_ground(self, seconds: float) -> bool:
-        """Let the ground sink and rise to just below the chain; True while it moves."""
+    def move_ground(self, seconds: float) -> None:
+        """Let the ground sink and rise to just below the chain."""
         if self._last is None or self._table is not None:
-            return False
-        low = self._ground_below(self._last)
+            return
+        shown = self._last.positions[: self._last.framed]
+        low = (float(shown[:, 2].min()) - 0.5 - GROUND_GAP_PITCH) * self.pitch
         before = low if self._ground is None else self._ground
         after = low + (before - low) * math.exp(
             -seconds / (GROUND_SINK_S if low < before else GROUND_RISE_S)
         )
         if self._ground is not None and abs(after - self._ground) < 1e-3 * self.pitch:
-            return False
+            return
         self._ground = after
-        middle = self._last.positions[: self._last.framed].mean(axis=0) * self.pitch
+        middle = shown.mean(axis=0) * self.pitch
         self._floor.position = (float(middle[0]), float(middle[1]), self._ground)
-        return True
-
-    def _ground_below(self, snapshot: Snapshot) -> float:
-        return (
-            float(snapshot.positions[: snapshot.framed, 2].min()) - 0.5 - GROUND_GAP_PITCH
-        ) * self.pitch
