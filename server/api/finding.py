@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import re
-from typing import TYPE_CHECKING, Final, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
 
 from fastapi import Request
 
@@ -22,24 +23,25 @@ if TYPE_CHECKING:
 ADDRESS_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 
-class Viewing(Protocol):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Viewing:
     """Services that a fold's pages need: those of the service, or of a viewer of one directory.
 
-    There are no settings where nothing is computed.
+    Attributes:
+        store: Source of folds.
+        timelines: Open timelines.
+        waits: Requests that wait for frames.
+        artifacts: Files that are made on request.
+        settings: None where nothing is computed.
+        estimates: As ``settings``.
     """
 
-    @property
-    def store(self) -> FoldSource: ...
-    @property
-    def timelines(self) -> TimelineViews: ...
-    @property
-    def waits(self) -> FrameWaits: ...
-    @property
-    def artifacts(self) -> Artifacts: ...
-    @property
-    def settings(self) -> Settings | None: ...
-    @property
-    def estimates(self) -> Estimates | None: ...
+    store: FoldSource
+    timelines: TimelineViews
+    waits: FrameWaits
+    artifacts: Artifacts
+    settings: Settings | None = None
+    estimates: Estimates | None = None
 
 
 def viewing_of(request: Request) -> Viewing:
