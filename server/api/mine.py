@@ -23,7 +23,6 @@ from server.api.schemas import (
     moment,
 )
 from server.errors import Malformed
-from server.jobs.movies import MovieState
 from server.store.owned import folds_made, hand_over_all
 from server.store.owner import Claim, Owner
 from words.fold import ShownFold, shown_name
@@ -129,7 +128,7 @@ def get_my_movies(context: Here, owner: ListingOwner) -> MoviesMade:
             MovieMade(
                 title=ShownFold.of(fold).title,
                 created_at=moment(row.created_at),
-                movie=MovieBody.of(row.fold_id, MovieState.of(row)),
+                movie=MovieBody.of(row),
             )
             for row, fold in context.movies.made(owner)
         ]

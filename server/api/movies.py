@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, cast
 
 from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse, Response
@@ -17,13 +17,14 @@ from server.api.schemas import Body, Fault
 from server.api.tours import tour_of
 from server.errors import Conflict, Unusable
 from server.http.downloads import download
-from server.jobs.movies import MovieState
+from server.store.tables import MovieRow
 from web.movies.movie import Movie
 
 router = APIRouter(prefix="/api/folds/{fold_id}/movies", tags=["movies"])
 MOVIE_MEDIA_TYPES: Final = {"mp4": "video/mp4", "gif": "image/gif"}
 
 
+MovieStatus = Literal["queued", "running", "ready", "failed"]
 SHOWN_OPTIONS: Final = ("format", "width", "height", "fps", "seconds")
 """Options of a movie that its answer states."""
 
@@ -69,7 +70,7 @@ class MovieBody(Body):
     """A movie as it is now."""
 
     id: str
-    status: Literal["queued", "running", "ready", "failed"]
+    status: MovieStatus
     frames_done: int
     frames_total: int
     format: Literal["mp4", "gif"]
@@ -84,19 +85,19 @@ class MovieBody(Body):
     links: MovieLinks
 
     @classmethod
-    def of(cls, fold_id: str, state: MovieState, token: str | None = None) -> MovieBody:
+    def of(cls, row: MovieRow, token: str | None = None) -> MovieBody:
         """Return the API's representation of a movie."""
-        here = f"/api/folds/{fold_id}/movies/{state.id}"
-        movie = state.movie
+        here = f"/api/folds/{row.fold_id}/movies/{row.id}"
+        movie = Movie.of(row.wishes)
         return cls(
-            id=state.id,
-            status=state.status,
-            frames_done=state.frames_done,
+            id=row.id,
+            status=cast("MovieStatus", row.status),
+            frames_done=row.frames_done,
             frames_total=movie.count,
             **{name: getattr(movie, name) for name in SHOWN_OPTIONS},
-            problem=Fault.model_validate(state.problem) if state.problem else None,
+            problem=Fault.model_validate(row.problem) if row.problem else None,
             token=token,
-            links=MovieLinks(self=here, file=f"{here}/file", fold=f"/api/folds/{fold_id}"),
+            links=MovieLinks(self=here, file=f"{here}/file", fold=f"/api/folds/{row.fold_id}"),
         )
 
 
@@ -126,8 +127,8 @@ def post_movie(
         raise Unusable.of(error) from None
     of_owner = context.store.owns(fold_id, claim.owner)
     visitor = context.visitor(request)
-    state, new = context.movies.ask(fold_id, movie, visitor, owner=claim.owner, of_owner=of_owner)
-    body = MovieBody.of(fold_id, state, claim.token if new else None)
+    row, new = context.movies.ask(fold_id, movie, visitor, owner=claim.owner, of_owner=of_owner)
+    body = MovieBody.of(row, claim.token if new else None)
     response.headers["Location"] = body.links.self
     _again(response, body)
     return body
@@ -137,7 +138,7 @@ def post_movie(
 def get_movie(response: Response, fold_id: str, movie_id: str, context: Here) -> MovieBody:
     """Return the status. Repeat after `Retry-After` seconds until it is `ready` or `failed`."""
     context.store.fold(fold_id)
-    body = MovieBody.of(fold_id, context.movies.state(fold_id, movie_id))
+    body = MovieBody.of(context.movies.state(fold_id, movie_id))
     _again(response, body)
     return body
 
@@ -173,8 +174,8 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
 def delete_movie(fold_id: str, movie_id: str, context: Here, owner: OptionalOwner) -> Response:
     """Cancel or delete a movie, with its own token or the fold's owner token."""
     context.store.fold(fold_id)
-    state = context.movies.state(fold_id, movie_id)
-    if owner is None or not (owner.owns(state.token_hash) or context.store.owns(fold_id, owner)):
+    row = context.movies.state(fold_id, movie_id)
+    if owner is None or not (owner.owns(row.token_hash) or context.store.owns(fold_id, owner)):
         raise not_owner(
             "This needs the token that the answer to POST contained, or that of the fold's "
             "owner, as 'Authorization: Bearer …'."

@@ -367,7 +367,7 @@ class _RobotSession:
                 duration_s=trajectory.duration_s,
                 deviation_rad=trajectory.deviation_rad + largest_chord_error(trajectory, between_s),
                 joint_angles_rad=trajectory.path.frames[0].round(6).tolist(),
-                **{name: getattr(ask, name) for name in _ECHOED_SETTINGS},
+                **_echoed(ask),
             )
         )
         works = [asyncio.ensure_future(work) for work in (self._listen(), self._speak())]
@@ -512,14 +512,10 @@ class _RobotSession:
             raise TooSlow("gone", f"The client read nothing for {ROBOT_TIMEOUT_S:g} s.") from None
 
 
-_ECHOED_SETTINGS: Final = (
-    "speed",
-    "max_speed",
-    "max_acceleration",
-    "threshold_rad",
-    "rate_hz",
-    "silence_s",
-)
+def _echoed(ask: Ask) -> dict[str, float]:
+    """Return the options of a robot that the first message repeats."""
+    repeated = set(Ask.__struct_fields__) & set(Begin.__struct_fields__)
+    return {name: getattr(ask, name) for name in repeated}
 
 
 async def _refuse(websocket: WebSocket, code: int, word: str, detail: str) -> None:

@@ -163,20 +163,19 @@ def _allow_files(count: int) -> None:
 def _fold_first(context: Context, name: str) -> str:
     from planner.pipeline.request import FoldRequest
     from server.api.finished import SERVICE_VISITOR
-    from server.api.source import Origin, open_source
-    from server.api.submit import Submission, submit
+    from server.api.source import Origin
+    from server.api.submit import fold_origin
     from server.errors import Unusable
     from server.store.owner import Claim
 
     try:
-        with (
-            open_source(context, Origin(shape=name), FoldRequest()) as (stream, source),
-            context.uploads.stored(stream, source.request.filename) as upload,
-        ):
-            submission = Submission(
-                upload=upload, source=source, visitor=SERVICE_VISITOR, owner=Claim.new().owner
-            )
-            receipt = submit(context, submission)
+        receipt = fold_origin(
+            context,
+            Origin(shape=name),
+            FoldRequest(),
+            visitor=SERVICE_VISITOR,
+            owner=Claim.new().owner,
+        )
     except Unusable as error:
         raise typer.BadParameter(error.detail) from None
     return receipt.row.id

@@ -28,6 +28,7 @@ from server.limits.fair_queue import (
     ticks,
     virtual_finish_time,
 )
+from server.limits.queue_room import Waiting
 from server.settings import Settings
 from server.store.fold_files import Folders, NoSuchFoldError
 from server.store.owner import Owner, owned_by
@@ -209,13 +210,13 @@ class Store:
             row = session.get(FoldRow, fold_id)
         return row is not None and not row.public and owner.owns(row.owner)
 
-    def waiting(self) -> list[tuple[str, float]]:
+    def waiting(self) -> list[Waiting]:
         """Return the visitor and the expected cost of each fold that is queued or running."""
         query = sa.select(FoldRow.visitor, FoldRow.cost_s).where(
             FoldRow.status.in_(RUNNING_STATUSES)
         )
         with self._sessions() as session:
-            return [(visitor, cost_s) for visitor, cost_s in session.execute(query)]
+            return [Waiting(*row) for row in session.execute(query)]
 
     def others_wait(self, fold_id: str, *, spent_s: float, cheaper: bool) -> bool:
         """Return True if a fold that runs keeps another one waiting whose turn is before its next.
