@@ -12,6 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Final, TypeVar
 
 from server.errors import ServiceError, TooMany, Unavailable
+from server.limits.fair_threads import complete
 from server.limits.quota import Holder, Permit, Quota
 
 PENDING_RETRY_S: Final = 3
@@ -74,16 +75,12 @@ class SingleFlight:
                 self._threads.submit(work, permit)
 
         def work(permit: Permit) -> None:
-            if not made.set_running_or_notify_cancel():
-                return
-            try:
-                try:
-                    thing = make()
-                finally:
-                    permit.leave()
-                made.set_result(thing)
-            except BaseException as error:
-                made.set_exception(error)
+            if made.set_running_or_notify_cancel():
+                complete(made, lambda: made_within(permit))
+
+        def made_within(permit: Permit) -> Thing:
+            with permit:
+                return make()
 
         def done(making: asyncio.Future[Thing]) -> None:
             del self._making[key]

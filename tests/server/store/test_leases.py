@@ -95,7 +95,7 @@ def test_lock_tells_of_dead_workers_of_this_machine_at_once(
     identity = WorkerIdentities(Settings(data_dir=tmp_path)).take()
     beat(leases, identity.name)
     assert leases.expired(()) == set()
-    identity.close()
+    identity.lock.close()
     assert len(leases.expired(())) == 1
 
 
@@ -170,7 +170,7 @@ def process(code: str, *arguments: str) -> Iterator[tuple[subprocess.Popen[str],
 def test_probe_for_dead_workers_takes_no_name(tmp_path: Path) -> None:
     identities = WorkerIdentities(Settings(data_dir=tmp_path))
     identity = identities.take()
-    identity.close()
+    identity.lock.close()
     with process(PROBE, str(tmp_path), identity.name), process(PROBE, str(tmp_path), identity.name):
         for _ in range(300):
             taken = identities.take()
