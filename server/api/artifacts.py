@@ -14,7 +14,7 @@ from planner.file_names import CERTIFICATE, MODEL, PLAN, PLAN_TEXT, RECORD, TIME
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.context import Context
-from server.api.folds import Here, problems
+from server.api.folds import Here, file_or_problems, problems
 from server.api.schemas import ExportBody, ExportList, FramesBody
 from server.errors import Conflict, NotFound, Unusable
 from server.http.client_address import address_of
@@ -158,13 +158,11 @@ def get_exports(fold_id: str, context: Here) -> ExportList:
     "/exports/{name}",
     summary="Download a fold in one of these formats",
     response_class=FileResponse,
-    responses={
-        200: {
-            "description": "The file. It is created on the first request.",
-            "content": {export.media_type: {} for export in EXPORTS},
-        },
-        **problems(404, 409, 413, 429, 503, 507),
-    },
+    responses=file_or_problems(
+        "The file. It is created on the first request.",
+        *(export.media_type for export in EXPORTS),
+        problem=(404, 409, 413, 429, 503, 507),
+    ),
 )
 async def get_export(request: Request, fold_id: str, name: str, context: Here) -> FileResponse:
     """Return a file in one of the listed formats."""
@@ -186,10 +184,7 @@ def _file(name: str) -> None:
         f"/{name}",
         summary=f"Download {name}",
         response_class=FileResponse,
-        responses={
-            200: {"description": "The file", "content": {PLAN_MEDIA_TYPES[name]: {}}},
-            **problems(404, 409),
-        },
+        responses=file_or_problems("The file", PLAN_MEDIA_TYPES[name], problem=(404, 409)),
         name=name,
         operation_id=f"get_{name.replace('.', '_')}",
     )

@@ -63,7 +63,7 @@ def find_now(request: Request, fold_id: str) -> Found | None:
     return alternative(found, fold_id.removeprefix(f"{found.row.id}-"))
 
 
-def existing_fold(request: Request, fold_id: str) -> Found:
+def found_fold(request: Request, fold_id: str) -> Found:
     """Return the fold of that id.
 
     Raises:

@@ -59,6 +59,12 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     return {status: {"description": "A problem", "content": content} for status in statuses}
 
 
+def file_or_problems(about: str, *kinds: str, problem: tuple[int, ...]) -> dict[int | str, Any]:
+    """Return the answers of a route that sends a file of one of some media types."""
+    content = {kind: dict[str, Any]() for kind in kinds}
+    return {200: {"description": about, "content": content}, **problems(*problem)}
+
+
 @router.post(
     "",
     status_code=202,

@@ -20,7 +20,7 @@ from planner.file_names import TIMELINE
 from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
-from server.api.finding import existing_fold, viewing_of
+from server.api.finding import found_fold, viewing_of
 from server.api.own_values import values_of
 from server.api.tours import tour_of
 from server.http.client_address import address_of
@@ -122,7 +122,7 @@ async def figures(
     """Return figures of a finished fold: curves of all frames, or all figures of one part."""
 
     def answer() -> Response:
-        found = existing_fold(request, fold_id)
+        found = found_fold(request, fold_id)
         if found.row.status in RUNNING_STATUSES:
             return _nothing()
         check(found.directory, TIMELINE, FIGURES)
@@ -150,7 +150,7 @@ def _stored(
     request: Request, fold_id: str, of: Callable[[FoldSource, Found], dict[str, Any] | None]
 ) -> Response:
     """Return what is stored with a fold; 204 where there is nothing."""
-    found = existing_fold(request, fold_id)
+    found = found_fold(request, fold_id)
     told = of(viewing_of(request).store, found)
     if told is None:
         return _nothing()
@@ -181,7 +181,7 @@ def _nothing() -> Response:
 
 
 def _view(request: Request, fold_id: str) -> tuple[ShownFold, TimelineView | None]:
-    found = existing_fold(request, fold_id)
+    found = found_fold(request, fold_id)
     if found.row.status not in RUNNING_STATUSES:
         check(found.directory, TIMELINE)
     timeline = viewing_of(request).timelines.get(result(found.directory, TIMELINE))

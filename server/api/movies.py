@@ -11,7 +11,7 @@ from pydantic import ConfigDict
 from planner.errors import InputError
 from planner.file_names import TIMELINE
 from planner.verification.integrity import check
-from server.api.folds import Here, problems
+from server.api.folds import Here, file_or_problems, problems
 from server.api.owners import AnyClaim, OptionalOwner, not_owner
 from server.api.schemas import Body, Fault
 from server.api.tours import tour_of
@@ -147,13 +147,7 @@ def get_movie(response: Response, fold_id: str, movie_id: str, context: Here) ->
     "/{movie_id}/file",
     summary="Download a movie",
     response_class=FileResponse,
-    responses={
-        200: {
-            "description": "The file",
-            "content": {kind: {} for kind in MOVIE_MEDIA_TYPES.values()},
-        },
-        **problems(404, 409),
-    },
+    responses=file_or_problems("The file", *MOVIE_MEDIA_TYPES.values(), problem=(404, 409)),
 )
 def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     """Return the MP4 or GIF file."""

@@ -17,7 +17,7 @@ from planner.verification.integrity import check
 from server.api.artifacts import not_there
 from server.api.context import Context
 from server.api.finding import ADDRESS_ID
-from server.api.folds import Here, problems
+from server.api.folds import Here, file_or_problems
 from server.api.robot_clock import MAX_CLOCK_STEP_S, Reason, RobotClock
 from server.api.robot_messages import (
     DECODER,
@@ -98,6 +98,11 @@ REMEMBERED_TARGETS: Final = 64
 of targets that can be unanswered; with a smaller value a late report would be compared with the
 wrong target. Chosen."""
 
+DOCUMENTED_FORMS: Final = ("application/json", "text/csv")
+"""Media types that the API's description states for trajectories and motors."""
+COMPUTING_PROBLEMS: Final = (404, 409, 413, 422, 429, 503)
+"""HTTP statuses of refusals to compute them."""
+
 Speed = Annotated[float, Query(ge=1e-3, le=1e3, description="Maximum joint speed, rad/s.")]
 Acceleration = Annotated[
     float, Query(ge=1e-3, le=1e4, description="Maximum joint acceleration, rad/s².")
@@ -109,13 +114,9 @@ Form = Literal["csv", "json"]
     "/trajectory",
     summary="Get the plan with time stamps for a robot",
     response_class=Response,
-    responses={
-        200: {
-            "description": "foldback-trajectory/1 or a table",
-            "content": {"application/json": {}, "text/csv": {}},
-        },
-        **problems(404, 409, 413, 422, 429, 503),
-    },
+    responses=file_or_problems(
+        "foldback-trajectory/1 or a table", *DOCUMENTED_FORMS, problem=COMPUTING_PROBLEMS
+    ),
 )
 async def get_trajectory(
     request: Request,
@@ -211,13 +212,11 @@ async def motors_in_query(
     "/motors",
     summary="Get the torques that the plan needs",
     response_class=Response,
-    responses={
-        200: {
-            "description": "One row per joint, and whether the given motors are strong enough",
-            "content": {"application/json": {}, "text/csv": {}},
-        },
-        **problems(404, 409, 413, 422, 429, 503),
-    },
+    responses=file_or_problems(
+        "One row per joint, and whether the given motors are strong enough",
+        *DOCUMENTED_FORMS,
+        problem=COMPUTING_PROBLEMS,
+    ),
 )
 async def get_motors(
     request: Request,

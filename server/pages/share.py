@@ -19,7 +19,7 @@ from planner.file_names import PLAN, TIMELINE
 from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
-from server.api.finding import existing_fold, find_fold, viewing_of
+from server.api.finding import find_fold, found_fold, viewing_of
 from server.api.frames import view_page
 from server.api.own_values import values_of
 from server.api.tours import tour_of
@@ -180,7 +180,7 @@ def _page(**values: object) -> str:
 
 
 async def _finished(request: Request, fold_id: str) -> Found:
-    found = await asyncio.to_thread(existing_fold, request, fold_id)
+    found = await asyncio.to_thread(found_fold, request, fold_id)
     if found.row.status not in RUNNING_STATUSES:
         await asyncio.to_thread(check, found.directory, TIMELINE, FIGURES)
     timelines = viewing_of(request).timelines
