@@ -9,8 +9,8 @@ from __future__ import annotations
 import secrets
 import threading
 import time
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -108,7 +108,10 @@ class Store:
         """Held from the look at the queue until a fold is in it."""
         self._engine = engine_of(settings)
         migrate(self._engine)
-        self._sessions = sessionmaker(self._engine, expire_on_commit=False)
+        self.reading = sessionmaker(self._engine, expire_on_commit=False)
+        """A session that reads."""
+        self.changing = self.reading.begin
+        """A session whose changes are made together, or not at all."""
 
     def close(self) -> None:
         """Close all connections."""
@@ -126,18 +129,6 @@ class Store:
         place = self.folders.place(fold_id)
         return place if self.folders.storage is None else self.folders.shown(self.fold(fold_id))
 
-    @contextmanager
-    def reading(self) -> Generator[Session]:
-        """A session that reads."""
-        with self._sessions() as session:
-            yield session
-
-    @contextmanager
-    def changing(self) -> Generator[Session]:
-        """A session whose changes are made together, or not at all."""
-        with self._sessions.begin() as session:
-            yield session
-
     # Reading
 
     def fold(self, fold_id: str) -> FoldRow:
@@ -146,7 +137,7 @@ class Store:
         Raises:
             NoSuchFoldError: When there is none.
         """
-        with self._sessions() as session:
+        with self.reading() as session:
             row = session.get(FoldRow, fold_id)
         if row is None:
             raise NoSuchFoldError(fold_id)
@@ -174,13 +165,13 @@ class Store:
         return self._told(ValuesRow, fold_id)
 
     def _told(self, kind: type[TourRow | ValuesRow], fold_id: str) -> dict[str, Any] | None:
-        with self._sessions() as session:
+        with self.reading() as session:
             row = session.get(kind, fold_id)
         return None if row is None else row.told
 
     def list_public(self, limit: int = 100) -> Sequence[FoldRow]:
         """Return the gallery folds that are not cancelled, newest first."""
-        with self._sessions() as session:
+        with self.reading() as session:
             return session.scalars(
                 sa.select(FoldRow)
                 .where(FoldRow.public, FoldRow.cancel_requested.is_(False))
@@ -190,7 +181,7 @@ class Store:
 
     def list_owned(self, owner: Owner, limit: int = 100) -> Sequence[FoldRow]:
         """Return the folds of an owner, newest first."""
-        with self._sessions() as session:
+        with self.reading() as session:
             return session.scalars(
                 sa.select(FoldRow)
                 .where(owned_by(owner))
@@ -206,7 +197,7 @@ class Store:
 
     def owns(self, fold_id: str, owner: Owner) -> bool:
         """Return True if a fold belongs to an owner; gallery folds belong to none."""
-        with self._sessions() as session:
+        with self.reading() as session:
             row = session.get(FoldRow, fold_id)
         return row is not None and not row.public and owner.owns(row.owner)
 
@@ -215,7 +206,7 @@ class Store:
         query = sa.select(FoldRow.visitor, FoldRow.cost_s).where(
             FoldRow.status.in_(RUNNING_STATUSES)
         )
-        with self._sessions() as session:
+        with self.reading() as session:
             return [Waiting(*row) for row in session.execute(query)]
 
     def others_wait(self, fold_id: str, *, spent_s: float, cheaper: bool) -> bool:
@@ -226,7 +217,7 @@ class Store:
             spent_s: Seconds that it has computed.
             cheaper: True if only folds that are expected to cost less count.
         """
-        with self._sessions() as session:
+        with self.reading() as session:
             cost_s = session.scalar(sa.select(FoldRow.cost_s).where(FoldRow.id == fold_id)) or 0.0
             now = session.scalar(sa.select(CounterRow.value).where(CounterRow.name == "turn")) or 0
             queued = sa.select(FoldRow.id).where(
@@ -245,7 +236,7 @@ class Store:
         They are those of a fold that costs nothing if it was deleted.
         """
         query = sa.select(FoldRow.cost_s, FoldRow.pauses).where(FoldRow.id == fold_id)
-        with self._sessions() as session:
+        with self.reading() as session:
             cost_s, pauses = session.execute(query).first() or (0.0, 0)
         first_s = self._first_slice_s
         return slice_s(cost_s, pauses, first_s, for_cheaper=True), slice_s(cost_s, pauses, first_s)
