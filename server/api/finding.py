@@ -40,8 +40,8 @@ class Viewing:
     timelines: TimelineViews
     waits: FrameWaits
     artifacts: Artifacts
-    settings: Settings | None = None
-    estimates: Estimates | None = None
+    settings: Settings | None
+    estimates: Estimates | None
 
 
 def viewing_of(request: Request) -> Viewing:

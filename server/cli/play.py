@@ -128,7 +128,12 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
             artifacts = Artifacts(store, folder=Path(place))
             waits = FrameWaits()
             app.state.context = Viewing(
-                store=store, timelines=TimelineViews(), waits=waits, artifacts=artifacts
+                store=store,
+                timelines=TimelineViews(),
+                waits=waits,
+                artifacts=artifacts,
+                settings=None,
+                estimates=None,
             )
             yield
             waits.close()

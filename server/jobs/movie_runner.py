@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import sqlalchemy as sa
-from sqlalchemy.orm import Session
 
 from planner.errors import DamagedError, InputError
 from planner.file_names import TIMELINE
@@ -100,43 +99,37 @@ class MovieJobs:
     def _report(self, job: str, fields: dict[str, Any] | None) -> bool:
         """Store the number of drawn pictures; False if the movie is no longer wanted."""
         if fields is None:
-            with self._store.reading() as session:
-                return session.scalar(_making(job)) is not None
-        with self._store.changing() as session:
-            return _update(session, job, status="running", frames_done=int(fields["steps"]))
+            return self._store.scalar(_making(job)) is not None
+        return self._update(job, status="running", frames_done=int(fields["steps"]))
 
     def _row(self, job: str) -> MovieRow | None:
-        with self._store.reading() as session:
-            return session.scalar(sa.select(MovieRow).where(MovieRow.job == job))
+        return self._store.scalar(sa.select(MovieRow).where(MovieRow.job == job))
 
     def _kept(self, fold_id: str, job: str, movie: Movie, path: Path) -> bool:
         """Publish a finished movie; False if it is no longer wanted."""
-        size = path.stat().st_size
+        ready = {"status": "ready", "frames_done": movie.count, "bytes": path.stat().st_size}
 
         def keep() -> bool:
-            with self._store.reading() as session:
-                if session.scalar(_making(job)) is None:
-                    return False
+            if self._store.scalar(_making(job)) is None:
+                return False
             self._store.folders.keep_movie(fold_id, movie_file(job), path)
             return True
 
-        def ready() -> bool:
-            with self._store.changing() as session:
-                return _update(
-                    session, job, status="ready", frames_done=movie.count, bytes=size, problem=None
-                )
-
-        return retry_until_available(keep) and retry_until_available(ready)
+        return retry_until_available(keep) and retry_until_available(
+            lambda: self._update(job, problem=None, **ready)
+        )
 
     def _fail(self, job: str, code: str, detail: str, where: str | None) -> None:
         log.warning("a movie failed: %s", detail)
         problem = {"code": code, "detail": detail, "where": where}
+        retry_until_available(lambda: self._update(job, status="failed", problem=problem))
 
-        def fail() -> None:
-            with self._store.changing() as session:
-                _update(session, job, status="failed", problem=problem)
-
-        retry_until_available(fail)
+    def _update(self, job: str, **values: Any) -> bool:
+        """Change the row of a running movie; False if there is none."""
+        changed = sa.update(MovieRow).where(
+            MovieRow.job == job, MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES)
+        )
+        return bool(self._store.change(changed.values(**values)))
 
     def _clear_up(self, fold_id: str, job: str) -> None:
         """Remove the files of a movie, or of a fold, that was deleted meanwhile."""
@@ -159,11 +152,3 @@ def _making(job: str) -> sa.Select[str]:
     return sa.select(MovieRow.id).where(
         MovieRow.job == job, MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES)
     )
-
-
-def _update(session: Session, job: str, **values: Any) -> bool:
-    """Change the row of a running movie; False if there is none."""
-    changed = sa.update(MovieRow).where(
-        MovieRow.job == job, MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES)
-    )
-    return session.scalar(changed.values(**values).returning(MovieRow.id)) is not None

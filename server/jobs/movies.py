@@ -136,8 +136,7 @@ class Movies:
         """
         if not (movie_id.isascii() and movie_id.isalnum() and len(movie_id) <= 32):
             raise NoSuchMovieError(movie_id)
-        with self._store.reading() as session:
-            row = session.get(MovieRow, (fold_id, movie_id))
+        row = self._store.get(MovieRow, (fold_id, movie_id))
         if row is None:
             raise NoSuchMovieError(movie_id)
         return row
@@ -239,12 +238,11 @@ class Movies:
         check_space(settings.root, settings.min_free_disk_bytes)
 
     def _lose(self, job: str, while_it_is: tuple[str, ...]) -> None:
-        with self._store.changing() as session:
-            session.execute(
-                sa.update(MovieRow)
-                .where(MovieRow.job == job, MovieRow.status.in_(while_it_is))
-                .values(status="failed", problem={**INTERRUPTED, "where": None}, bytes=0)
-            )
+        self._store.change(
+            sa.update(MovieRow)
+            .where(MovieRow.job == job, MovieRow.status.in_(while_it_is))
+            .values(status="failed", problem={**INTERRUPTED, "where": None}, bytes=0)
+        )
 
     def _take_over(self, fold_id: str, movie_id: str) -> None:
         """Hand a movie to the owner; the visitor who requested it can no longer delete it."""

@@ -93,6 +93,7 @@ def add_meshes(
     """
     if wxyzs is None:
         wxyzs = np.tile([1.0, 0.0, 0.0, 0.0], (len(positions), 1))
+    options = {"cast_shadow": False, "receive_shadow": False, **options}
     return scene.add_batched_meshes_simple(
         name,
         mesh.vertices,
@@ -101,7 +102,7 @@ def add_meshes(
         positions,
         batched_colors=instance_colours(colours),
         lod="off",
-        **{"cast_shadow": False, "receive_shadow": False, **options},
+        **options,
     )
 
 
