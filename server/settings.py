@@ -170,7 +170,8 @@ class Settings(BaseSettings):
     read_seconds: PositiveFloat = 10.0
     """Maximum time to read an upload."""
     preview_seconds: PositiveFloat = 10.0
-    """Maximum time to prepare a preview."""
+    """Maximum time to prepare a preview; up to six times as long if the machine is too busy to give
+    it that much processor time."""
     preview_search_seconds: PositiveFloat = 4.0
     """Part of `FOLDBACK_PREVIEW_SECONDS` that the search for a path through unsplit cells may
     take."""
