@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, Response
+from numpy.typing import NDArray
 
 from planner.errors import DamagedError, InputError, TimelineError
 from planner.exports import EXPORTS, export_named, exports_of
 from planner.file_names import CERTIFICATE, MODEL, PLAN, PLAN_TEXT, RECORD, TIMELINE
+from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.context import Context
@@ -21,11 +23,6 @@ from server.http.client_address import address_of
 from server.http.downloads import download
 from server.store.folds import FoldRow
 from words.fold import has_motion
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from planner.motion.timeline import Timeline
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
 MAX_UNQUEUED_NUMBERS: Final = 100_000
@@ -97,8 +94,6 @@ def _timeline(context: Context, fold_id: str) -> Timeline:
         Conflict: If it is not there yet.
     """
     # The timeline brings compiled kernels along, which the start of the server need not wait for.
-    from planner.motion.timeline import Timeline
-
     row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
     if row.over:
         check(directory, TIMELINE)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from fastapi import Request
 
@@ -16,9 +16,7 @@ from server.settings import Settings
 from server.store.estimates import Estimates
 from server.store.fold_files import NoSuchFoldError
 from server.store.shown import FoldSource, Found, id_of_fold
-
-if TYPE_CHECKING:
-    from web.timeline.views import TimelineViews
+from web.timeline.views import TimelineViews
 
 ADDRESS_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections import deque
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
+from typing import Annotated, Any, Final, Literal, cast
 
 import msgspec
 from fastapi import APIRouter, Depends, Query, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import Response, StreamingResponse
+from numpy.typing import NDArray
 
 from planner.errors import DamagedError, InputError
 from planner.file_names import PLAN
@@ -52,9 +53,6 @@ from server.files.trajectories import MotorsWanted, Retimed, Wanted
 from server.http.client_address import address_of
 from server.http.streams import Stream
 from server.store.folds import FoldRow, NoSuchFoldError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
 schemas = APIRouter(prefix="/api", tags=["robots"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from functools import cache
-from typing import TYPE_CHECKING
 
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
@@ -13,14 +12,12 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.errors import InputError, PlannerError
 from planner.readers import read
+from planner.readers.gallery import Gallery, GalleryShape
 from server.api.context import context_of
 from server.http.security import INDEXED_HEADERS
 from server.pages.page import drawing
 from web.pictures.isometric_modules import chain_svg
 from web.pictures.shipped import shipped_pictures
-
-if TYPE_CHECKING:
-    from planner.readers.gallery import Gallery, GalleryShape
 
 router = APIRouter(include_in_schema=False)
 
