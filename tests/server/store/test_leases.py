@@ -174,7 +174,7 @@ def test_probe_for_dead_workers_takes_no_name(tmp_path: Path) -> None:
     with process(PROBE, str(tmp_path), identity.name), process(PROBE, str(tmp_path), identity.name):
         for _ in range(300):
             taken = identities.take()
-            taken.close()
+            taken.lock.close()
             assert taken.name == identity.name
 
 
@@ -187,4 +187,4 @@ def test_killed_worker_is_dead_at_once(tmp_path: Path) -> None:
         worker.kill()
         worker.wait()
         assert identities.dead([name, mine.name]) == {name}
-    mine.close()
+    mine.lock.close()
