@@ -16,7 +16,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from server.files.artifacts import Artifacts
-from server.files.pictures import MAX_CACHED_PICTURES, RecentPictures
+from server.files.pictures import MAX_CACHED_PICTURES, recent_pictures
 from server.pages import pictures
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store
@@ -29,7 +29,7 @@ class Drawn(list[str]):
 
     def __init__(self) -> None:
         super().__init__()
-        self.recent = RecentPictures()
+        self.recent = recent_pictures()
         self.moments: list[dict[str, object]] = []
 
     def drawn(self, path: Path, moment: dict[str, object]) -> bytes:
@@ -113,9 +113,9 @@ def test_picture_of_a_nonsense_view_is_refused(store: Store, drawn: Drawn) -> No
 
 
 def test_recent_pictures_beyond_the_limit_are_dropped() -> None:
-    recent = RecentPictures()
+    recent = recent_pictures()
     for key in range(MAX_CACHED_PICTURES + 1):
-        recent.put(key, b"a picture")
+        recent.keep(key, b"a picture")
         recent.get(0)
     assert recent.get(0) is not None
     assert recent.get(1) is None
