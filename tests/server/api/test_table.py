@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from tests.case import case
 from tests.server.service import Service
 from web.timeline.columns import decode
 
@@ -30,9 +31,8 @@ def asked(desk: Service, path: str = "/api/folds", **form: str) -> Any:
     return desk.http.post(path, files=files or None, data=form)
 
 
-@pytest.mark.parametrize(
-    ("form", "words"),
-    [
+def test_options_that_do_not_suit_a_table_are_refused(desk: Service) -> None:
+    for form, words in (
         ({"module": "tetrahedron"}, "got the module tetrahedron for a fold on"),
         ({"shape": "tetra-ring"}, "got the module tetrahedron"),
         ({"preset": "paper"}, "got the preset paper for a fold on a table"),
@@ -41,16 +41,13 @@ def asked(desk: Service, path: str = "/api/folds", **form: str) -> Any:
         ({"method": "exact"}, "got the path method exact"),
         ({"ends": "surface"}, "got the choice of ends surface"),
         ({"start": "0,0,0"}, "got a start cell"),
-    ],
-)
-def test_options_that_do_not_suit_a_table_are_refused(
-    desk: Service, form: dict[str, str], words: str
-) -> None:
-    fold = asked(desk, world="table", **form)
-    assert (fold.status_code, fold.json()["code"]) == (422, "unsuited-world")
-    assert words in fold.json()["detail"]
-    if "method" in form:
-        assert asked(desk, "/api/shapes/preview", world="table", **form).json() == fold.json()
+    ):
+        with case(words):
+            fold = asked(desk, world="table", **form)
+            assert (fold.status_code, fold.json()["code"]) == (422, "unsuited-world")
+            assert words in fold.json()["detail"]
+    preview = asked(desk, "/api/shapes/preview", world="table", start="0,0,0")
+    assert preview.json() == fold.json()
 
 
 def test_settings_and_paths_that_do_not_suit_the_world_are_refused(desk: Service) -> None:
@@ -79,17 +76,10 @@ def test_preview_for_a_table_shows_a_path_or_why_there_is_none(desk: Service) ->
     assert set(map(tuple, problem["cells"])) <= set(map(tuple, none["cells"]))
 
 
-@pytest.fixture(scope="module")
-def resting(service: Service) -> dict[str, Any]:
-    form = {"world": "table", "settings": "table_torque=9"}
-    accepted = asked(service, **form).json()
-    return service.wait_over(accepted["id"])
-
-
 @pytest.mark.slow
-def test_fold_on_a_table_shows_its_torque_and_forces(
-    service: Service, resting: dict[str, Any]
-) -> None:
+def test_fold_on_a_table_shows_its_torque_and_forces(service: Service) -> None:
+    accepted = asked(service, world="table", settings="table_torque=9").json()
+    resting = service.wait_over(accepted["id"])
     assert (resting["status"], resting["world"]) == ("verified", "table")
     table = resting["summary"]["certificate"]["table"]
     assert table["bound"] == 9.0
@@ -117,23 +107,6 @@ def test_fold_on_a_table_shows_its_torque_and_forces(
     bundle, _ = decode(service.http.get(f"{under}/bundle").content)
     assert bundle["table"]["height"] == pytest.approx(-0.5)
     assert '"forces":' in service.http.get(f"{under}/standalone.html").text
-
-
-@pytest.mark.slow
-def test_fold_on_a_table_is_requested_again_floating(
-    service: Service, resting: dict[str, Any]
-) -> None:
-    plain = service.fold(fold=resting["id"])
-    state = service.wait_over(plain["id"])
-    assert plain["id"] != resting["id"]
-    assert state["world"] == "floating"
-    assert "table" not in state["summary"]["certificate"]
-    facts = service.http.get(f"/folds/{plain['id']}/facts").json()
-    assert facts["table"] is None
-    (rests,) = (way for way in facts["compare"] if way["text"] == "On a table")
-    assert rests["form"]["world"] == "table"
-    bundle, _ = decode(service.http.get(f"/folds/{plain['id']}/bundle").content)
-    assert bundle["table"] is None
 
 
 def slab_without_a_path(service: Service) -> tuple[dict[str, Any], dict[str, str]]:
@@ -174,12 +147,12 @@ def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(desk: Serv
 def test_search_for_offers_ends_with_its_client_and_with_its_time(
     here_with: Callable[..., Service],
 ) -> None:
-    service = here_with(preview_seconds=3.0).start()
-    for timeout in (60.0, 0.5):
+    service = here_with(preview_seconds=1.5).start()
+    for timeout in (60.0, 0.3):
         _, same = slab_without_a_path(service)
         (busy,) = service.children("preparer")
         busy.suspend()  # as one whose search goes on for ever
-        if timeout > 3.0:
+        if timeout > 1.5:
             late = service.http.post("/api/shapes/offers", data=same)
             assert (late.status_code, late.json()["code"]) == (504, "preview-too-slow")
         else:

@@ -45,24 +45,21 @@ def test_clean_name_drops_invisible_text() -> None:
             assert export_name(text) == "fold"
 
 
-@pytest.mark.parametrize(
-    ("name", "clean"),
-    [
+def test_clean_name_keeps_what_shows() -> None:
+    for name, clean in (
         ("a\u3164b", "ab"),
         ("exe\u202egpj.scr", "exegpj.scr"),
         ("a\u2003\u00a0 b", "a b"),
         ("e\u0301tude", "e\u0301tude"),
         ("हिन्दी", "हिन्दी"),
         ("ไม้เท้า", "ไม้เท้า"),
-        ("한글", "한글"),
         ("\u0301a", "a"),
         ("a" + "\u0301" * 50 + "b", "a" + "\u0301" * 4 + "b"),
         ("w" * 500, "w" * (MAX_NAME_LENGTH - 1) + "…"),
-    ],
-)
-def test_clean_name_keeps_what_shows(name: str, clean: str) -> None:
-    assert clean_name(name) == clean
-    assert clean_name(clean) == clean
+    ):
+        with case(name):
+            assert clean_name(name) == clean
+            assert clean_name(clean) == clean
 
 
 def _title(service: Service, data: object, filename: str = "ok.json") -> str:
@@ -77,8 +74,7 @@ def named_in_path(service: Service, name: str) -> str:
 
 
 def named_in_chain(service: Service, name: str) -> str:
-    angles = [[90.0 if k % 2 else -90.0, 0.0] for k in range(3)]
-    chain = {"format": "foldback-chain/1", "module": "cube", "joint_angles_deg": angles}
+    chain = {"format": "foldback-chain/1", "module": "cube", "joint_angles_deg": [[90.0, 0.0]]}
     return _title(service, {**chain, "name": name})
 
 
@@ -87,24 +83,22 @@ def named_by_file(service: Service, name: str) -> str:
 
 
 def named_in_preview(service: Service, name: str) -> str:
-    file = {
-        "file": ("ok.json", json.dumps({"format": "foldback-path/1", "name": name, "cells": SNAKE}))
+    named = {"format": "foldback-path/1", "name": name, "cells": SNAKE}
+    asked: dict[str, Any] = {
+        "headers": bearer("N" * 32),
+        "files": {"file": ("ok.json", json.dumps(named))},
     }
-    headers = bearer("N" * 32)
-    answer = service.http.post(
-        "/api/shapes/preview", headers=headers, files=file, data={"full": "false"}
-    )
+    answer = service.http.post("/api/shapes/preview", data={"full": "false"}, **asked)
     assert answer.status_code == 200, answer.text
-    previews = service.http.get("/api/mine/previews", headers=headers).json()["previews"]
-    return str(previews[0]["title"])
+    listed = service.http.get("/api/mine/previews", headers=asked["headers"]).json()
+    return str(listed["previews"][0]["title"])
 
 
 def renamed(service: Service, name: str) -> str:
     fold = service.fold(SNAKE)
     here = f"/api/folds/{fold['id']}"
     answer = service.http.patch(here, json={"name": name}, headers=bearer(fold["owner_token"]))
-    if answer.status_code == 422:
-        assert answer.json()["code"] == "empty-name"
+    assert answer.is_success or answer.json()["code"] == "empty-name"
     return str(service.state(fold["id"])["title"])
 
 
