@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ import pytest
 from planner.progress import COMPILING
 from server.processes import children
 from server.processes.children import LOST, ChildError
-from server.processes.fork_server import ForkServer
+from server.processes.fork_server import ForkServer, Kind
 from tests.server.here import FORKS
 from tests.server.processes.test_children import WITHOUT_LIBRARIES, made, upload_in
 from tests.server.service import PATIENCE_S
@@ -44,11 +44,13 @@ def pid_of(server: ForkServer) -> int:
     return server.pid
 
 
-def spoiled(place: Path, code: str, *, warm: bool = False) -> ForkServer:
+def spoiled(
+    place: Path, code: str, *, kinds: Sequence[Kind] = ("stages",), warm: bool = False
+) -> ForkServer:
     """One that runs code before anything else."""
     place.mkdir()
     (place / "sitecustomize.py").write_text(code)
-    return ForkServer(["stages"], warm=warm, environment={"PYTHONPATH": before_others(place)})
+    return ForkServer(kinds, warm=warm, environment={"PYTHONPATH": before_others(place)})
 
 
 def before_others(place: Path) -> str:
@@ -153,11 +155,41 @@ def test_progress_of_compiling_is_passed_on(tmp_path: Path, directory: Path) -> 
     assert told[:2] == [(COMPILING, 0.25), (COMPILING, 0.5)]
 
 
+LATE = """
+import os, subprocess, sys
+from planner.pipeline import compiling
+it = sys.modules["planner.pipeline.warm_up_paths"] = type(sys)("warm_up_paths")
+it.warm_up_paths = lambda: os.mkdir({place!r})
+compiling.Compiling.told = property(lambda self: True, lambda self, value: None)
+def beside(part, directory):
+    return subprocess.Popen(["sleep", "600" if part == "paths" else "0"])
+compiling.beside = beside
+"""
+
+
+def test_previews_wait_for_their_kernels_and_paths_do_not(tmp_path: Path, directory: Path) -> None:
+    """A confined process cannot store what it compiles, so that each preview would repeat it."""
+    loaded = tmp_path / "loaded"
+    code = LATE.format(place=str(loaded))
+    kinds: tuple[Kind, ...] = ("reader", "preparer")
+    with closing(spoiled(tmp_path / "code", code, kinds=kinds, warm=True)) as server:
+        with made("reader", fork_server=server) as child:
+            assert child.call("check", directory, wall_s=60) == WHOLE
+        with made("preparer", fork_server=server) as child:
+            left = child.call("check", directory, wall_s=60, cancelled=lambda: True)
+            assert left["status"] == "cancelled"
+            assert not loaded.exists()
+            compiling = psutil.Process(pid_of(server)).children()
+            next(one for one in compiling if one.cmdline() == ["sleep", "600"]).kill()
+            assert child.call("check", directory, wall_s=60) == WHOLE
+        assert loaded.exists()
+
+
 PARENT = """
 import json, sys, time
 from pathlib import Path
 from server.processes.children import Child, LOST
-from server.processes.fork_server import ForkServer
+from server.processes.fork_server import ForkServer, Kind
 from server.processes.limits import ChildLimits
 server = ForkServer(["reader"], warm=False)
 limits = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
@@ -195,7 +227,7 @@ it.warm_up = warm_up
 """
 STARTS = """
 import os, signal, sys, time
-from server.processes.fork_server import ForkServer
+from server.processes.fork_server import ForkServer, Kind
 server = ForkServer(["stages"], warm=True, environment={"PYTHONPATH": sys.argv[1]})
 server.start()
 print(server.pid, flush=True)
