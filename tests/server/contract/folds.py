@@ -9,8 +9,8 @@ from typing import Any
 
 from planner.files import settle
 from planner.plan.packed import unpack
-from server.api.context import Context
 from server.api.finished import FINISHED_FOLDS_DIR
+from server.store.folds import Store
 from tests.server.rows import a_fold
 from tests.server.service import SNAKE
 
@@ -98,10 +98,10 @@ NAMES = (*INCLUDED, *ROWS)
 """Ids of all folds."""
 
 
-def add_folds(context: Context) -> None:
+def add_folds(store: Store) -> None:
     """Add all folds to a store that has none of them."""
     for fold_id, name in INCLUDED.items():
-        directory = context.store.directory(fold_id)
+        directory = store.directory(fold_id)
         directory.mkdir(parents=True)
         about = unpack((FINISHED_FOLDS_DIR / f"{name}.fold").read_bytes(), directory)
         settle(directory)
@@ -110,16 +110,16 @@ def add_folds(context: Context) -> None:
         shape = about["shape"] if about["refold"] is None else None
         included = {**summary, "included": {"version": about["version"]}}
         values = known | {"public": True, "pinned": True, "shape": shape, "summary": included}
-        _add(context, fold_id, name=about["name"], refold=about["refold"], **values)
+        _add(store, fold_id, name=about["name"], refold=about["refold"], **values)
     for fold_id, values in ROWS.items():
-        _add(context, fold_id, **{"status": "failed", **values})
-    directory = context.store.directory("knotted")
+        _add(store, fold_id, **{"status": "failed", **values})
+    directory = store.directory("knotted")
     (directory / "attempts.json").write_text(json.dumps(TRIED))
-    (context.store.directory("queued") / "cells.json").write_text(json.dumps(SNAKE))
+    (store.directory("queued") / "cells.json").write_text(json.dumps(SNAKE))
 
 
-def _add(context: Context, fold_id: str, **values: Any) -> None:
-    Path(context.store.directory(fold_id)).mkdir(parents=True, exist_ok=True)
+def _add(store: Store, fold_id: str, **values: Any) -> None:
+    Path(store.directory(fold_id)).mkdir(parents=True, exist_ok=True)
     row = a_fold(fold_id, **{"created_at": DAY, "ended_at": DAY, "seen_at": DAY, **values})
-    with context.store.changing() as session:
+    with store.changing() as session:
         session.add(row)

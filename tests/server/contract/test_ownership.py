@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from functools import partial
 
 import pytest
 
-from tests.server.contract.application import Application
+from server.store.folds import Store
 from tests.server.contract.things import ACTORS, MOVIE_ID, TOUR, VALUES, Thing
+from tests.server.here import ServiceHere
 
 MATRIX = """
 action        thing                         none     short    stranger asker    owner    heir
@@ -115,19 +118,20 @@ CODES = {
 
 
 @pytest.fixture(scope="module")
-def application(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Application]:
-    with Application(tmp_path_factory.mktemp("ownership") / "data") as application:
-        yield application
+def make(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Thing]]:
+    """Makes a thing of its words."""
+    place = tmp_path_factory.mktemp("ownership") / "data"
+    with ServiceHere(place).start() as service, closing(Store(service.settings)) as store:
+        yield partial(Thing, service, store)
 
 
-def cells(application: Application, action: str, words: str) -> Iterator[str]:
+def cells(make: Callable[[str], Thing], action: str, words: str) -> Iterator[str]:
     """Yield the outcome of an action for each actor; things that have changed are replaced."""
     method, path, body = ACTIONS[action]
-    thing = Thing(application, words)
+    thing = make(words)
     before = thing.state()
     for actor in ACTORS:
-        address = path.format(id=thing.fold_id)
-        answer = application.ask(method, address, token=thing.tokens[actor], body=body)
+        answer = thing.ask(actor, method, path.format(id=thing.fold_id), body)
         changed = thing.state() != before
         if answer.status_code >= 400:
             assert not changed
@@ -138,13 +142,13 @@ def cells(application: Application, action: str, words: str) -> Iterator[str]:
         else:
             yield f"{answer.status_code}{'' if changed else '='}"
         if changed:
-            thing = Thing(application, words)
+            thing = make(words)
             before = thing.state()
 
 
 @pytest.mark.parametrize("action", ACTIONS)
 def test_actions_of_clients_have_the_outcomes_of_the_table(
-    application: Application, action: str
+    make: Callable[[str], Thing], action: str
 ) -> None:
     header, *rows = MATRIX.strip("\n").split("\n")
     assert header.split() == ["action", "thing", *ACTORS]
@@ -152,5 +156,5 @@ def test_actions_of_clients_have_the_outcomes_of_the_table(
     assert expected
     for row in expected:
         words = row.split()[1]
-        outcomes = "".join(f"{each:9}" for each in cells(application, action, words))
+        outcomes = "".join(f"{each:9}" for each in cells(make, action, words))
         assert f"{action:14}{words:30}{outcomes}".rstrip() == row

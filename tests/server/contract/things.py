@@ -7,16 +7,19 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import httpx
+
 from planner.file_names import TIMELINE
 from planner.files import write_json
 from planner.plan.own_values import VALUES_FORMAT
 from planner.plan.tour import TOUR_FORMAT
-from server.store.folds import new_id
+from server.store.folds import Store, new_id
 from server.store.owner import Owner, new_token
 from server.store.tables import FoldRow, MovieRow, PreviewRow, TourRow, ValuesRow
 from server.store.tours import write_beside
-from tests.server.contract.application import Application
+from tests.server.here import ServiceHere
 from tests.server.rows import a_fold, a_movie
+from tests.server.service import bearer
 
 ACTORS = ("none", "short", "stranger", "asker", "owner", "heir")
 """Holders of no token, of one that is too short, of a random one; the client that has requested the
@@ -44,16 +47,16 @@ class Thing:
     """One fold with what belongs to it.
 
     Args:
-        application: Application that has it.
+        service: Service that has it.
+        store: Its folds.
         words: Its state, and what has happened to it since, as in ``gallery+shared``.
     """
 
-    def __init__(self, application: Application, words: str) -> None:
+    def __init__(self, service: ServiceHere, store: Store, words: str) -> None:
         self.fold_id = new_id()
         self.tokens: dict[str, str | None] = {actor: new_token() for actor in ACTORS}
         self.tokens |= {"none": None, "short": "short-and-guessable"}
-        self._application = application
-        self._store = application.context.store
+        self._service, self._store = service, store
         state, *events = words.split("+")
         row = a_fold(self.fold_id, **{"content_key": new_token(), **STATES[state]})
         self._store.add(row, self.owner("owner"))
@@ -77,6 +80,12 @@ class Thing:
         """Return an actor that has a token."""
         return Owner.from_token(self.tokens[actor] or "")
 
+    def ask(self, actor: str, method: str, path: str, body: object = None) -> httpx.Response:
+        """Return the answer to a request of an actor."""
+        token = self.tokens[actor]
+        headers = {} if token is None else bearer(token)
+        return self._service.http.request(method, path, headers=headers, json=body)
+
     def state(self) -> tuple[object, ...]:
         """Return all that an action may change."""
         with self._store.reading() as session:
@@ -97,7 +106,7 @@ class Thing:
 
     def _give(self, method: str, path: str) -> None:
         body = {"owner_token": self.tokens["heir"]}
-        answer = self._application.ask(method, path, token=self.tokens["owner"], body=body)
+        answer = self.ask("owner", method, path, body)
         assert answer.status_code == 200, answer.text
 
     def _add_movie(self, token_hash: str, *, of_owner: bool) -> None:
@@ -112,7 +121,7 @@ class Thing:
         write_json(timeline / "zarr.json", {"attributes": {"frames": 9}})
 
     def _add_preview(self) -> None:
-        directory = self._application.context.settings.previews_dir / self.fold_id
+        directory = self._service.settings.previews_dir / self.fold_id
         directory.mkdir()
         (directory / "input").write_bytes(b"")
         now, owner = time.time(), self.owner("owner").digest
