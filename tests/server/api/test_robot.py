@@ -227,11 +227,9 @@ def test_messages_are_bounded_in_size_and_rate(service: Service, finished: Finis
 
 def test_messages_of_play_have_a_schema(service: Service, finished: Finished) -> None:
     schema = service.http.get("/api/play-schema").json()
-    assert schema["title"] == "foldback-play/1"
     assert {"Ask", "Begin", "Target", "Waiting", "Going", "Report", "End"} <= set(schema["$defs"])
     answer = service.http.get(f"/api/folds/{finished['id']}/play")
-    assert answer.status_code == 426
-    assert answer.json()["code"] == "websocket"
+    assert (answer.status_code, answer.json()["code"]) == (426, "websocket")
 
 
 def test_trajectory_is_given_as_json_and_csv(service: Service, finished: Finished) -> None:
@@ -245,11 +243,9 @@ def test_trajectory_is_given_as_json_and_csv(service: Service, finished: Finishe
     rows = [line.split(",") for line in table.text.splitlines()]
     assert len(rows[0]) == 1 + 2 * len(document["joint_names"])
     assert float(rows[-1][0]) == pytest.approx(document["duration_s"], abs=1e-6)
-    for wrong in ({"max_speed": 0}, {"format": "xml"}, {"rate": -1}):
-        assert service.http.get(here, params=wrong).status_code == 422
     slow = {"max_speed": 1e-3, "rate": 1e4}
-    assert service.http.get(here, params=slow).json()["code"] == "too-large"
-    assert service.http.get("/api/folds/none/trajectory").status_code == 404
+    for wrong, status in (({"max_speed": 0}, 422), ({"format": "xml"}, 422), (slow, 413)):
+        assert service.http.get(here, params=wrong).status_code == status
 
 
 def test_motors_are_judged_by_their_torque(service: Service, finished: Finished) -> None:

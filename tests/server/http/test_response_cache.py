@@ -90,9 +90,8 @@ def test_deleted_fold_is_gone_from_all_its_addresses(
     places = [f"/folds/{fold_id}", f"/folds/{fold_id}/batch?to=4", f"/api/folds/{fold_id}"]
     for place in places:
         a, b = other.http.get(place), other.http.get(place)
-        assert (a.status_code, a.content) == (b.status_code, b.content) == (200, a.content)
+        assert (a.status_code, b.status_code, b.content) == (200, 200, a.content)
         assert a.headers["x-request-id"] != b.headers["x-request-id"]
-        for name in ("content-security-policy", "cache-control", "content-type"):
-            assert a.headers[name] == b.headers[name]
+        assert a.headers["content-security-policy"] == b.headers["content-security-policy"]
     other.http.delete(f"/api/folds/{fold_id}", headers=owner(finished["accepted"]))
     assert [other.http.get(place).status_code for place in places] == [404, 404, 404]

@@ -77,14 +77,6 @@ def mine(desk: Service, token: str, what: str) -> list[dict[str, Any]]:
     return desk.http.get(f"/api/mine/{what}", headers=bearer(token)).json()[what]
 
 
-def test_my_folds_page_is_the_same_for_all_and_not_indexed(desk: Service) -> None:
-    pages = [desk.http.get("/my-folds", headers=h) for h in ({}, bearer(new_token()))]
-    assert pages[0].text == pages[1].text
-    for page in pages:
-        assert page.headers["cache-control"] == "no-store"
-        assert "noindex" in page.headers["x-robots-tag"]
-
-
 def test_database_is_queried_by_hashes_only(store: Store, tmp_path: Path) -> None:
     token = new_token()
     owner, previews = Owner.from_token(token), Previews(Settings(data_dir=tmp_path), store)

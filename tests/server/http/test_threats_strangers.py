@@ -109,36 +109,25 @@ def test_ids_and_tokens_cannot_be_guessed() -> None:
 
 def test_private_links_are_not_indexed(desk: Service) -> None:
     secret = desk.http.post("/api/folds", files={"file": ("a.json", path_file("s", 60))}).json()
-    public = desk.http.post("/api/folds", data={"shape": "mallet-64"}).json()
-    told = desk.http.post(
-        "/api/shapes/preview",
-        files={"file": ("a.json", path_file("s", 61))},
-        data={"full": "false"},
-    ).json()
-    here = f"/folds/{secret['id']}"
-    parts = ("", "/facts", "/picture.png", "/standalone.html")
-    for listed, paths in {
-        "noindex, nofollow": (
-            *(here + part for part in parts),
-            *(f"/api{here}{part}" for part in ("", "/plan.json", "/movies/abc")),
-            *(f"/embed/{secret['id']}", f"/compare?a={secret['id']}&b={public['id']}"),
-            *(told["links"]["page"], "/shapes/new", "/view", "/embed/view", "/docs"),
-        ),
-        "all": (
-            *(f"/folds/{public['id']}", "/", "/gallery", "/benchmarks", "/privacy", "/paper"),
-            "/shapes/mallet-64.svg",
-        ),
-    }.items():
-        for path in paths:
-            headers = desk.http.get(path).headers
-            assert headers["x-robots-tag"] == listed, path
-            assert headers["referrer-policy"] == "same-origin", path  # no other site learns a link
+    public = desk.fold(shape="mallet-64")["id"]
+    seen = {"file": ("a.json", path_file("s", 61))}
+    told = desk.http.post("/api/shapes/preview", files=seen, data={"full": "false"}).json()
+    preview, here = told["links"]["page"], f"/folds/{secret['id']}"
+    hidden = [here + part for part in ("", "/facts", "/picture.png", "/standalone.html")]
+    hidden += [f"/api{here}{part}" for part in ("", "/plan.json", "/movies/abc")]
+    hidden += [f"/embed/{secret['id']}", f"/compare?a={secret['id']}&b={public}", preview]
+    hidden += ["/shapes/new", "/view", "/embed/view", "/docs"]
+    shown = [f"/folds/{public}", "/", "/gallery", "/benchmarks", "/privacy", "/paper"]
+    listed = dict.fromkeys(hidden, "noindex, nofollow") | dict.fromkeys(shown, "all")
+    for path, robots in listed.items():
+        headers = desk.http.get(path).headers
+        assert headers["x-robots-tag"] == robots, path
+        assert headers["referrer-policy"] == "same-origin", path  # no other site learns a link
     rules = RobotFileParser()
     rules.parse(desk.http.get("/robots.txt").text.splitlines())
     # Who may not come in does not read what is said there.
-    for path in (here, told["links"]["page"], "/gallery", "/"):
-        assert rules.can_fetch("anybody", path), path
-    assert not rules.can_fetch("anybody", f"/api/folds/{public['id']}")
+    assert all(rules.can_fetch("anybody", path) for path in (here, preview, "/gallery", "/"))
+    assert not rules.can_fetch("anybody", f"/api/folds/{public}")
 
 
 BAD_IDS = ("..", "%2e%2e", "..%2f..%2fsecret", "a%00b", "%0d%0aX:y", "~root", "%ff%fe", "a" * 5000)
@@ -168,17 +157,12 @@ SENSELESS = ("nan", "inf", "1e999", "-1", "1" + "0" * 30, "0x10", "", "1e-400", 
 
 def test_senseless_queries_are_answered(service: Service, finished: dict[str, Any]) -> None:
     page = f"/folds/{finished['id']}"
-    here = f"/api{page}"
-    for number, query in enumerate(
-        (
-            *(f"{here}/frames?{name}=" for name in ("from", "to", "stride")),
-            *(f"{here}/trajectory?{name}=" for name in ("max_speed", "rate")),
-            *(f"{here}/motors?module_mass=1&{name}=" for name in ("pitch", "gravity")),
-            f"{here}/motors?module_mass=",
-            *(f"{page}/{part}=" for part in ("batch?from", "batch?to", "figures?part")),
-            *(f"/gallery?{name}=" for name in ("modules", "least", "q")),
-        )
-    ):
+    queries = [f"/api{page}/frames?{name}=" for name in ("from", "to", "stride")]
+    queries += [f"/api{page}/trajectory?{name}=" for name in ("max_speed", "rate")]
+    queries += [f"/api{page}/motors?module_mass=1&{name}=" for name in ("pitch", "gravity")]
+    queries += [f"{page}/{part}=" for part in ("batch?from", "batch?to", "figures?part")]
+    queries += [f"/gallery?{name}=" for name in ("modules", "least", "q")]
+    for number, query in enumerate((f"/api{page}/motors?module_mass=", *queries)):
         for value in SENSELESS[number % 3 :: 3]:
             answer = service.http.get(query + value)
             told = (query, value, answer.text)

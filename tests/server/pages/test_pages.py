@@ -91,9 +91,16 @@ def test_pages_with_secrets_are_not_compressed(desk: Service) -> None:
         answer = desk.http.get(path, headers=own)
         assert answer.status_code == 200, path
         assert "content-encoding" not in answer.headers, path
-    same = [desk.http.get("/my-folds", headers=h) for h in (own, {"Accept-Encoding": "gzip"})]
-    assert same[0].headers["content-encoding"] == "gzip"
+
+
+def test_my_folds_page_is_the_same_for_all_and_not_indexed(desk: Service) -> None:
+    keys = (bearer("K" * 32), {})
+    same = [desk.http.get("/my-folds", headers=key | {"Accept-Encoding": "gzip"}) for key in keys]
     assert same[0].content == same[1].content
+    for page in same:
+        assert page.headers["content-encoding"] == "gzip"
+        assert page.headers["cache-control"] == "no-store"
+        assert "noindex" in page.headers["x-robots-tag"]
 
 
 def test_only_the_theme_script_of_a_page_runs() -> None:
