@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -63,26 +64,33 @@ def test_refold_that_differs_after_a_search_fails(service: Service, wrench: str)
     assert "examples that fit: mallet-24, wrench-24." in state["error"]["detail"]
 
 
-def test_only_finished_folds_with_a_plan_that_folds_are_refolded(
+def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(
     desk: Service, service: Service, wrench: str
 ) -> None:
     waiting = desk.fold(SNAKE, seed="31")
+    forms = {"refold": {"refold": waiting["id"], "shape": "mallet-24"}}
+    forms["smooth"] = {"smooth": waiting["id"]}
 
-    def refused(fold_id: str = waiting["id"]) -> tuple[int, str, str]:
-        status, problem = desk.refused(refold=fold_id, shape="mallet-24")
+    def refused(use: str) -> tuple[int, str, str]:
+        status, problem = desk.refused(**forms[use])
         return status, problem["code"], problem["detail"]
 
-    assert refused()[:2] == (409, "refold-not-ready")
+    assert [refused(use)[:2] for use in forms] == [(409, f"{use}-not-ready") for use in forms]
     desk.http.post(f"/api/folds/{waiting['id']}/cancel", headers=owner(waiting))
-    assert refused()[:2] == (422, "refold-no-plan")
-    assert refused("nosuchfold")[0] == 404
+    assert [refused(use)[:2] for use in forms] == [(422, f"{use}-no-plan") for use in forms]
+    assert desk.refused(refold="nosuchfold", shape="mallet-24")[0] == 404
     theirs, mine = service.directory(wrench), desk.directory(waiting["id"])
-    plan = Plan.load(theirs / "plan.npz")
-    changed(plan, joint_angles_rad=0.9 * plan.joint_angles_rad).save_npz(mine / "plan.npz")
     shutil.copyfile(theirs / "chain.json", mine / "chain.json")
-    status, code, detail = refused()
+    plan = Plan.load(theirs / "plan.npz")
+    other = changed(plan, joint_angles_rad=0.9 * plan.joint_angles_rad)
+    other.save_npz(mine / "plan.npz")
+    status, code, detail = refused("refold")
     assert (status, code) == (422, "refold-not-folded")
     assert "wrench-24 that does not start straight and end folded" in detail
+    failed = replace(plan.certificate, verdict="failed: it overlaps")
+    replace(plan, certificate=failed).save_npz(mine / "plan.npz")
+    assert refused("smooth")[:2] == (422, "smooth-not-verified")
+    assert not desk.http.get(f"/folds/{waiting['id']}/facts").json()["smoothable"]
 
 
 def cli(*arguments: object) -> tuple[int, str]:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +17,7 @@ from server.cli.command_line import application
 from server.operate.fold_tasks import AdminTasks
 from server.store.folds import Store
 from tests.server.here import ServiceHere
-from tests.server.service import SNAKE, Service, owner
+from tests.server.service import Service, owner
 
 
 @pytest.fixture(scope="module")
@@ -125,26 +123,6 @@ def test_options_that_do_not_suit_smoothing_are_refused(
     ):
         answer, problem = service.refused(**form)
         assert (answer, problem["code"]) == (status, code), problem
-
-
-def test_only_verified_folds_are_smoothed(desk: Service, service: Service, plain: str) -> None:
-    waiting = desk.fold(SNAKE, seed="43")
-    here = desk.directory(waiting["id"])
-
-    def refused() -> tuple[int, str]:
-        status, problem = desk.refused(smooth=waiting["id"])
-        return status, problem["code"]
-
-    assert refused() == (409, "smooth-not-ready")
-    desk.http.post(f"/api/folds/{waiting['id']}/cancel", headers=owner(waiting))
-    assert refused() == (422, "smooth-no-plan")
-    theirs = service.directory(plain)
-    plan = Plan.load(theirs / "plan.npz")
-    failed = replace(plan.certificate, verdict="failed: it overlaps")
-    replace(plan, certificate=failed).save_npz(here / "plan.npz")
-    shutil.copyfile(theirs / "chain.json", here / "chain.json")
-    assert refused() == (422, "smooth-not-verified")
-    assert not desk.http.get(f"/folds/{waiting['id']}/facts").json()["smoothable"]
 
 
 def cli(*arguments: object) -> tuple[int, str]:
