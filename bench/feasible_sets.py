@@ -17,7 +17,7 @@ Cell = tuple[int, int, int]
 FEASIBLE_SETS_SEED = 94
 """First entry of the seeds that all sets are drawn from. Other values draw other sets, which are
 not those of the stored results."""
-MIN_CELLS, MAX_CELLS = 94, 300
+MIN_SET_CELLS, MAX_SET_CELLS = 94, 300
 """Smallest and largest number of cells of a set."""
 FEASIBLE_SETS_PER_KIND = 25
 """Number of sets of each of the four kinds."""
@@ -45,7 +45,7 @@ def feasible_sets() -> Iterator[FeasibleSet]:
         for k in range(FEASIBLE_SETS_PER_KIND):
             number = list(NEIGHBOUR_WEIGHTS).index(kind)
             rng = np.random.default_rng([FEASIBLE_SETS_SEED, number, k])
-            walk = _walk(int(rng.integers(MIN_CELLS, MAX_CELLS + 1)), neighbour_weight, rng)
+            walk = _walk(int(rng.integers(MIN_SET_CELLS, MAX_SET_CELLS + 1)), neighbour_weight, rng)
             yield FeasibleSet(name=f"{kind}-{k}", cells=np.unique(walk, axis=0))
     for k in range(FEASIBLE_SETS_PER_KIND):
         rng = np.random.default_rng([FEASIBLE_SETS_SEED, len(NEIGHBOUR_WEIGHTS), k])
@@ -80,7 +80,7 @@ def _worn_solid(rng: np.random.Generator) -> Ints:
         away = np.abs((grid - (sides - 1) / 2) / (sides / 2)) ** rng.uniform(1.5, 6.0)
         blocks = grid[away.sum(axis=1) <= rng.uniform(0.9, 1.4)]
         worn = int(rng.integers(1, 8))
-        if MIN_CELLS + worn <= 8 * len(blocks) <= MAX_CELLS and _connected(blocks):
+        if MIN_SET_CELLS + worn <= 8 * len(blocks) <= MAX_SET_CELLS and _connected(blocks):
             path = block_path(blocks, rng, tree="random")
             head = int(rng.integers(0, worn + 1))
             return path[head : len(path) - (worn - head)]

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from bench.feasible_sets import MAX_CELLS, MIN_CELLS, Cell, FeasibleSet
+from bench.feasible_sets import MAX_SET_CELLS, MIN_SET_CELLS, Cell, FeasibleSet
 from planner.pathfinding.lattice import STEPS, colours
 
 HARD_SETS_SEED = 300
@@ -29,7 +29,7 @@ def hard_sets() -> Iterator[FeasibleSet]:
             rng = np.random.default_rng([HARD_SETS_SEED, kind, k])
             k += 1
             cells = _mended(make(rng), rng)
-            if MIN_CELLS <= len(cells) <= MAX_CELLS:
+            if MIN_SET_CELLS <= len(cells) <= MAX_SET_CELLS:
                 name = f"{make.__name__.removeprefix('_')}-{found}"
                 yield FeasibleSet(name=name, cells=np.array(sorted(cells), dtype=np.int64))
                 found += 1
@@ -38,7 +38,7 @@ def hard_sets() -> Iterator[FeasibleSet]:
 def _growth(rng: np.random.Generator) -> set[Cell]:
     """Add cells at random, mostly where they touch two cells or more."""
     cells: set[Cell] = {(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)}
-    size = int(rng.integers(MIN_CELLS, MAX_CELLS - 20))
+    size = int(rng.integers(MIN_SET_CELLS, MAX_SET_CELLS - 20))
     while len(cells) < size:
         rim = sorted({c for cell in cells for c in _around(cell)} - cells)
         cell = rim[int(rng.integers(len(rim)))]

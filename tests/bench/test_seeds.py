@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from bench.success_map import seeds
-from bench.success_map.seeds import SEEDS, Case, cases, run, section_of
+from bench.success_map.seeds import SEEDS_PER_SHAPE, Case, cases, run, section_of
 
 pytestmark = pytest.mark.slow
 
@@ -16,14 +16,14 @@ def test_every_shape_comes_with_every_seed() -> None:
     found = list(cases())
     assert len(found) == len(set(found))
     shapes = {(case.kind, case.shape) for case in found}
-    assert len(found) == SEEDS * len(shapes)
+    assert len(found) == SEEDS_PER_SHAPE * len(shapes)
     assert {case.seed for case in found[: len(shapes)]} == {0}
     assert {kind for kind, _ in shapes} == {"gallery", "mesh"}
 
 
 @pytest.mark.long
 def test_gallery_shape_and_mesh_are_folded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(seeds, "MODULES", 24)
+    monkeypatch.setattr(seeds, "MESH_MODULES", 24)
     for case in (
         Case(kind="gallery", shape="letter-l", seed=1),
         Case(kind="mesh", shape="bracket", seed=0),

@@ -60,11 +60,11 @@ def test_success_map_continues_an_earlier_run(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     runs, drawing = tmp_path / "runs.jsonl", tmp_path / "map.svg"
-    monkeypatch.setattr(success, "RUNS", runs)
+    monkeypatch.setattr(success, "RUNS_FILE", runs)
     monkeypatch.setattr(success, "PICTURE", drawing)
     monkeypatch.setattr(success, "BOXES", {32: BOXES[32]})
     monkeypatch.setattr(success, "METHODS", {"one-by-one": METHODS["one-by-one"]})
-    monkeypatch.setattr(success, "SEEDS", {32: 1})
+    monkeypatch.setattr(success, "RUNS_PER_KIND", {32: 1})
     monkeypatch.setattr(success, "KINDS", FEW)
     monkeypatch.setattr(success, "warm_up", lambda: None)
     monkeypatch.setattr("sys.argv", ["success-map"])
