@@ -48,9 +48,7 @@ def test_finished_folds_are_five_and_hold_files_as_they_were_certified(
         assert manifest.changed_fields(store.directory(row.id)) == [], row.name
 
 
-def test_second_import_of_finished_folds_brings_nothing(
-    imported: tuple[Settings, Store],
-) -> None:
+def test_second_import_of_finished_folds_brings_nothing(imported: tuple[Settings, Store]) -> None:
     settings, store = imported
     gone = next(row for row in store.list_public() if row.refold)
     assert store.delete(gone.id)
@@ -58,20 +56,14 @@ def test_second_import_of_finished_folds_brings_nothing(
     assert len(included_folds(store)) == 4
 
 
-@pytest.fixture
-def small_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Folder of finished folds with the smallest one alone."""
+def test_import_skips_damaged_finished_folds_and_those_that_are_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     folder = tmp_path / "finished"
     folder.mkdir()
-    (folder / f"{SMALL}.fold").write_bytes((FINISHED_FOLDS_DIR / f"{SMALL}.fold").read_bytes())
+    (folder / f"{SMALL}.fold").symlink_to(FINISHED_FOLDS_DIR / f"{SMALL}.fold")
+    (folder / "broken.fold").write_bytes(b"no archive")
     monkeypatch.setattr("server.api.finished.FINISHED_FOLDS_DIR", folder)
-    return folder
-
-
-def test_import_skips_damaged_finished_folds_and_those_that_are_there(
-    small_folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    (small_folder / "broken.fold").write_bytes(b"no archive")
     settings = Settings(data_dir=tmp_path / "data")
     with closing(Store(settings)) as store:
         assert import_finished(settings, store, Gallery()) == [SMALL]

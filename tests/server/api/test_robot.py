@@ -163,11 +163,8 @@ def test_play_waits_for_a_slow_robot_and_is_paused_and_stopped(
 def test_bad_messages_are_refused_and_start_nothing(service: Service, finished: Finished) -> None:
     for text in (
         "no JSON",
-        "[]",
-        '{"do": "fly"}',
-        '{"do": "report"}',
-        '{"do": "report", "error_rad": -1}',
-        '{"do": "report", "error_rad": NaN}',
+        *("[]", '{"do": "fly"}', '{"do": "report"}'),
+        *(f'{{"do": "report", "error_rad": {error}}}' for error in ("-1", "NaN")),
         '{"do": "report", "joint_angles_rad": [0, 1]}',
         '{"do": "report", "error_rad": 0, "joint_angles_rad": []}',
     ):
@@ -298,20 +295,12 @@ def test_retimed_plan_without_proved_clearance_exits_with_3(
     assert foldback(*command, "--out", out, "--no-check").returncode == 0
 
 
-def test_example_06_drives_a_simulated_robot(
-    service: Service, finished: Finished, tmp_path: Path
-) -> None:
-    base = str(service.http.base_url).rstrip("/")
-    options = ["--url", base, "--fold", finished["id"], "--speed", "5", "--stiffness", "0.05"]
-    done = subprocess.run(
-        [sys.executable, "-W", "error", str(EXAMPLE), *options],
-        cwd=tmp_path,
-        env={"PATH": ""},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+def test_example_06_drives_a_simulated_robot(service: Service, finished: Finished) -> None:
+    options = ("--url", str(service.http.base_url).rstrip("/"), "--fold", finished["id"])
+    command = [sys.executable, "-W", "error", str(EXAMPLE), *options]
+    command += ["--speed", "5", "--stiffness", "0.05"]
+    asked: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 120, "check": False}
+    done = subprocess.run(command, env={"PATH": ""}, **asked)
     assert done.returncode == 0, done.stderr
     assert "'because': 'folded'" in done.stdout.splitlines()[-1]
     assert "'because': 'error'" in done.stdout  # weak servos lag behind

@@ -46,10 +46,8 @@ async def ask(
     async with httpx.AsyncClient(
         base_url=service.http.base_url, timeout=30, limits=limits
     ) as client:
-        asked = [
-            asyncio.create_task(client.get(path, headers=from_address(visitor)))
-            for visitor in visitors
-        ]
+        requests = [client.get(path, headers=from_address(visitor)) for visitor in visitors]
+        asked = [asyncio.create_task(request) for request in requests]
         if between is not None:
             await asyncio.sleep(0.3)
             await asyncio.to_thread(between)
