@@ -24,7 +24,6 @@ SIMULATED: dict[str, Any] = {
     "peak_torque_nm": 0.0004,
     "torque_source": "simulation, every step",
     "frames": 4036,
-    "exempt_pairs": EXEMPT,
 }
 FOLLOWED: dict[str, Any] = SIMULATED | {
     "verdict": "verified (kinematics only)",

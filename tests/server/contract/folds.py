@@ -13,6 +13,7 @@ from server.api.finished import FINISHED_FOLDS_DIR
 from server.store.folds import Store
 from tests.server.rows import a_fold
 from tests.server.service import SNAKE
+from tests.words.test_certificate import SIMULATED
 
 DAY = 1_700_000_000.0
 """Time of all requests, s since 1970."""
@@ -27,21 +28,7 @@ TRIED = [
     {"candidate": 0, "seed": 0, "strategy": "peel", "status": "stalled", "steps": 120}
     | {"seconds": 4.0, "stuck": {"kind": "budget", "modules": [3], "words": "time was up."}},
 ]
-FIGURES = {
-    "verdict": "verified (simulated)",
-    "simulated": True,
-    "module_size": 0.95,
-    "min_clearance": 0.0489,
-    "min_clearance_playback": 0.0481,
-    "min_clearance_record": 0.049,
-    "clearance_bound": 0.0319,
-    "rms_position_error": 1e-12,
-    "max_angle_error_rad": 0.0007,
-    "peak_torque_nm": 0.0004,
-    "torque_source": "simulation, every step",
-    "frames": 4036,
-    "fold_time_s": 17.7,
-}
+FIGURES = {**SIMULATED, "module_size": 0.95, "fold_time_s": 17.7}
 SUMMARY = {"explosion": {"strategy": "simultaneous", "frames": 211, "steps": 200}, "hinges": 28}
 
 INCLUDED = {"pawn": "pawn", "cube": "tetra-cube-2", "refold": "wrench-80-to-mallet-80"}
