@@ -137,17 +137,12 @@ def test_requests_cannot_forge_lines(told: Told) -> None:
     assert {line["level"] for line in lines(told)} == {"info"}
 
 
-def test_worker_logs_its_fold(told: Told, finished: dict[str, Any]) -> None:
-    told.begun = 0
-    (end,) = [
-        line
-        for line in lines(told)
-        if line["logger"] == "foldback.worker"
-        and line.get("fold") == finished["id"]
-        and "verified" in line["message"]
-    ]
-    assert end["worker"].endswith("/0")
-    assert finished["accepted"]["owner_token"] not in told.text
+def test_worker_logs_its_fold(service: Service, finished: dict[str, Any]) -> None:
+    told = service.log.read_text()
+    words = ('"foldback.worker"', finished["id"], "verified")
+    (end,) = [line for line in told.splitlines() if all(word in line for word in words)]
+    assert json.loads(end)["worker"].endswith("/0")
+    assert finished["accepted"]["owner_token"] not in told
 
 
 @pytest.mark.processes
