@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path as FilePath
 
 import pytest
 
@@ -14,13 +13,14 @@ from planner.pipeline.improvements import Improvements, best_of, expected_second
 from planner.pipeline.preference import PREFERENCES, PlanFigures, Preference
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import Explode, next_step
-from planner.pipeline.stages import run_stages
-from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
-from planner.verification.verify import verify
-from tests.planner.folds import asked, same_motion, timeless
-from tests.planner.peels import snake
+from planner.pipeline.search import (
+    REPEATED_PLAYBACK_REFINEMENT,
+    Explode,
+    count_plans,
+    next_step,
+    with_count,
+)
+from planner.progress import Progress
 
 ALL = ("simultaneous", "blocks", "peel")
 FIGURES = PlanFigures(
@@ -151,27 +151,35 @@ def test_preference_is_refused_where_there_is_one_plan() -> None:
         FoldRequest(prefer=prefer, strategy="peel").check()
 
 
-@pytest.mark.long
-def test_quickest_plan_is_the_same_for_any_number_of_workers(tmp_path: FilePath) -> None:
-    chain = snake((2, 2, 4))
-    plans: list[Plan] = []
-    for name, prefer, workers in (("plain", "computing", 1), ("1", "time", 1), ("2", "time", 2)):
-        place = asked(tmp_path / name, write_chain(chain), prefer=prefer)
-        run_stages(place, workers=workers)
-        plans.append(Plan.load(place / "plan.npz"))
-    plain, one, two = plans
-    assert [a.get("chosen", False) for a in plain.attempts] == [False]
-    figures = [a["figures"] for a in one.attempts if a["verdict"].startswith("verified")]
-    assert len(figures) > 3
-    assert one.certificate.fold_time_s == min(f["fold_time_s"] for f in figures)
-    assert one.certificate.fold_time_s < 0.95 * plain.certificate.fold_time_s
-    (chosen,) = (a for a in one.attempts if a.get("chosen"))
-    assert chosen["figures"]["clearance_bound"] == one.certificate.clearance_bound
-    assert (one.smoothing is not None) == ("smooths" in chosen)
-    assert timeless(one.attempts) == timeless(two.attempts)
-    same_motion(one.motion, two.motion)
-    assert {p.name for p in (tmp_path / "1").iterdir()} == {
-        p.name for p in (tmp_path / "2").iterdir()
-    }
-    verdict = verify(tmp_path / "1")
-    assert verdict.verified, verdict
+BETTER: Sequence[Preference] = [each for each in PREFERENCES if each != "computing"]
+
+
+@pytest.mark.parametrize("prefer", BETTER)
+@pytest.mark.parametrize("paths", [1, 3])
+def test_count_with_a_preference_is_the_number_of_plans_in_the_end(
+    prefer: Preference, paths: int
+) -> None:
+    portfolio = choice(prefer, paths)
+    tried = tried_of(portfolio)
+    assert len(tried) > 3
+    for number in range(1, len(tried) + 1):
+        begun = Attempt(trial=tried[number - 1].trial, status="begun")
+        assert count_plans([*tried[: number - 1], begun], portfolio) == (number, len(tried))
+
+
+def test_count_of_plans_ignores_a_finer_playback() -> None:
+    portfolio = choice("time")
+    tried = tried_of(portfolio)[:2]
+    finer = Attempt(trial=tried[-1].trial, status="straight", finer=REPEATED_PLAYBACK_REFINEMENT)
+    assert count_plans([*tried, finer], portfolio)[0] == 2
+
+
+def test_report_without_a_preference_counts_nothing() -> None:
+    told: list[Progress] = []
+    plain = RetryPolicy(strategies=(("peel",),), seed=5)
+    trial = plain.next_attempt([])
+    assert trial is not None
+    with_count(told.append, [verified(trial)], plain)(Progress(stage="certify", fraction=0.5))
+    portfolio = choice("time")
+    with_count(told.append, [verified(trial)], portfolio)(Progress(stage="certify", fraction=0.5))
+    assert [(each.plan, each.plans > 1) for each in told] == [(0, False), (1, True)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -19,12 +20,35 @@ from planner.motion.record import Record, Spent
 from planner.motion.timeline import Timeline
 from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import Parameters
-from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Reason, Trial
+from planner.pipeline.attempt import (
+    MAX_EXPLOSIONS,
+    Attempt,
+    Candidates,
+    Reason,
+    Trial,
+    latest_playback,
+)
+from planner.pipeline.improvements import Improvements
+from planner.pipeline.preference import PlanFigures
+from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import Explode, next_step
+from planner.pipeline.search import (
+    MAX_PLAYBACKS_BEFORE_VERIFIED,
+    MAX_REFUSED_EXPLOSIONS,
+    REPEATED_PLAYBACK_REFINEMENT,
+    Certify,
+    Explode,
+    PlayBack,
+    Step,
+    before_explosion,
+    before_playback,
+    next_step,
+    with_choice,
+)
 from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
+from planner.plan.shape_files import write_path
+from tests.planner.chains import SQUARE, coil
 from tests.planner.folds import asked
 from tests.planner.peels import snake
 
@@ -43,28 +67,16 @@ def way(choice: RetryPolicy, kind: Reason) -> list[Trial]:
     return [attempt.trial for attempt in tried]
 
 
-@pytest.mark.parametrize(
-    "attempt",
-    [
-        Attempt(trial=Trial(1, 2, "peel", other_end=True), status="begun"),
-        Attempt(trial=Trial(0, 7, "blocks", gentle=True), status="straight", steps=5, finer=4),
-        Attempt(
-            trial=Trial(0, 0, "simultaneous"),
-            status="straight",
-            played=True,
-            verdict="failed: …",
-            between=True,
-        ),
-        Attempt(
-            trial=Trial(0, 0, "simultaneous"),
-            status="stalled",
-            reason="stuck",
-            diagnosis=Diagnosis(kind="knot", modules=(3, 4)),
-        ),
-    ],
-)
-def test_attempt_survives_json(attempt: Attempt) -> None:
-    assert Attempt.from_dict(json.loads(json.dumps(attempt.as_dict()))) == attempt
+def test_attempt_survives_json() -> None:
+    begun = Attempt(trial=Trial(1, 2, "peel", other_end=True, gentle=True), status="begun")
+    refused = replace(begun, status="straight", steps=5, finer=4, played=True, between=True)
+    found = Diagnosis(kind="knot", modules=(3, 4))
+    for attempt in (
+        begun,
+        replace(refused, verdict="failed: …"),
+        replace(begun, status="stalled", reason="stuck", diagnosis=found),
+    ):
+        assert Attempt.from_dict(json.loads(json.dumps(attempt.as_dict()))) == attempt
 
 
 def test_reason_of_a_failure_decides_the_next_attempt() -> None:
@@ -89,13 +101,14 @@ def test_reason_of_a_failure_decides_the_next_attempt() -> None:
     ]
 
 
-@pytest.mark.parametrize("kind", ["knot", "buried", "contacts", "joints", "limit", "refused"])
-def test_attempts_end_and_none_is_made_twice(kind: Reason) -> None:
+def test_attempts_end_and_none_is_made_twice() -> None:
     choice = RetryPolicy(strategies=(BOTH, ("peel",), BOTH), seed=0)
-    tried = way(choice, kind)
-    assert 1 < len(tried) <= MAX_EXPLOSIONS
-    assert len(set(tried)) == len(tried)
-    assert all(found.strategy in choice.strategies[found.candidate] for found in tried)
+    kinds: tuple[Reason, ...] = ("knot", "buried", "contacts", "joints", "limit", "refused")
+    for kind in kinds:
+        tried = way(choice, kind)
+        assert 1 < len(tried) <= MAX_EXPLOSIONS, kind
+        assert len(set(tried)) == len(tried), kind
+        assert all(found.strategy in choice.strategies[found.candidate] for found in tried), kind
 
 
 def test_attempts_from_the_other_end_and_gentle_ones_depend_on_the_strategy() -> None:
@@ -196,7 +209,7 @@ def test_diagnosis_names_the_kind_and_the_modules() -> None:
 
 
 @pytest.mark.slow
-def test_plan_holds_all_attempts_of_the_allowed_strategies(
+def test_plan_holds_all_attempts_and_their_diagnoses(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def sticks(chain: Chain, *arguments: Any, **more: Any) -> Record:
@@ -204,19 +217,143 @@ def test_plan_holds_all_attempts_of_the_allowed_strategies(
         return replace(explode(chain, hasty, **more), status="stalled", reason="it sticks")
 
     monkeypatch.setattr("planner.explosion.strategies.explode", sticks)
-    slab = write_chain(snake((3, 3, 2)))
-    summary = run_stages(asked(tmp_path / "auto", slab))
-    assert (summary["status"], summary["stuck"]) == ("verified", None)
-    plan = Plan.load(tmp_path / "auto" / "plan.npz")
-    assert [(a["strategy"], a["status"]) for a in plan.attempts[-2:]] == [
-        ("simultaneous", "stalled"),
-        ("peel", "straight"),
-    ]
-    assert plan.attempts[0]["diagnosis"]["kind"] in ("contacts", "joints", "limit")
-    assert plan.attempts[-1]["diagnosis"] is None
-    failed = run_stages(asked(tmp_path / "one", slab, strategy="simultaneous"))
+    failed = run_stages(asked(tmp_path, write_path(SQUARE), strategy="simultaneous"))
     assert failed["status"] == "failed" and "it sticks" in failed["reason"]
-    tried = Plan.load(tmp_path / "one" / "plan.npz").attempts
+    tried = Plan.load(tmp_path / "plan.npz").attempts
+    assert len(tried) > 1
     assert failed["stuck"] in [attempt["diagnosis"] for attempt in tried]
-    assert {a["strategy"] for a in tried} == {"simultaneous"}
-    assert len(Timeline.open(tmp_path / "one" / "timeline.zarr")) > 0
+    assert {attempt["status"] for attempt in tried} == {"stalled"}
+    assert {attempt["strategy"] for attempt in tried} == {"simultaneous"}
+    assert len(Timeline.open(tmp_path / "timeline.zarr")) > 0
+
+
+POLICY = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=0)
+ONE = RetryPolicy(strategies=(("simultaneous",),), seed=0, seeds=1)
+PUBLISHED = replace(POLICY, retries_refused=False)
+MORE = replace(
+    POLICY,
+    improvements=Improvements(
+        prefer="time", strategies=(("simultaneous", "peel"),), modules=64, most_frames=1000
+    ),
+)
+FIGURES = PlanFigures(
+    fold_time_s=10.0, peak_torque_nm=0.1, clearance_bound=0.04, frames=100, seconds=1.0
+)
+FIRST = Trial(0, 0, "simultaneous")
+SECOND = Trial(0, 1, "simultaneous")
+PEELED = Trial(0, 0, "peel")
+
+STRAIGHT = Attempt(trial=FIRST, status="straight")
+PLAYED = replace(STRAIGHT, played=True)
+REFUSED = replace(PLAYED, verdict="failed: modules 1 and 9 overlap")
+BETWEEN = replace(REFUSED, between=True)
+AGAIN = replace(BETWEEN, finer=REPEATED_PLAYBACK_REFINEMENT)
+VERIFIED = replace(PLAYED, verdict="verified (simulated)", figures=FIGURES)
+FINER = PlayBack(REPEATED_PLAYBACK_REFINEMENT)
+STALLED = Attempt(trial=FIRST, status="stalled")
+SHOWN = replace(STALLED, played=True)
+JUDGED = replace(SHOWN, verdict="failed: the explosion stalled")
+NOTHING = Attempt(trial=FIRST, status="none")
+
+
+@pytest.mark.parametrize(
+    ("policy", "history", "step"),
+    [
+        (POLICY, [], Explode(FIRST)),
+        (POLICY, [STALLED], Explode(PEELED)),
+        (POLICY, [replace(STALLED, status="cancelled")], PlayBack()),
+        (ONE, [STALLED], PlayBack()),
+        (ONE, [SHOWN], Certify()),
+        (ONE, [JUDGED], None),
+        (ONE, [JUDGED, replace(STALLED, trial=SECOND)], None),
+        (ONE, [REFUSED, STALLED], PlayBack()),
+        (ONE, [REFUSED, SHOWN], Certify()),
+        (POLICY, [STALLED, STRAIGHT], PlayBack()),
+        (POLICY, [STRAIGHT], PlayBack()),
+        (POLICY, [PLAYED], Certify()),
+        (POLICY, [VERIFIED], None),
+        (MORE, [VERIFIED], Explode(PEELED)),
+        (POLICY, [REFUSED], Explode(SECOND)),
+        (POLICY, [BETWEEN], FINER),
+        (POLICY, [BETWEEN, replace(STRAIGHT, finer=REPEATED_PLAYBACK_REFINEMENT)], FINER),
+        (POLICY, [BETWEEN, replace(PLAYED, finer=REPEATED_PLAYBACK_REFINEMENT)], Certify()),
+        (POLICY, [BETWEEN, AGAIN], Explode(SECOND)),
+        (POLICY, [replace(REFUSED, unfolding_overlaps=True)], None),
+        (POLICY, [replace(BETWEEN, unfolding_overlaps=True)], FINER),
+        (POLICY, [REFUSED] * MAX_REFUSED_EXPLOSIONS, None),
+        (POLICY, [BETWEEN] * (MAX_PLAYBACKS_BEFORE_VERIFIED - 1), FINER),
+        (POLICY, [BETWEEN] * MAX_PLAYBACKS_BEFORE_VERIFIED, None),
+        (PUBLISHED, [STALLED], Explode(PEELED)),
+        (PUBLISHED, [REFUSED], None),
+        (PUBLISHED, [BETWEEN], None),
+        (PUBLISHED, [NOTHING], PlayBack()),
+        (PUBLISHED, [replace(NOTHING, played=True)], Certify()),
+        (PUBLISHED, [replace(REFUSED, status="none")], None),
+        (POLICY, [replace(REFUSED, status="none")], None),
+    ],
+)
+def test_next_step_of_a_history(
+    policy: RetryPolicy, history: Sequence[Attempt], step: Step | None
+) -> None:
+    assert next_step(history, policy) == step
+
+
+@pytest.mark.parametrize(
+    ("history", "kept"),
+    [
+        ([], 0),
+        ([replace(STALLED, status="begun")], 0),
+        ([STALLED, STRAIGHT], 0),
+        ([REFUSED], 1),
+        ([REFUSED, STALLED, STRAIGHT], 1),
+        ([BETWEEN], 0),
+        ([BETWEEN, AGAIN], 2),
+        ([VERIFIED], 0),
+        ([JUDGED, STALLED], 0),
+    ],
+)
+def test_explosions_run_again_after_the_last_verdict(history: Sequence[Attempt], kept: int) -> None:
+    assert before_explosion(history, POLICY) == tuple(history[:kept])
+
+
+@pytest.mark.parametrize(
+    ("history", "before"),
+    [
+        ([], []),
+        ([STRAIGHT], [STRAIGHT]),
+        ([VERIFIED], [STRAIGHT]),
+        ([REFUSED], [STRAIGHT]),
+        ([BETWEEN], [BETWEEN, replace(STRAIGHT, finer=REPEATED_PLAYBACK_REFINEMENT)]),
+        ([BETWEEN, AGAIN], [BETWEEN, replace(STRAIGHT, finer=REPEATED_PLAYBACK_REFINEMENT)]),
+    ],
+)
+def test_playback_run_again_has_no_verdict(
+    history: Sequence[Attempt], before: Sequence[Attempt]
+) -> None:
+    found = before_playback(history, POLICY)
+    assert found == tuple(before)
+    assert before_playback(found, POLICY) == found
+
+
+def test_choice_is_marked_at_the_latest_playback() -> None:
+    history = (BETWEEN, AGAIN, replace(VERIFIED, trial=PEELED))
+    assert [latest_playback(history, number) for number in (0, 2)] == [1, 2]
+    assert [each.chosen for each in with_choice(history, 0)] == [False, True, False]
+    assert [each.chosen for each in with_choice(history, 2)] == [False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("values", "retries"),
+    [
+        ({}, True),
+        ({"smooth": True}, True),
+        ({"strategy": "one-by-one"}, False),
+        ({"preset": "paper"}, False),
+        ({"preset": "direct"}, False),
+    ],
+)
+def test_published_recipes_and_baselines_have_one_attempt(
+    values: dict[str, Any], retries: bool
+) -> None:
+    candidates = Candidates((coil(8),), two_ended=False)
+    assert RetryPolicy.of(FoldRequest(**values), candidates).retries_refused == retries

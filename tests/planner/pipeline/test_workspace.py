@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
+import numpy as np
 import pytest
 
 from planner.certificate.certificate import Certificate, Place, certify
@@ -16,16 +17,19 @@ from planner.chain.chain import Chain
 from planner.explosion.simultaneous import explode
 from planner.file_names import CERTIFICATE, PLANS_DIR, PLAYABLE, RESULT_FILES, TIMELINE
 from planner.files import write_json
+from planner.motion.motion import Motion
 from planner.motion.record import Record
-from planner.motion.timeline import Timeline, TimelineWriter
+from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
 from planner.parameters.explosion import ExplosionParameters
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.fold_layout import folder, numbers, result
-from planner.pipeline.stages import next_stage, run_stage, run_stages
+from planner.pipeline.stages import next_stage, run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from tests.planner.chains import COIL
+from planner.plan.shape_files import write_path
+from tests.planner.chains import COIL, SQUARE
 from tests.planner.folds import asked
+from tests.planner.peels import snake
 
 pytestmark = pytest.mark.slow
 
@@ -67,50 +71,38 @@ def sticking(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("planner.explosion.strategies.explode", once)
 
 
-def test_refused_plan_is_shown_when_all_later_attempts_stick(
+def test_refused_plan_is_shown_though_later_attempts_stick_and_stages_run_twice(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    refusing(monkeypatch, -0.0004)
-    sticking(monkeypatch)
-    directory = asked(tmp_path, strategy="simultaneous")
-    summary = run_stages(directory)
-    assert (summary["status"], summary["stuck"]) == ("failed", None)
-    assert "overlap" in summary["reason"]
-    assert summary["certificate"]["min_clearance"] == -0.0004
-    plan = Plan.load(directory / "plan.npz")
-    assert len(plan.time_s) > 10
-    assert [a["status"] for a in plan.attempts][:2] == ["straight", "stalled"]
-    frames = summary["explosion"]["frames"] + len(plan.time_s)
-    assert len(Timeline.open(directory / "timeline.zarr")) == frames
-    assert not (directory / "attempts").exists()
-
-
-@pytest.mark.parametrize("doubled", [4, pytest.param(6, marks=pytest.mark.long)])
-def test_stage_that_is_run_twice_changes_nothing(
-    doubled: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As after a kill between its last file and the note of its end."""
     refusing(monkeypatch, -0.001)
     sticking(monkeypatch)
-    directory = asked(tmp_path, strategy="simultaneous")
+    directory = asked(tmp_path, write_path(SQUARE), strategy="simultaneous")
     stage: str | None = "read"
     number, result = 0, {}
     while stage is not None:
         result = run_stage(stage, directory)
-        if number == doubled:
+        if number in (4, 6):
             result = run_stage(stage, directory)
         stage = next_stage(stage, result)
         number += 1
     assert number == 8
+    assert (result["status"], result["stuck"]) == ("failed", None)
+    assert "overlap" in result["reason"]
     assert result["certificate"]["min_clearance"] == -0.001
-    assert len(Plan.load(directory / "plan.npz").time_s) > 10
+    plan = Plan.load(directory / "plan.npz")
+    assert len(plan.time_s) > 10
+    assert [a["status"] for a in plan.attempts][:2] == ["straight", "stalled"]
+    frames = result["explosion"]["frames"] + len(plan.time_s)
+    assert len(Timeline.open(directory / "timeline.zarr")) == frames
+    assert not (directory / "attempts").exists()
 
 
 def test_refused_plan_is_kept_when_a_later_attempt_is_cancelled(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refusing(monkeypatch, -0.001)
-    directory = asked(tmp_path)
+    directory = asked(tmp_path, write_path(SQUARE))
     for stage in ("read", "explode", "play_back", "certify"):
         run_stage(stage, directory)
     frames = len(Timeline.open(result(directory, "timeline.zarr")))
@@ -238,3 +230,102 @@ def test_publishing_goes_on_after_an_interruption(
     assert {path.name for path in tmp_path.iterdir()} == {*RESULT_FILES, "attempts.json"}
     Workspace(tmp_path).publish()
     assert (tmp_path / "playback.npz").read_text() == "1"
+
+
+CHAIN = snake((2, 2, 3))
+OTHER = snake((3, 2, 2))
+
+
+def recorded(path: FilePath, chain: Chain, share: float, phase: str = "explosion") -> None:
+    """A timeline that goes from folded to a share of its bends."""
+    angles = np.linspace(1.0, share, 4)[:, None] * chain.folded_rad
+    folded = chain.folded_poses
+    frames = Motion.from_frames(
+        phase=phase,
+        time_s=np.arange(4.0),
+        joint_angles_rad=angles,
+        root_position=np.tile(folded.positions[chain.root], (4, 1)),
+        root_wxyz=np.tile(folded.wxyzs[chain.root], (4, 1)),
+    )
+    with TimelineWriter.create(path, chain) as writer:
+        writer.append(frames)
+
+
+def stopped_at(directory: FilePath, chain: Chain, share: float) -> None:
+    """One more attempt, which was ended when so much of its bends was left."""
+    workspace = Workspace(directory)
+    known = workspace.read_history()
+    begun = Attempt(trial=Trial(len(known), 0, "peel"), status="begun")
+    workspace.write_history([*known, begun])
+    recorded(workspace.begin(len(known), chain).timeline, chain, share)
+
+
+def bent(chain: Chain) -> list[int]:
+    """Return the numbers of the modules between bent joints."""
+    bends = np.abs(chain.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
+    return (np.flatnonzero(bends) + 1).tolist()
+
+
+@pytest.mark.parametrize(
+    ("phase", "share", "named"),
+    [
+        ("explosion", 0.3, True),  # slight bends count where there are no others
+        ("explosion", 1e-3, False),
+        ("playback", 0.0, True),
+        ("unfolding", 1.0, True),  # bends of the other shape have to become straight first, too
+    ],
+)
+def test_unfinished_fold_names_the_modules_that_are_not_there_yet(
+    phase: str, share: float, named: bool, tmp_path: FilePath
+) -> None:
+    recorded(tmp_path / "timeline.zarr", CHAIN, share, phase)
+    stuck = Workspace(tmp_path).settle()["stuck"]
+    assert stuck["modules"] == (bent(CHAIN) if named else [])
+    assert stuck["kind"] == "stopped"
+    assert phase != "explosion" or "still unfolding" in stuck["words"]
+
+
+def test_stopped_where_changes_no_file(tmp_path: FilePath) -> None:
+    stopped_at(tmp_path, CHAIN, 0.3)
+    stopped_at(tmp_path, OTHER, 0.8)
+    there = sorted(tmp_path.rglob("*"))
+    assert Workspace(tmp_path).stopped_where()["stuck"]["modules"] == bent(OTHER)
+    assert sorted(tmp_path.rglob("*")) == there
+    assert Workspace(tmp_path / "nothing").stopped_where() == {}
+    assert Workspace(tmp_path / "nothing").settle() == {}
+    TimelineWriter.create(tmp_path / "empty" / "timeline.zarr", CHAIN).close("failed")
+    assert Workspace(tmp_path / "empty").settle() == {}
+
+
+@pytest.mark.parametrize(("left", "kept"), [(0.3, OTHER), (0.9, CHAIN)])
+def test_settle_keeps_the_explosion_that_came_farthest(
+    left: float, kept: Chain, tmp_path: FilePath
+) -> None:
+    stopped_at(tmp_path, OTHER, left)
+    stopped_at(tmp_path, CHAIN, 0.6)
+    Workspace(tmp_path).settle()
+    timeline = Timeline.open(tmp_path / "timeline.zarr")
+    np.testing.assert_array_equal(timeline.chain.folded_rad, kept.folded_rad)
+    told = chain_from_attributes(json.loads((tmp_path / "chain.json").read_text()))
+    np.testing.assert_array_equal(told.folded_rad, kept.folded_rad)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        *("attempts.json", "chain.json", "timeline.zarr")
+    }
+
+
+def test_history_names_the_attempt_under_way(tmp_path: FilePath) -> None:
+    run_stage("read", asked(tmp_path, write_path(SQUARE)))
+    seen: list[object] = []
+
+    def look() -> bool:
+        seen.append(json.loads((tmp_path / "attempts.json").read_text()))
+        return False
+
+    run_stage("explode", tmp_path, cancelled=look)
+    begun = Attempt(trial=Trial(0, 0, "simultaneous"), status="begun")
+    assert seen[0] == [begun.as_dict()]
+    (after,) = Workspace(tmp_path).read_history()
+    assert after.status == "straight"
+    # Cut off there, it begins anew.
+    Workspace(tmp_path).write_history([begun])
+    assert run_stage("explode", tmp_path)["attempts"] == 1

@@ -5,7 +5,9 @@ import json
 import struct
 import subprocess
 import sys
+import tracemalloc
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +15,9 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.readers import read
+from planner.errors import InputError
+from planner.readers import off, read, stl
+from planner.shapes.mesh_repair import is_surface
 from planner.shapes.solid import Solid, signed_volume
 from tests.case import case
 from tests.planner.reading import refusal_of, solid_in
@@ -66,11 +70,12 @@ def test_parts_of_a_scene_are_placed_by_its_nodes(kind: str) -> None:
     np.testing.assert_allclose(solid.extents, upright(kind, scene.extents), rtol=1e-4)
 
 
+TRIANGLES = b"f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+POINTS = TETRAHEDRON_OBJ.removesuffix(TRIANGLES)
 OBJ_WAYS = {
     "quads": b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
     b"f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n",
-    "from the end": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf -4 -2 -3\nf -4 -3 -1\nf -3 -2 -1\n"
-    b"f -2 -4 -1\n",
+    "from the end": POINTS + b"f -4 -2 -3\nf -4 -3 -1\nf -3 -2 -1\nf -2 -4 -1\n",
     "from the end of what is there so far": b"".join(
         b"v %d 0 0\nv %d 0 0\nv %d 1 0\nv %d 0 1\n" % (x, x + 1, x, x)
         + b"f -4 -2 -3\nf -4 -3 -1\nf -3 -2 -1\nf -2 -4 -1\n"
@@ -80,22 +85,26 @@ OBJ_WAYS = {
     b"v 0 0 1\nv 2 0 1\nv 1 2 1\nv 1 0 1\nv 0.5 1 1\n"
     b"f 5 3 2 4 1\nf 6 9 7 8 10\nf 1 4 9 6 6\nf 4 2 7 9 9\nf 2 3 8 7 7\nf 3 5 10 8 8\n"
     b"f 5 1 6 10 10\n",
-    "with a material and normals": b"mtllib http://example.com/secret.mtl\nvn 0 0 1\nvt 0 0\n"
-    + TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"usemtl x\nf 1/1/1 3/1/1 2/1/1").replace(
-        b"f 2 3 4", b"f 2//1 3//1 4//1"
-    ),
-    "with colours": TETRAHEDRON_OBJ.replace(b"v 0 0 1", b"v 0 0 1 0.5 0.5 0.5"),
+    "materials, normals, groups": b"mtllib http://example.com/secret.mtl\nvn 0 0 1\nvt 0 0\n"
+    + POINTS
+    + b"g v\nusemtl x\nf 1/1/1 3/1/1 2/1/1\ns off\nf 1/2 2//3 4\nf 2//1 3//1 4//1\nf 3 1/7 4",
+    "colours": TETRAHEDRON_OBJ.replace(b"v 0 0 1", b"v 0 0 1 0.5 0.5 0.5"),
     "cut after a space": TETRAHEDRON_OBJ.rstrip() + b" ",
     "continued lines": TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"f 1 \\\r\n3 2"),
+    "tabs and indents": TETRAHEDRON_OBJ.replace(b"v 1", b"\tv\t1e0").replace(b"f 1", b"  f\t1"),
+    "remarks": b"# f 1 1 1\n" + TETRAHEDRON_OBJ.replace(b"v 1 0 0", b"v 1 0 0 # here"),
+}
+VOLUMES = {
+    "quads": 1.0,
+    "from the end of what is there so far": 1 / 3,
+    "polygons of five corners": 2.0,
 }
 
 
 def test_variants_of_obj_files_are_read() -> None:
     for way, data in OBJ_WAYS.items():
-        volume = {"quads": 1.0, "from the end of what is there so far": 1 / 3}.get(way, 1 / 6)
-        volume = 2.0 if way == "polygons of five corners" else volume
         with case(way):
-            assert volume_in(data) == pytest.approx(volume)
+            assert volume_in(data) == pytest.approx(VOLUMES.get(way, 1 / 6))
 
 
 def stl_text(*facets: bytes) -> bytes:
@@ -135,23 +144,6 @@ def test_text_that_trimesh_reads_as_another_mesh_is_refused(data: bytes, code: s
     assert refusal_of(data, filename="a.stl").code == code
 
 
-def ply(order: str, polygons: list[list[int]], points: list[list[float]]) -> bytes:
-    mark = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}[order]
-    head = (
-        f"ply\nformat {order} 1.0\ncomment TextureFile /etc/passwd\nelement vertex {len(points)}\n"
-        "property double x\nproperty double y\nproperty double z\nproperty uchar red\n"
-        f"element face {len(polygons)}\nproperty list uchar int vertex_indices\n"
-        "property uchar flags\nelement edge 0\nproperty int vertex1\nend_header\n"
-    )
-    if not mark:
-        rows = [" ".join(map(str, [*p, 7])) for p in points]
-        rows += [" ".join(map(str, [len(r), *r, 0])) for r in polygons]
-        return (head + "\n".join(rows) + "\n").encode()
-    body = b"".join(struct.pack(mark + "3dB", *p, 7) for p in points)
-    body += b"".join(struct.pack(f"{mark}B{len(r)}iB", len(r), *r, 0) for r in polygons)
-    return head.encode() + body
-
-
 OTHER_PROPERTIES = {
     "property uchar red": ([200], "B"),
     "property float quality": ([0.5], "f"),
@@ -179,8 +171,9 @@ def test_ply_with_other_properties_and_elements_is_read(
     beyond: int,
 ) -> None:
     """Properties before and after, further elements, and words that the header says nothing of."""
-    points = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
-    sides = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    points = [(x, y, z) for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)]
+    sides = [(0, 1, 3), (0, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4)]
+    sides.append((1, 5, 7, 3))
     before, after, left, right = around
     one = {"x": 0, "y": 1, "z": 2}
     vertex = (
@@ -191,7 +184,7 @@ def test_ply_with_other_properties_and_elements_is_read(
     )
     face = (
         [*left, "property list uchar int vertex_indices", *right],
-        [([3, *side], "B3i") for side in sides],
+        [([len(side), *side], f"B{len(side)}i") for side in sides],
         (left, right),
         "face",
     )
@@ -214,7 +207,9 @@ def test_ply_with_other_properties_and_elements_is_read(
                 body += " ".join(map(str, words)).encode() + b"\n"
     order = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[mark]
     lines = ["ply", f"format {order} 1.0", *head, "end_header", ""]
-    assert volume_in("\n".join(lines).encode() + body) == pytest.approx(1 / 6)
+    if not (mark or beyond):  # the lines of text may end anywhere
+        body = b"\n".join(body.split())
+    assert volume_in("\n".join(lines).encode() + body) == pytest.approx(6)
 
 
 def test_flat_meshes_are_refused_with_their_size() -> None:
@@ -223,22 +218,6 @@ def test_flat_meshes_are_refused_with_their_size() -> None:
     assert "a mesh of 3 × 3 × 3 whose one triangle encloses no volume" in one.detail
     two = refusal_of(b"v 0 0 0\nv 3 0 0\nv 0 3 0\nv 3 3 0\nf 1 2 3\nf 2 3 4\n")
     assert "3 × 3 × 0 whose 2 flat triangles enclose no volume" in two.detail
-
-
-@pytest.mark.parametrize("order", ["ascii", "binary_little_endian", "binary_big_endian"])
-def test_ply_of_every_order_with_mixed_polygons_is_read(order: str) -> None:
-    points = [[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)]
-    sides = [[0, 1, 3], [0, 3, 2]]
-    sides += [[4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    data = ply(order, sides, points)
-    assert volume_in(data) == pytest.approx(6)
-    if order == "ascii":  # its lines may end anywhere
-        head, _, body = data.partition(b"end_header\n")
-        words = body.split()
-        for count in (1, 5, 1000):
-            lines = [b" ".join(words[i : i + count]) for i in range(0, len(words), count)]
-            again = head + b"end_header\n" + b"\n".join(lines)
-            assert volume_in(again) == pytest.approx(6), count
 
 
 def test_off_with_comments_and_colours_is_read() -> None:
@@ -260,9 +239,8 @@ def test_binary_stl_with_another_count_or_head() -> None:
         assert len(solid_in(head.ljust(80) + data[80:], name)) == 576, head
 
 
-@pytest.mark.parametrize("size", [100, 3_000, 30_000_000])
-def test_other_files_named_stl_are_called_by_their_kind(size: int) -> None:
-    noise = np.random.default_rng(size).bytes(size)
+def test_other_files_named_stl_are_called_by_their_kind() -> None:
+    noise = np.random.default_rng(0).bytes(5_000_000)
     for data, words in ((noise, "a binary file"), (b"GIF89a" + noise, "a GIF picture")):
         refusal = refusal_of(data, filename="thing.stl")
         assert refusal.code == "wrong-kind"
@@ -285,39 +263,6 @@ def test_references_to_other_files_are_refused(key: str) -> None:
         text += b" " * (-len(text) % 4)
         glb = b"glTF" + struct.pack("<IIII", 2, 20 + len(text), len(text), 0x4E4F534A) + text
         assert refusal_of(glb).code == "outside-reference", uri
-
-
-@pytest.mark.parametrize(
-    ("change", "code"),
-    [
-        (lambda d: d["accessors"][0].update(count=10**12), "too-many-triangles"),
-        (lambda d: d["accessors"][1].update(count=10**12), "truncated"),
-        (lambda d: d["accessors"][0].update(count=-3), "damaged"),
-        (lambda d: d["accessors"][0].update(sparse={}), "unsupported"),
-        (lambda d: d["accessors"][0].update(byteOffset=-4), "damaged"),
-        (lambda d: d["accessors"][0].update(bufferView=77), "damaged"),
-        (lambda d: d["bufferViews"][0].update(byteLength=8), "truncated"),
-        (lambda d: d["bufferViews"][1].update(byteOffset=10**9), "truncated"),
-        (lambda d: d.update(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]), "damaged"),
-        (lambda d: d.update(nodes=[{"mesh": 0}] * 20_000, scenes=[{"nodes": [0]}]), None),
-        (lambda d: d.update(nodes=[{}] * 200_000), "too-large"),
-        (lambda d: d.update(nodes=[{"mesh": 0, "scale": [1e300] * 3}]), "too-far"),
-        (lambda d: d.update(nodes=[{"mesh": 0, "matrix": [1.0] * 5}]), "damaged"),
-        (lambda d: d.update(extensionsRequired=["KHR_draco_mesh_compression"]), "unsupported"),
-        (lambda d: d.update(meshes=[]), "damaged"),
-        (lambda d: d.update(buffers=[{"uri": "data:;base64,%%%"}]), "damaged"),
-    ],
-)
-def test_invalid_scenes_are_refused(change, code: str | None) -> None:  # type: ignore[no-untyped-def]
-    document = gltf_document()
-    change(document)
-    data = json.dumps(document).encode()
-    if code is None:
-        assert isinstance(read(data), Solid)
-    elif code == "too-far":
-        assert refusal_of(data).code in ("too-far", "not-finite", "damaged")
-    else:
-        assert refusal_of(data).code in (code, "too-many-cells")
 
 
 def changed_primitive(document: dict, **values: object) -> None:
@@ -452,17 +397,28 @@ def mesh_that_nodes_repeat(document: dict) -> None:
     document["scenes"] = [{"nodes": list(range(5_000))}]
 
 
-@pytest.mark.parametrize(
-    ("change", "code"),
-    [
-        (corner_of_another_part, "bad-index"),
-        (points_that_many_parts_share, "too-large"),
-        (mesh_that_nodes_repeat, "too-many-triangles"),
-    ],
-)
-def test_scenes_are_refused_before_their_parts_are_made(
-    change: Callable[[dict], None], code: str
-) -> None:
+INVALID: list[tuple[Callable[[dict[str, Any]], object], str]] = [
+    (lambda d: d["accessors"][1].update(count=10**12), "truncated"),
+    (lambda d: d["accessors"][0].update(count=-3), "damaged"),
+    (lambda d: d["accessors"][0].update(sparse={}), "unsupported"),
+    (lambda d: d["accessors"][0].update(byteOffset=-4), "damaged"),
+    (lambda d: d["accessors"][0].update(bufferView=77), "damaged"),
+    (lambda d: d["bufferViews"][0].update(byteLength=8), "truncated"),
+    (lambda d: d.update(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]), "damaged"),
+    (lambda d: d.update(nodes=[{}] * 200_000), "too-large"),
+    (lambda d: d.update(nodes=[{"mesh": 0, "scale": [1e300] * 3}]), "too-far"),
+    (lambda d: d.update(nodes=[{"mesh": 0, "matrix": [1.0] * 5}]), "damaged"),
+    (lambda d: d.update(extensionsRequired=["KHR_draco_mesh_compression"]), "unsupported"),
+    (lambda d: d.update(meshes=[]), "damaged"),
+    (lambda d: d.update(buffers=[{"uri": "data:;base64,%%%"}]), "damaged"),
+    (corner_of_another_part, "bad-index"),
+    (points_that_many_parts_share, "too-large"),
+    (mesh_that_nodes_repeat, "too-many-triangles"),
+]
+
+
+@pytest.mark.parametrize(("change", "code"), INVALID)
+def test_invalid_scenes_are_refused(change: Callable[[dict], object], code: str) -> None:
     document = gltf_document()
     change(document)
     assert refusal_of(json.dumps(document).encode()).code == code
@@ -507,18 +463,13 @@ def test_3mf_whose_parts_multiply_is_refused() -> None:
         (lambda: zipped(a_model=b"<model>" + b"<x/>" * (10 << 20)), "bomb"),
         (zipped(a_model=b"<!DOCTYPE x [<!ENTITY a 'aaaa'>]><model>&a;</model>"), "damaged"),
         (zipped(a_model=b"<model>"), "damaged"),
-        (zipped(a_model=b""), "damaged"),
-        (model(""), "damaged"),
         (model(MESH, '<item objectid="7"/>'), "damaged"),
         (model('<object id="1"><components><component objectid="1"/></components></object>'),)
         + ("damaged",),
-        (model(MESH.replace('v3="1"', 'v3="9"')), "bad-index"),
         (model(MESH.replace('v3="1"', 'v3="-1"')), "bad-index"),
         (model(MESH.replace('x="1"', 'x="nan"')), "not-finite"),
-        (model(MESH.replace('x="1"', 'x="wide"')), "damaged"),
         (model(MESH.replace('x="1"', "")), "damaged"),
         (model(MESH, '<item objectid="1" transform="1 2 3"/>'), "damaged"),
-        (model(MESH)[:-30], "damaged"),
         (b"PK\x03\x04" + bytes(60), "damaged"),
     ],
 )
@@ -537,14 +488,11 @@ def test_archive_with_a_false_size_is_refused() -> None:
 @pytest.mark.parametrize(
     ("data", "code", "where"),
     [
-        (b"OFF\n", "truncated", None),
         (b"OFF\n9999999999 9999999999 0\n", "truncated", None),
-        (b"OFF\n-1 4 0\n", "damaged", "line 2"),
         (b"OFF\n1 1 0\n0 0 0\n9 0 0 0\n", "damaged", "line 4"),
         (b"OFF BINARY\n", "unsupported", None),
         (b"ply\nformat ascii 1.0\n", "truncated", None),
         (b"ply\nformat ascii 1.0\nelement vertex 999999999999\nend_header\n", "damaged", None),
-        (b"ply\nformat xml 1.0\nend_header\n", "damaged", None),
         (b"ply\nproperty float x\nend_header\n", "damaged", None),
         (b"glTF\x02\0\0\0", "truncated", None),
         (b"glTF" + struct.pack("<II", 1, 12), "wrong-version", None),
@@ -555,9 +503,6 @@ def test_archive_with_a_false_size_is_refused() -> None:
         (b"v 0 0\nf 1 2 3\n", "damaged", "line 1"),
         (b"v 0 0 0\nv 1 0 0\n", "no-triangles", None),
         (TETRAHEDRON_OBJ.replace(b"1 0 0", b"nan 0 0"), "not-finite", "vertex 1"),
-        (TETRAHEDRON_OBJ.replace(b"1 0 0", b"1e300 0 0"), "too-far", "vertex 1"),
-        (TETRAHEDRON_OBJ.replace(b"v 0 0 1", b"v 1 1 0"), "flat", None),
-        (b"solid x\nendsolid x\n", "no-triangles", None),
         (
             b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nendloop\nendfacet",
             "damaged",
@@ -576,3 +521,89 @@ def test_reading_does_not_load_libraries_that_only_others_need() -> None:
         "import sys, planner.readers\nassert not {'trimesh', 'networkx', 'lxml'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.fixture
+def triangles(monkeypatch: pytest.MonkeyPatch) -> list[tuple[np.ndarray, np.ndarray]]:
+    """What readers make solids of; they themselves are left out."""
+    seen: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def keep(vertices: np.ndarray, faces: np.ndarray, **more: object) -> None:
+        seen.append((np.asarray(vertices), np.asarray(faces)))
+
+    monkeypatch.setattr(Solid, "from_triangles", keep)
+    return seen
+
+
+def test_off_lines_are_read_alike_at_once_and_one_by_one(
+    triangles: list, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    data = mesh.export(file_type="off").encode()
+    read(data, filename="ball.off")
+    monkeypatch.setattr(off, "_many", lambda *arguments: None)
+    read(data, filename="ball.off")
+    (points, faces), (slow_points, slow_faces) = triangles
+    assert len(faces) == len(mesh.faces)
+    np.testing.assert_array_equal(points, slow_points)
+    np.testing.assert_array_equal(faces, slow_faces)
+
+
+SAME_STL = {
+    "as it is": lambda text: text,
+    "in capitals": bytes.upper,
+    "with exponents": lambda text: text.replace(b"vertex 0.0 ", b"Vertex 0.0E+00 "),
+    "on one line": lambda text: b" ".join(text.split()),
+    "with a word a line": lambda text: b"\n".join(text.split()),
+    "with other line ends": lambda text: text.replace(b"\n", b"\r\n"),
+    "called after its words": lambda text: text.replace(b"solid", b"solid vertex facet", 1),
+    "as two solids": lambda text: text.replace(b"endfacet", b"endfacet\nendsolid x\nsolid", 1),
+    "with normals that are none": lambda text: text.replace(b"normal 0", b"normal -nan(ind)"),
+}
+
+
+@pytest.mark.parametrize("part", [1, 4000, 1 << 20])
+def test_variants_of_stl_text_are_read_alike(
+    part: int, triangles: list, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stl, "PART_BYTES", part)
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    text = mesh.export(file_type="stl_ascii").encode()
+    for way, written in SAME_STL.items():
+        read(written(text), filename="ball.stl")
+        points, faces = triangles.pop()
+        with case(way):
+            np.testing.assert_array_equal(points[faces], mesh.triangles)
+
+
+def test_sewn_and_loose_meshes_are_surfaces() -> None:
+    mesh = trimesh.creation.torus(2.0, 0.8, major_sections=200, minor_sections=100)
+    assert is_surface(mesh.vertices, mesh.faces)
+    loose = np.asarray(mesh.triangles).reshape(-1, 3)
+    assert is_surface(loose, np.arange(len(loose)).reshape(-1, 3))
+    assert is_surface(mesh.vertices, mesh.faces[: len(mesh.faces) * 9 // 10])
+    small = box(1.0, 2.0, 3.0)
+    assert is_surface(small.vertices, small.faces)
+
+
+def test_random_triangles_are_no_surface() -> None:
+    rng, count = np.random.default_rng(0), 100_000
+    for points in (300, count):
+        assert not is_surface(rng.random((points, 3)), rng.integers(0, points, (count, 3)))
+    with pytest.raises(InputError) as refused:
+        Solid.from_triangles(rng.random((3 * count, 3)), np.arange(3 * count).reshape(-1, 3))
+    assert refused.value.code == "not-a-surface"
+
+
+@pytest.mark.slow
+def test_many_degenerate_triangles_are_refused_in_little_memory() -> None:
+    data = b"OFF 3 400000 0\n0 0 0\n1 0 0\n0 1 0\n" + b"3 0 0 0\n" * 400_000
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError) as refused:
+            read(data, filename="same.off")
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert refused.value.code == "degenerate"
+    assert peak < 100e6
