@@ -220,7 +220,8 @@ def attacked(
         limits = replace(limits, folders=(str(settings.motions_dir),))
     child = Child(kind, limits, fork_server=forks, environment=environment)
     try:
-        found = child.call("retime" if kind == "retimer" else "check", place, wall_s=120)
+        task = {"retimer": "retime", "pictures": "picture"}.get(kind, "check")
+        found = child.call(task, place, wall_s=120)
     finally:
         child.close()
     return json.loads(found["reason"]) if kind == "movies" else found
