@@ -1,1 +1,1 @@
-"""Figures that anyone can make: ``make bench`` prints tables and writes ``out/bench.json``."""
+"""Benchmarks that anyone can rerun: ``make bench`` prints tables and writes ``out/bench.json``."""

@@ -1,4 +1,4 @@
-"""``python -m bench [--only NAME …]``: prints the figures and writes them as JSON."""
+"""``python -m bench [--only NAME …]``: print the figures and write them as JSON."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ SECTIONS = {
 
 
 def main() -> None:
-    """Runs the asked-for sections, one after the other."""
+    """Run the requested sections, one after the other."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="*", choices=list(SECTIONS), default=list(SECTIONS))
     parser.add_argument("--out", type=Path, default=Path("out/bench.json"))

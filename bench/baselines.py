@@ -1,4 +1,4 @@
-"""Direct servoing, the baseline that fails, and the preset as published."""
+"""Baselines: direct servoing, which fails, and the preset with the published parameters."""
 
 from __future__ import annotations
 
@@ -19,17 +19,19 @@ DIRECT_SHAPES = (
     "mallet-160",
     "mallet-192",
 )
+"""Shapes of the gallery that direct servoing tries; reverse explosion folds all of them."""
 PAPER_SHAPES = ("mallet-24", "mallet-64")
+"""Shapes of the gallery that are folded with the published parameters."""
 
 
 def direct(reference_seconds: float) -> Section:
-    """Servoing straight to the target, on the shapes that reverse explosion folds."""
+    """Fold shapes that reverse explosion can fold by servoing straight to the target."""
     del reference_seconds
     return _runs("direct", DIRECT_SHAPES, "direct")
 
 
 def paper(reference_seconds: float) -> Section:
-    """The preset as published."""
+    """Fold two shapes with the published parameters."""
     del reference_seconds
     section = _runs("paper", PAPER_SHAPES, "paper")
     section.add("published, 160 modules", f"about {PAPER_STEPS} steps")

@@ -1,4 +1,4 @@
-"""Runs the command line in a fresh process and measures it."""
+"""The command line in a fresh process, with its time and memory measured."""
 
 from __future__ import annotations
 
@@ -19,10 +19,13 @@ from typing import Any, Final
 
 import psutil
 
-LOOK_S: Final = 0.02
-PEAK: Final = re.compile(r"VmHWM:\s*(\d+) kB")
-LOOKS: Final = 10
-"""Looks at the process alone for one at those that it has started, too."""
+MEMORY_POLL_S: Final = 0.02
+"""Seconds between two readings of a process's memory. Longer intervals miss short peaks. Chosen."""
+PEAK_MEMORY_LINE: Final = re.compile(r"VmHWM:\s*(\d+) kB")
+"""Matches the line of ``/proc/PID/status`` with the peak resident memory, kB."""
+POLLS_PER_TREE_READING: Final = 10
+"""Polls for each reading that includes the child processes, which is slower than reading the
+process alone. Larger values miss more peaks of children. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,11 +33,11 @@ class Run:
     """One run of ``foldback fold``.
 
     Attributes:
-        summary: Its JSON object.
-        code: Its exit code.
-        wall_s: From start to end of the process, imports included.
-        peak_mb: Most memory that was resident, of it, and now and then of it and the processes
-            that it has started; what they share counts for each.
+        summary: JSON object that the command prints.
+        code: Exit code.
+        wall_s: Seconds from the start to the end of the process, imports included.
+        peak_mb: Peak resident memory of the process, or of it and its children together, MiB.
+            Memory that processes share counts for each of them.
     """
 
     summary: dict[str, Any]
@@ -44,7 +47,7 @@ class Run:
 
 
 def fold(shape: str, *options: str, out: Path | None = None) -> Run:
-    """Folds an example shape or a file in a process of its own, and keeps the plan in ``out``."""
+    """Fold an example shape or a file in a process of its own; write the plan to ``out``."""
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory:
         command = [
             *(sys.executable, "-m", "server.cli.command_line", "fold", shape),
@@ -55,7 +58,7 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
             command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=_environment()
         )
         assert process.stdout is not None
-        with watched(process.pid) as seen:
+        with watched(process.pid) as readings:
             output = process.stdout.read()
             code = process.wait()
             wall_s = time.perf_counter() - begun
@@ -63,48 +66,51 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
         summary=json.loads(output.splitlines()[-1]),
         code=code,
         wall_s=wall_s,
-        peak_mb=max(seen) / 2**20,
+        peak_mb=max(readings) / 2**20,
     )
 
 
 def _environment() -> dict[str, str]:
-    """As people have it, who keep what Python compiles of what it imports."""
+    """Return the environment without ``PYTHONDONTWRITEBYTECODE``.
+
+    Users keep compiled bytecode, so the benchmark does too.
+    """
     return {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
 
 
 @contextmanager
 def watched(pid: int) -> Iterator[list[int]]:
-    """Bytes that a process, or it and those that it has started, have held until it ends.
+    """Record the resident memory of a process, and of it with its children, until it ends; bytes.
 
-    ``ru_maxrss`` will not do: it counts what the process that has started it held by then.
+    ``ru_maxrss`` is unsuitable: it includes what the parent process held when it forked.
     """
-    seen = [0]
-    watch = threading.Thread(target=_watch, args=(pid, seen))
+    readings = [0]
+    watch = threading.Thread(target=_watch, args=(pid, readings))
     watch.start()
     try:
-        yield seen
+        yield readings
     finally:
         watch.join()
 
 
-def _watch(pid: int, seen: list[int]) -> None:
+def _watch(pid: int, readings: list[int]) -> None:
     status = Path(f"/proc/{pid}/status")
     with suppress(psutil.Error, OSError):
         process = psutil.Process(pid)
-        for look in count():
-            # It has no such line any more when it has ended.
-            if (found := PEAK.search(status.read_text())) is None:
+        for poll in count():
+            # A process that has ended has no such line.
+            if (line := PEAK_MEMORY_LINE.search(status.read_text())) is None:
                 return
-            seen.append(1024 * int(found.group(1)))
-            if look % LOOKS == 0:
+            readings.append(1024 * int(line.group(1)))
+            if poll % POLLS_PER_TREE_READING == 0:
                 every = [process, *process.children(recursive=True)]
-                seen.append(sum(one.memory_info().rss for one in every))
-            time.sleep(LOOK_S)
+                readings.append(sum(one.memory_info().rss for one in every))
+            time.sleep(MEMORY_POLL_S)
 
 
 @contextmanager
 def playing(directory: Path) -> Iterator[str]:
-    """``foldback play`` on a directory; the address of its page."""
+    """Run ``foldback play`` on a directory; yield the address of its page."""
     process = subprocess.Popen(
         [sys.executable, "-m", "server.cli.command_line", "play", str(directory), "--no-browser"],
         stdout=subprocess.PIPE,

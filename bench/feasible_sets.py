@@ -1,4 +1,4 @@
-"""A hundred sets of 94–300 cells that have a path, because a path is what they were made from."""
+"""One hundred sets of 94–300 cells that have a path: each was built from one."""
 
 from __future__ import annotations
 
@@ -14,45 +14,58 @@ from planner.pathfinding.lattice import STEPS
 Ints = NDArray[np.int64]
 Cell = tuple[int, int, int]
 
-SEED = 94
-FEWEST, MOST = 94, 300
-EACH = 25
-FONDNESS = {"loose": 1.0, "dense": 4.0, "packed": 20.0}
+FEASIBLE_SETS_SEED = 94
+"""First entry of the seeds that all sets are drawn from. Other values draw other sets, which are
+not those of the stored results."""
+MIN_SET_CELLS, MAX_SET_CELLS = 94, 300
+"""Smallest and largest number of cells of a set."""
+FEASIBLE_SETS_PER_KIND = 25
+"""Number of sets of each of the four kinds."""
+NEIGHBOUR_WEIGHTS = {"loose": 1.0, "dense": 4.0, "packed": 20.0}
+"""Weight of a step of a random walk, by kind of set: the base whose exponent is the number of the
+new cell's neighbours on the walk. Larger values make denser sets."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FeasibleSet:
-    """One of the sets: its name and (n, 3) cells in lexicographic order."""
+    """One set of cells.
+
+    Attributes:
+        name: Kind and number of the set.
+        cells: (n, 3) cells in lexicographic order.
+    """
 
     name: str
     cells: Ints
 
 
 def feasible_sets() -> Iterator[FeasibleSet]:
-    """The same hundred each time: random walks, loose to packed, and solids with worn ends."""
-    for kind, fondness in FONDNESS.items():
-        for k in range(EACH):
-            rng = np.random.default_rng([SEED, list(FONDNESS).index(kind), k])
-            walk = _walk(int(rng.integers(FEWEST, MOST + 1)), fondness, rng)
+    """Yield the hundred sets: random walks, loose to dense, and solids without some end cells."""
+    for kind, neighbour_weight in NEIGHBOUR_WEIGHTS.items():
+        for k in range(FEASIBLE_SETS_PER_KIND):
+            number = list(NEIGHBOUR_WEIGHTS).index(kind)
+            rng = np.random.default_rng([FEASIBLE_SETS_SEED, number, k])
+            walk = _walk(int(rng.integers(MIN_SET_CELLS, MAX_SET_CELLS + 1)), neighbour_weight, rng)
             yield FeasibleSet(name=f"{kind}-{k}", cells=np.unique(walk, axis=0))
-    for k in range(EACH):
-        rng = np.random.default_rng([SEED, len(FONDNESS), k])
+    for k in range(FEASIBLE_SETS_PER_KIND):
+        rng = np.random.default_rng([FEASIBLE_SETS_SEED, len(NEIGHBOUR_WEIGHTS), k])
         yield FeasibleSet(name=f"solid-{k}", cells=np.unique(_worn_solid(rng), axis=0))
 
 
-def _walk(length: int, fondness: float, rng: np.random.Generator) -> Ints:
-    """A self-avoiding walk that likes free cells with many neighbours on it."""
+def _walk(length: int, neighbour_weight: float, rng: np.random.Generator) -> Ints:
+    """Draw a self-avoiding walk that prefers free cells with many neighbours on the walk."""
     while True:
         cells: list[Cell] = [(0, 0, 0)]
         seen = set(cells)
         while len(cells) < length:
             free = [cell for cell in _around(cells[-1]) if cell not in seen]
             if not free:
-                cells.reverse()  # go on at the other end
+                cells.reverse()  # continue at the other end
                 free = [cell for cell in _around(cells[-1]) if cell not in seen]
                 if not free:
                     break
-            weights = np.array([fondness ** sum(c in seen for c in _around(x)) for x in free])
+            touching = [sum(c in seen for c in _around(cell)) for cell in free]
+            weights = np.array([neighbour_weight**count for count in touching])
             cells.append(free[int(rng.choice(len(free), p=weights / weights.sum()))])
             seen.add(cells[-1])
         if len(cells) == length:
@@ -60,14 +73,14 @@ def _walk(length: int, fondness: float, rng: np.random.Generator) -> Ints:
 
 
 def _worn_solid(rng: np.random.Generator) -> Ints:
-    """A blob, a slab or a ring of 2×2×2 blocks, whose path has lost some cells at its ends."""
+    """Draw a convex solid of 2×2×2 blocks; return its path without some cells at both ends."""
     while True:
         sides = rng.integers(2, 6, size=3)
         grid = np.argwhere(np.ones(sides, dtype=bool))
         away = np.abs((grid - (sides - 1) / 2) / (sides / 2)) ** rng.uniform(1.5, 6.0)
         blocks = grid[away.sum(axis=1) <= rng.uniform(0.9, 1.4)]
         worn = int(rng.integers(1, 8))
-        if FEWEST + worn <= 8 * len(blocks) <= MOST and _connected(blocks):
+        if MIN_SET_CELLS + worn <= 8 * len(blocks) <= MAX_SET_CELLS and _connected(blocks):
             path = block_path(blocks, rng, tree="random")
             head = int(rng.integers(0, worn + 1))
             return path[head : len(path) - (worn - head)]

@@ -1,4 +1,4 @@
-"""The first minutes: from a fresh clone to an own fold that is verified, as a stranger sees it."""
+"""A new user's first minutes: from a fresh clone to a verified fold of an own shape."""
 
 from __future__ import annotations
 
@@ -24,16 +24,19 @@ from tests.tools import CHROMIUM
 
 ROOT: Final = Path(__file__).parents[1]
 OWN_SHAPE: Final = ROOT / "examples" / "shapes" / "wrench-24.json"
-"""A chain of 24 cubes, which is uploaded as a stranger's own, so that no finished fold is it."""
+"""Chain of 24 cubes that is uploaded under another name, so that no finished fold is reused."""
 PORT: Final = "18099"
-PATIENCE_S: Final = 900.0
+"""TCP port of the service. Chosen, to be free on most machines."""
+FIRST_MINUTES_TIMEOUT_S: Final = 900.0
+"""Seconds to wait for the first motion and for the verdict, before the benchmark fails. Chosen."""
 MAX_INSTALL_CPU_S: Final = 45.0
-"""Bar for the installation, in seconds of the processor."""
-POLL_S: Final = 0.2
+"""Maximum processor time of the installation, s. Chosen."""
+STATUS_POLL_S: Final = 0.2
+"""Seconds between two requests for a status. Longer intervals measure less exactly. Chosen."""
 
 
 class _Watch:
-    """Wall time since the start, and processor time of a process and all below it."""
+    """Wall time since the start, and processor time of a process and its descendants."""
 
     def __init__(self, process: psutil.Process) -> None:
         self._process = process
@@ -41,22 +44,22 @@ class _Watch:
         self._began = time.monotonic()
 
     def seconds(self) -> tuple[float, float]:
-        """Return wall seconds and processor seconds so far; ended processes count as last seen."""
+        """Return wall and processor seconds so far; ended processes count as last measured."""
         with psutil.Process().oneshot():
             family = [self._process, *self._process.children(recursive=True)]
-        for one in family:
+        for member in family:
             try:
-                used = one.cpu_times()
+                used = member.cpu_times()
                 own = used.user + used.system + used.children_user + used.children_system
-                # Those that still run are counted by themselves; their parent has not reaped them.
-                self._spent[one.pid, one.create_time()] = own
+                # Running children count by themselves: the parent's times omit them.
+                self._spent[member.pid, member.create_time()] = own
             except psutil.Error:
                 continue
         return time.monotonic() - self._began, sum(self._spent.values())
 
 
 def first(reference_seconds: float) -> Section:
-    """Clone, install, start, look, and fold 24 cubes; all that a new user waits for."""
+    """Clone, install, start the service, open its pages, and fold 24 cubes."""
     del reference_seconds
     section = Section(name="first")
     with tempfile.TemporaryDirectory(prefix="foldback-first-") as folder:
@@ -65,10 +68,10 @@ def first(reference_seconds: float) -> Section:
         wall, cpu = _installed(clone)
         bar = f"< {MAX_INSTALL_CPU_S:.0f} s of the processor"
         _add(section, "installation", wall, cpu, bar=bar, met=cpu < MAX_INSTALL_CPU_S)
-        told = subprocess.run(
+        usage = subprocess.run(
             ["du", "-sm", clone / ".venv"], check=True, capture_output=True, text=True
         )
-        size = int(told.stdout.split()[0])
+        size = int(usage.stdout.split()[0])
         section.add("size of the environment, du -sm", f"{size} MB", "≤ 650 MB", size <= 650)
         with _serving(clone, Path(folder)) as (watch, address):
             _watched(section, watch, address)
@@ -130,7 +133,7 @@ def _watched(section: Section, watch: _Watch, address: str) -> None:
         page = browser.new_page()
         page.goto(address)
         _add(section, "page complete", *watch.seconds())
-        page.wait_for_function(HERO, timeout=1000 * PATIENCE_S)
+        page.wait_for_function(HERO, timeout=1000 * FIRST_MINUTES_TIMEOUT_S)
         _add(section, "first motion, on the first page", *watch.seconds())
         finished = http.get("/api/folds").json()["folds"]
         section.add("finished folds", str(len(finished)), "5", len(finished) == 5)
@@ -139,7 +142,7 @@ def _watched(section: Section, watch: _Watch, address: str) -> None:
         own = _own_fold(http)
         while http.get("/api/preparing").json()["preparing"] is not None:
             watch.seconds()
-            time.sleep(POLL_S)
+            time.sleep(STATUS_POLL_S)
         wall, cpu = watch.seconds()
         _add(section, "solvers ready, all processes", wall, cpu)
         _wait_over(http, own, watch)
@@ -148,12 +151,12 @@ def _watched(section: Section, watch: _Watch, address: str) -> None:
 
 def _open_finished(section: Section, page: Page, address: str, watch: _Watch) -> None:
     page.goto(address)
-    page.wait_for_function(MOVING, timeout=1000 * PATIENCE_S)
+    page.wait_for_function(MOVING, timeout=1000 * FIRST_MINUTES_TIMEOUT_S)
     _add(section, "a finished fold in motion", *watch.seconds())
 
 
 def _own_fold(http: httpx.Client) -> str:
-    """Ask for a fold of one's own; return its id."""
+    """Request a fold of an own shape; return its id."""
     shape = json.loads(OWN_SHAPE.read_bytes()) | {"name": "my own"}
     answer = http.post("/api/folds", files={"file": ("own.json", json.dumps(shape))})
     answer.raise_for_status()
@@ -161,9 +164,9 @@ def _own_fold(http: httpx.Client) -> str:
 
 
 def _wait_over(http: httpx.Client, fold: str, watch: _Watch) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + FIRST_MINUTES_TIMEOUT_S
     while (status := http.get(f"/api/folds/{fold}").json()["status"]) != "verified":
         if status in ("failed", "cancelled") or time.monotonic() > deadline:
             raise RuntimeError(f"got the status {status}, expected verified.")
         watch.seconds()
-        time.sleep(POLL_S)
+        time.sleep(STATUS_POLL_S)

@@ -1,4 +1,4 @@
-"""The paper's shapes and the gallery, with the default preset: are they verified, how fast?"""
+"""The paper's shapes and the gallery with the default preset: verdicts and times."""
 
 from __future__ import annotations
 
@@ -21,15 +21,21 @@ SHAPES = (
     "box-4x4x4",
     "box-6x6x6",
 )
+"""Shapes of the paper, and two boxes."""
 SEEDS = (0, 1, 2)
+"""Seeds that each shape is folded with."""
 SIZES = ("0.95", "0.98")
+"""Module sizes as fractions of the pitch, as the command line takes them. The bars hold for the
+first one."""
 PAPER_STEPS = 160_000
-AT_ONCE = 0.98
-"""Share of the gallery that should be verified with its first seed."""
+"""Time steps that the published algorithm takes for the wrench of 160 modules (the paper, section
+4)."""
+MIN_VERIFIED_AT_FIRST_SEED = 0.98
+"""Minimum fraction of the gallery to be verified with its first seed. Chosen."""
 
 
 def folds(reference_seconds: float) -> Section:
-    """All shapes and seeds at two module sizes; the 160 wrench in detail."""
+    """Fold all shapes with all seeds at two module sizes; add details of the wrench of 160."""
     section = Section(name="folds")
     fold("wrench-24")
     for size in SIZES:
@@ -129,7 +135,7 @@ def _wrench(section: Section, runs: list[Run], reference_seconds: float) -> None
 
 
 def gallery(reference_seconds: float) -> Section:
-    """Every shape; those that are not verified with the first seed are tried with others."""
+    """Fold every shape of the gallery; retry with other seeds where the first one fails."""
     del reference_seconds
     section = Section(name="gallery")
     files = sorted(GALLERY.glob("*.json"))
@@ -156,8 +162,8 @@ def gallery(reference_seconds: float) -> Section:
     section.add(
         "verified at once",
         f"{at_once} of {len(files)} ({100 * share:.1f} %)",
-        f"at least {100 * AT_ONCE:.0f} %",
-        share >= AT_ONCE,
+        f"at least {100 * MIN_VERIFIED_AT_FIRST_SEED:.0f} %",
+        share >= MIN_VERIFIED_AT_FIRST_SEED,
     )
     section.add(
         "verified with retries",

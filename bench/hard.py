@@ -1,8 +1,8 @@
-"""Hard paths: which fold, in which time, and how long a robot takes for them.
+"""Hard paths: which of them fold, how long that takes, and how long a robot takes for them.
 
-``python -m bench.hard`` runs what is missing in ``out/hard-….jsonl``, a file for each
-version of the planner; it can be stopped at any time and goes on where it was. A fold is run to its
-end, files and all, with an explosion for each core.
+``python -m bench.hard`` runs what is missing in ``out/hard-….jsonl``, a file for each version of
+the planner. It can be stopped at any time and continues where it stopped. Each fold runs to its end
+and writes its files, with one explosion per core.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ SIDES: Final = {
     4096: (16, 16, 16),
     9600: (20, 20, 24),
 }
-"""Boxes by their number of modules."""
+"""Sides of the boxes, in cells, by number of modules."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,11 +53,11 @@ class Case:
     """One fold.
 
     Attributes:
-        group: The figure that it belongs to.
-        shape: The kind of path through a box, or a mesh.
-        modules: Of the box, or asked for.
-        seed: Of the path and of the fold.
-        prefer, strategy: Of the fold.
+        group: Name of the group whose bar it counts for.
+        shape: Kind of the path through a box, or name of a mesh.
+        modules: Number of modules of the box, or requested for the mesh.
+        seed: Seed of the path and of the fold.
+        prefer, strategy: Options of the fold.
     """
 
     group: str
@@ -70,12 +70,12 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bar:
-    """What a group is held against.
+    """Required results of a group.
 
     Attributes:
-        least: Folds that are to be verified.
-        seconds: Each within so many seconds; None where that is only told.
-        robot_s: Each folding within so many seconds at the joints' speed limit; None likewise.
+        least: Minimum number of verified folds.
+        seconds: Maximum wall time of each fold, s; None if times are only reported.
+        robot_s: Maximum duration of each folding at the joints' speed limit, s; None likewise.
     """
 
     least: int
@@ -98,11 +98,11 @@ BARS: Final = {
     "layered, 9600 in parallel": Bar(least=1, robot_s=90.0),
 }
 STRICT: Final = "peeled, whatever comes"
-"""Folds that may only be peeled, of which some are refused: are their reasons true?"""
+"""Group of folds that may only be peeled. Some are refused, and their reasons are checked."""
 
 
 def cases() -> list[Case]:
-    """All of them, what takes least first."""
+    """Return all cases, the fastest first."""
     found = [
         Case(group="layered, quickest for a robot", shape="snake", modules=n, prefer="time")
         for n in (144, 288, 512, 1152)
@@ -133,7 +133,7 @@ def cases() -> list[Case]:
 
 
 def torus_knot(p: int, q: int) -> Callable[[], Mesh]:
-    """A tube along the knot that winds p times around and q times through a torus."""
+    """Return a function that makes a tube along the (p, q) torus knot."""
 
     def made() -> Mesh:
         t = np.linspace(0.0, 2.0 * np.pi, 480, endpoint=False)
@@ -145,7 +145,7 @@ def torus_knot(p: int, q: int) -> Callable[[], Mesh]:
 
 
 def figure_eight() -> Mesh:
-    """A tube along the knot of four crossings."""
+    """Return a tube along the figure-eight knot, which has four crossings."""
     t = np.linspace(0.0, 2.0 * np.pi, 480, endpoint=False)
     out = 2.0 + np.cos(2 * t)
     curve = np.column_stack([out * np.cos(3 * t), out * np.sin(3 * t), np.sin(4 * t)])
@@ -160,7 +160,7 @@ KNOTS: Final[dict[str, Callable[[], Mesh]]] = {
 
 
 def run(case: Case) -> dict[str, Any]:
-    """What came of one case."""
+    """Fold one case and return its row."""
     data, more = _input(case)
     begun, spent = time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory(prefix="foldback-hard-") as place:
@@ -206,18 +206,18 @@ def _input(case: Case) -> tuple[bytes, dict[str, Any]]:
 
 
 def runs() -> Path:
-    """Where the runs of this version of the planner are stored."""
+    """Return the file with the rows of this version of the planner."""
     return OUT / f"hard-{version_of('planner')}.jsonl"
 
 
 def hard(reference_seconds: float) -> Section:
-    """All cases against their bars."""
+    """Run all cases and compare them with their bars."""
     warm_up()
     return section_of(run_missing(runs(), cases(), run), reference_seconds)
 
 
 def section_of(rows: list[dict[str, Any]], reference_seconds: float) -> Section:
-    """The figures of some runs, seconds with their multiple of the reference."""
+    """Return the figures of some rows; seconds also as multiples of the reference."""
     section = Section(name="hard")
     section.rows = rows
     for group, bar in BARS.items():
@@ -252,12 +252,12 @@ def section_of(rows: list[dict[str, Any]], reference_seconds: float) -> Section:
 
 
 def main() -> None:
-    """Runs what is missing, then prints all."""
+    """Run what is missing, then print all rows."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--only", nargs="*", help="groups, by how they begin")
     asked = parser.parse_args()
-    from bench.machine import machine  # late: it takes a second
+    from bench.machine import machine  # imported late: it takes a second
 
     warm_up()
     wanted = [c for c in cases() if not asked.only or c.group.startswith(tuple(asked.only))]

@@ -1,8 +1,8 @@
-"""Sets of 94–300 cells that nobody knows a path of: what the search finds, proves or leaves open.
+"""Sets of 94–300 cells that may have a path or not; the search solves some and refutes others.
 
-Random growths, sponges, thin walls and sheets with holes. What falls apart, dangles or is plainly
-out of balance is mended, so that the easy tests alone do not answer; nothing else makes a path
-likely.
+They are random growths, sponges, thin walls and sheets with holes. Separate parts, dead ends and an
+unequal number of black and white cells are mended, because simple tests already refuse those sets.
+Nothing else makes a path likely.
 """
 
 from __future__ import annotations
@@ -11,31 +11,34 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from bench.feasible_sets import FEWEST, MOST, Cell, FeasibleSet
+from bench.feasible_sets import MAX_SET_CELLS, MIN_SET_CELLS, Cell, FeasibleSet
 from planner.pathfinding.lattice import STEPS, colours
 
-SEED = 300
-EACH = 12
+HARD_SETS_SEED = 300
+"""First entry of the seeds that all sets are drawn from. Other values draw other sets, which are
+not those of the stored results."""
+HARD_SETS_PER_KIND = 12
+"""Number of sets of each of the four kinds."""
 
 
 def hard_sets() -> Iterator[FeasibleSet]:
-    """The same four dozen each time."""
+    """Yield the 48 sets, which are the same in each run."""
     for kind, make in enumerate((_growth, _sponge, _walls, _sheet)):
         k = found = 0
-        while found < EACH:
-            rng = np.random.default_rng([SEED, kind, k])
+        while found < HARD_SETS_PER_KIND:
+            rng = np.random.default_rng([HARD_SETS_SEED, kind, k])
             k += 1
             cells = _mended(make(rng), rng)
-            if FEWEST <= len(cells) <= MOST:
+            if MIN_SET_CELLS <= len(cells) <= MAX_SET_CELLS:
                 name = f"{make.__name__.removeprefix('_')}-{found}"
                 yield FeasibleSet(name=name, cells=np.array(sorted(cells), dtype=np.int64))
                 found += 1
 
 
 def _growth(rng: np.random.Generator) -> set[Cell]:
-    """Cells added at random where they touch two others or more."""
+    """Add cells at random, mostly where they touch two cells or more."""
     cells: set[Cell] = {(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)}
-    size = int(rng.integers(FEWEST, MOST - 20))
+    size = int(rng.integers(MIN_SET_CELLS, MAX_SET_CELLS - 20))
     while len(cells) < size:
         rim = sorted({c for cell in cells for c in _around(cell)} - cells)
         cell = rim[int(rng.integers(len(rim)))]
@@ -45,14 +48,14 @@ def _growth(rng: np.random.Generator) -> set[Cell]:
 
 
 def _sponge(rng: np.random.Generator) -> set[Cell]:
-    """What is left of a block of which each cell goes or stays by chance."""
+    """Return the cells of a block that are left after a random choice for each cell."""
     sides = rng.integers(6, 9, size=3)
     kept = np.argwhere(rng.random(sides) < rng.uniform(0.5, 0.7))
     return {(x, y, z) for x, y, z in kept.tolist()}
 
 
 def _walls(rng: np.random.Generator) -> set[Cell]:
-    """Walls one cell thick, crossing each other."""
+    """Return two or three walls that cross each other, one cell thick."""
     side = int(rng.integers(7, 10))
     cells: set[Cell] = set()
     for axis in (0, 1, 2)[: int(rng.integers(2, 4))]:
@@ -67,7 +70,7 @@ def _walls(rng: np.random.Generator) -> set[Cell]:
 
 
 def _sheet(rng: np.random.Generator) -> set[Cell]:
-    """A sheet, one or two cells thick, with holes of one cell and of some."""
+    """Return a sheet, one or two cells thick, with small rectangular holes."""
     thick = int(rng.integers(1, 3))
     a, b = (int(n) for n in rng.integers(12, 19, size=2))
     if thick == 2:
@@ -80,7 +83,7 @@ def _sheet(rng: np.random.Generator) -> set[Cell]:
 
 
 def _mended(cells: set[Cell], rng: np.random.Generator) -> set[Cell]:
-    """The largest part, without dead ends, as many black cells as white ones."""
+    """Return the largest part without dead ends, filled up to as many black as white cells."""
     while True:
         cells = _largest(cells)
         ends = {c for c in cells if sum(n in cells for n in _around(c)) < 2}
@@ -94,7 +97,7 @@ def _mended(cells: set[Cell], rng: np.random.Generator) -> set[Cell]:
         if abs(excess) <= 1:
             return cells
         more = 0 if excess > 0 else 1
-        # A cell of the rarer colour, where it is no dead end.
+        # Add a cell of the rarer colour, if possible one that is not a dead end.
         rim = sorted({n for c in cells for n in _around(c)} - cells)
         fit = [
             c for c in rim if sum(c) % 2 != more and sum(n in cells for n in _around(c)) >= 2

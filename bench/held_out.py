@@ -1,4 +1,4 @@
-"""Ten more meshes, of other forms, that nothing in the voxeliser was ever tuned with."""
+"""Ten more meshes, of other forms, that no parameter of the voxeliser was tuned with."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def rod(a: tuple[float, float, float], b: tuple[float, float, float], radius: fl
 
 
 def tube(middles: Array, radius: Array, *, ring: int = 24) -> Mesh:
-    """A tube around a closed curve (n, 3), as thick as (n,) says."""
+    """Return a tube around a closed curve (n, 3), with the radii (n,)."""
     ahead = np.roll(middles, -1, axis=0) - np.roll(middles, 1, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     side = np.cross(ahead, middles - middles.mean(axis=0) + [0.0, 0.0, 5.0])

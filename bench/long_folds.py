@@ -1,4 +1,4 @@
-"""Long folds in the page: ten thousand modules opened and played."""
+"""Long folds in the page: a fold of ten thousand modules, opened and played."""
 
 from __future__ import annotations
 
@@ -16,13 +16,21 @@ from tests.tools import CHROMIUM
 from tests.web.long_folds import fold, write
 
 SIDES = (20, 20, 25)
+"""Sides of the box, in cells."""
 WINDOW_HINGES = 140
-"""As peeled boxes of a thousand modules have on average."""
-STEP = 2.36
+"""Hinges of a window that move at the same time: the mean of peeled boxes of a thousand modules."""
+HINGES_PER_FRAME = 2.36
+"""Hinges that the window moves on by from frame to frame. Smaller values make more frames."""
 WINDOWS = ((1280, 720), (390, 844))
+"""Widths and heights of the browser windows, in CSS pixels."""
 PLAYED_S = 8.0
-COMPUTED = 400
+"""Seconds for which the fold is played while drawn frames are counted. Longer times average over
+more frames. Chosen."""
+COMPUTED_FRAMES = 400
+"""Number of frames that are computed without being drawn. More frames give a more exact rate.
+Chosen."""
 REACHED = "() => window.foldback?.player.shown?.exact && window.foldback.timeline.complete"
+"""True once the frame is shown exactly and all frames are fetched."""
 COMPUTE = """(count) => {
   const { player, timeline } = window.foldback;
   const first = Math.round(timeline.last * 0.1);
@@ -37,16 +45,18 @@ COMPUTE = """(count) => {
   }
   return (1000 * count) / (performance.now() - begun);
 }"""
-"""Poses, camera, colours and messages of frames that are here, without anybody who draws them."""
+"""Frames per second of poses, camera, colours and messages, of frames in memory, without
+drawing."""
 HEAP = "() => { gc(); return performance.memory.usedJSHeapSize; }"
+"""Bytes in use on the page's JavaScript heap, after a garbage collection."""
 
 
 def long_folds(reference_seconds: float) -> Section:
-    """Opens and plays a fold of ten thousand modules in Chromium with software GL."""
+    """Open and play a fold of ten thousand modules in Chromium with software OpenGL."""
     del reference_seconds
     section = Section(name="long-folds")
     chain = peels.snake(SIDES)
-    windows = fold(chain, width=WINDOW_HINGES, step=STEP)
+    windows = fold(chain, width=WINDOW_HINGES, step=HINGES_PER_FRAME)
     chromium = CHROMIUM.get()
     flags = [*FLAGS, "--enable-precise-memory-info", "--js-flags=--expose-gc"]
     what = f"{len(chain)} modules, {len(windows)} frames"
@@ -99,7 +109,7 @@ def _played(browser: Browser, address: str, size: tuple[int, int]) -> dict[str, 
     page.wait_for_timeout(2000)
     _, pictures = page.evaluate(PLAY, PLAYED_S)
     heap = page.evaluate(HEAP) / 1e6
-    computed = page.evaluate(COMPUTE, COMPUTED)
+    computed = page.evaluate(COMPUTE, COMPUTED_FRAMES)
     return {
         "pictures a second": pictures,
         "computed a second": computed,

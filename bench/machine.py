@@ -1,4 +1,4 @@
-"""The machine that figures were taken on, and a reference run to hold them against."""
+"""The machine that runs a benchmark, and a reference run to compare its times with."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from planner import Chain, Path
 from planner.simulation.model import Material, compiled, tree_spec
 
 REFERENCE_STEPS = 1000
+"""Steps of the reference run. All times in reference units change with it."""
 REFERENCE_MODULES = 160
+"""Cubes of the chain in the reference run. All times in reference units change with it."""
 
 
 def machine() -> dict[str, Any]:
-    """What the figures depend on besides the code."""
+    """Return what the figures depend on besides the code: processor, versions, reference time."""
     return {
         "cores": os.cpu_count(),
         "processor": processor(),
@@ -29,7 +31,7 @@ def machine() -> dict[str, Any]:
 
 
 def reference_seconds() -> float:
-    """Seconds of a plain MuJoCo run: the same work on every machine and at every commit."""
+    """Return the wall time of a plain MuJoCo run, the same work on every machine and commit, s."""
     cells = [(x, 0, 0) for x in range(REFERENCE_MODULES)]
     spec = tree_spec(Chain.from_path(Path.from_cells(cells)), Material())
     model = compiled(spec)
@@ -41,7 +43,7 @@ def reference_seconds() -> float:
 
 
 def processor() -> str:
-    """What the processor is called."""
+    """Return the name of the processor."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as lines:
             return next(line.split(":")[1].strip() for line in lines if "model name" in line)

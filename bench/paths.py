@@ -1,7 +1,7 @@
-"""Paths: how fast blocks are merged, and how many sets of cells are solved exactly.
+"""Paths: the time to merge blocks into a path, and how many sets of cells are solved exactly.
 
-``python -m bench.paths`` writes ``data/*_cells.json`` anew: each set's digest, what
-became of it and how long that took.
+``python -m bench.paths`` rewrites ``data/*_cells.json``: the digest of each set, its result and the
+time that it took.
 """
 
 from __future__ import annotations
@@ -26,15 +26,20 @@ from planner.shapes.shape import Shape
 DATA = Path(__file__).parent / "data"
 RESULTS = DATA / "exact_cells.json"
 HARD_RESULTS = DATA / "hard_cells.json"
-LIMITS_S = {10_000: 2.0, 100_000: 20.0}
+MAX_BLOCKS_S = {10_000: 2.0, 100_000: 20.0}
+"""Maximum time of a path by blocks, s, by number of modules. Chosen."""
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
-LIMIT_S = 30.0
-SHARE = 0.95
-RUNS = 3
+"""Numbers of modules of the paths by blocks."""
+EXACT_LIMIT_S = 30.0
+"""Time limit of each exact search, s. Longer limits solve more sets. Chosen."""
+MIN_SOLVED_SHARE = 0.95
+"""Minimum fraction of the feasible sets to be solved within the limit. Chosen."""
+RUNS_PER_SIZE = 3
+"""Runs of each path by blocks, of which the fastest counts."""
 
 
 def paths(reference_seconds: float) -> Section:
-    """Blocks of growing number, the hundred sets of cells, and those that nobody knows."""
+    """Measure paths by blocks, the hundred feasible sets, and sets of unknown feasibility."""
     del reference_seconds
     section = Section(name="paths")
     warm = np.argwhere(np.ones((3, 3, 3), dtype=bool))
@@ -46,10 +51,10 @@ def paths(reference_seconds: float) -> Section:
 
 
 def _blocks(section: Section) -> None:
-    seconds = {size: min(_merge_s(size) for _ in range(RUNS)) for size in SIZES}
+    seconds = {size: min(_merge_s(size) for _ in range(RUNS_PER_SIZE)) for size in SIZES}
     for size, took in seconds.items():
         section.rows.append(_row(f"blocks, {size} modules", size, "found", took))
-    for size, limit in LIMITS_S.items():
+    for size, limit in MAX_BLOCKS_S.items():
         section.add(
             f"path of {size} modules by blocks",
             f"{seconds[size]:.2f} s",
@@ -67,7 +72,7 @@ def _blocks(section: Section) -> None:
 
 
 def _merge_s(size: int) -> float:
-    """Seconds for a ball of about so many cells."""
+    """Return the seconds for a ball of about the given number of cells."""
     radius = (size / 8 * 3 / (4 * np.pi)) ** (1 / 3)
     reach = np.arange(-int(radius) - 1, int(radius) + 2)
     grid = np.stack(np.meshgrid(reach, reach, reach, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -85,20 +90,20 @@ def _exact(section: Section) -> None:
     check_stored(sets, RESULTS)
     for each in sets:
         status, took = _solve(each)
-        good = status == "found" and took < LIMIT_S
+        good = status == "found" and took < EXACT_LIMIT_S
         solved += good
         slowest = max(slowest, took)
         section.rows.append(_row(each.name, len(each.cells), status, took))
     section.add(
-        f"feasible sets of 94–300 cells solved within {LIMIT_S:g} s",
+        f"feasible sets of 94–300 cells solved within {EXACT_LIMIT_S:g} s",
         f"{solved} of {len(sets)}, the slowest in {slowest:.2f} s",
-        f"≥ {100 * SHARE:g} %",
-        solved >= SHARE * len(sets),
+        f"≥ {100 * MIN_SOLVED_SHARE:g} %",
+        solved >= MIN_SOLVED_SHARE * len(sets),
     )
 
 
 def _hard(section: Section) -> None:
-    """Sets that may have a path or not: solved, proved to have none, or left open."""
+    """Count the sets that are solved, proved to have no path, or left open."""
     sets = list(hard_sets())
     known = check_stored(sets, HARD_RESULTS)
     counts: Counter[str] = Counter()
@@ -119,10 +124,10 @@ def _hard(section: Section) -> None:
 
 
 def check_stored(sets: list[FeasibleSet], results: Path) -> dict[str, str]:
-    """What was stored of each set: that they are the same ones, and what came of them.
+    """Check that the sets are those of the stored results; return the stored status of each.
 
     Raises:
-        AssertionError: When a set is another one than its results were written for.
+        AssertionError: A set differs from the one that its result was written for.
     """
     stored = {row["name"]: row for row in json.loads(results.read_bytes())}
     changed = [
@@ -137,7 +142,7 @@ def check_stored(sets: list[FeasibleSet], results: Path) -> dict[str, str]:
 
 def _solve(each: FeasibleSet) -> tuple[str, float]:
     begun = time.perf_counter()
-    found = exact_path(Shape.from_cells(each.cells), time_limit_s=LIMIT_S)
+    found = exact_path(Shape.from_cells(each.cells), time_limit_s=EXACT_LIMIT_S)
     took = time.perf_counter() - begun
     if found.cells is not None:
         _check(found.cells, each.cells, len(each.cells))
@@ -145,7 +150,7 @@ def _solve(each: FeasibleSet) -> tuple[str, float]:
 
 
 def _check(path: np.ndarray, cells: np.ndarray, size: int) -> None:
-    """A path of all cells: never a figure without it."""
+    """Check that a path visits all cells; no figure is reported of a wrong path."""
     ChainPath.from_cells(path)
     if len(path) != size or not np.array_equal(np.unique(path, axis=0), cells):
         raise AssertionError("the path does not visit every cell once")
@@ -156,12 +161,12 @@ def _row(name: str, size: int, status: str, took: float) -> dict[str, Any]:
 
 
 def digest(each: FeasibleSet) -> str:
-    """Tells whether a set is still the one that results were written for."""
+    """Return a digest of the cells of a set."""
     return hashlib.sha256(each.cells.astype("<i8").tobytes()).hexdigest()[:16]
 
 
 def main() -> None:
-    """Writes the results of all sets."""
+    """Write the results of all sets."""
     for sets, path in ((feasible_sets(), RESULTS), (hard_sets(), HARD_RESULTS)):
         results: list[dict[str, Any]] = []
         for each in sets:

@@ -1,8 +1,7 @@
-"""Peeling: what boxes and solids of growing size cost, and whether all are clear.
+"""Peeling: cost and clearance of boxes and solids of growing size.
 
-``python -m bench.peeling [SHAPE …]`` prints them; a box is written as 12x8x12, one whose
-cells come as assembled blocks as 12x8x12:blocks, and a solid of so many doubled cells across as
-ball-16 or cup-12.
+``python -m bench.peeling [SHAPE …]`` prints them. A box is given as 12x8x12, one whose path comes
+from assembled blocks as 12x8x12:blocks, and a solid as ball-16 or cup-12, with its width in cells.
 """
 
 from __future__ import annotations
@@ -26,10 +25,11 @@ from planner.pathfinding.candidates import find_paths
 from planner.shapes.shape import Shape
 
 SHAPES = ("12x8x12", "12x8x12:blocks", "cup-12", "ball-16", "16x16x16", "20x20x24")
+"""Shapes that ``make bench`` peels."""
 
 
 def peeling(reference_seconds: float, shapes: tuple[str, ...] = SHAPES) -> Section:
-    """Shapes of 1152 to 9600 modules, peeled off and swept."""
+    """Peel shapes of 1152 to 9600 modules, and sweep their records."""
     del reference_seconds
     section = Section(name="peeling")
     _run("4x4x4")  # compiles
@@ -63,7 +63,7 @@ def _cells(name: str) -> NDArray[np.int64]:
 
 
 def _solid(kind: str, width: int) -> NDArray[np.int64]:
-    """Cells of a ball, or of a cup with a cavity, doubled."""
+    """Return the cells of a ball, or of a cup with a cavity, made of 2×2×2 blocks."""
     coarse = np.argwhere(np.ones((width // 2,) * 3, dtype=bool))
     off = coarse - 0.5 * (width // 2 - 1)
     if kind == "ball":
@@ -96,7 +96,7 @@ def _run(name: str) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Prints the shapes that are asked for."""
+    """Print the shapes of the command line."""
     peeling(0.0, tuple(sys.argv[1:]) or SHAPES).show(Console(width=160))
 
 

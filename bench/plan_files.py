@@ -1,4 +1,4 @@
-"""Plan files: what a plan of 1000 modules and 3000 frames takes, as JSON and as NumPy arrays."""
+"""Plan files: size and time of a plan with 1000 modules and 3000 frames, as JSON and as npz."""
 
 from __future__ import annotations
 
@@ -17,15 +17,20 @@ from planner.plan.plan import Plan
 from tests.planner.chains import line
 from tests.planner.plans import unverified
 
-MODULES, FRAMES = 1000, 3000
-KNOTS_EVERY = 10
-"""Frames from one control point of the motion to the next: as a simulation's, all hinges move."""
-STEP_RAD = 0.03
-MOST = 10e6
+PLAN_MODULES, PLAN_FRAMES = 1000, 3000
+"""Number of modules, and of frames, of the plan."""
+FRAMES_PER_KNOT = 10
+"""Frames from one control point of the motion to the next. All hinges move smoothly, as in a
+simulation."""
+KNOT_STEP_RAD = 0.03
+"""Standard deviation of a hinge's angle from one control point to the next, rad. Larger values
+compress worse."""
+MAX_PLAN_FILE_BYTES = 10e6
+"""Maximum size of a plan file, bytes. Chosen."""
 
 
 def plan_files(reference_seconds: float) -> Section:
-    """Sizes and times of both forms, of a motion of all hinges."""
+    """Measure sizes and times of both formats, for a motion of all hinges."""
     del reference_seconds
     section = Section(name="plan-files")
     plan = _plan()
@@ -49,25 +54,26 @@ def plan_files(reference_seconds: float) -> Section:
                 }
             )
             section.add(
-                f"{MODULES} modules × {FRAMES} frames as {suffix}",
+                f"{PLAN_MODULES} modules × {PLAN_FRAMES} frames as {suffix}",
                 f"{size / 1e6:.1f} MB",
                 "≤ 10 MB, the same numbers",
-                same and size <= MOST,
+                same and size <= MAX_PLAN_FILE_BYTES,
             )
     return section
 
 
 def _plan() -> Plan:
-    chain = line(MODULES)
+    chain = line(PLAN_MODULES)
     random = np.random.default_rng(0)
-    knots = np.arange(0, FRAMES + KNOTS_EVERY, KNOTS_EVERY)
-    walk = random.normal(scale=STEP_RAD, size=(len(knots), len(chain.folded_rad))).cumsum(axis=0)
-    angles = snapped(CubicSpline(knots, np.clip(walk, -1.5, 1.5))(np.arange(FRAMES)))
+    knots = np.arange(0, PLAN_FRAMES + FRAMES_PER_KNOT, FRAMES_PER_KNOT)
+    size = (len(knots), len(chain.folded_rad))
+    walk = random.normal(scale=KNOT_STEP_RAD, size=size).cumsum(axis=0)
+    angles = snapped(CubicSpline(knots, np.clip(walk, -1.5, 1.5))(np.arange(PLAN_FRAMES)))
     frames = Motion.from_frames(
         phase="playback",
-        time_s=0.02 * np.arange(FRAMES),
+        time_s=0.02 * np.arange(PLAN_FRAMES),
         joint_angles_rad=angles,
-        root_position=random.normal(size=(FRAMES, 3)),
-        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (FRAMES, 1)),
+        root_position=random.normal(size=(PLAN_FRAMES, 3)),
+        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (PLAN_FRAMES, 1)),
     )
     return unverified(chain, frames, Parameters())

@@ -1,7 +1,7 @@
-"""Portfolio: folds that need several tries, one after the other and beside each other.
+"""Portfolio: folds that need several attempts, one after the other and in parallel.
 
-``python -m bench.portfolio [FOLD …]`` prints them: ``knot`` (71 modules, all that is
-tried gets stuck) and ``torus`` (1000 modules of a mesh at 0.98, peeling gets stuck).
+``python -m bench.portfolio [FOLD …]`` prints them: ``knot`` (71 modules, every attempt stalls) and
+``torus`` (1000 modules of a mesh at size 0.98, peeling stalls).
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ from tests.planner.chains import knotted
 
 FOLDS = ("knot", "torus")
 WORKERS = (1, 2)
+"""Numbers of worker processes that each fold is run with."""
 
 
 def portfolio(reference_seconds: float, folds: tuple[str, ...] = FOLDS) -> Section:
-    """Each fold with one worker and with two."""
+    """Run each fold with one worker and with two."""
     del reference_seconds
     section = Section(name="portfolio")
     warm_up()
@@ -78,13 +79,13 @@ def _run(name: str, workers: int) -> dict[str, Any]:
 
 
 def _processor_s() -> float:
-    """Of this process and of those that it started and that have ended."""
+    """Return the processor time of this process and of its ended children, s."""
     used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(one.ru_utime + one.ru_stime for one in used)
 
 
 def main() -> None:
-    """Runs the folds that are asked for."""
+    """Run the folds of the command line."""
     portfolio(0.0, tuple(sys.argv[1:]) or FOLDS).show(Console(width=160))
 
 

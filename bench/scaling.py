@@ -1,7 +1,6 @@
-"""Scaling: whole commands from 160 to 10 000 modules, each verified at a size of 0.98.
+"""Scaling: whole commands from 160 to 10 000 modules, each verified at a module size of 0.98.
 
-``python -m bench.scaling [CASE …]`` runs some of them, or longer ones
-that ``make bench`` leaves out.
+``python -m bench.scaling [CASE …]`` runs some of them, or longer ones that ``make bench`` omits.
 """
 
 from __future__ import annotations
@@ -25,9 +24,12 @@ from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.warm_up import warm_up
 from planner.plan.shape_files import write_path
 
-SIZE: Final = 0.98
-MEMORY_MB: Final = 1000.0
-EXPONENT: Final = 1.15
+SCALING_MODULE_SIZE: Final = 0.98
+"""Module size of all cases, as a fraction of the pitch. Larger modules leave less clearance."""
+MAX_MEMORY_MIB: Final = 1000.0
+"""Maximum memory of a command with about 10 000 modules, MiB. Chosen."""
+MAX_TIME_EXPONENT: Final = 1.15
+"""Maximum exponent k of the wall time ∝ modules^k of boxes; 1 is linear. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,10 +37,10 @@ class Case:
     """One command.
 
     Attributes:
-        shape: An example, or the name of a file.
-        data: What is in that file.
-        options: Of the command.
-        bar_s: Wall time that it should stay below; None where there is no bar.
+        shape: Name of an example, or of a file.
+        data: Returns the content of that file; None for an example.
+        options: Options of the command.
+        bar_s: Maximum wall time, s; None if there is no bar.
     """
 
     shape: str
@@ -96,11 +98,13 @@ LONGER: Final = {
     "capsule-10000": _mesh(_capsule, 10_000, 180.0),
     "box-100000": Case(shape="box.txt", data=_box(40, 50, 50)),
 }
+"""Cases that ``make bench`` omits."""
 BOXES: Final = ("box-1152", "box-4096", "box-9600")
+"""Cases that the exponent is fitted to."""
 
 
 def scaling(reference_seconds: float, names: tuple[str, ...] = tuple(CASES)) -> Section:
-    """The commands of these names."""
+    """Run the commands of these names."""
     warm_up()  # a fresh clone compiles for a minute
     section = Section(name="scaling")
     rows = {name: _run(name, {**CASES, **LONGER}[name], reference_seconds) for name in names}
@@ -109,7 +113,7 @@ def scaling(reference_seconds: float, names: tuple[str, ...] = tuple(CASES)) -> 
         bar_s = {**CASES, **LONGER}[name].bar_s
         verified = row["verdict"] == "verified"
         section.add(
-            f"{name}: {row['modules']} modules at size {SIZE:g}",
+            f"{name}: {row['modules']} modules at size {SCALING_MODULE_SIZE:g}",
             f"{row['wall s']:.1f} s, {row['verdict']}",
             "verified" if bar_s is None else f"verified within {bar_s:g} s",
             verified and (bar_s is None or row["wall s"] < bar_s),
@@ -121,8 +125,8 @@ def scaling(reference_seconds: float, names: tuple[str, ...] = tuple(CASES)) -> 
         section.add(
             "wall time of boxes ∝ modules^k",
             f"k = {power:.2f}",
-            f"≤ {EXPONENT:g}",
-            power <= EXPONENT,
+            f"≤ {MAX_TIME_EXPONENT:g}",
+            power <= MAX_TIME_EXPONENT,
         )
     if "box-1152" in rows and "blocks-1152" in rows:
         share = rows["blocks-1152"]["frames"] / rows["box-1152"]["frames"]
@@ -130,7 +134,9 @@ def scaling(reference_seconds: float, names: tuple[str, ...] = tuple(CASES)) -> 
     largest = [row for row in section.rows if 9000 <= row["modules"] <= 11_000]
     if largest:
         most = max(row["memory MB"] for row in largest)
-        section.add("memory at 10 000", f"{most:.0f} MB", f"< {MEMORY_MB:g} MB", most < MEMORY_MB)
+        section.add(
+            "memory at 10 000", f"{most:.0f} MB", f"< {MAX_MEMORY_MIB:g} MB", most < MAX_MEMORY_MIB
+        )
     return section
 
 
@@ -141,7 +147,7 @@ def _run(name: str, case: Case, reference_seconds: float) -> dict[str, Any]:
             file = FilePath(folder) / case.shape
             file.write_bytes(case.data())
             shape = str(file)
-        run = fold(shape, "--module-size", str(SIZE), *case.options)
+        run = fold(shape, "--module-size", str(SCALING_MODULE_SIZE), *case.options)
     summary = run.summary
     return {
         "case": name,
@@ -158,7 +164,7 @@ def _run(name: str, case: Case, reference_seconds: float) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Prints the cases that are asked for."""
+    """Print the cases of the command line."""
     reference = machine()["reference_seconds"]
     scaling(reference, tuple(sys.argv[1:]) or tuple(CASES)).show(Console(width=160))
 

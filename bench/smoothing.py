@@ -1,4 +1,4 @@
-"""Smoothing: how plans of examples go before and after, both folding in the same time.
+"""Smoothing: figures of plans before and after it, both folding in the same time.
 
 ``python -m bench.smoothing [SHAPE …]`` prints them.
 """
@@ -34,12 +34,15 @@ NAMES = (
     "tetra-wrench",
     "tetra-slab",
 )
+"""Shapes of the gallery that are smoothed."""
 FEWER = ("frames", "fold_time_s", "length_rad", "peak_torque_nm", "tail_way", "tail_speed")
+"""Figures that smoothing should make smaller."""
 MORE = ("hinges_moving_mean", "hinges_moving_most", "clearance")
+"""Figures that smoothing should make larger."""
 
 
 def smoothing(reference_seconds: float, shapes: tuple[str, ...] = NAMES) -> Section:
-    """Plans of examples of 24 to 384 modules, smoothed."""
+    """Smooth plans of examples with 24 to 384 modules."""
     del reference_seconds
     section = Section(name="smoothing")
     _row("wrench-24")  # compiles
@@ -83,7 +86,7 @@ def _row(shape: str) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Prints the shapes that are asked for."""
+    """Print the shapes of the command line."""
     smoothing(0.0, tuple(sys.argv[1:]) or NAMES).show(Console(width=260))
 
 

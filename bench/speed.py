@@ -1,7 +1,7 @@
-"""Speed: what a fold takes, as multiples of the reference; medians of three.
+"""Speed: the time of whole commands and of parts of a fold in reference runs (r), as medians.
 
-``python -m bench.speed [CASE …]`` runs some of the commands, or 100 000 modules or the
-simulated playback of 4096, which ``make bench`` leaves out.
+``python -m bench.speed [CASE …]`` runs some of the commands, or 100 000 modules or the simulated
+playback of 4096 modules, which ``make bench`` omits.
 """
 
 from __future__ import annotations
@@ -39,22 +39,27 @@ from planner.playback.playback import play_back
 from planner.progress import STAGES
 from planner.readers.gallery import Gallery
 
-RUNS: Final = 3
+RUNS_PER_COMMAND: Final = 3
+"""Runs of each command, of which the median counts."""
 ODE_R: Final = 267.0
-"""References that the published algorithm takes for the wrench of 160, in C++ on ODE."""
+"""Reference runs that the published algorithm takes for the wrench of 160 modules, in C++ with ODE.
+Measured."""
 WRENCH: Final = "wrench-160"
-SIDE: Final = (10, 10, 10)
-MOST_MODULES: Final = 10**6
-"""So that playbacks of any length are simulated."""
+"""Case that is compared with the published algorithm."""
+BOX_SIDES: Final = (10, 10, 10)
+"""Sides of the box of 1000 modules, in cells."""
+SIMULATE_ALL_MODULES: Final = 10**6
+"""Limit of modules for simulated playbacks that exceeds every chain, so that all playbacks are
+simulated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bar:
-    """What a command is held against.
+    """A command and its bar.
 
     Attributes:
-        command: Which one.
-        references: It should take no more than so many.
+        command: The command.
+        references: Maximum wall time, in reference runs.
     """
 
     command: Command
@@ -62,10 +67,10 @@ class Bar:
 
 
 def _own(kind: str) -> Callable[[], bytes]:
-    """A path through a block that comes as a file, its cells in order."""
+    """Return a function that writes a path through a box, as a file with its cells in order."""
 
     def data() -> bytes:
-        cells = path_of(kind, SIDE, 0)
+        cells = path_of(kind, BOX_SIDES, 0)
         assert cells is not None, f"a box has {kind} paths"
         return write_path(CellPath.from_cells([tuple(c) for c in cells.tolist()], name="own"))
 
@@ -73,13 +78,13 @@ def _own(kind: str) -> Callable[[], bytes]:
 
 
 def _larger(name: str) -> Command:
-    """A command of those that are about growing, for modules of 0.98."""
+    """Return a command of ``bench.scaling`` with modules of size 0.98."""
     command = {**CASES, **LONGER}[name]
     return replace(command, options=(*command.options, "--module-size", "0.98"))
 
 
 def _folded_by_robots(name: str) -> Command:
-    """A command whose playback is simulated, however long its chain is."""
+    """Return a command whose playback is simulated, however long its chain is."""
     command = {**CASES, **LONGER}[name]
     return replace(command, options=(*command.options, "--set", "simulated_modules=20000"))
 
@@ -100,18 +105,21 @@ ROBOTS: Final = {
     "ball-1000-robots": Bar(command=_folded_by_robots("ball-1000"), references=40.0),
     "box-4096-robots": Bar(command=_folded_by_robots("box-4096"), references=250.0),
 }
-"""Peeled chains whose playback is simulated, and the references that it may take."""
+"""Peeled chains whose playback is simulated; the bars hold for the playback."""
 LONG: Final = {"box-100000": Bar(command=_larger("box-100000"), references=3300.0)}
+"""Command that ``make bench`` omits."""
 SIMULATED: Final = {
     "simulated-1000": ((10, 10, 10), 40.0),
     "simulated-4096": ((16, 16, 16), 250.0),
 }
-"""Layered boxes, folded all at once, whose playback is simulated, and the same."""
+"""Sides, in cells, of layered boxes that fold all at once, and the maximum reference runs of their
+simulated playback."""
 USUAL: Final = (*COMMANDS, *ROBOTS, "simulated-1000")
+"""Names of the commands and playbacks that ``make bench`` measures."""
 
 
 def speed(reference_seconds: float, names: tuple[str, ...] = USUAL) -> Section:
-    """What these names stand for, then what the parts of a fold take."""
+    """Measure the commands of these names, then parts of a fold."""
     warm_up()  # a fresh clone compiles for a minute
     section = Section(name="speed")
     for name in names:
@@ -125,8 +133,8 @@ def speed(reference_seconds: float, names: tuple[str, ...] = USUAL) -> Section:
 
 
 def _command(section: Section, name: str, bar: Bar, reference_seconds: float) -> None:
-    """A whole command, imports and files and all."""
-    runs = [_run(bar.command) for _ in range(1 if name in LONG else RUNS)]
+    """Measure a whole command, imports and files included."""
+    runs = [_run(bar.command) for _ in range(1 if name in LONG else RUNS_PER_COMMAND)]
     wall = statistics.median(run.wall_s for run in runs)
     summary = runs[0].summary
     verified = all(run.code == 0 for run in runs)
@@ -184,12 +192,12 @@ def _run(command: Command) -> Run:
 
 
 def _stages(section: Section, reference_seconds: float) -> None:
-    """What comes after the explosion of a thousand modules."""
+    """Measure the stages after the explosion of 1000 modules."""
     found: list[float] = []
-    for _ in range(RUNS):
+    for _ in range(RUNS_PER_COMMAND):
         with tempfile.TemporaryDirectory(prefix="foldback-bench-") as place:
             directory = FilePath(place)
-            Workspace(directory).write_request(FoldRequest(strategy="peel"), _layered(SIDE))
+            Workspace(directory).write_request(FoldRequest(strategy="peel"), _layered(BOX_SIDES))
             took: dict[str, float] = {}
             for stage in STAGES:
                 begun = time.perf_counter()
@@ -210,18 +218,18 @@ def _layered(sides: tuple[int, int, int]) -> bytes:
 
 
 def _steps(section: Section) -> None:
-    """What a step costs for a module."""
+    """Measure the time of a simulation step for each module."""
     shape = Gallery().shape(WRENCH)
     assert shape is not None
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as place:
         directory = FilePath(place)
         Workspace(directory).write_request(FoldRequest(filename=shape.filename), shape.data)
-        told = {stage: run_stage(stage, directory) for stage in STAGES[:3]}
-    modules = told["read"]["modules"]
-    explosion = 1e6 * told["explode"]["seconds"] / told["explode"]["steps"] / modules
+        results = {stage: run_stage(stage, directory) for stage in STAGES[:3]}
+    modules = results["read"]["modules"]
+    explosion = 1e6 * results["explode"]["seconds"] / results["explode"]["steps"] / modules
     robots = Parameters().playback.robot.runs
-    steps = robots * told["play_back"]["steps"]
-    playback = 1e6 * told["play_back"]["seconds"] / steps / modules
+    steps = robots * results["play_back"]["steps"]
+    playback = 1e6 * results["play_back"]["seconds"] / steps / modules
     section.add(
         f"a step for a module, {WRENCH}: explosion, a robot's playback",
         f"{explosion:.1f} µs, {playback:.1f} µs",
@@ -236,7 +244,7 @@ def _simulated(
     bar: float,
     reference_seconds: float,
 ) -> None:
-    """A simulated playback, with robots and contacts, of a layered box folded all at once."""
+    """Measure the simulated playback, with robots and contacts, of a layered box."""
     chain = Chain.from_path(CellPath.from_cells(layered_snake(sides), name="box"))
     parameters = Parameters()
     record: Record
@@ -247,7 +255,7 @@ def _simulated(
     playback = play_back(
         chain,
         record,
-        replace(parameters.playback, dynamic_up_to=MOST_MODULES),
+        replace(parameters.playback, dynamic_up_to=SIMULATE_ALL_MODULES),
         module_size=parameters.module_size,
     )
     references = playback.seconds / reference_seconds
@@ -264,7 +272,7 @@ def _simulated(
 
 
 def main() -> None:
-    """Prints the commands that are asked for."""
+    """Print the commands of the command line."""
     about: dict[str, Any] = machine()
     names = tuple(sys.argv[1:]) or USUAL
     speed(about["reference_seconds"], names).show(Console(width=160))

@@ -1,4 +1,4 @@
-"""Tables of figures against their bars."""
+"""Tables of measured figures and their bars."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ class Figure:
     """One measured figure.
 
     Attributes:
-        name: What was measured.
-        value: As measured.
-        bar: What it should be, in words.
-        met: Whether it is; None where there is no bar.
+        name: Name of the measured quantity.
+        value: Measured value, with its unit.
+        bar: Required value, in words; empty if there is none.
+        met: True if the bar is met; None if there is no bar.
     """
 
     name: str
@@ -35,8 +35,8 @@ class Section:
     """A part of the benchmark.
 
     Attributes:
-        name: Its name, as ``--only`` takes it.
-        figures: The figures against their bars.
+        name: Name of the section, as ``--only`` takes it.
+        figures: Figures and their bars.
         rows: All single runs, as plain values.
     """
 
@@ -45,12 +45,12 @@ class Section:
     rows: list[dict[str, Any]] = field(default_factory=list)
 
     def add(self, name: str, value: str, bar: str = "", met: bool | None = None) -> None:
-        """Adds a figure."""
-        judged = None if met is None else bool(met)  # comparisons of arrays are no plain ones
+        """Add a figure."""
+        judged = None if met is None else bool(met)  # comparisons of arrays give numpy.bool
         self.figures.append(Figure(name=name, value=value, bar=bar, met=judged))
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
+        """Return plain JSON values."""
         return {
             "name": self.name,
             "figures": [asdict(figure) for figure in self.figures],
@@ -58,7 +58,7 @@ class Section:
         }
 
     def show(self, console: Console) -> None:
-        """Prints the rows and the figures."""
+        """Print the rows and the figures."""
         if self.rows:
             table = Table(title=f"{self.name}: runs", title_justify="left")
             for name in self.rows[0]:
@@ -82,15 +82,15 @@ def _text(value: Any) -> str:
 def write_sections(
     sections: Iterable[Section], machine: dict[str, Any], out: Path
 ) -> list[Section]:
-    """Prints each section as soon as it is there, and writes all there are so far as JSON."""
+    """Print each section as soon as it is measured, and write all sections so far as JSON."""
     console = Console(width=max(160, Console().width))
     console.print(machine)
-    found: list[Section] = []
+    measured: list[Section] = []
     out.parent.mkdir(parents=True, exist_ok=True)
     for section in sections:
         section.show(console)
-        found.append(section)
-        told = [each.as_dict() for each in found]
-        about = {"machine": machine, "date": time.strftime("%Y-%m-%d"), "sections": told}
+        measured.append(section)
+        plain = [each.as_dict() for each in measured]
+        about = {"machine": machine, "date": time.strftime("%Y-%m-%d"), "sections": plain}
         out.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
-    return found
+    return measured

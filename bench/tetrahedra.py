@@ -1,4 +1,4 @@
-"""Chains of tetrahedra: are they verified, how fast, and up to which size of module."""
+"""Chains of tetrahedra: verdicts, times, and the largest module size without contact."""
 
 from __future__ import annotations
 
@@ -24,13 +24,17 @@ from planner.readers.gallery import gallery
 from planner.shapes.shape import Shape
 
 SEEDS = (0, 1, 2)
+"""Seeds that each chain is folded with."""
 LARGE = (5, 5, 4)
-TETRAHEDRA = 100_000
+"""Sides of a block of cells whose chain is folded once, by one command."""
+LONG_TRAIL_TETRAHEDRA = 100_000
+"""Least number of tetrahedra of the long trail, which is only computed, not folded."""
 SIZED = ("tetra-wrench", "tetra-cube-2", "tetra-letter-f")
+"""Shapes whose largest module size without contact is measured."""
 
 
 def tetrahedra(reference_seconds: float) -> Section:
-    """The gallery's chains of tetrahedra, a large one, and a long trail."""
+    """Measure the gallery's chains of tetrahedra, a large one, and a long trail."""
     section = Section(name="tetrahedra")
     shapes = [shape for shape in gallery() if shape.module == "tetrahedron"]
     fold("tetra-ring")
@@ -101,7 +105,7 @@ def _row(name: str, seed: int, run: Run) -> dict[str, Any]:
 
 
 def _attempts(directory: Path) -> int:
-    """How many explosions and playbacks a plan took."""
+    """Return the number of attempts of a plan: explosions and playbacks."""
     return len(json.loads((directory / "attempts.json").read_bytes()))
 
 
@@ -130,7 +134,7 @@ def _large(section: Section, folder: Path) -> None:
 
 
 def _trail(section: Section) -> None:
-    side = round((TETRAHEDRA / 12) ** (1 / 3)) + 1
+    side = round((LONG_TRAIL_TETRAHEDRA / 12) ** (1 / 3)) + 1
     cells = np.array(list(product(range(side), repeat=3)))
     pairs = ring_pairs(cells)
     circuit(ring_pairs(cells[:1]))

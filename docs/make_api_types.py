@@ -1,4 +1,4 @@
-"""Write the types of the API's answers for the pages' scripts; a test tells when that is due."""
+"""Write the types of the API's answers for the pages' scripts; a test fails if it is outdated."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def type_of(schema: Schema) -> str:
     """Return a schema as a type of TypeScript.
 
     Raises:
-        KeyError: For a schema of a kind that no answer had when this was written.
+        KeyError: A schema is of a kind that this function does not know.
     """
     if (reference := schema.get("$ref")) is not None:
         return str(reference).rpartition("/")[2]
@@ -85,7 +85,7 @@ def _used(api: Schema, schemas: Mapping[str, Schema]) -> set[str]:
 
 
 def _answers(api: Schema) -> Iterator[Schema]:
-    """Yield the content of each answer that is no refusal."""
+    """Yield the content of each answer of a successful request."""
     for path in api["paths"].values():
         for operation in path.values():
             for status, answer in operation["responses"].items():

@@ -1,4 +1,4 @@
-"""Draws the README's still pictures: the same wrench in cubes and in tetrahedra.
+"""Draw the README's still pictures: the same wrench in cubes and in tetrahedra.
 
 Run from the repository's root::
 
@@ -25,7 +25,7 @@ PICTURES = (
 
 
 def drawn(shape: str, title: str) -> str:
-    """The drawing of an example shape."""
+    """Return the drawing of an example shape as SVG."""
     found = read((ROOT / "examples" / "shapes" / f"{shape}.json").read_bytes())
     assert isinstance(found, CellPath | Chain)
     chain = found if isinstance(found, Chain) else Chain.from_path(found)
@@ -33,7 +33,7 @@ def drawn(shape: str, title: str) -> str:
 
 
 def main() -> None:
-    """Writes the pictures."""
+    """Write the pictures."""
     for name, shape, title in PICTURES:
         (ROOT / "docs" / "pictures" / name).write_text(drawn(shape, title), encoding="utf-8")
 

@@ -1,6 +1,7 @@
-"""Draws the rooms of the code and the imports between them, and lists them in house.md.
+"""Draw the packages of the code and the imports between them, and list them in house.md.
 
-A test holds the code to the floors below, and both files to what this would write.
+A "room" is a folder or a module of a package. Tests check that imports follow the floors below, and
+that both files are current.
 """
 
 from __future__ import annotations
@@ -53,11 +54,13 @@ FLOORS: Final = (
     ("server.doctor", "server.operate"),
     ("server.cli",),
 )
-"""From the ground up. A room imports from lower floors, or from itself."""
+"""Rooms by floor, from the lowest floor up. A room imports only from lower floors, or from
+itself."""
 FLOOR_OF: Final = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 ELSEWHERE: Final = ("server.migrations",)
-"""Folders that are laid out as alembic wants them."""
+"""Folders whose layout alembic prescribes; they belong to no room."""
 WIDTH, COLUMN, STEP, BOX = 1020, 340, 58, 38
+"""Width of the picture, width of a column, distance between floors, and height of a box, px."""
 COLOURS: Final = {
     "planner": "#2f6fb2",
     "web": "#3a8a5c",
@@ -66,12 +69,17 @@ COLOURS: Final = {
     "server": "#b06a2c",
 }
 COLUMNS: Final = {"planner": ("planner",), "web": ("web", "words"), "server": ("cli", "server")}
-"""Columns of the picture, with the packages that each shows."""
+"""Columns of the picture, with the packages that each of them shows."""
 
 
 @dataclass(frozen=True, slots=True)
 class Import:
-    """That a module imports from another: both by their dotted names."""
+    """An import of one module by another.
+
+    Attributes:
+        module: Dotted name of the module that imports.
+        imported: Dotted name of the module that is imported.
+    """
 
     module: str
     imported: str
@@ -79,17 +87,17 @@ class Import:
 
 @cache
 def modules() -> dict[str, Path]:
-    """All modules of the packages by their dotted names."""
+    """Return all modules of the packages by their dotted names."""
     paths = (path for package in COLOURS for path in (ROOT / package).rglob("*.py"))
     named = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in paths}
     return {name.removesuffix(".__init__"): path for name, path in sorted(named.items())}
 
 
 def room_of(module: str) -> str | None:
-    """The room that a module is in; None of those elsewhere.
+    """Return the room that a module is in; None for modules that belong to no room.
 
     Raises:
-        KeyError: Where it is in none.
+        KeyError: Its folder is not listed in ``FLOORS``.
     """
     if module.startswith(ELSEWHERE):
         return None
@@ -104,7 +112,7 @@ def room_of(module: str) -> str | None:
 
 @cache
 def imports() -> tuple[Import, ...]:
-    """All imports between modules of the packages, those inside of functions too."""
+    """Return all imports between modules of the packages, also those inside functions."""
     found: list[Import] = []
     known = modules()
     for module, path in known.items():
@@ -120,13 +128,13 @@ def imports() -> tuple[Import, ...]:
 
 
 def arrows() -> set[tuple[str, str]]:
-    """Which room imports from which other."""
+    """Return the pairs of different rooms of which the first imports from the second."""
     pairs = ((room_of(each.module), room_of(each.imported)) for each in imports())
     return {(a, b) for a, b in pairs if a and b and a != b}
 
 
 def files_of(room: str) -> list[Path]:
-    """The files of a room, its face apart."""
+    """Return the files of a room without its ``__init__.py``."""
     return [
         path
         for module, path in modules().items()
@@ -135,13 +143,13 @@ def files_of(room: str) -> list[Path]:
 
 
 def about(room: str) -> str:
-    """The first line of what a room says of itself."""
+    """Return the first line of a room's docstring."""
     path = modules()[room]
     return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")[0]
 
 
 def table() -> str:
-    """The rooms from the top down, in Markdown."""
+    """Return the rooms from the top down as a table in Markdown."""
     lines = ["| room | what it is for | files |", "|---|---|---|"]
     for room in (room for floor in reversed(FLOORS) for room in floor):
         names = ", ".join(f"`{path.stem}`" for path in files_of(room))
@@ -150,14 +158,14 @@ def table() -> str:
 
 
 def with_table(page: str) -> str:
-    """The page with the table as it should be."""
+    """Return the page with a current table."""
     before, _, rest = page.partition(BEGIN)
     _, _, after = rest.partition(END)
     return f"{before}{BEGIN}\n{table()}\n{END}{after}"
 
 
 def drawn() -> str:
-    """The picture: a column for each package, a box for each room, a line for what it imports."""
+    """Return the picture as SVG: a column per package, a box per room, lines for imports."""
     columns = {
         column: [
             rooms

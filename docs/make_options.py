@@ -1,6 +1,6 @@
-"""Write what is made of a fold's options: the table in api.md and the types of the client.
+"""Write the texts that are made from a fold's options: the table in api.md and the client's types.
 
-A test fails when one of them is out of date; run ``python -m docs.make_options`` then.
+A test fails if one of them is outdated; run ``python -m docs.make_options`` then.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ PAGE: Final = ROOT / "docs" / "api.md"
 CLIENT: Final = ROOT / "foldback_client" / "options.py"
 BEGIN, END = "<!-- options -->\n", "<!-- end of options -->\n"
 PREVIEW_OPTIONS: Final = (*options_of(PathOptions), "seed")
-"""Names of the options that a preview takes, too."""
+"""Names of the options that previews also accept."""
 HEAD: Final = '''"""Options of folds and previews, written by ``docs/make_options.py``."""
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from typing import Literal, TypedDict
 
 
 def table(request: type[Any] = FoldRequest) -> str:
-    """Return the options in Markdown, one a line."""
+    """Return the options as a table in Markdown, one per line."""
     lines = ["| option | values | default | meaning |", "|---|---|---|---|"]
     for name, each in options_of(request).items():
         meaning = (each.meaning or f"{each.title}.").replace("|", "\\|")
@@ -40,7 +40,7 @@ def table(request: type[Any] = FoldRequest) -> str:
 
 
 def page(text: str, request: type[Any] = FoldRequest) -> str:
-    """Return a page with the table as it should be."""
+    """Return a page with a current table."""
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)
     return f"{before}{BEGIN}\n{table(request)}\n{END}{after}"

@@ -1,6 +1,6 @@
-"""Makes the moving picture of the README: folds the 160 wrench and films its page in Chromium.
+"""Make the animated picture of the README: fold the 160 wrench and capture its page in Chromium.
 
-Run from the repository's root, after ``make test`` has made sure of a Chromium::
+Run from the repository's root, after ``make test`` has installed Chromium::
 
     .venv/bin/python docs/make_picture.py
 """
@@ -28,24 +28,31 @@ from tests.tools import CHROMIUM  # noqa: E402
 
 OUT = ROOT / "docs" / "pictures" / "wrench.gif"
 SIZE = (640, 360)
-PICTURES = (26, 54)
+"""Width and height of the picture, px."""
+PICTURES_PER_PHASE = (26, 54)
+"""Number of frames of the explosion and of the playback. More make a larger file."""
 FRAME_MS = 90
-REST_MS = 900
-COLOURS = 48
+"""Duration of a frame, ms. Larger values play more slowly."""
+PAUSE_MS = 900
+"""Duration of the straight and of the folded frame, ms, so that they can be seen."""
+PALETTE_COLOURS = 48
+"""Number of colours of the GIF. More make a larger file."""
 SEEK = """(frame) => {
   const scrub = document.getElementById("scrub");
   scrub.value = frame;
   scrub.dispatchEvent(new Event("input", { bubbles: true }));
 }"""
+"""Moves the slider to a frame."""
 BARE = (
     "header, footer, #legend, #drawer { display: none !important }"
     "main.stage { position: fixed !important; inset: 0 !important }"
 )
+"""Hides all of the page but the picture."""
 
 
 @contextmanager
 def player(directory: Path) -> Iterator[str]:
-    """The address of a fold's page while it is served."""
+    """Fold the wrench, serve the fold, and yield the address of its page."""
     command = [sys.executable, "-m", "server.cli.command_line"]
     subprocess.run([*command, "fold", "wrench-160", "--out", str(directory)], check=True, cwd=ROOT)
     serving = subprocess.Popen(
@@ -60,7 +67,7 @@ def player(directory: Path) -> Iterator[str]:
 
 
 def main() -> None:
-    """Writes the picture."""
+    """Write the picture."""
     with tempfile.TemporaryDirectory() as folder, player(Path(folder)) as address:
         frames = Timeline.open(Path(folder) / "timeline.zarr").frames()
         chromium = CHROMIUM.get()
@@ -75,8 +82,8 @@ def main() -> None:
             pictures = [_picture(page, frame) for frame in _chosen(frames.phase)]
             browser.close()
     durations = [FRAME_MS] * len(pictures)
-    durations[PICTURES[0] - 1] = durations[-1] = REST_MS
-    palette = pictures[-1].quantize(COLOURS, dither=Image.Dither.NONE)
+    durations[PICTURES_PER_PHASE[0] - 1] = durations[-1] = PAUSE_MS
+    palette = pictures[-1].quantize(PALETTE_COLOURS, dither=Image.Dither.NONE)
     small = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
     small[0].save(
         OUT, save_all=True, append_images=small[1:], duration=durations, loop=0, optimize=True
@@ -85,10 +92,10 @@ def main() -> None:
 
 
 def _chosen(phase: np.ndarray) -> list[int]:
-    """Frames to show: some of the explosion, then more of the playback."""
+    """Return the frames to show: some of the explosion, then more of the playback."""
     first = int(np.argmax(phase == 1))
-    explosion = np.linspace(0, first - 1, PICTURES[0]).round().astype(int)
-    playback = np.linspace(first, len(phase) - 1, PICTURES[1]).round().astype(int)
+    explosion = np.linspace(0, first - 1, PICTURES_PER_PHASE[0]).round().astype(int)
+    playback = np.linspace(first, len(phase) - 1, PICTURES_PER_PHASE[1]).round().astype(int)
     return [*explosion.tolist(), *playback.tolist()]
 
 

@@ -1,4 +1,4 @@
-"""Makes the reference of the Python library: pages in out/reference, from docstrings, by pdoc.
+"""Make the reference of the Python library: pages in out/reference, from docstrings, with pdoc.
 
 Run it by ``make docs``.
 """
@@ -20,21 +20,22 @@ ROOT: Final = Path(__file__).parents[1]
 OUT: Final = ROOT / "out" / "reference"
 MODULES: Final = ("planner", "web.viser")
 HEADING: Final = "## Ten lines of Python\n"
-SHOWN: Final = "\n\n@public"
-"""What pdoc wants of a name with underscores."""
+PUBLIC_MARK: Final = "\n\n@public"
+"""Makes pdoc include a name that begins with underscores."""
 INDEX: Final = '<!doctype html><meta http-equiv="refresh" content="0; url=planner.html">'
+"""Page that forwards to the reference of ``planner``."""
 BEGIN, END = "```python\n", "```\n"
 
 
 def example() -> str:
-    """The ten lines of the README."""
+    """Return the ten lines of Python in the README."""
     _, _, section = (ROOT / "README.md").read_text(encoding="utf-8").partition(HEADING)
     _, _, code = section.partition(BEGIN)
     return code.partition(END)[0]
 
 
 def value_docstring(module: ModuleType, name: str) -> str:
-    """What stands behind a value where it is given a name: Python keeps no docstring of those."""
+    """Return the docstring below the assignment of a name, which Python itself discards."""
     tree = ast.parse(inspect.getsource(module))
     for node, following in zip(tree.body, tree.body[1:], strict=False):
         if isinstance(node, ast.ImportFrom) and name in [alias.name for alias in node.names]:
@@ -48,7 +49,7 @@ def value_docstring(module: ModuleType, name: str) -> str:
         ):
             return str(following.value.value)
     for node in tree.body:
-        if isinstance(node, ast.If):  # what is imported when it is asked for
+        if isinstance(node, ast.If):  # imports for type checkers only
             for each in node.body:
                 if isinstance(each, ast.ImportFrom) and name in [a.name for a in each.names]:
                     return value_docstring(import_module(str(each.module)), name)
@@ -56,23 +57,23 @@ def value_docstring(module: ModuleType, name: str) -> str:
 
 
 def documented(name: str) -> pdoc.doc.Module:
-    """What is told of a module."""
+    """Return the pdoc module for a module, with the docstrings of its values."""
     module = import_module(name)
-    for public in module.__all__:  # as they are when somebody has asked for them
+    for public in module.__all__:  # loads names that are imported on first use
         setattr(module, public, getattr(module, public))
     found = pdoc.doc.Module(module)
     for member in found.members.values():
         if isinstance(member, pdoc.doc.Variable):
             member.docstring = value_docstring(module, member.name)
         if isinstance(member, pdoc.doc.Class) and "__call__" in member.members:
-            member.members["__call__"].docstring += SHOWN
+            member.members["__call__"].docstring += PUBLIC_MARK
     if name == MODULES[0]:
         found.docstring += f"\n\n{HEADING}\n{BEGIN}{example()}{END}"
     return found
 
 
 def make(out: Path) -> None:
-    """Writes the pages into a folder."""
+    """Write the pages into a folder."""
     pdoc.render.configure(docformat="google", show_source=False, footer_text="foldback")
     modules = {name: documented(name) for name in MODULES}
     pages = {
@@ -87,7 +88,7 @@ def make(out: Path) -> None:
 
 
 def main() -> None:
-    """Writes the pages, unless something in a docstring is not as it should be."""
+    """Write the pages; a warning about a docstring is an error."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         make(OUT)

@@ -1,4 +1,4 @@
-"""Writes the table of servos in robot.md anew; a test tells when that is due."""
+"""Write the table of servos in robot.md; a test fails if it is outdated."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ COLUMNS = (
 
 
 def table() -> str:
-    """The table, in Markdown: a servo a line, with a link to what its figures are from."""
+    """Return the table in Markdown: one servo per line, with a link to the source of its data."""
     lines = [f"| {' | '.join((*COLUMNS, 'checked against'))} |", "|---" * (len(COLUMNS) + 1) + "|"]
     return "\n".join([*lines, *map(row, servos())]) + "\n"
 
 
 def row(servo: Servo) -> str:
-    """What is told of one."""
+    """Return the line of a servo."""
     cells = (
         f'[{servo.maker} {servo.name}]({servo.url} "{servo.title}")',
         f"{servo.stall_nm:.3g}" + (" each of two" if servo.axes == 2 else ""),
@@ -41,7 +41,7 @@ def row(servo: Servo) -> str:
 
 
 def with_table(page: str) -> str:
-    """The page with the table as it should be."""
+    """Return the page with a current table."""
     before, _, rest = page.partition(BEGIN)
     _, _, after = rest.partition(END)
     return f"{before}{BEGIN}\n{table()}\n{END}{after}"

@@ -1,4 +1,4 @@
-"""Writes the table of settings in operations.md anew; a test tells when that is due."""
+"""Write the table of settings in operations.md; a test fails if it is outdated."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ BEGIN, END = "<!-- settings -->\n", "<!-- end of settings -->\n"
 
 
 def table() -> str:
-    """The table, in Markdown: a setting a line."""
+    """Return the table in Markdown: one setting per line."""
     lines = ["| setting | default | meaning |", "|---|---|---|"]
     for name, field in Settings.model_fields.items():
         words = (field.description or "").replace("|", "\\|")
@@ -22,7 +22,7 @@ def table() -> str:
 
 
 def default(name: str, field: FieldInfo) -> str:
-    """A default as people write it."""
+    """Return a default value as text for people."""
     value = field.default
     if value is None or value == ():
         return "–"
@@ -34,7 +34,7 @@ def default(name: str, field: FieldInfo) -> str:
 
 
 def with_table(page: str) -> str:
-    """The page with the table as it should be."""
+    """Return the page with a current table."""
     before, _, rest = page.partition(BEGIN)
     _, _, after = rest.partition(END)
     return f"{before}{BEGIN}\n{table()}\n{END}{after}"

@@ -56,7 +56,7 @@ CODE = re.compile(
     r"^(SELECT|UPDATE|INSERT|DELETE|CREATE|ALTER|PRAGMA|VACUUM)\b|[{;]\s*$|^[a-z-]+(/[a-z-]+)+$"
     r"|^\(prefers-|^\(max-width|^(button|hint|swatch|choice-dot) [a-z]+$|sandbox;|max-age="
 )
-"""Statements of SQL and pieces of code, which no person is shown."""
+"""Matches SQL statements and pieces of code, which no person is shown."""
 
 
 @dataclass(frozen=True, slots=True)

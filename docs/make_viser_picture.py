@@ -1,6 +1,6 @@
-"""Makes the picture of viser: folds the 160 wrench, shows the plan and takes a picture in Chromium.
+"""Make the picture of viser: fold the 160 wrench, show the plan and take a screenshot in Chromium.
 
-Run from the repository's root, after ``make test`` has made sure of a Chromium::
+Run from the repository's root, after ``make test`` has installed Chromium::
 
     .venv/bin/python -m docs.make_viser_picture
 """
@@ -23,12 +23,13 @@ from web.viser import show
 ROOT: Final = Path(__file__).parents[1]
 OUT: Final = ROOT / "docs" / "pictures" / "viser.webp"
 SIZE: Final = (1100, 620)
-SHARE: Final = 0.86
-"""How much of the motion is over."""
+"""Width and height of the picture, px."""
+SHOWN_AT: Final = 0.86
+"""Position of the shown frame in the motion, as a fraction. Larger values show it more folded."""
 
 
 def main() -> None:
-    """Writes the picture."""
+    """Write the picture."""
     shape = read((ROOT / "examples" / "shapes" / "wrench-160.json").read_bytes())
     assert isinstance(shape, CellPath | Chain)
     plan = fold(shape)
@@ -39,8 +40,8 @@ def main() -> None:
         page.get_by_text("Frame 0").wait_for()
         page.locator("canvas").first.wait_for()
         for notice in page.locator(".mantine-Notification-closeButton").all():
-            notice.click()  # that this browser draws by software
-        shown.frame = round(SHARE * len(plan.motion))
+            notice.click()  # about software rendering
+        shown.frame = round(SHOWN_AT * len(plan.motion))
         page.wait_for_timeout(3000)
         picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
         browser.close()

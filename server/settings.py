@@ -245,7 +245,10 @@ class Settings(BaseSettings):
     )
     read_seconds: float = Field(default=10.0, gt=0, description="Maximum time to read an upload.")
     preview_seconds: float = Field(
-        default=10.0, gt=0, description="Maximum time to prepare a preview."
+        default=10.0,
+        gt=0,
+        description="Maximum time to prepare a preview; up to six times as long if the machine is "
+        "too busy to give it that much processor time.",
     )
     preview_search_seconds: float = Field(
         default=4.0,

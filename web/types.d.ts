@@ -134,8 +134,8 @@ interface WindowArrays {
   first: Numbers;
   counts: Numbers;
   steps: Int32Array; // unused where there are
-  angles?: Float32Array<ArrayBuffer>; // the same in radians
-  errors_rad?: Float32Array<ArrayBuffer>; // of simulated frames, which are those that are recorded
+  angles?: Floats; // the same in radians
+  errors_rad?: Floats; // of simulated frames, which are those that are recorded
   recorded?: Numbers;
 }
 type Batch = Message<BatchHeader, WholeArrays | WindowArrays>;
@@ -149,10 +149,12 @@ interface Row {
   phase: number;
   position: Floats;
   wxyz: Floats;
+  first: number; // the hinges from this one to before the last have `angles`
+  last: number;
   angles: Floats;
   errors: Floats;
+  foldedRad: Floats;
 }
-interface WindowRow extends Row { first: number; last: number; foldedRad: Floats }
 interface Poses { positions: Floats; wxyzs: Floats }
 // Modules up to `core` are folded, those from `rod` on are straight.
 interface WindowPoses extends Poses { core?: number; rod?: number }

@@ -16,7 +16,6 @@ from words.quantities import number, sentence
 
 LINKS: Final = ("none", "one", "two", "three", "four")
 """Small numbers as words."""
-PERCENT: Final = 100.0
 
 
 def draft_tour(row: ShownFold, frames: int, moments: Moments | None = None) -> Tour | None:
@@ -88,7 +87,7 @@ def _tightest(certificate: CertificateFigures, plan: int) -> Stop | None:
     if least is None or place is None or place["modules"] is None:
         return None
     one, other = place["modules"]
-    percent = f"{number(abs(PERCENT * least))} % of a module width"
+    percent = f"{number(abs(100.0 * least))} % of a module width"
     how = f"overlap by {percent}" if least < 0.0 else f"are {percent} apart"
     text = f"The tightest place of the plan: {_modules((one, other))} {how}."
     proved = clearance(certificate)

@@ -1,4 +1,4 @@
-"""Checking: plans proved by ``foldback_check.py``, and what the planner's certificate says.
+"""Checking: plans proved by ``foldback_check.py``, compared with the planner's certificates.
 
 ``python -m bench.clearance.checking [SEED …]`` checks the gallery with other seeds than 0.
 """
@@ -30,20 +30,21 @@ from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
 
-BARS_S: Final = {
+MAX_CHECK_S: Final = {
     "wrench-160": 2.0,
     "simultaneous-512": 60.0,
     "ball-1000": 30.0,
     "ball-10000": 600.0,
 }
-"""Seconds in which the checker, start of Python included, should prove the plan of each case."""
+"""Maximum seconds for the checker, start of Python included, to prove the plan of each case.
+Chosen."""
 
 
 def checking(reference_seconds: float) -> Section:
-    """Four plans of 160 to 10 000 modules, timed, and the gallery with seed 0."""
+    """Check and time four plans of 160 to 10 000 modules, then check the gallery with seed 0."""
     warm_up()
     section = Section(name="checking")
-    for name, bar_s in BARS_S.items():
+    for name, bar_s in MAX_CHECK_S.items():
         row = _timed(name, reference_seconds)
         section.rows.append(row)
         met = row["verdict"] == "proved" and row["s"] <= bar_s

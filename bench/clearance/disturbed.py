@@ -1,9 +1,9 @@
-"""Disturbed robots: do they touch within the margins of their plan?
+"""Disturbed robots: whether they touch within the margins of their plan.
 
 ``python -m bench.clearance.disturbed [N]`` follows each of ten plans N times (1000) with one hinge
-off by its margin, and N times with all hinges off at random. The clearance of every such motion is
-proved over its whole duration. Errors of three and ten times the margin show how much robots stand
-that is not proved.
+off by its margin, and N times with random errors of all hinges. The clearance of every such motion
+is proved over its whole duration. Errors of three and ten times the margin show how much more a
+robot tolerates than is proved.
 """
 
 from __future__ import annotations
@@ -44,14 +44,15 @@ PLANS: Final = (
     "heart",
 )
 """Shapes of the gallery; the benchmark folds each with seed 0."""
-FACTORS: Final = (3.0, 10.0)
-"""Larger errors of all hinges, as multiples of the margin, that are sampled besides."""
-SAMPLES_BEYOND: Final = 10
-"""The larger errors are sampled this many times less often."""
+MARGIN_MULTIPLES: Final = (3.0, 10.0)
+"""Multiples of the margin of all hinges that are sampled besides."""
+SAMPLES_PER_LARGE_ERROR: Final = 10
+"""Number of samples within the margin for each one of a larger error. Larger values measure those
+less exactly. Chosen."""
 
 
 def disturbed(section: Section, count: int) -> None:
-    """Fold each plan and follow it with errors, ``count`` times for each kind."""
+    """Fold each plan and follow it with errors, ``count`` times for each kind of error."""
     touched = 0
     for name in PLANS:
         row = _row(name, count)
@@ -87,10 +88,10 @@ def _row(name: str, count: int) -> dict[str, Any]:
         * np.mean(
             [
                 _touches(chain, angles + all_off(factor), size)
-                for _ in range(max(1, count // SAMPLES_BEYOND))
+                for _ in range(max(1, count // SAMPLES_PER_LARGE_ERROR))
             ]
         )
-        for factor in FACTORS
+        for factor in MARGIN_MULTIPLES
     }
     return {
         "plan": name,

@@ -3,8 +3,8 @@
 ``python -m bench.clearance.forgeries [COUNT] [--seed SEED] [--node]`` forges plans of small folds
 (``tests.planner.verification.forged_plans``): angles, frames, order, sizes, bounds, exempt pairs,
 windows, names. A changed motion counts as forged only if two modules are certainly nearer than
-claimed: by the exact distance of their hulls at a moment. With ``--node`` the scripts of pages
-check the plans, else ``foldback_check.py`` does.
+claimed, by the exact distance of their hulls at some moment. With ``--node`` the scripts of pages
+check the plans, otherwise ``foldback_check.py`` does.
 """
 
 from __future__ import annotations
@@ -43,9 +43,13 @@ SOURCES: Final = {
     "mallet-24": FoldRequest(strategy="peel"),
     "box-4x4x4": FoldRequest(strategy="blocks"),
 }
-SURE: Final = 1e-6
-"""Pitches by which modules are nearer than claimed in a motion that counts as forged."""
-BATCH: Final = 100
+"""Shapes of the gallery and options of the folds that are forged."""
+MIN_VIOLATION_PITCH: Final = 1e-6
+"""Minimum distance, in pitches, by which modules are nearer than claimed in a motion that counts as
+forged: rounding of the distance. Chosen."""
+FORGERIES_PER_TASK: Final = 100
+"""Number of forgeries of one source in one task. Larger values distribute less evenly over the
+processes."""
 
 
 def certainly_false(path: FilePath) -> bool:
@@ -56,9 +60,9 @@ def certainly_false(path: FilePath) -> bool:
         return True
     claim, size = plan.certificate.clearance_bound, plan.certificate.module_size
     found = sweep(plan.chain, plan.motion, size=size, share=0.0)
-    if claim is None or found.modules is None or found.clearance >= claim - SURE:
+    if claim is None or found.modules is None or found.clearance >= claim - MIN_VIOLATION_PITCH:
         return False
-    if found.clearance < -SURE:
+    if found.clearance < -MIN_VIOLATION_PITCH:
         return True
     before = int(found.frame)
     after = min(before + 1, len(plan.motion) - 1)
@@ -67,11 +71,11 @@ def certainly_false(path: FilePath) -> bool:
     poses = plan.chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     corners = plan.chain.module.vertices * size
     hulls = [poses.positions[k] + corners @ poses.rotations[k].T for k in found.modules]
-    return distance(*hulls) < claim - SURE
+    return distance(*hulls) < claim - MIN_VIOLATION_PITCH
 
 
 def distance(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Return the distance of two convex hulls, whose points are combinations of their corners."""
+    """Return the distance of two convex hulls as a problem of non-negative least squares."""
     weight = 1e4
     left = np.vstack([one.T, np.full(len(one), weight), np.zeros(len(one))])
     right = np.vstack([-other.T, np.zeros(len(other)), np.full(len(other), weight)])
@@ -79,7 +83,7 @@ def distance(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
 
 
 def in_python(path: FilePath) -> dict[str, bool]:
-    """Return what ``foldback_check.py`` finds, as ``JavaScriptChecker`` does of the scripts."""
+    """Return the result of ``foldback_check.py`` in the form of ``JavaScriptChecker``."""
     try:
         return {"proved": foldback_check.check(path)["verdict"] == "proved"}
     except ValueError:
@@ -87,7 +91,7 @@ def in_python(path: FilePath) -> dict[str, bool]:
 
 
 def batch(task: tuple[FilePath, int, int, bool]) -> tuple[Counter[str], list[str]]:
-    """Forge plans of one source; return their kinds, and the descriptions of those proved."""
+    """Forge plans of one source; return the number by kind, and descriptions of those proved."""
     source, seed, count, node = task
     random, kinds, proved = np.random.default_rng(seed), Counter[str](), []
     with (
@@ -106,13 +110,13 @@ def batch(task: tuple[FilePath, int, int, bool]) -> tuple[Counter[str], list[str
 
 
 def forgeries(count: int, seed: int, node: bool, processes: int) -> Section:
-    """Forge so many plans and check them.
+    """Forge plans and check them.
 
     Args:
-        count: Number of forged plans, rounded up to a multiple of ``BATCH``.
-        seed: Seed of the first batch.
+        count: Number of forged plans, rounded up to a multiple of ``FORGERIES_PER_TASK``.
+        seed: Seed of the first task.
         node: True to check with the scripts of pages.
-        processes: How many forge and check at once.
+        processes: Number of processes that forge and check.
     """
     warm_up()
     section = Section(name="forgeries")
@@ -125,7 +129,8 @@ def forgeries(count: int, seed: int, node: bool, processes: int) -> Section:
             run_stages(place)
             sources.append(place / PLAN)
         tasks = [
-            (sources[k % len(sources)], seed + k, BATCH, node) for k in range(-(-count // BATCH))
+            (sources[k % len(sources)], seed + k, FORGERIES_PER_TASK, node)
+            for k in range(-(-count // FORGERIES_PER_TASK))
         ]
         kinds, proved = Counter[str](), list[str]()
         with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
@@ -140,7 +145,7 @@ def forgeries(count: int, seed: int, node: bool, processes: int) -> Section:
 
 
 def main() -> None:
-    """Forge and check plans as the command line says."""
+    """Forge and check plans as the command line asks."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("count", nargs="?", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)

@@ -1,4 +1,4 @@
-"""Sweeps: how long a certificate's geometry takes, and that its growth is linear."""
+"""Sweeps: time of a certificate's geometry, and its growth with the number of modules."""
 
 from __future__ import annotations
 
@@ -23,27 +23,35 @@ from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from tests.planner.peels import peel, snake
 
-FRAMES = 1000
+RECORD_FRAMES = 1000
+"""Number of frames of the record of 160 modules."""
 SIZES = (0.95, 0.98)
-RUNS = 3
+"""Module sizes, as fractions of the pitch, of which the slower one counts."""
+RUNS_PER_SWEEP = 3
+"""Runs of each sweep, of which the fastest counts."""
 SNAKES = ((10, 10, 10), (16, 16, 16), (20, 20, 24))
-"""Hinges of a window and hinges a frame: about a hundred modules move, 1.8 frames a module."""
-WINDOW, STEP = 200, 1.13
+"""Sides of the boxes that are peeled, in cells."""
+WINDOW_HINGES, HINGES_PER_FRAME = 200, 1.13
+"""Hinges of a window, and hinges that it moves on by from frame to frame: about 100 modules move at
+the same time, and there are 1.8 frames per module."""
 
 
 def sweeps(reference_seconds: float) -> Section:
-    """A record of 160 modules at 1000 frames, and peels of growing size as windows."""
+    """Sweep a record of 160 modules with 1000 frames, and peeled boxes of growing size."""
     del reference_seconds
     section = Section(name="sweeps")
     chain, angles = _recorded()
     worst = max(_row(section, "record of wrench-160", chain, angles, size) for size in SIZES)
     section.add(
-        f"160 modules × {FRAMES} frames", f"{worst:.2f} s", "< 2 s (0.3 s)", bool(worst < 2.0)
+        f"160 modules × {RECORD_FRAMES} frames",
+        f"{worst:.2f} s",
+        "< 2 s (0.3 s)",
+        bool(worst < 2.0),
     )
     seconds: list[float] = []
     for sides in SNAKES:
         chain = snake(sides)
-        windows = peel(chain, width=WINDOW, step=STEP)
+        windows = peel(chain, width=WINDOW_HINGES, step=HINGES_PER_FRAME)
         name = "peel of a box, " + "×".join(map(str, sides))
         seconds.append(max(_row(section, name, chain, windows, size) for size in SIZES))
     section.add(
@@ -61,14 +69,14 @@ def sweeps(reference_seconds: float) -> Section:
 
 
 def _recorded() -> tuple[Chain, NDArray[np.float64]]:
-    """The gallery's wrench, its record resampled to so many frames."""
+    """Return the chain and the record of the gallery's wrench, resampled."""
     with TemporaryDirectory() as aside:
         folder = Path(aside)
         Workspace(folder).write_request(FoldRequest(), (SHAPES / "wrench-160.json").read_bytes())
         run_stages(folder)
         record = Record.load(folder / "record.npz").frames.joint_angles_rad
         chain = Plan.load(folder / "plan.npz").chain
-    places = np.linspace(0.0, len(record) - 1.0, FRAMES)
+    places = np.linspace(0.0, len(record) - 1.0, RECORD_FRAMES)
     below = np.minimum(places.astype(int), len(record) - 2)
     share = (places - below)[:, None]
     return chain, (1.0 - share) * record[below] + share * record[below + 1]
@@ -77,9 +85,9 @@ def _recorded() -> tuple[Chain, NDArray[np.float64]]:
 def _row(
     section: Section, name: str, chain: Chain, motion: NDArray[Any] | Motion, size: float
 ) -> float:
-    """Adds a row and returns its seconds, the least of some runs."""
+    """Add a row and return its seconds, the least of some runs."""
     found, seconds = _timed(chain, motion, size)
-    for _ in range(RUNS - 1):
+    for _ in range(RUNS_PER_SWEEP - 1):
         seconds = min(seconds, _timed(chain, motion, size)[1])
     section.rows.append(
         {

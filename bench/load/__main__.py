@@ -1,4 +1,4 @@
-"""``python -m bench.load [--short] [--only NAME …]``: prints the figures, writes them as JSON."""
+"""``python -m bench.load [--short] [--only NAME …]``: print the figures and write them as JSON."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bench.load.classes import classes
 from bench.load.disks import inside
-from bench.load.faults import FAULTS, SEED, faults, signals
+from bench.load.faults import FAULTS, FAULTS_SEED, faults, signals
 from bench.load.mutated import mutated_uploads
 from bench.load.scrubbing import scrubbing
 from bench.load.several import several
@@ -21,6 +21,7 @@ from bench.machine import machine
 from bench.tables import Section, write_sections
 
 SHORT_FAULTS = ("worker killed", "server killed", "disk full")
+"""Faults of a run with ``--short``."""
 
 
 def _faults(short: bool, rounds: int | None, seed: int, only: list[str]) -> Section:
@@ -33,6 +34,7 @@ def _several(short: bool, rounds: int | None, seed: int, only: list[str]) -> Sec
 
 
 FAULTY = {"faults": _faults, "several": _several}
+"""Sections that harm a service; they need a disk that can be mounted."""
 
 
 SECTIONS: dict[str, Callable[[bool], Section]] = {
@@ -47,13 +49,13 @@ SECTIONS: dict[str, Callable[[bool], Section]] = {
 
 
 def main() -> int:
-    """Runs the asked-for sections, one after the other; 1 when a bar is not met."""
+    """Run the requested sections, one after the other; return 1 if a bar is not met."""
     parser = argparse.ArgumentParser(description=__doc__)
     names = [*SECTIONS, *FAULTY]
     parser.add_argument("--only", nargs="*", choices=names, default=names)
     parser.add_argument("--short", action="store_true", help="as in `make test`")
     parser.add_argument("--rounds", type=int, help="of the faults")
-    parser.add_argument("--seed", type=int, default=SEED, help="of the faults")
+    parser.add_argument("--seed", type=int, default=FAULTS_SEED, help="of the faults")
     parser.add_argument("--faults", nargs="*", choices=list(FAULTS), default=[])
     parser.add_argument("--out", type=Path, default=Path("out/load.json"))
     arguments = parser.parse_args()
@@ -68,8 +70,8 @@ def main() -> int:
         else SECTIONS[name](arguments.short)
         for name in arguments.only
     )
-    found = write_sections(sections, machine(), arguments.out)
-    return int(any(figure.met is False for section in found for figure in section.figures))
+    sections_done = write_sections(sections, machine(), arguments.out)
+    return int(any(figure.met is False for section in sections_done for figure in section.figures))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Clocks: the time of day as the processes of a service see it, which can jump."""
+"""Clocks: a time of day that can jump, for all processes of a service."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ JUMPING: Final = Path(__file__).parent / "jumping"
 
 
 class Clock:
-    """The time of day of all Python processes that are started with ``environment``.
+    """Time of day of all Python processes that are started with ``environment``.
 
-    They are real processes with a clock that lies. Libraries that lie to the whole process
-    (libfaketime) also stand between it and its locks, which makes it slower by a factor of ten.
+    The processes read a file with the offset. Libraries that change the clock of a whole process,
+    such as libfaketime, also intercept its locks, which makes it ten times slower.
     """
 
     def __init__(self, place: Path) -> None:
@@ -27,6 +27,6 @@ class Clock:
         }
 
     def set(self, ahead_s: int) -> None:
-        """Lets the time of day be so many seconds ahead; behind if less than 0."""
-        with open(self._file, "r+b") as file:  # the processes look at this very file
+        """Set the time of day to that many seconds ahead; a negative number sets it back."""
+        with open(self._file, "r+b") as file:  # in place: the processes keep this file open
             file.write(struct.pack("<q", ahead_s * 1_000_000_000))

@@ -1,4 +1,4 @@
-"""Disks: a small one of its own for a service, that can be full, fail, and come back."""
+"""Disks: a small disk for one service, which can fill up, fail, and recover."""
 
 from __future__ import annotations
 
@@ -11,22 +11,30 @@ from pathlib import Path
 from typing import Final
 
 MIB: Final = 2**20
-SIZE_MIB: Final = 512
-ENDING_S: Final = 10.0
+"""Bytes of a mebibyte."""
+DISK_MIB: Final = 512
+"""Size of the disk, MiB: larger than the data of a run, and quickly filled."""
+RELEASE_TIMEOUT_S: Final = 10.0
+"""Seconds to wait until killed processes have released the disk, before the test fails. Chosen."""
 INSIDE: Final = "FOLDBACK_LOAD_INSIDE"
+"""Environment variable that marks a process that may mount disks."""
 
 
 class NoDiskError(RuntimeError):
-    """Nothing can be mounted here."""
+    """No disk can be mounted."""
 
 
 def inside(arguments: list[str]) -> int | None:
-    """Runs Python where it may mount without anybody else seeing it; None when it is there.
+    """Run Python again in a mount namespace of its own; return its exit code.
 
-    Other processes would get copies of what is mounted, and hold on to it.
+    Mounts in the common namespace would be copied into those of other processes, which would keep
+    them in use.
+
+    Returns:
+        Exit code; None if this process already runs in such a namespace.
 
     Raises:
-        NoDiskError: When that can't be had.
+        NoDiskError: There can be no such namespace.
     """
     if os.environ.get(INSIDE):
         return None
@@ -39,11 +47,11 @@ def inside(arguments: list[str]) -> int | None:
 
 
 class Disk:
-    """A disk that is mounted at ``path`` and belongs to nobody else.
+    """A disk for one service, mounted at ``path``.
 
-    It is an image with ext4, which can break under those who write to it and forgets then what was
-    not written through, as in a power cut. Where images can't be mounted it is memory, which can
-    only be made read-only while nobody has a file open for writing, and forgets nothing.
+    It is an ext4 image. It can fail while processes write to it, and then loses what was not
+    synced, as in a power cut. Where images cannot be mounted, it is a tmpfs, which can only become
+    read-only while no file is open for writing, and loses nothing.
     """
 
     def __init__(self, place: Path) -> None:
@@ -53,11 +61,11 @@ class Disk:
         self.path.mkdir(parents=True)
         self.real = self._mount_image()
         if not self.real:
-            _run("mount", "-t", "tmpfs", "-o", f"size={SIZE_MIB}m", "none", str(self.path))
+            _run("mount", "-t", "tmpfs", "-o", f"size={DISK_MIB}m", "none", str(self.path))
 
     def _mount_image(self) -> bool:
         with open(self._image, "wb") as image:
-            image.truncate(SIZE_MIB * MIB)
+            image.truncate(DISK_MIB * MIB)
         make = ["mkfs.ext4", "-q", "-m", "0", "-F", str(self._image)]
         try:
             return _tried(*make) and _tried("mount", "-o", "loop", *self._both)
@@ -70,7 +78,7 @@ class Disk:
         return str(self._image), str(self.path)
 
     def fill(self) -> None:
-        """Leaves no room."""
+        """Fill the disk."""
         with open(self._filler, "ab", buffering=0) as file:
             free = shutil.disk_usage(self.path).free
             while free > MIB:
@@ -87,31 +95,33 @@ class Disk:
                 return
 
     def free(self) -> None:
-        """Makes room again."""
+        """Delete the file that fills the disk."""
         self._filler.unlink(missing_ok=True)
 
     def fail(self) -> None:
-        """Nothing can be written from now on.
+        """Make the disk read-only.
 
-        On a real disk this is so at once, whoever writes; else nobody may be writing.
+        An image fails at once, even while processes write to it; a tmpfs must have no writers.
         """
         _run("mount", "-o", "remount,abort" if self.real else "remount,ro", str(self.path))
 
     def come_back(self) -> None:
-        """As after a repair; nobody may have a file open."""
+        """Check the file system and mount it again; no file may be open."""
         if not self.real:
             _run("mount", "-o", "remount,rw", str(self.path))
             return
-        deadline = time.monotonic() + ENDING_S
+        deadline = time.monotonic() + RELEASE_TIMEOUT_S
         while not _tried("umount", str(self.path)):
             if time.monotonic() > deadline:
-                raise NoDiskError(f"{self.path} is in use {ENDING_S} s after all were killed.")
+                raise NoDiskError(
+                    f"{self.path} is in use {RELEASE_TIMEOUT_S} s after all were killed."
+                )
             time.sleep(0.1)  # processes that were killed take a moment to end
         _tried("e2fsck", "-p", str(self._image))
         _run("mount", "-o", "loop", *self._both)
 
     def close(self) -> None:
-        """Takes it away for good; what still ends on it has it until then."""
+        """Unmount the disk and delete its image; processes that still end keep it until then."""
         _run("umount", "--lazy", str(self.path))
         self._image.unlink(missing_ok=True)
 

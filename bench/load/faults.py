@@ -1,8 +1,8 @@
-"""Faults: a service is harmed at random moments, again and again, and must lose nothing.
+"""Faults: a service is harmed at random moments, repeatedly, and must lose nothing.
 
-After each round and at the end it holds: a fold that was acknowledged is there and comes to its
-end; one that is verified is whole; its end, its figures and its plan never change; nothing is left
-of uploads that were broken off. The moments are drawn from a seed, which the table tells.
+After each round and at the end, these conditions hold: each acknowledged fold exists and ends; a
+verified fold is complete; its result, figures and plan never change; no files of broken uploads
+remain. The moments are drawn from a seed, which the table reports.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 from urllib.parse import urlsplit
@@ -30,17 +31,20 @@ from planner.progress import STAGES
 from tests.server.service import SNAKE
 
 OUT: Final = Path("out/load")
-PATIENCE_S: Final = 240.0
+"""Directory of the data and logs of a run; a run without errors deletes its own."""
+FOLDS_TIMEOUT_S: Final = 240.0
+"""Seconds after which folds that have not ended fail the test. Chosen."""
 SHAPES: Final = ("wrench-24", "wrench-24", "wrench-80", "tetra-ring", None)
-"""None is a path of 16 modules that is uploaded."""
-HOURS: Final = 3600
-SEED: Final = 7
+"""Shapes of the requested folds, drawn with equal weight; None is an uploaded path of 16
+modules."""
+FAULTS_SEED: Final = 7
+"""Default seed of the faults and their moments."""
 
 Fault = Callable[["Driver"], None]
 
 
 class Driver:
-    """Sends folds to a site, harms it, and has a witness look on."""
+    """Sender of folds to a site, which also harms it; a witness watches the folds."""
 
     def __init__(self, site: Site, seed: int) -> None:
         self.site = site
@@ -50,7 +54,7 @@ class Driver:
         self.answers: Counter[int] = Counter()
 
     def submit(self, count: int) -> None:
-        """Asks for folds, each of which has not been asked for before."""
+        """Request folds, each with a seed of its own."""
         for _ in range(count):
             self.sent += 1
             shape = self.rng.choice(SHAPES)
@@ -67,7 +71,7 @@ class Driver:
         return {"shape": shape, "seed": str(self.sent)}
 
     def moment(self) -> None:
-        """Waits for some moment: any, or one in which a fold is in a certain stage."""
+        """Wait for a random time, or until a fold is in a random stage."""
         if self.rng.random() < 0.4:
             time.sleep(self.rng.uniform(0, 2.5))
             return
@@ -84,17 +88,17 @@ class Driver:
             time.sleep(0.01)
 
     def one(self, kind: str) -> psutil.Process | None:
-        """Some process of a kind."""
+        """Return a random process of a kind; None if there is none."""
         found = self.site.processes(kind)
         return self.rng.choice(found) if found else None
 
     def settle(self) -> None:
-        """Waits until all folds are over and were looked into.
+        """Wait until all folds have ended and the witness has checked them.
 
         Raises:
-            AssertionError: When one does not come to its end.
+            AssertionError: A fold does not end, or the witness found a problem.
         """
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + FOLDS_TIMEOUT_S
         while left := self.witness.waiting():
             assert not self.witness.problems, "\n".join(self.witness.problems)
             stuck = ", ".join(f"{s.id} {s.statuses} after {sorted(s.faults)}" for s in left)
@@ -116,15 +120,15 @@ def everything_killed(driver: Driver) -> None:
 
 
 def child_killed(driver: Driver) -> None:
-    """As the machine does when it is out of memory."""
+    """Kill a child process, as the system does when memory is short."""
     if (child := driver.one("stages")) is not None:
         child.kill()
 
 
 def worker_stopped(driver: Driver) -> None:
-    """It stands still for longer than its lease, and then goes on as if nothing had been.
+    """Suspend a worker for longer than its lease, then let it continue.
 
-    Alone, or with what it has started, as on a machine that is frozen.
+    Its children are suspended too in half of the cases, as on a frozen machine.
     """
     worker = driver.one("worker")
     if worker is None:
@@ -139,7 +143,7 @@ def worker_stopped(driver: Driver) -> None:
 
 
 def upload_cut(driver: Driver) -> None:
-    """Half of a body has come; others come in at that moment, some through to the end."""
+    """Kill the web process while uploads are half sent and others are being accepted."""
     body = json.dumps([[x, 0, 0] for x in range(30_000)]).encode()
     halves = [_half(driver.site.address, body) for _ in range(3)]
     stopping = threading.Event()
@@ -174,7 +178,7 @@ def _half(address: str, body: bytes) -> socket.socket:
 
 
 def restarted(driver: Driver) -> None:
-    """In good order."""
+    """Stop the service in the orderly way."""
     driver.site.end()
 
 
@@ -186,7 +190,7 @@ def disk_full(driver: Driver) -> None:
 
 
 def disk_failed(driver: Driver) -> None:
-    """Read-only from one moment to the next; then all is started anew on the repaired disk."""
+    """Make the disk read-only; then restart everything on the repaired disk."""
     if not driver.site.disk.real:
         driver.site.kill_everything()
     driver.site.disk.fail()
@@ -205,16 +209,16 @@ def _broken_storage(driver: Driver, condition: str) -> None:
 
 
 def _mended(driver: Driver) -> None:
-    time.sleep(1.0)  # what was asked meanwhile is answered
+    time.sleep(1.0)  # pending requests are answered
     driver.witness.condition = ""
 
 
 def clock_jumped(driver: Driver) -> None:
-    driver.site.clock.set(driver.rng.randint(-9, 9) * HOURS + driver.rng.randint(-1800, 1800))
+    driver.site.clock.set(driver.rng.randint(-9, 9) * 3600 + driver.rng.randint(-1800, 1800))
 
 
 def _outage(driver: Driver, name: str) -> None:
-    """Something that all machines need does not answer for a while."""
+    """Let a shared service, database or storage, not answer for a while."""
     driver.witness.condition = f"during {name}"
     with driver.site.setup.outages[name]():
         _broken_storage(driver, f"during {name}")
@@ -233,36 +237,57 @@ FAULTS: Final[Mapping[str, Fault]] = {
     "disk failed": disk_failed,
     "clock jumped": clock_jumped,
 }
-WORDS: Final[Mapping[str, frozenset[str]]] = {
+ALLOWED_CODES: Final[Mapping[str, frozenset[str]]] = {
     "child killed": frozenset({"crashed"}),
     "disk full": frozenset({"disk-full"}),
     "disk failed": frozenset({"disk-full", "disk-failed"}),
 }
-"""The words that a fold may fail with after a fault; after all others it has to succeed."""
+"""Error codes that a fold may fail with after a fault; after all others it has to succeed."""
+
+
+@dataclass(slots=True, kw_only=True)
+class _Outcome:
+    """Course and result of a run.
+
+    Attributes:
+        rounds: Number of rounds that were requested.
+        seed: Seed of all random choices.
+        place: Directory of the data and logs.
+        happened: Number of faults by name.
+        harmed: Number of folds under way at these faults, by name.
+        broken: Reason why the run ended early; None if it did not.
+        orphans: Number of fold directories that no client was told the id of.
+    """
+
+    rounds: int
+    seed: int
+    place: Path
+    happened: Counter[str] = field(default_factory=Counter[str])
+    harmed: Counter[str] = field(default_factory=Counter[str])
+    broken: str | None = None
+    orphans: int = 0
 
 
 def faults(
     rounds: int = 120,
     *,
-    seed: int = SEED,
+    seed: int = FAULTS_SEED,
     setup: Setup = ONE_MACHINE,
     only: tuple[str, ...] = tuple(FAULTS),
 ) -> Section:
-    """Harms a service in so many rounds.
+    """Harm a service once per round.
 
     Args:
-        rounds: How many; one fault each.
-        seed: Of all that is random.
-        setup: How the service is laid out.
-        only: Names of faults; all are drawn equally often.
+        rounds: Number of rounds, each with one fault.
+        seed: Seed of all random choices.
+        setup: Layout of the service.
+        only: Names of the faults; all of them are drawn equally often.
     """
     section = Section(name=f"faults, {setup.name}")
     place = (OUT / f"faults-{time.strftime('%H%M%S')}-{seed}").absolute()
     site = Site(place, setup)
     driver = Driver(site, seed)
-    happened: Counter[str] = Counter()
-    harmed: Counter[str] = Counter()
-    broken: str | None = None
+    outcome = _Outcome(rounds=rounds, seed=seed, place=place)
     begun = time.monotonic()
     try:
         site.up()
@@ -272,8 +297,8 @@ def faults(
                 names = list(only)
                 driver.rng.shuffle(names)
             name = names.pop()
-            _round(driver, name, happened, harmed)
-            # A third of the faults hit while the service still recovers from the one before.
+            _round(driver, name, outcome)
+            # A third of the faults occur while the service still recovers from the previous one.
             if driver.rng.random() < 0.67 or number == rounds - 1:
                 driver.settle()
                 assert site.left_uploads() == [], f"left of uploads: {site.left_uploads()}"
@@ -287,21 +312,21 @@ def faults(
         site.end()
         assert not site.processes(), f"goes on after the end: {site.processes()}"
     except (AssertionError, NotReadyError) as error:
-        broken = str(error)
+        outcome.broken = str(error)
     except KeyboardInterrupt:
-        broken = "stopped before its end"
+        outcome.broken = "stopped before its end"
     finally:
         if driver.witness._thread.is_alive():
             driver.witness.close()
-        orphans = _orphans(site, driver)
+        outcome.orphans = _orphans(site, driver)
         site.close()
-    _tell(section, driver, happened, harmed, broken, rounds, seed, place, orphans)
-    if not broken:
+    _tell(section, driver, outcome)
+    if not outcome.broken:
         shutil.rmtree(place)
     return section
 
 
-def _round(driver: Driver, name: str, happened: Counter[str], harmed: Counter[str]) -> None:
+def _round(driver: Driver, name: str, outcome: _Outcome) -> None:
     driver.submit(driver.rng.randint(1, 2))
     driver.moment()
     before = len(driver.witness.waiting())
@@ -310,31 +335,21 @@ def _round(driver: Driver, name: str, happened: Counter[str], harmed: Counter[st
         FAULTS[name](driver)
     else:
         _outage(driver, name)
-    driver.witness.happens(name)  # to those, too, that came in meanwhile
-    happened[name] += 1
-    harmed[name] += before
+    driver.witness.happens(name)  # for folds that were accepted meanwhile, too
+    outcome.happened[name] += 1
+    outcome.harmed[name] += before
     driver.site.up()
 
 
 def _orphans(site: Site, driver: Driver) -> int:
-    """Directories of folds that nobody was told of."""
+    """Return the number of fold directories that no client was told the id of."""
     folder = site.data_dir / "folds"
     there = {path.name for path in folder.iterdir()} if folder.exists() else set[str]()
     return len(there - set(driver.witness.folds))
 
 
-def _tell(
-    section: Section,
-    driver: Driver,
-    happened: Counter[str],
-    harmed: Counter[str],
-    broken: str | None,
-    rounds: int,
-    seed: int,
-    place: Path,
-    orphans: int,
-) -> None:
-    witness = driver.witness
+def _tell(section: Section, driver: Driver, outcome: _Outcome) -> None:
+    witness, happened, broken = driver.witness, outcome.happened, outcome.broken
     folds = list(witness.folds.values())
     ends: Counter[str] = Counter()
     unclear: list[str] = []
@@ -342,17 +357,21 @@ def _tell(
         end = seen.end or {"status": "not over", "error": None}
         word = (end["error"] or {}).get("code")
         ends[f"{end['status']}{f', {word}' if word else ''}"] += 1
-        allowed = frozenset().union(*(WORDS.get(fault, frozenset()) for fault in seen.faults))
+        allowed = frozenset().union(
+            *(ALLOWED_CODES.get(fault, frozenset()) for fault in seen.faults)
+        )
         if end["status"] != "verified" and word not in allowed:
             unclear.append(f"{seen.id}: {end} after {sorted(seen.faults)}")
     for name in sorted(happened):
         section.rows.append(
-            {"fault": name, "times": happened[name], "folds under way": harmed[name]}
+            {"fault": name, "times": happened[name], "folds under way": outcome.harmed[name]}
         )
     lost = [problem for problem in witness.problems if "is lost" in problem]
     twice = [p for p in witness.problems if "twice" in p or "goes on" in p or "changed" in p]
     other = [p for p in witness.problems if p not in lost and p not in twice]
-    section.add("faults", f"{sum(happened.values())}, seed {seed}", f"≥ {rounds}", not broken)
+    section.add(
+        "faults", f"{happened.total()}, seed {outcome.seed}", f"≥ {outcome.rounds}", not broken
+    )
     section.add("folds acknowledged", f"{len(folds)}; {dict(ends)}")
     section.add("lost", str(len(lost)), "0", not lost)
     section.add("half-shown", str(len(other)), "0", not other)
@@ -360,11 +379,11 @@ def _tell(
     section.add("failed without a word that fits", str(len(unclear)), "0", not unclear)
     section.add("looks at folds", f"{witness.looks}; failed: {dict(witness.errors)}")
     section.add("answers to uploads", f"{dict(sorted(driver.answers.items()))}")
-    section.add("directories that no visitor was told of", str(orphans))
+    section.add("directories that no visitor was told of", str(outcome.orphans))
     for text in [*([broken] if broken else []), *witness.problems, *unclear]:
-        section.add("what went wrong", f"{text} (see {place})", "", False)
+        section.add("what went wrong", f"{text} (see {outcome.place})", "", False)
 
 
 def signals() -> None:
-    """Ends as by a key press when told to end, so that the disk is taken away."""
+    """Handle SIGTERM as Ctrl-C, so that the disk is unmounted."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)

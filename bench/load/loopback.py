@@ -1,4 +1,4 @@
-"""Loopback: load goes to this machine alone, to services that are there for nothing else."""
+"""Loopback: load is sent to this machine alone, to services that are started for it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from tests.server.service import Service
 
 
 class NotHereError(ValueError):
-    """An address is not this machine's own."""
+    """An address is not on this machine."""
 
 
 def checked(address: str) -> str:
-    """The address of a service, when it is on this machine.
+    """Return the address of a service if it is on this machine.
 
     Raises:
-        NotHereError: When it is anywhere else.
+        NotHereError: It is elsewhere.
     """
     host = urlsplit(address).hostname or ""
     try:
@@ -37,7 +37,7 @@ def checked(address: str) -> str:
 
 @contextmanager
 def serving(**settings: object) -> Iterator[Service]:
-    """A service with these settings, whose data is gone afterwards."""
+    """Run a service with these settings; delete its data afterwards."""
     with tempfile.TemporaryDirectory(prefix="foldback-load-") as folder:
         service = Service(Path(folder) / "data", prewarm=True, **settings).start()
         try:

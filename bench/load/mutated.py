@@ -1,4 +1,4 @@
-"""Mutated: thousands of broken files are sent as strangers would, to previews and to folds."""
+"""Mutated files: thousands of broken files sent to previews and folds."""
 
 from __future__ import annotations
 
@@ -20,18 +20,23 @@ from bench.tables import Section
 from tests.server.service import Service
 
 OUT: Final = Path("out/load/mutated")
-AT_ONCE: Final = 4
-HANG_S: Final = 60.0
-MOST_MB: Final = 50.0
+"""Directory of the files that caused an error, and of the log."""
+CONCURRENT_UPLOADS: Final = 4
+"""Number of uploads in flight at the same time."""
+UPLOAD_TIMEOUT_S: Final = 60.0
+"""Seconds after which an upload counts as not answered. Chosen."""
+MAX_MUTATED_GROWTH_MB: Final = 50.0
+"""Maximum growth of a process's resident memory after the first uploads, MB. Chosen."""
 FORMS: Final[tuple[dict[str, str], ...]] = (
     *({}, {}, {}, {"modules": "40"}, {"module": "tetrahedron"}, {"method": "blocks"}),
     *({"method": "exact", "modules": "24"}, {"as_voxels": "true"}, {"repair": "true"}),
     *({"start": "0,0,0"}, {"modules": "999999999"}, {"seed": "-1"}, {"module_size": "nan"}),
 )
+"""Form fields that are sent with a file, one of them at random."""
 
 
 def mutated_uploads(short: bool = False, *, first: int = 0) -> Section:
-    """Answers to the uploads of so many seeds, and the memory of who has read them."""
+    """Count the answers to the uploads of a range of seeds, and measure the memory of readers."""
     section = Section(name="mutated")
     count = 150 if short else 10_000
     answers: Counter[str] = Counter()
@@ -66,8 +71,8 @@ def mutated_uploads(short: bool = False, *, first: int = 0) -> Section:
     section.add(
         f"memory after {count}, against that after {warm}",
         f"{grown:+.0f} MB",
-        f"≤ {MOST_MB:.0f} MB",
-        grown <= MOST_MB,
+        f"≤ {MAX_MUTATED_GROWTH_MB:.0f} MB",
+        grown <= MAX_MUTATED_GROWTH_MB,
     )
     for text in wrong[:20]:
         section.add("what went wrong", text, "", False)
@@ -78,6 +83,8 @@ def mutated_uploads(short: bool = False, *, first: int = 0) -> Section:
 
 
 class _Sender:
+    """Sender of mutated files that counts the answers."""
+
     def __init__(self, address: str, answers: Counter[str], wrong: list[str]) -> None:
         self._address = address
         self._answers = answers
@@ -85,17 +92,17 @@ class _Sender:
         self._files = valid()
 
     async def send(self, seeds: range) -> None:
-        """A few at once."""
-        left = iter(seeds)
+        """Send the uploads of the seeds, a few at the same time."""
+        remaining = iter(seeds)
 
-        async def go_on() -> None:
-            for seed in left:
-                await self._one(http, seed)
+        async def send_next() -> None:
+            for seed in remaining:
+                await self._send_one(http, seed)
 
-        async with httpx.AsyncClient(base_url=self._address, timeout=HANG_S) as http:
-            await asyncio.gather(*(go_on() for _ in range(AT_ONCE)))
+        async with httpx.AsyncClient(base_url=self._address, timeout=UPLOAD_TIMEOUT_S) as http:
+            await asyncio.gather(*(send_next() for _ in range(CONCURRENT_UPLOADS)))
 
-    async def _one(self, http: httpx.AsyncClient, seed: int) -> None:
+    async def _send_one(self, http: httpx.AsyncClient, seed: int) -> None:
         upload = made(seed, self._files)
         rng = random.Random(-seed)
         route = "/api/folds" if rng.random() < 0.5 else "/api/shapes/preview"
@@ -129,7 +136,7 @@ def _code(answer: httpx.Response) -> str:
 
 
 def _resident_mb(service: Service) -> dict[str, float]:
-    """Of the web process and of the children that read."""
+    """Return the resident memory of the web process and of the reading children, MB."""
     assert service.process is not None
     found = {"web": psutil.Process(service.process.pid).memory_info().rss / 1e6}
     for kind in ("reader", "preparer"):

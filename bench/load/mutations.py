@@ -1,4 +1,4 @@
-"""Mutations: valid files of every format, and what strangers make of them."""
+"""Mutations: valid files of every format, and random changes of them."""
 
 from __future__ import annotations
 
@@ -21,21 +21,26 @@ from tests.planner.shapes.test_readers_fuzz import SPICE, mutated
 from tests.planner.solids_made import MESH_KINDS, as_binvox, as_grid, as_vox, exported, zipped
 
 CELLS: Final = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [1, 1, 1]])
+"""(n, 3) cells of a path."""
 BLOCK: Final = np.argwhere(np.ones((2, 3, 2)))
+"""(n, 3) cells of a 2×3×2 block."""
 NAMES: Final = (
     *("a.stl", "a.obj", "a.ply", "a.json", "a.3mf", "a.glb", "a.vox", "a.npy", "a.csv", "", "a"),
     *("../../etc/passwd", "a\x00.stl", "a.stl\r\nX: y", "é" * 300, "CON", ".", "a.png", "a.zip"),
 )
+"""File names that an upload may have instead of its own."""
 TYPES: Final = (
     *("application/json", "text/html", "image/svg+xml", "model/stl", "application/zip"),
     *("multipart/form-data", "x" * 300, "text/plain; charset=utf-16", ""),
 )
+"""Media types that an upload may have instead of the plain one."""
 NUMBERS: Final = (b"1e308", b"-1e308", b"9" * 400, b"1e-320", b"0x10", b"NaN", b"-0", b"2147483648")
+"""Numbers at the limits of parsers, put in place of a digit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Upload:
-    """One file as it is sent."""
+    """One file with the name and media type that are sent."""
 
     data: bytes
     filename: str
@@ -43,7 +48,7 @@ class Upload:
 
 
 def valid() -> dict[str, bytes]:
-    """One small file of every format, by the ending of its name."""
+    """Return one small valid file of every format, by kind."""
     mesh = trimesh.creation.box((2, 3, 2))
     path = Path.from_cells([tuple(cell) for cell in CELLS.tolist()])
     chain = Chain.from_path(path)
@@ -71,10 +76,10 @@ def _saved(array: np.ndarray) -> bytes:
 
 
 def made(seed: int, files: dict[str, bytes]) -> Upload:
-    """The upload of a seed: the same each time."""
+    """Return the upload of a seed, the same in each run."""
     rng = random.Random(seed)
     kind = rng.choice(list(files))
-    data = rng.choices(CHANGES, WEIGHTS)[0](files[kind], rng)
+    data = rng.choices(CHANGES, CHANGE_WEIGHTS)[0](files[kind], rng)
     name = f"a.{kind.rpartition('_')[2] if kind not in MESH_KINDS else kind.partition('_')[0]}"
     return Upload(
         data=data,
@@ -106,7 +111,7 @@ def _swapped(data: bytes, rng: random.Random) -> bytes:
 
 
 def _huge(data: bytes, rng: random.Random) -> bytes:
-    """Puts a number where one stands, or the like."""
+    """Replace a digit by an extreme number or by special text."""
     digits = [k for k, byte in enumerate(data) if 48 <= byte < 58] or [rng.randrange(len(data))]
     at = rng.choice(digits)
     return data[:at] + rng.choice((*NUMBERS, *SPICE)) + data[at + 1 :]
@@ -120,7 +125,7 @@ def _nested(data: bytes, rng: random.Random) -> bytes:
 
 
 def _bomb(data: bytes, rng: random.Random) -> bytes:
-    """A little that unpacks to a lot."""
+    """Return a small archive that unpacks to 1 to 256 MiB."""
     size = rng.choice([2**20, 2**26, 2**28])
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
@@ -134,7 +139,7 @@ def _bomb(data: bytes, rng: random.Random) -> bytes:
 
 
 def _entities(data: bytes, rng: random.Random) -> bytes:
-    """Text that grows when it is parsed, and what names other files."""
+    """Return XML with entities that expand repeatedly or refer to another file."""
     del data
     grow = b"".join(
         b'<!ENTITY e%d "%s">' % (k + 1, b"&e%d;" % k * 10) for k in range(rng.randint(2, 9))
@@ -145,7 +150,7 @@ def _entities(data: bytes, rng: random.Random) -> bytes:
 
 
 def _polluted(data: bytes, rng: random.Random) -> bytes:
-    """Keys and values of the wrong kind in JSON; else noise behind a signature."""
+    """Put a value of the wrong type into JSON; else put noise after the signature."""
     try:
         value = json.loads(data)
     except ValueError:
@@ -168,5 +173,6 @@ Change = Callable[[bytes, random.Random], bytes]
 CHANGES: Final[tuple[Change, ...]] = (
     *(_bits, _cut, _doubled, _swapped, _huge, _nested, _bomb, _entities, _polluted, _spiced),
 )
-WEIGHTS: Final = (4, 3, 2, 3, 5, 1, 0.03, 0.3, 3, 6)
-"""Bombs take long to make and to refuse: a few dozen in ten thousand."""
+CHANGE_WEIGHTS: Final = (4, 3, 2, 3, 5, 1, 0.03, 0.3, 3, 6)
+"""Relative frequencies of ``CHANGES``. Bombs take long to make and to refuse: a few dozen in ten
+thousand."""

@@ -1,4 +1,4 @@
-"""Several machines: the faults with a real PostgreSQL, a real S3 server and two workers apart."""
+"""Several machines: the faults with a real PostgreSQL, a real S3 server and two remote workers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.server.postgres import Postgres
 
 
 def several(rounds: int, *, seed: int, only: tuple[str, ...] = ()) -> Section:
-    """Harms a service on several machines, and what they share, in so many rounds."""
+    """Harm a service on several machines, its database and its storage, once per round."""
     postgres, bucket = Postgres().start(), Bucket().start()
 
     @contextmanager

@@ -1,4 +1,4 @@
-"""Site: a whole service under test, on a disk and with a clock of its own."""
+"""Site: a whole service under test, with a disk and a clock of its own."""
 
 from __future__ import annotations
 
@@ -23,22 +23,25 @@ from bench.load.loopback import checked
 from tests.server.service import Service
 
 MARK: Final = "FOLDBACK_LOAD_SITE"
-PATIENCE_S: Final = 180.0
+"""Environment variable by which the processes of a site are recognised."""
+SITE_TIMEOUT_S: Final = 180.0
+"""Seconds after which a service that is not ready, or a process that does not end, fails the test.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
-    """How a service is laid out.
+    """Layout of a service.
 
     Attributes:
-        name: In tables.
-        settings: Of all its processes, without ``FOLDBACK_``; a database or a storage elsewhere
-            is told here.
-        environment: Further variables of all its processes.
-        supervised: Workers that `serve` looks after; they end when it does.
-        hosts: Workers that are started by themselves, and again when they have ended.
-        apart: Whether those have data directories of their own, as on other machines.
-        outages: For how long something that it needs is away, by name.
+        name: Name in tables.
+        settings: Settings of all its processes, without ``FOLDBACK_``; among them a database or a
+            storage elsewhere.
+        environment: Further environment variables of all its processes.
+        supervised: Number of workers that ``serve`` supervises; they end when it does.
+        hosts: Number of workers that are started separately, and again after they have ended.
+        apart: True if those workers have data directories of their own, as on other machines.
+        outages: Context managers, by name, during which a shared service does not answer.
     """
 
     name: str = "one machine"
@@ -54,11 +57,11 @@ ONE_MACHINE: Final = Setup()
 
 
 class NotReadyError(RuntimeError):
-    """The service did not come back in time."""
+    """The service did not become ready in time."""
 
 
 class Site:
-    """Starts, harms and restarts a service. Nothing of it is left when it is closed."""
+    """A service that can be started, harmed and restarted; closing it deletes all of its data."""
 
     def __init__(self, place: Path, setup: Setup) -> None:
         self.place = place
@@ -79,12 +82,12 @@ class Site:
 
     @property
     def data_dir(self) -> Path:
-        """Of the web process."""
+        """Data directory of the web process."""
         return self.web.data_dir
 
     @property
     def address(self) -> str:
-        """Where it listens; empty while it does not."""
+        """Address of the web process; empty while it does not listen."""
         return str(self.web.http.base_url)
 
     def _service(self, name: str, **settings: object) -> Service:
@@ -96,10 +99,10 @@ class Site:
         return service
 
     def up(self) -> None:
-        """Starts whatever is not running, and waits until it takes folds.
+        """Start what is not running, and wait until the service accepts folds.
 
         Raises:
-            NotReadyError: When it does not, in time.
+            NotReadyError: It does not accept folds in time.
         """
         if self.web.process is None or self.web.process.poll() is not None:
             self.web.start()
@@ -107,7 +110,7 @@ class Site:
         for k, host in enumerate(self._hosts):
             if host is None or host.poll() is not None:
                 self._hosts[k] = self._start_host(k)
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + SITE_TIMEOUT_S
         while True:
             with suppress(httpx.TransportError):
                 answer = self.web.http.get("/ready")
@@ -129,8 +132,8 @@ class Site:
             )
 
     def processes(self, *kinds: str) -> list[psutil.Process]:
-        """Its processes; kinds are ``web``, ``worker``, ``stages``, ``reader``, ``preparer``."""
-        found: list[psutil.Process] = []
+        """Return its processes, of all or some kinds: web, worker, stages, reader, preparer."""
+        own: list[psutil.Process] = []
         for process in psutil.process_iter():
             with suppress(psutil.Error):
                 if process.status() == psutil.STATUS_ZOMBIE:
@@ -138,18 +141,18 @@ class Site:
                 if process.environ().get(MARK) != self._mark:
                     continue
                 if not kinds or _kind(process.cmdline()) in kinds:
-                    found.append(process)
-        return found
+                    own.append(process)
+        return own
 
     def kill_web(self) -> None:
-        """The web process alone; what it started has to notice by itself."""
+        """Kill the web process alone; its children have to notice that."""
         assert self.web.process is not None
         self.web.process.kill()
         self.web.process.wait()
         self.web.http.close()
 
     def kill_everything(self) -> None:
-        """All at once, as a power cut would."""
+        """Kill all processes at once, as a power cut would."""
         theirs = self.processes()
         for process in theirs:
             with suppress(psutil.Error):
@@ -158,13 +161,13 @@ class Site:
             if popen is not None:
                 popen.wait()
         self.web.http.close()
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + SITE_TIMEOUT_S
         while self.processes():
             assert time.monotonic() < deadline, "a killed process is still there"
             time.sleep(0.02)
 
     def end(self) -> None:
-        """All in good order."""
+        """Stop all processes in the orderly way."""
         for host in self._hosts:
             if host is not None and host.poll() is None:
                 host.terminate()
@@ -173,10 +176,10 @@ class Site:
             assert code == 0, f"the server ended with exit code {code}"
         for host in self._hosts:
             if host is not None:
-                host.wait(PATIENCE_S)
+                host.wait(SITE_TIMEOUT_S)
 
     def close(self) -> None:
-        """Ends it, and takes its disk away."""
+        """Kill all processes and delete the disk."""
         for process in self.processes("worker"):
             with suppress(psutil.Error):
                 process.send_signal(signal.SIGCONT)
@@ -185,14 +188,14 @@ class Site:
         shutil.rmtree(self.disk.path, ignore_errors=True)
 
     def left_uploads(self) -> list[str]:
-        """Names of the files under its uploads."""
+        """Return the names of the files in the directory of uploads."""
         folder = self.data_dir / "uploads"
         return sorted(
             path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()
         )
 
     def answer(self, method: str, path: str, **more: Any) -> httpx.Response | None:
-        """What it answers; None when it is not there."""
+        """Send a request; return the answer, or None if the service does not answer."""
         with suppress(httpx.TransportError, RuntimeError):
             return self.web.http.request(method, path, **more)
         return None

@@ -1,4 +1,4 @@
-"""Strangers: what a few of them can take from everybody else, by robots and by first views."""
+"""Strangers: how much a few visitors slow others down, with simulated robots and first views."""
 
 from __future__ import annotations
 
@@ -20,17 +20,23 @@ from bench.tables import Section
 from tests.planner.peels import snake
 from tests.server.service import SNAKE, Service
 
-PAGE_MS: Final = 200
-GROWTH_MB: Final = 300
-ADDRESSES, SOCKETS = 3, 8
+MAX_PAGE_BESIDE_ROBOTS_MS: Final = 200
+"""Maximum 95th percentile of another visitor's page, ms. Chosen."""
+MAX_WEB_GROWTH_MB: Final = 300
+"""Maximum growth of the resident memory of the web process meanwhile, MB. Chosen."""
+ADDRESSES, ROBOTS_PER_ADDRESS = 3, 8
+"""Number of client addresses, and of robots that each of them connects."""
 PLAN_MB: Final = 96
-"""Of a plan.json, as a simulated fold of 1000 modules once had."""
-LOOK_EVERY_S: Final = 0.05
-RETRY_S: Final = 0.2
+"""Size of a padded plan.json, MB: that of a simulated fold of 1000 modules in an earlier
+version."""
+WITNESS_POLL_S: Final = 0.05
+"""Seconds between two requests of the witness. Shorter intervals add load. Chosen."""
+ROBOT_RETRY_S: Final = 0.2
+"""Seconds that a robot waits for a message, and before it connects again. Chosen."""
 
 
 def strangers(short: bool = False) -> Section:
-    """How long others wait meanwhile, and how large the web process gets."""
+    """Measure the times of others' pages, and the peak memory of the web process."""
     section = Section(name="strangers")
     side, seconds = (5, 3.0) if short else (10, 20.0)
     with serving(largest_queue_of_visitor=32) as service:
@@ -40,12 +46,12 @@ def strangers(short: bool = False) -> Section:
         for fold in (box, *small):
             assert service.wait_over(fold)["status"] == "verified"
         witness = _Witness(service, small[0])
-        what = f"{ADDRESSES} addresses with {SOCKETS} robots each on {side**3} modules"
+        what = f"{ADDRESSES} addresses with {ROBOTS_PER_ADDRESS} robots each on {side**3} modules"
         with witness.looking(section, "nobody else", judged=False):
             time.sleep(seconds / 4)
         with witness.looking(section, what, judged=not short):
             led = _drive(service, box, seconds)
-        section.add("robots that were led, in turns", f"{led} of {ADDRESSES * SOCKETS}")
+        section.add("robots that were led, in turns", f"{led} of {ADDRESSES * ROBOTS_PER_ADDRESS}")
         padding = ",".join(["0.12345678"] * (2**10 if short else PLAN_MB * 10**6 // 11))
         for fold in small:
             path = service.directory(fold) / "plan.json"
@@ -59,7 +65,7 @@ def strangers(short: bool = False) -> Section:
 
 
 class _Witness:
-    """Asks for the health and a page all the time, from an address of its own."""
+    """Client that requests the health and a page repeatedly, from an address of its own."""
 
     def __init__(self, service: Service, fold: str) -> None:
         self._address = str(service.http.base_url)
@@ -69,7 +75,7 @@ class _Witness:
 
     @contextmanager
     def looking(self, section: Section, what: str, *, judged: bool) -> Generator[None]:
-        """Adds to a section how it was for others while the context lasted."""
+        """Add to a section the times and memory that were measured within the context."""
         over = threading.Event()
         times: dict[str, list[float]] = {name: [] for name in self._paths}
         before = self._mb()
@@ -78,7 +84,7 @@ class _Witness:
         def ask(name: str) -> None:
             headers = {"X-Forwarded-For": "10.9.0.1"}
             with httpx.Client(base_url=self._address, headers=headers, timeout=60.0) as http:
-                while not over.wait(LOOK_EVERY_S):
+                while not over.wait(WITNESS_POLL_S):
                     begun = time.perf_counter()
                     http.get(self._paths[name]).raise_for_status()
                     times[name].append(time.perf_counter() - begun)
@@ -112,14 +118,14 @@ class _Witness:
         section.add(
             f"page p95, {what}",
             f"{page:.0f} ms",
-            f"< {PAGE_MS} ms",
-            page < PAGE_MS if judged else None,
+            f"< {MAX_PAGE_BESIDE_ROBOTS_MS} ms",
+            page < MAX_PAGE_BESIDE_ROBOTS_MS if judged else None,
         )
         section.add(
             f"memory, {what}",
             f"{growth:+.0f} MB, at most {max(sizes) - before:+.0f} MB",
-            f"≤ {GROWTH_MB} MB",
-            max(sizes) - before <= GROWTH_MB if judged else None,
+            f"≤ {MAX_WEB_GROWTH_MB} MB",
+            max(sizes) - before <= MAX_WEB_GROWTH_MB if judged else None,
         )
 
     def _mb(self) -> float:
@@ -127,14 +133,18 @@ class _Witness:
 
 
 def _drive(service: Service, fold: str, seconds: float) -> int:
-    """Robots that ask for bounds of their own and follow what they are told; how many were led."""
+    """Connect robots that ask for speed limits of their own and report to be on target.
+
+    Returns:
+        Number of robots that received a target.
+    """
     base = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
     over = threading.Event()
     led: set[int] = set()
 
     def drive(number: int) -> None:
         address = f"{base}/api/folds/{fold}/play?max_speed={1 + number / 100}&rate_hz=100"
-        headers = {"X-Forwarded-For": f"10.8.0.{number // SOCKETS + 1}"}
+        headers = {"X-Forwarded-For": f"10.8.0.{number // ROBOTS_PER_ADDRESS + 1}"}
         while not over.is_set():
             with (
                 suppress(WebSocketException, OSError),
@@ -142,12 +152,14 @@ def _drive(service: Service, fold: str, seconds: float) -> int:
             ):
                 while not over.is_set():
                     with suppress(TimeoutError):
-                        if '"target"' in str(robot.recv(timeout=RETRY_S))[:100]:
+                        if '"target"' in str(robot.recv(timeout=ROBOT_RETRY_S))[:100]:
                             led.add(number)
                         robot.send('{"do": "report", "error_rad": 0}')
-            over.wait(RETRY_S)
+            over.wait(ROBOT_RETRY_S)
 
-    threads = [threading.Thread(target=drive, args=(k,)) for k in range(ADDRESSES * SOCKETS)]
+    threads = [
+        threading.Thread(target=drive, args=(k,)) for k in range(ADDRESSES * ROBOTS_PER_ADDRESS)
+    ]
     for thread in threads:
         thread.start()
     time.sleep(seconds)
@@ -158,7 +170,7 @@ def _drive(service: Service, fold: str, seconds: float) -> int:
 
 
 def _view(service: Service, folds: list[str]) -> None:
-    """All of them at once, each for the first time."""
+    """Request all folds at the same time, each for the first time."""
 
     def view(fold: str, number: int) -> None:
         headers = {"X-Forwarded-For": f"10.7.0.{number}"}

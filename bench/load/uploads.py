@@ -1,4 +1,4 @@
-"""Uploads: two hundred in a minute by many visitors; all answered, accepted ones finish."""
+"""Uploads: two hundred in a minute by many visitors; each is answered, and accepted ones finish."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from bench.load.loopback import serving
 from bench.tables import Section
 from tests.server.service import SNAKE, Service
 
-LONGEST_S = 1800.0
+MAX_FOLD_S = 1800.0
+"""Seconds after which a fold that has not ended counts as stalled. Chosen."""
 
 
 def uploads(short: bool = False) -> Section:
-    """Answers to uploads, and what became of them."""
+    """Count the answers to uploads, and the results of the accepted ones."""
     section = Section(name="uploads")
     count, seconds, queue = (6, 1.0, 2) if short else (200, 60.0, 64)
     with serving(workers=1, largest_queue=queue, largest_queue_of_visitor=4) as service:
@@ -51,7 +52,7 @@ def uploads(short: bool = False) -> Section:
 async def _send(
     address: str, count: int, seconds: float
 ) -> list[tuple[int, dict[str, Any], str | None, float]]:
-    """Status, body, Retry-After and seconds of each answer."""
+    """Return status, body, Retry-After and seconds of each answer."""
 
     async def one(number: int) -> tuple[int, dict[str, Any], str | None, float]:
         await asyncio.sleep(seconds * number / count)
@@ -71,7 +72,7 @@ async def _send(
 
 
 def _end(service: Service, fold: str) -> dict[str, Any]:
-    deadline = time.monotonic() + LONGEST_S
+    deadline = time.monotonic() + MAX_FOLD_S
     while (state := service.state(fold))["status"] in ("queued", "running"):
         if time.monotonic() > deadline:
             return {"status": f"still {state['status']}"}

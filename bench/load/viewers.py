@@ -1,4 +1,4 @@
-"""Viewers: a thousand come and go; the server's memory must not."""
+"""Viewers: a thousand of them come and go, and the server's memory must not grow."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ from bench.load.loopback import serving
 from bench.tables import Section
 from tests.server.service import SNAKE, Service
 
-MOST_MB = 50
-AT_ONCE = 25
-ROBOTS = 10
-"""One in so many drives a robot, too."""
+MAX_VIEWERS_GROWTH_MB = 50
+"""Maximum growth of the resident memory of the web process, MB. Chosen."""
+CONCURRENT_VIEWERS = 25
+"""Number of viewers that are connected at the same time."""
+VIEWERS_PER_ROBOT = 10
+"""Viewers for each one that also drives a robot."""
 
 
 def viewers(short: bool = False) -> Section:
-    """The memory of the web process before and after."""
+    """Measure the memory of the web process before and after the viewers."""
     section = Section(name="viewers")
     count, warm = (40, 10) if short else (1000, 20)
     with serving(max_robots_of_visitor=32) as service:
@@ -44,25 +46,25 @@ def viewers(short: bool = False) -> Section:
         peak = _resident_mb(service)
         time.sleep(0.5 if short else 5)
         after = _resident_mb(service)
-        left = service.metrics().text
+        metrics = service.metrics().text
     section.rows.append(
         {"viewers": count, "before, MB": before, "at the end, MB": peak, "then, MB": after}
     )
     section.add(
         f"memory after {count} viewers, against that after {warm}",
         f"{after - before:+.0f} MB, in {took_s:.0f} s",
-        f"≤ {MOST_MB} MB",
-        after - before <= MOST_MB,
+        f"≤ {MAX_VIEWERS_GROWTH_MB} MB",
+        after - before <= MAX_VIEWERS_GROWTH_MB,
     )
     section.add("errors", str(dict(errors)), "none", not errors)
-    streams = [line for line in left.splitlines() if "streams" in line and line[0] != "#"]
+    streams = [line for line in metrics.splitlines() if "streams" in line and line[0] != "#"]
     if streams:
         section.add("still open", "; ".join(streams))
     return section
 
 
 async def _come(address: str, folds: list[str], count: int, errors: Counter[str]) -> None:
-    few = asyncio.Semaphore(AT_ONCE)
+    few = asyncio.Semaphore(CONCURRENT_VIEWERS)
 
     async def one(number: int) -> None:
         async with few:
@@ -94,7 +96,7 @@ async def _view(address: str, fold: str, number: int, errors: Counter[str]) -> N
         async with http.stream("GET", f"/api/folds/{fold}/events") as stream:
             with suppress(StopAsyncIteration):
                 await anext(stream.aiter_bytes())
-    if number % ROBOTS == 0:
+    if number % VIEWERS_PER_ROBOT == 0:
         socket = f"{address.replace('http', 'ws').rstrip('/')}/api/folds/{fold}/play"
         async with connect(socket, additional_headers=headers) as robot:
             await asyncio.wait_for(robot.recv(), 30)

@@ -1,7 +1,7 @@
-"""Visitors: many at once, from a process of their own, so that what they cost can be told.
+"""Visitors: many at once, in a process of their own, so that their own cost can be measured.
 
-``python -m bench.load.visitors`` takes a plan of what to do as JSON on its standard input and
-writes what it measured as JSON on its output.
+``python -m bench.load.visitors`` reads ``Visits`` as JSON from standard input and writes the
+measurements as JSON to standard output.
 """
 
 from __future__ import annotations
@@ -24,24 +24,25 @@ import numpy as np
 from bench.load.loopback import checked
 
 SETTLE_S = 2.0
-"""From the arrival of the last one until all have what they see first."""
-ROWS = 128
-"""Frames of one batch that a page asks for, at most."""
+"""Seconds from the arrival of the last visitor until all of them have loaded their page. Requests
+before count as arriving."""
+FRAMES_PER_BATCH = 128
+"""Maximum number of frames in one batch that a page requests."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Visits:
-    """What visitors do.
+    """Plan of all visitors.
 
     Attributes:
-        address: Of the service, on this machine.
-        folds: For each visitor the fold that is looked at.
-        seconds: How long they go on.
-        arrive_s: Within which all of them come.
-        pause_s: Between two pulls of a slider, about.
-        streams: How many of them also follow a fold, by its event stream.
-        followed: The fold that those follow.
-        seed: Of all that is random.
+        address: Address of the service, on this machine.
+        folds: Fold that each visitor looks at.
+        seconds: Seconds for which they continue after all have arrived.
+        arrive_s: Seconds within which all of them arrive.
+        pause_s: Mean seconds between two moves of a slider.
+        streams: Number of visitors that also follow a fold by its event stream.
+        followed: Folds that those follow; empty for the folds they look at.
+        seed: Seed of all random choices.
     """
 
     address: str
@@ -54,12 +55,12 @@ class Visits:
     seed: int = 1
 
     def run(self) -> dict[str, Any]:
-        """Has it done in a process of its own.
+        """Run the visitors in a process of their own.
 
         Returns:
-            ``arriving_s`` and ``times_s`` by kind of request, of those that were made while the
-            visitors came and of those after, ``errors`` by what went wrong, ``cpu_s`` and
-            ``wall_s`` of the visitors themselves.
+            ``arriving_s`` and ``times_s``, seconds of each request by kind, before and after all
+            visitors had arrived; ``errors``, their number by description; ``cpu_s`` and ``wall_s``
+            of the visitors' own process.
         """
         checked(self.address)
         done = subprocess.run(
@@ -73,19 +74,21 @@ class Visits:
 
 
 class _Crowd:
+    """All visitors of one plan."""
+
     def __init__(self, visits: Visits) -> None:
         self._visits = visits
         self._times: dict[str, list[float]] = defaultdict(list)
         self._arriving: dict[str, list[float]] = defaultdict(list)
         self._errors: dict[str, int] = defaultdict(int)
-        self._there = self._until = 0.0
-        # Making one costs more than a hundred requests; nothing here uses it.
+        self._all_arrived = self._until = 0.0
+        # One context for all clients: creating one takes longer than a hundred requests.
         self._tls = ssl.create_default_context()
 
     async def run(self) -> dict[str, Any]:
         begun, cpu = time.monotonic(), time.process_time()
-        self._there = begun + self._visits.arrive_s + SETTLE_S
-        self._until = self._there + self._visits.seconds
+        self._all_arrived = begun + self._visits.arrive_s + SETTLE_S
+        self._until = self._all_arrived + self._visits.seconds
         async with asyncio.TaskGroup() as tasks:
             for number, fold in enumerate(self._visits.folds):
                 tasks.create_task(self._visit(number, fold))
@@ -98,7 +101,7 @@ class _Crowd:
         }
 
     async def _visit(self, number: int, fold: str) -> None:
-        """A page is opened, played from and scrubbed; now and then it is loaded anew."""
+        """Open a page, move its slider some times, and open it again, until the time is over."""
         rng = random.Random(f"{self._visits.seed}/{number}")
         headers = {"X-Forwarded-For": f"10.1.{number // 250}.{number % 250 + 1}"}
         limits = httpx.Limits(max_connections=6)
@@ -121,8 +124,9 @@ class _Crowd:
                     if time.monotonic() >= self._until:
                         break
                     await asyncio.sleep(rng.expovariate(1 / self._visits.pause_s))
-                    first = rng.randrange(max(1, total)) // ROWS * ROWS
-                    batch = f"/folds/{fold}/batch?from={first}&stride=1&wait=0&to={first + ROWS}"
+                    first = rng.randrange(max(1, total)) // FRAMES_PER_BATCH * FRAMES_PER_BATCH
+                    last = first + FRAMES_PER_BATCH
+                    batch = f"/folds/{fold}/batch?from={first}&stride=1&wait=0&to={last}"
                     await self._get(http, "scrub", batch)
                     if rng.random() < 0.2:
                         await self._get(http, "API", f"/api/folds/{fold}")
@@ -132,7 +136,7 @@ class _Crowd:
                     await follower
 
     async def _open(self, http: httpx.AsyncClient, fold: str) -> int:
-        """What a browser asks for when it opens a page; how many frames the fold has."""
+        """Send the requests of a browser that opens a page; return the number of frames."""
         await self._get(http, "page", f"/folds/{fold}")
         await asyncio.gather(
             self._get(http, "batch", f"/folds/{fold}/bundle"),
@@ -147,7 +151,7 @@ class _Crowd:
         return total
 
     async def _get(self, http: httpx.AsyncClient, kind: str, path: str) -> httpx.Response | None:
-        times = self._times if time.monotonic() >= self._there else self._arriving
+        times = self._times if time.monotonic() >= self._all_arrived else self._arriving
         begun = time.perf_counter()
         try:
             answer = await http.get(path)
@@ -174,7 +178,7 @@ class _Crowd:
 
 
 def percentile_ms(times_s: list[float], q: float) -> float:
-    """A percentile in milliseconds; 0 of nothing."""
+    """Return a percentile in milliseconds; 0 if there are no times."""
     return 1000 * float(np.percentile(times_s, q)) if times_s else 0.0
 
 

@@ -1,4 +1,4 @@
-"""Witness: looks at folds all the time, and tells when one is lost, half-shown or done twice."""
+"""Witness: a thread that watches folds and reports lost, incomplete and repeated ones."""
 
 from __future__ import annotations
 
@@ -17,20 +17,22 @@ import numpy as np
 
 from tests.server.service import over
 
-LOOK_EVERY_S: Final = 0.05
+FOLDS_POLL_S: Final = 0.05
+"""Seconds between two polls of the folds. Longer intervals miss short states. Chosen."""
 FILES: Final = ("plan.json", "plan.npz", "certificate.json", "model.xml")
+"""Files of a verified fold that are compared."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Seen:
-    """What was seen of one acknowledged fold.
+    """Observations of one acknowledged fold.
 
     Attributes:
-        id: The fold's.
-        faults: What happened while it was not over.
-        statuses: All that it was seen in, without repetitions.
-        end: How it ended: status, summary and error.
-        digest: Of its plan.
+        id: Id of the fold.
+        faults: Faults that occurred before it ended.
+        statuses: Its statuses in order, without repetitions.
+        end: Status, summary and error at its end; None until then.
+        digest: Digest of its files; None until they were checked.
     """
 
     id: str
@@ -41,7 +43,15 @@ class Seen:
 
 
 class Witness:
-    """See the module's description. Looks from a thread of its own."""
+    """Thread that polls acknowledged folds.
+
+    Attributes:
+        folds: Observations by id.
+        problems: Contradictions that were found, in words.
+        errors: Answers of 500 and above, by status and condition.
+        condition: Fault at present that excuses such answers; empty if there is none.
+        looks: Number of requests for a fold.
+    """
 
     def __init__(self, address: Any) -> None:
         self._address = address
@@ -51,36 +61,35 @@ class Witness:
         self.folds: dict[str, Seen] = {}
         self.problems: list[str] = []
         self.errors: Counter[str] = Counter()
-        """Answers of 500 and above, by what was wrong with the machine then."""
         self.condition = ""
         self.looks = 0
         self._thread = threading.Thread(target=self._watch, name="witness", daemon=True)
         self._thread.start()
 
     def acknowledged(self, fold_id: str) -> None:
-        """A fold was accepted: from now on it has to be there."""
+        """Add a fold that was accepted; from now on it must exist."""
         with self._lock:
             self.folds.setdefault(fold_id, Seen(id=fold_id))
 
     def happens(self, fault: str) -> None:
-        """Something happens to all folds that are not over."""
+        """Record a fault for all folds that have not ended."""
         with self._lock:
             for seen in self.folds.values():
                 if seen.end is None:
                     seen.faults.add(fault)
 
     def waiting(self) -> list[Seen]:
-        """Folds whose end was not seen and looked into yet."""
+        """Return the folds whose end has not been seen and checked yet."""
         with self._lock:
             return [seen for seen in self.folds.values() if seen.digest is None]
 
     def close(self) -> None:
-        """Looks no more."""
+        """Stop the thread."""
         self._stopping.set()
         self._thread.join()
 
     def look_again(self) -> None:
-        """At everything once more, the files too."""
+        """Check all folds and their files once more."""
         with httpx.Client(base_url=self._address(), timeout=60.0) as http:
             for seen in list(self.folds.values()):
                 self._look(http, seen)
@@ -93,7 +102,7 @@ class Witness:
     def _watch(self) -> None:
         http: httpx.Client | None = None
         address = ""
-        while not self._stopping.wait(LOOK_EVERY_S):
+        while not self._stopping.wait(FOLDS_POLL_S):
             now = self._address()
             if now != address or http is None:
                 if http is not None:
@@ -109,7 +118,7 @@ class Witness:
                     if seen.end is not None and seen.digest is None:
                         self._look_into(http, seen)
                 except (httpx.HTTPError, httpx.InvalidURL):
-                    time.sleep(LOOK_EVERY_S)  # it was killed; or the port is another one's now
+                    time.sleep(FOLDS_POLL_S)  # the service was killed, or its port has changed
                     break
         if http is not None:
             http.close()
@@ -138,7 +147,7 @@ class Witness:
             self._tell(seen, f"ended twice, as {_short(seen.end)} and as {_short(end)}")
 
     def _look_into(self, http: httpx.Client, seen: Seen) -> None:
-        """Takes what a visitor would of a fold that is over."""
+        """Fetch the page and the files of a fold that has ended, and check them."""
         assert seen.end is not None
         page = http.get(f"/folds/{seen.id}")
         if self._excused(seen, page):
@@ -173,7 +182,7 @@ class Witness:
         seen.digest = digest.hexdigest()
 
     def _excused(self, seen: Seen, answer: httpx.Response) -> bool:
-        """Whether an error is no wonder as things are; it is counted."""
+        """Count an error answer; return True if the present condition excuses it."""
         if answer.status_code < 500 or not self.condition:
             return False
         self._failed(seen, answer)
@@ -193,7 +202,7 @@ class Witness:
 def _disagreement(
     files: dict[str, bytes], frames: httpx.Response, batch: httpx.Response
 ) -> str | None:
-    """What is not as it should be with the parts of a verified fold."""
+    """Describe how the parts of a verified fold contradict each other; None if they agree."""
     if frames.status_code != 200 or batch.status_code != 200:
         return f"is verified, and its timeline is answered with {frames.text[:200]}"
     told, plan = frames.json(), json.loads(files["plan.json"])

@@ -1,8 +1,8 @@
-"""``make reproduction``: the paper's experiments, run as far as they are missing, and told.
+"""``make reproduction``: run the missing experiments of the paper and write the page.
 
-Figures go to ``web/paper/runs.jsonl``, films and stills beside it; from these
-``docs/reproduction.md`` and ``web/paper/page.json`` are made anew. It can be stopped at any time
-and goes on where it was.
+Figures are stored in ``web/paper/runs.jsonl``, films and stills beside it; ``docs/reproduction.md``
+and ``web/paper/page.json`` are written from these. It can be stopped at any time and continues
+where it stopped.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ DOCUMENT: Final = ROOT / "docs" / "reproduction.md"
 
 
 def main() -> None:
-    """Runs what is missing, then tells all."""
+    """Run what is missing, then write the page and the document."""
     every = experiments()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="*", choices=[one.id for one in every], metavar="ID")

@@ -1,4 +1,4 @@
-"""Different shapes: some of the gallery that have least in common, chosen by what is measured."""
+"""Different shapes: a choice from the gallery that varies as much as possible."""
 
 from __future__ import annotations
 
@@ -13,24 +13,26 @@ from planner.chain.path import Path
 from planner.readers import read
 
 Array = NDArray[np.float64]
-CHOSEN: Final = 10
-MODULES: Final = (64, 200)
-ASIDE: Final = ("wrench", "mallet")
-"""Begin the names of the paper's own shapes."""
+CHOSEN_SHAPES: Final = 10
+"""Number of shapes that are chosen. Larger values add more similar ones."""
+MODULE_RANGE: Final = (64, 200)
+"""Least and largest number of modules of a shape that may be chosen."""
+EXCLUDED_PREFIXES: Final = ("wrench", "mallet")
+"""Beginnings of the names of the paper's own shapes, which are not chosen."""
 
 
 @cache
 def different_shapes() -> tuple[str, ...]:
-    """Names of ``CHOSEN`` shapes of cubes: each is the farthest from those chosen before it.
+    """Return the names of ``CHOSEN_SHAPES`` shapes of cubes that differ as much as possible.
 
-    The first is the farthest from the mean of all. Distances are those of ``features``, each
-    divided by its standard deviation.
+    The first one is the farthest from the mean of all, each further one the farthest from those
+    before it. Distances are those of ``features``, each divided by its standard deviation.
     """
     names, rows = measured()
     scaled = (rows - rows.mean(axis=0)) / rows.std(axis=0)
     order = [int(np.linalg.norm(scaled, axis=1).argmax())]
     nearest = np.full(len(names), np.inf)
-    while len(order) < CHOSEN:
+    while len(order) < CHOSEN_SHAPES:
         away = np.linalg.norm(scaled - scaled[order[-1]], axis=1)
         nearest = np.minimum(nearest, away)
         order.append(int(nearest.argmax()))
@@ -38,8 +40,10 @@ def different_shapes() -> tuple[str, ...]:
 
 
 def features(cells: NDArray[np.int64]) -> Array:
-    """(6,) of a path: log of its length, sides of its box by length^⅓ (short to long), compactness
-    (share of its box that is filled), and turns for each inner module.
+    """Return six features of a path.
+
+    They are the logarithm of its length, the sides of its box divided by length^⅓ (short to long),
+    its compactness (fraction of the box that is filled), and the turns for each inner module.
     """
     n = len(cells)
     sides = np.sort(np.ptp(cells, axis=0) + 1).astype(np.float64)
@@ -49,14 +53,14 @@ def features(cells: NDArray[np.int64]) -> Array:
 
 
 def measured() -> tuple[list[str], Array]:
-    """Names and (S, 6) features of all that may be chosen."""
+    """Return the names and (S, 6) features of all shapes that may be chosen."""
     names: list[str] = []
     rows: list[Array] = []
     for file in sorted(SHAPES.glob("*.json")):
-        if file.stem.startswith(ASIDE):
+        if file.stem.startswith(EXCLUDED_PREFIXES):
             continue
         found = read(file.read_bytes(), filename=file.name)
-        if isinstance(found, Path) and MODULES[0] <= len(found.cells) <= MODULES[1]:
+        if isinstance(found, Path) and MODULE_RANGE[0] <= len(found.cells) <= MODULE_RANGE[1]:
             names.append(file.stem)
             rows.append(features(np.asarray(found.cells, dtype=np.int64)))
     return names, np.array(rows)

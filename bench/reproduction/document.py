@@ -1,4 +1,4 @@
-"""Document: the same as the page, as Markdown with stills."""
+"""Document: the content of the page as Markdown, with stills."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from html import escape
 from typing import Any, Final
 
 PICTURES: Final = "../web/paper"
-WIDTH: Final = 200
+"""Directory of the stills, relative to the document."""
+STILL_WIDTH_PX: Final = 200
+"""Width of a still, px."""
 INTRODUCTION: Final = """\
 # The paper's experiments, run again
 
@@ -20,7 +22,7 @@ all films. Red is joint error; orange marks the modules where a fold fails.
 
 
 def document(page: dict[str, Any]) -> str:
-    """The Markdown of what ``telling.told`` gives."""
+    """Return the Markdown of the values that ``telling.told`` returns."""
     parts = [
         INTRODUCTION,
         page["lead"],
@@ -88,7 +90,7 @@ def _section(section: dict[str, Any], head: list[dict[str, str]]) -> list[str]:
     ]
 
 
-def _image(name: str, alt: str, width: int = WIDTH) -> str:
+def _image(name: str, alt: str, width: int = STILL_WIDTH_PX) -> str:
     return f'<img src="{PICTURES}/{name}.webp" alt="{escape(alt)}" width="{width}">'
 
 

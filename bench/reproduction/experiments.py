@@ -1,8 +1,9 @@
-"""Experiments: what the paper says, and which folds answer it."""
+"""Experiments: statements of the paper, and the folds that test them."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import Final, Literal
@@ -12,29 +13,32 @@ from examples.run_gallery import SHAPES
 from planner.pipeline.request import FoldRequest
 
 Outcome = Literal["verified", "tangled"]
-PACE: Final = "steps_per_snapshot=10"
-"""That of the recording: as many servo steps for a snapshot as there are steps between two."""
+RECORDING_PACE: Final = "steps_per_snapshot=10"
+"""Setting of a fold at the recording's pace: as many servo steps for each snapshot as steps between
+two snapshots."""
 THRESHOLD_ALONE: Final = "motor_gain=10,steps_per_snapshot=0"
-"""With motors that turn at 10/s: at 60/s the first jump of 22° throws the chain apart."""
-LIMITED: Final = "motor_max_force=1000"
-"""What holds one module one pitch away against gravity; the published value is not told."""
+"""Settings of a fold paced by the threshold alone, with a motor gain of 10/s: at 60/s the first
+jump of 22° throws the chain apart."""
+LIMITED_FORCE: Final = "motor_max_force=1000"
+"""Setting of motors with a limited force, which holds one module one pitch away against gravity;
+the paper does not state the value."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """One fold that answers a statement of the paper.
+    """One fold that tests a statement of the paper.
 
     Attributes:
-        id: Letters, digits and dashes: a name of files and in addresses.
-        statement: Which one of ``STATEMENTS`` it answers.
-        shape: Of ``examples/shapes``, or a file without its ending.
-        request: How it is folded.
-        title: For people.
-        start: The experiment whose plan it begins folded as; None from straight.
-        published: What came of it in the paper; None where it is not told.
-        published_steps: Steps of the fold in the paper; None where they are not told.
-        strip: Whether it is told in twelve pictures as well, as Figure 3 is.
-        straight: Whether there is a picture of it while it is straight, as in Figure 1.
+        id: Letters, digits and dashes; part of file names and addresses.
+        statement: Id of the statement in ``STATEMENTS``.
+        shape: File in ``examples/shapes``, without its ending.
+        request: Options of the fold.
+        title: Title on the page.
+        start: Experiment whose folded shape it starts from; None to start straight.
+        published: Result in the paper; None if it is not stated.
+        published_steps: Steps of the fold in the paper; None if they are not stated.
+        strip: True to show twelve pictures as in Figure 3.
+        straight: True to show the straight chain as in Figure 1.
     """
 
     id: str
@@ -50,25 +54,25 @@ class Experiment:
 
     @property
     def asked(self) -> str:
-        """All that the run depends on, in a line."""
-        told = [f"{name}={value}" for name, value in self.request.changed().items()]
+        """Everything that the run depends on, in a line."""
+        options = [f"{name}={value}" for name, value in self.request.changed().items()]
         begins = [f"start={self.start}"] if self.start else []
-        return ", ".join([self.shape, *told, *begins])
+        return ", ".join([self.shape, *options, *begins])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statement:
-    """Something that the paper says.
+    """A statement of the paper.
 
     Attributes:
-        id: Of its part of the page.
-        heading: Of it.
-        where: In the paper.
+        id: Id of its section of the page.
+        heading: Heading of the section.
+        where: Place in the paper.
         quote: Its words.
-        published: What came of it there, in a few words.
-        words: What there is to know beside the figures.
-        pairs: Experiments that play beside each other.
-        by_size: Whether it is told from which size on it fails.
+        published: Result in the paper, in a few words.
+        words: Explanation beside the figures.
+        pairs: Experiments that play side by side.
+        by_size: True to report the sizes at which folds work and fail.
     """
 
     id: str
@@ -181,57 +185,25 @@ TETRAHEDRA: Final = (
     ("tetra-letter-f", "The letter F of 96"),
     ("tetra-wrench", "A wrench of 192"),
 )
-DIRECT: Final = (
+"""Shapes of tetrahedra with their titles."""
+DIRECT_SHAPES: Final = (
     *("wrench-24", "mallet-24", "mallet-64", "wrench-80", "mallet-80"),
     *("wrench-160", "mallet-160"),
 )
-DIRECT_LIMITED: Final = ("wrench-24", "mallet-64", "wrench-80", "wrench-160", "mallet-160")
-BY_THRESHOLD: Final = (
+"""Shapes that are folded by direct servoing."""
+LIMITED_DIRECT_SHAPES: Final = ("wrench-24", "mallet-64", "wrench-80", "wrench-160", "mallet-160")
+"""Those that are also folded with motors of limited force."""
+THRESHOLD_SHAPES: Final = (
     *("wrench-24", "mallet-64", "wrench-80", "wrench-94", "wrench-128", "wrench-160"),
     "mallet-192",
 )
+"""Shapes that are folded at the pace of the threshold alone."""
 
 
 def experiments() -> tuple[Experiment, ...]:
-    """All of them, in the order in which they are told."""
+    """Return all experiments, in the order of the page."""
     return (
-        _paper(
-            "wrench",
-            "wrench-160",
-            published="verified",
-            published_steps=160_000,
-            strip=True,
-            straight=True,
-        ),
-        _paper(
-            "wrench",
-            "wrench-160",
-            settings=PACE,
-            suffix="-at-pace",
-            told=", ten steps for each snapshot",
-            published="verified",
-            published_steps=160_000,
-        ),
-        _paper("mallet", "mallet-160", published="verified", published_steps=150_000, strip=True),
-        _paper(
-            "mallet",
-            "mallet-160",
-            settings=PACE,
-            suffix="-at-pace",
-            told=", ten steps for each snapshot",
-            published="verified",
-            published_steps=150_000,
-        ),
-        Experiment(
-            id="refold",
-            statement="mallet",
-            shape="mallet-160",
-            request=FoldRequest(preset="paper"),
-            title="From wrench to mallet, 160 cubes",
-            start="wrench-160",
-            published="verified",
-            strip=True,
-        ),
+        *_wrench_and_mallet(),
         *(
             _paper("sizes", shape, published="verified")
             for shape in ("mallet-64", "wrench-94", "mallet-192")
@@ -252,38 +224,18 @@ def experiments() -> tuple[Experiment, ...]:
             )
             for shape, title in TETRAHEDRA
         ),
-        *(
-            Experiment(
-                id=f"direct-{shape}",
-                statement="direct",
-                shape=shape,
-                request=FoldRequest(preset="direct"),
-                title=_title(shape),
-                published="tangled",
-            )
-            for shape in DIRECT
-        ),
-        *(
-            Experiment(
-                id=f"direct-{shape}-limited",
-                statement="direct",
-                shape=shape,
-                request=FoldRequest(preset="direct", settings=LIMITED),
-                title=f"{_title(shape)}, motors of limited force",
-                published="tangled",
-            )
-            for shape in DIRECT_LIMITED
-        ),
+        *(_direct(shape) for shape in DIRECT_SHAPES),
+        *(_direct(shape, limited=True) for shape in LIMITED_DIRECT_SHAPES),
         _paper(
             "direct",
             "mallet-64",
-            settings=LIMITED,
+            settings=LIMITED_FORCE,
             suffix="-limited",
-            told=" by the published method, motors of the same limited force",
+            addition=" by the published method, motors of the same limited force",
         ),
         *(
             _paper("threshold", shape, settings=THRESHOLD_ALONE, suffix="-by-threshold")
-            for shape in BY_THRESHOLD
+            for shape in THRESHOLD_SHAPES
         ),
         *(
             Experiment(
@@ -298,24 +250,72 @@ def experiments() -> tuple[Experiment, ...]:
     )
 
 
+def _wrench_and_mallet() -> Iterator[Experiment]:
+    """Yield the folds of 160 cubes: each shape, at once and at the recording's pace; the refold."""
+    for statement, shape, steps in (
+        ("wrench", "wrench-160", 160_000),
+        ("mallet", "mallet-160", 150_000),
+    ):
+        yield _paper(
+            statement,
+            shape,
+            published="verified",
+            published_steps=steps,
+            strip=True,
+            straight=statement == "wrench",
+        )
+        yield _paper(
+            statement,
+            shape,
+            settings=RECORDING_PACE,
+            suffix="-at-pace",
+            addition=", ten steps for each snapshot",
+            published="verified",
+            published_steps=steps,
+        )
+    yield Experiment(
+        id="refold",
+        statement="mallet",
+        shape="mallet-160",
+        request=FoldRequest(preset="paper"),
+        title="From wrench to mallet, 160 cubes",
+        start="wrench-160",
+        published="verified",
+        strip=True,
+    )
+
+
+def _direct(shape: str, *, limited: bool = False) -> Experiment:
+    """Return a fold by direct servoing, with unlimited motors or with motors of limited force."""
+    return Experiment(
+        id=f"direct-{shape}-limited" if limited else f"direct-{shape}",
+        statement="direct",
+        shape=shape,
+        request=FoldRequest(preset="direct", settings=LIMITED_FORCE if limited else ""),
+        title=_title(shape) + (", motors of limited force" if limited else ""),
+        published="tangled",
+    )
+
+
 def _paper(
     statement: str,
     shape: str,
     *,
     settings: str = "",
     suffix: str = "",
-    told: str = "",
+    addition: str = "",
     published: Outcome | None = None,
     published_steps: int | None = None,
     strip: bool = False,
     straight: bool = False,
 ) -> Experiment:
+    """Return a fold by the published method, with some settings changed."""
     return Experiment(
         id=shape + suffix,
         statement=statement,
         shape=shape,
         request=FoldRequest(preset="paper", settings=settings),
-        title=_title(shape) + told,
+        title=_title(shape) + addition,
         published=published,
         published_steps=published_steps,
         strip=strip,
@@ -325,9 +325,9 @@ def _paper(
 
 @cache
 def _title(shape: str) -> str:
-    """``Wrench of 160`` for ``wrench-160``; ``Key of 128`` where a file tells name and cells."""
+    """Return a title such as ``Wrench of 160``, from the name or the file of a shape."""
     name, _, number = shape.rpartition("-")
     if number.isdigit():
         return f"{name.capitalize()} of {number}"
-    told = json.loads((SHAPES / f"{shape}.json").read_bytes())
-    return f"{str(told['title']).partition(',')[0]} of {len(told['cells'])}"
+    content = json.loads((SHAPES / f"{shape}.json").read_bytes())
+    return f"{str(content['title']).partition(',')[0]} of {len(content['cells'])}"

@@ -1,7 +1,7 @@
-"""Pictures: what is kept of a fold to look at, beside its figures.
+"""Pictures: the film and stills of a fold that are stored with its figures.
 
-``batch`` is a film that pages play, ``chain.json`` its chain; ``still.webp`` shows it folded or
-where it fails, of some ``straight.webp`` and ``strip.webp`` more.
+``batch`` is a film that pages play, ``chain.json`` its chain. ``still.webp`` shows the chain folded
+or where it fails; ``straight.webp`` and ``strip.webp`` exist for some folds.
 """
 
 from __future__ import annotations
@@ -23,22 +23,26 @@ from web.timeline.frame_batch import chosen
 from web.timeline.view import Snapshot, TimelineView
 
 Ints = NDArray[np.int64]
-FRAMES: Final = 120
-"""Of each phase, spread evenly over how far its hinges turn."""
-LARGEST_BATCH: Final = 250_000
-"""Bytes; longer chains have fewer frames."""
-FEWER: Final = 0.8
-AROUND: Final = 4.0
-"""Pitches around the modules that overlap which a still shows."""
-STRIP: Final = (6, 2)
-"""Pictures in a row, and rows: above the way out, below the way back, as in Figure 3."""
-STRIP_SIZE: Final = (240, 180)
-QUALITY: Final = 82
+FRAMES_PER_PHASE: Final = 120
+"""Number of frames of each phase, spread evenly over the rotation of the hinges."""
+MAX_FILM_BYTES: Final = 250_000
+"""Maximum size of a film, bytes; longer chains have fewer frames. Larger values slow the page.
+Chosen."""
+FRAMES_REDUCTION: Final = 0.8
+"""Factor by which the number of frames is reduced until a film is small enough."""
+STILL_RADIUS_PITCH: Final = 4.0
+"""Radius around overlapping modules that a still shows, pitches. Chosen."""
+STRIP_GRID: Final = (6, 2)
+"""Columns and rows of a strip: explosion above, fold below, as in Figure 3."""
+STRIP_PICTURE_PX: Final = (240, 180)
+"""Width and height of a picture in a strip, px."""
+WEBP_QUALITY: Final = 82
+"""WebP quality of the stills, 0 … 100. Larger values make larger files. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """Where a fold fails: a frame of its timeline, which may lie between two, and modules."""
+    """The moment of a failure: a frame of the timeline, which may lie between two, and modules."""
 
     frame: float
     modules: tuple[int, ...]
@@ -47,28 +51,28 @@ class Moment:
 def keep_pictures(
     film: TimelineView, folder: Path, *, moment: Moment | None, strip: bool, straight: bool
 ) -> tuple[int, int | None]:
-    """Writes film and stills of a fold.
+    """Write the film and stills of a fold.
 
     Args:
-        film: The whole fold.
-        folder: Where they go; made anew.
-        moment: Where it fails; None when it does not.
-        strip: Whether there are twelve small pictures.
-        straight: Whether there is one of the chain while it is straight.
+        film: Timeline of the whole fold.
+        folder: Directory for the files; an existing one is replaced.
+        moment: Moment of the failure; None if it does not fail.
+        strip: True to write twelve small pictures.
+        straight: True to write a picture of the straight chain.
 
     Returns:
-        The frames of the film that is kept, and which of them shows the moment.
+        Number of frames of the stored film, and the number of the one that shows the moment.
     """
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     at = None if moment is None else round(moment.frame)
-    count = FRAMES
+    count = FRAMES_PER_PHASE
     while True:
         frames = _spread(film, count, at)
         batch = chosen(film, frames)
-        if len(batch) <= LARGEST_BATCH:
+        if len(batch) <= MAX_FILM_BYTES:
             break
-        count = round(FEWER * count)
+        count = round(FRAMES_REDUCTION * count)
     (folder / "batch").write_bytes(batch)
     write_json(folder / "chain.json", chain_attributes(film.chain))
     shown = film.snapshot(len(film) - 1 if moment is None else moment.frame)
@@ -82,12 +86,12 @@ def keep_pictures(
 
 
 def _phases(film: TimelineView) -> list[Ints]:
-    """The frames of each phase."""
+    """Return the frame numbers of each phase."""
     return [np.arange(phase["from"], phase["to"]) for phase in film.outline()["phases"]]
 
 
 def _spread(film: TimelineView, count: int, also: int | None) -> Ints:
-    """So many frames of each phase, and one that must be among them."""
+    """Return frame numbers, ``count`` of each phase, and one that must be among them."""
     parts = [_evenly(film, frames, count) for frames in _phases(film)]
     if also is not None:
         parts.append(np.array([also]))
@@ -95,7 +99,7 @@ def _spread(film: TimelineView, count: int, also: int | None) -> Ints:
 
 
 def _evenly(film: TimelineView, frames: Ints, count: int) -> Ints:
-    """So many of some frames, the same turn of hinges apart; the first and the last are there."""
+    """Choose frames with equal rotation of the hinges between them; include first and last."""
     angles = film.frames(int(frames[0]), int(frames[-1]) + 1).joint_angles_rad
     turned = np.sqrt((np.diff(angles, axis=0) ** 2).mean(axis=1))
     way = np.concatenate([[0.0], np.cumsum(turned)])
@@ -117,27 +121,29 @@ def _still(
         colours[list(moment.modules)] = STALLED_RGB
         at = snapshot.positions[list(moment.modules)]
         away = np.linalg.norm(snapshot.positions - at.mean(axis=0), axis=1)
-        around = snapshot.positions[away <= max(AROUND, float(np.ptp(at, axis=0).max()))]
+        around = snapshot.positions[
+            away <= max(STILL_RADIUS_PITCH, float(np.ptp(at, axis=0).max()))
+        ]
     return still(
         film.chain.module, snapshot.positions, snapshot.wxyzs, colours, size=size, around=around
     )
 
 
 def _strip(film: TimelineView) -> Image.Image:
-    columns, rows = STRIP
-    width, height = STRIP_SIZE
+    columns, rows = STRIP_GRID
+    width, height = STRIP_PICTURE_PX
     sheet = Image.new("RGBA", (columns * width, rows * height))
     for row, frames in enumerate(_phases(film)[:rows]):
         for column, frame in enumerate(_evenly_few(film, frames, columns)):
-            picture = _still(film, film.snapshot(int(frame)), size=STRIP_SIZE)
+            picture = _still(film, film.snapshot(int(frame)), size=STRIP_PICTURE_PX)
             sheet.paste(picture, (column * width, row * height))
     return sheet
 
 
 def _evenly_few(film: TimelineView, frames: Ints, count: int) -> Ints:
-    found = _evenly(film, frames, FRAMES)
+    found = _evenly(film, frames, FRAMES_PER_PHASE)
     return found[np.rint(np.linspace(0, len(found) - 1, count)).astype(np.int64)]
 
 
 def _save(picture: Image.Image, path: Path) -> None:
-    picture.save(path, "WEBP", quality=QUALITY, method=6)
+    picture.save(path, "WEBP", quality=WEBP_QUALITY, method=6)

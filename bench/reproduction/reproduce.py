@@ -1,4 +1,4 @@
-"""Reproduce: runs the experiments that are missing, and tells what is there."""
+"""Run the missing experiments, and write the page from the stored runs."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ def reproduce(
     minutes: float = float("inf"),
     workers: int = 1,
 ) -> None:
-    """Runs what is missing of some experiments.
+    """Run what is missing of some experiments.
 
     Args:
-        asked: The experiments, at least one.
-        every: All that there are; rows of others go.
-        files: Where rows, films and pictures are kept.
-        again: Whether those that are there are run anew.
-        minutes: After so many none is begun any more.
-        workers: Experiments at once.
+        asked: Experiments to run, at least one.
+        every: All experiments; rows of others are deleted.
+        files: Directory of rows, films and pictures.
+        again: True to repeat those that are stored.
+        minutes: Minutes after which no further experiment is started.
+        workers: Number of experiments at the same time.
     """
     rows = files / "runs.jsonl"
     cases = {Case(id=one.id, asked=one.asked): one for one in asked}
     known = {Case(id=one.id, asked=one.asked) for one in every}
-    # What is asked for in another way today is no answer any more.
+    # Rows of experiments whose request has changed are deleted.
     kept = [
         row
         for case, row in (stored(rows, Case) if rows.exists() else {}).items()
@@ -59,7 +59,7 @@ def _run(cases: dict[Case, Experiment], files: Path, case: Case) -> dict[str, An
 
 
 def tell(every: tuple[Experiment, ...], files: Path, paper: Path) -> None:
-    """Makes the page's data and the document of what is stored; what is of no run goes."""
+    """Write the page's data and the document; delete the pictures of unknown experiments."""
     runs = stored_runs(files / "runs.jsonl")
     page = told(runs, every)
     for folder in files.iterdir():

@@ -1,4 +1,4 @@
-"""Runs: one experiment done, its figures as a row and its pictures as files."""
+"""Runs: one experiment at a time, its figures as a row and its pictures as files."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from web.timeline.view import TimelineView
 
-STARTS: Final = Path(__file__).parents[2] / "out" / "reproduction"
-"""Where plans are kept that other experiments begin from."""
+STARTS_DIR: Final = Path(__file__).parents[2] / "out" / "reproduction"
+"""Directory of plans that other experiments start from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """An experiment, by what tells its runs apart."""
+    """An experiment, by the values that identify its run."""
 
     id: str
     asked: str
@@ -45,11 +45,11 @@ class Phase:
     """One simulation of a fold: its explosion or its playback.
 
     Attributes:
-        status: How it ended.
-        steps: Of the simulation.
-        simulated_s: Time in it.
-        wall_s: Time that it took.
-        frames: Snapshots of the explosion, frames that are kept of the playback.
+        status: Status at its end.
+        steps: Number of time steps.
+        simulated_s: Simulated time, s.
+        wall_s: Wall time, s.
+        frames: Number of snapshots of the explosion, or of stored frames of the playback.
     """
 
     status: str
@@ -61,14 +61,14 @@ class Phase:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Overlap:
-    """Where modules overlap most.
+    """The largest overlap of two modules.
 
     Attributes:
-        depth: In pitches.
-        modules: Which two.
-        of: The ``plan`` or its simulated ``playback``.
-        frame: Of the whole timeline.
-        share: How far into the fold that is, from 0 to 1.
+        depth: Depth, pitches.
+        modules: Numbers of the two modules.
+        of: Motion that contains it: the ``plan``, or its simulated ``playback``.
+        frame: Frame of the whole timeline, which may lie between two.
+        share: Position in the fold, from 0 to 1.
     """
 
     depth: float
@@ -80,29 +80,29 @@ class Overlap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """What came of an experiment. Lengths in pitches.
+    """Result of an experiment. Lengths in pitches.
 
     Attributes:
-        id, asked: As of its ``Case``.
-        modules: Of the chain.
-        module: Their kind.
-        verdict: Of the certificate, or why it was refused.
-        explosion, playback: Its simulations; None where there was none.
-        wall_s: Of all stages from reading to the files that are written.
-        processor_s: The same, of the processor.
-        rms: Position error of the playback's end; None where it was not simulated.
-        lag_rad: Largest joint error of the playback.
-        clearance_plan: Least that was seen in the plan.
-        clearance_playback: Least that was seen in the simulated playback.
-        bound: What is proved of both; None where nothing is.
-        overlap: Where it is worst, if modules overlap.
-        stuck: Modules where an explosion came to nothing.
-        folder_mb: Size of all files of the fold.
-        frames: Of the film that is kept; 0 without one.
-        stuck_frame: That of the film which shows where it fails; None when it does not.
+        id, asked: Fields of its ``Case``.
+        modules: Number of modules of the chain.
+        module: Kind of the modules.
+        verdict: Verdict of the certificate, or reason of a refusal.
+        explosion, playback: Its simulations; None if there was none.
+        wall_s: Wall time of all stages, from reading to written files, s.
+        processor_s: Processor time of the same, s.
+        rms: RMS position error at the end of the playback; None if it was not simulated.
+        lag_rad: Largest joint error of the playback, rad.
+        clearance_plan: Least clearance found in the plan.
+        clearance_playback: Least clearance found in the simulated playback.
+        bound: Proved lower bound of both; None if nothing is proved.
+        overlap: Largest overlap of modules; None if there is none.
+        stuck: Numbers of the modules at which an explosion stalled.
+        folder_mb: Size of all files of the fold, MB.
+        frames: Number of frames of the stored film; 0 without a film.
+        stuck_frame: Frame of the film that shows the failure; None if it does not fail.
         planner: Version of the planner's code.
-        cores, processor: Of the machine.
-        reference_s: Of a run of known length, just before; see ``bench.machine``.
+        cores, processor: Number of cores and processor of the machine.
+        reference_s: Time of the reference run just before, s; see ``bench.machine``.
     """
 
     id: str
@@ -131,12 +131,12 @@ class Run:
 
     @property
     def verified(self) -> bool:
-        """Whether the certificate says so."""
+        """True if the verdict is that the fold is verified."""
         return self.verdict.startswith("verified")
 
     @classmethod
     def of(cls, row: dict[str, Any]) -> Run:
-        """From plain values."""
+        """Build a run from plain values."""
         found = {field.name: row[field.name] for field in fields(cls)}
         for name, kind in (("explosion", Phase), ("playback", Phase), ("overlap", Overlap)):
             if found[name] is not None:
@@ -148,11 +148,11 @@ class Run:
 
 
 def run(experiment: Experiment, files: Path) -> dict[str, Any]:
-    """Folds as an experiment asks, keeps its film and pictures; its row.
+    """Fold as an experiment asks, store its film and pictures, and return its row.
 
     Args:
-        experiment: What to do.
-        files: Where films and pictures go, into a folder of their own.
+        experiment: The experiment.
+        files: Directory for films and pictures, which get a subdirectory of their own.
     """
     _warm()
     reference_s = reference_seconds()
@@ -187,7 +187,7 @@ def run(experiment: Experiment, files: Path) -> dict[str, Any]:
 def _figures(
     directory: Path, experiment: Experiment, summary: dict[str, Any] | None, files: Path
 ) -> dict[str, Any]:
-    """What a run's directory tells of it; its film and pictures are kept."""
+    """Return the figures in a run's directory; store its film and pictures."""
     if summary is None:
         return {
             **dict.fromkeys(("explosion", "playback", "rms", "lag_rad", "bound", "overlap")),
@@ -232,7 +232,7 @@ def _figures(
 
 
 def _whole(stages: dict[str, tuple[int, int]]) -> tuple[int, int] | None:
-    """The frames of a playback, of a refold its unfolding too."""
+    """Return the frames of a playback, with the unfolding if it is a refold; None if none."""
     found = [stages[name] for name in ("unfolding", "playback") if name in stages]
     return (found[0][0], found[-1][1]) if found else None
 
@@ -265,7 +265,7 @@ def _phase(told: dict[str, Any], time_s: NDArray[np.float64], frames: int) -> Ph
 def _overlap(
     certificate: dict[str, Any], stages: dict[str, tuple[int, int]], total: int
 ) -> Overlap | None:
-    """Where modules overlap most: of the simulation, which pictures show, else of the plan."""
+    """Return the largest overlap: of the simulation, which pictures show, else of the plan."""
     frames = _whole(stages)
     for of, name in (("playback", "min_clearance_playback"), ("plan", "min_clearance")):
         clearance, place = certificate[name], certificate[f"{name}_at"]
@@ -291,7 +291,7 @@ def _ask(directory: Path, experiment: Experiment) -> None:
 
 
 def _start(experiment: Experiment) -> Plan:
-    """The plan that an experiment begins with: of a run of this planner, or made now."""
+    """Return the plan that an experiment starts with; make it if it is not stored."""
     (first,) = (one for one in experiments() if one.id == experiment.start)
     kept = _start_file(first.id)
     if not kept.exists():
@@ -303,17 +303,17 @@ def _start(experiment: Experiment) -> Plan:
 
 
 def _keep_start(name: str, plan: Path) -> None:
-    STARTS.mkdir(parents=True, exist_ok=True)
+    STARTS_DIR.mkdir(parents=True, exist_ok=True)
     write_whole(_start_file(name), plan.read_bytes())
 
 
 def _start_file(name: str) -> Path:
-    return STARTS / f"{name}-{version_of('planner')}.npz"
+    return STARTS_DIR / f"{name}-{version_of('planner')}.npz"
 
 
 @cache
 def _warm() -> None:
-    """What is compiled once counts for none of the runs."""
+    """Compile the kernels once, so that no run includes that time."""
     warm_up()
 
 
@@ -327,6 +327,6 @@ def _bytes(directory: Path) -> int:
 
 
 def stored_runs(path: Path) -> dict[str, Run]:
-    """Runs of a file by the id of their experiment."""
+    """Return the runs of a file by the id of their experiment."""
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
     return {run.id: run for run in (Run.of(json.loads(line)) for line in lines)}

@@ -1,4 +1,4 @@
-"""Telling: what the runs say, as the page and the document show it."""
+"""Telling: the results of the runs in the words of the page and the document."""
 
 from __future__ import annotations
 
@@ -18,9 +18,12 @@ from planner.parameters.parameters import preset
 from planner.parameters.settings import SETTINGS, value_of
 
 FORMAT: Final = "foldback-reproduction/1"
+"""Format of the page's data."""
 NONE: Final = "–"
-NARROW: Final = "\u202f"
-HEAD: Final = (
+"""Text of a missing value."""
+THOUSANDS_SEPARATOR: Final = "\u202f"
+"""Narrow no-break space between thousands."""
+COLUMNS: Final = (
     "Fold",
     "Verdict",
     "Steps",
@@ -31,6 +34,7 @@ HEAD: Final = (
     "Largest lag",
     "Files",
 )
+"""Columns of the tables."""
 UNITS: Final = {
     "Steps": "explosion + playback",
     "Simulated": "explosion + playback, seconds",
@@ -40,18 +44,21 @@ UNITS: Final = {
     "Largest lag": "of a hinge behind its target, rad",
     "Files": "MB",
 }
-SMALLEST: Final = 1e-4
-"""Pitches of an end error that are told; what is less is told to be less."""
-PUBLISHED_SECONDS: Final = 0.01
-"""Of a step."""
-BUSY: Final = 1.5
-"""How many times longer the same work takes at most where nothing else is done."""
+"""Units and definitions of columns."""
+MIN_SHOWN_ERROR_PITCH: Final = 1e-4
+"""Smallest end error that is shown, pitches; smaller ones are shown as less than it. Chosen."""
+PUBLISHED_STEP_S: Final = 0.01
+"""Simulated time of a step in the paper, s (160 000 steps in 1600 s)."""
+BUSY_TIME_RATIO: Final = 1.5
+"""Ratio of the slowest to the fastest reference run above which the machine counts as busy.
+Chosen."""
 SOURCES: Final = {
     "published": "published",
     "named": "named, without a number",
     "ours": "not in the paper",
 }
-ASIDE: Final = (
+"""Words for the source of a parameter."""
+GENERAL_DIFFERENCES: Final = (
     "The paper's simulations ran on the Open Dynamics Engine, these run on MuJoCo. Contacts, "
     "friction, stops and motors are modelled differently.",
     "We had neither the paper's program nor its recordings or video. Values that the paper does "
@@ -59,23 +66,24 @@ ASIDE: Final = (
     "state were chosen so that its folds work. They are marked above.",
     "The paper states no wall times, clearances or joint errors, so ours cannot be compared.",
 )
+"""General differences from the paper."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Card:
-    """One experiment as it is seen.
+    """One experiment as the page shows it.
 
     Attributes:
-        id, title: Of it.
-        modules: Of its chain; 0 when it has not been run.
-        tone: ``good``, ``bad`` or ``none`` when it has not been run.
-        verdict: In a few words.
-        why: Of a fold that failed, in a line.
-        film: Whether there is one.
-        stuck_frame: Frame of the film where it fails; None when it does not.
-        stuck: Modules there.
-        steps: Of its simulations, in words; empty when it has not been run.
-        strip, straight: Whether there are these pictures as well.
+        id, title: Id and title of the experiment.
+        modules: Number of modules of its chain; 0 if it has not been run.
+        tone: ``good``, ``bad``, or ``none`` if it has not been run.
+        verdict: Result in a few words.
+        why: Reason of a failure, in a line.
+        film: True if there is a film.
+        stuck_frame: Frame of the film that shows the failure; None if it does not fail.
+        stuck: Numbers of the modules there.
+        steps: Steps of its simulations, in words; empty if it has not been run.
+        strip, straight: True if there are these pictures.
     """
 
     id: str
@@ -93,10 +101,10 @@ class Card:
 
 
 def told(runs: Mapping[str, Run], every: tuple[Experiment, ...]) -> dict[str, Any]:
-    """All that page and document show, as plain JSON values.
+    """Return the content of page and document, as plain JSON values.
 
     Args:
-        runs: What there is, by the id of the experiment.
+        runs: Stored runs by the id of the experiment.
         every: All experiments.
     """
     asked = {one.id: one.asked for one in every}
@@ -107,10 +115,10 @@ def told(runs: Mapping[str, Run], every: tuple[Experiment, ...]) -> dict[str, An
         "lead": _lead(runs),
         "summary": _summary(every, runs),
         "overview": [_overview(statement, every, runs) for statement in STATEMENTS],
-        "head": [{"name": name, "unit": UNITS.get(name, "")} for name in HEAD],
+        "head": [{"name": name, "unit": UNITS.get(name, "")} for name in COLUMNS],
         "sections": [_section(statement, every, runs) for statement in STATEMENTS],
         "settings": _settings(),
-        "differences": [*_differences(every, runs), *ASIDE],
+        "differences": [*_differences(every, runs), *GENERAL_DIFFERENCES],
     }
 
 
@@ -127,8 +135,8 @@ def _section(
     ]
     published = sorted({one.published_steps for one in own if one.published_steps})
     for steps in published:
-        row = ["Published", "folds", f"about {whole(steps)}", seconds(steps * PUBLISHED_SECONDS)]
-        rows.insert(0, row + [NONE] * (len(HEAD) - len(row)))
+        row = ["Published", "folds", f"about {whole(steps)}", seconds(steps * PUBLISHED_STEP_S)]
+        rows.insert(0, row + [NONE] * (len(COLUMNS) - len(row)))
     return {
         "id": statement.id,
         "heading": statement.heading,
@@ -143,7 +151,7 @@ def _section(
 
 
 def card_of(one: Experiment, run: Run | None) -> Card:
-    """An experiment as it is seen."""
+    """Return the card of an experiment."""
     film = run is not None and run.frames > 0
     return Card(
         id=one.id,
@@ -162,7 +170,7 @@ def card_of(one: Experiment, run: Run | None) -> Card:
 
 
 def verdict(run: Run | None) -> str:
-    """In a word or two."""
+    """Return the result in a word or two."""
     if run is None:
         return "not run yet"
     if run.verified:
@@ -177,7 +185,7 @@ def verdict(run: Run | None) -> str:
 
 
 def why(run: Run) -> str:
-    """Of a fold that failed, in a line."""
+    """Return the reason of a failure, in a line."""
     if (place := run.overlap) is None:
         return run.verdict.partition(": ")[2]
     a, b = place.modules
@@ -190,7 +198,7 @@ def why(run: Run) -> str:
 
 def _row(one: Experiment, run: Run | None) -> list[str]:
     if run is None:
-        return [one.title, verdict(None), *[NONE] * (len(HEAD) - 2)]
+        return [one.title, verdict(None), *[NONE] * (len(COLUMNS) - 2)]
     clearance = run.clearance_playback if run.clearance_playback is not None else None
     proved = f" ({figure(run.bound)})" if run.bound is not None and run.verified else ""
     return [
@@ -211,7 +219,7 @@ def _both(explosion: Phase | None, playback: Phase | None, told: Any) -> str:
 
 
 def _lead(runs: Mapping[str, Run]) -> str:
-    """What the paper is known for, and what came of it here."""
+    """Return the paper's main result, and the result here."""
     published = (
         f"The paper folds a chain of 160 cubes into a wrench in about {whole(160_000)} steps."
     )
@@ -229,13 +237,13 @@ def _lead(runs: Mapping[str, Run]) -> str:
     return (
         f"{published} Here the same chain folds in {whole(steps)} steps: "
         f"{whole(run.explosion.steps)} to explode, {whole(run.playback.steps)} to fold. It ends "
-        f"{'less than ' if run.rms < SMALLEST else ''}{figure(max(run.rms, SMALLEST))} pitch from "
-        f"its shape.{apart}"
+        f"{'less than ' if run.rms < MIN_SHOWN_ERROR_PITCH else ''}"
+        f"{figure(max(run.rms, MIN_SHOWN_ERROR_PITCH))} pitch from its shape.{apart}"
     )
 
 
 def _summary(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str]:
-    """What has come out, in sentences that hold for the runs that there are."""
+    """Return sentences that summarise the runs."""
     found: list[str] = []
     for published, words in (
         ("verified", "folds that work in the paper work here."),
@@ -258,7 +266,7 @@ def _summary(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str
 def _overview(
     statement: Statement, every: tuple[Experiment, ...], runs: Mapping[str, Run]
 ) -> dict[str, str]:
-    """A statement in a line: what it says, and how many of its folds came out how."""
+    """Return a statement in a line, with the number of its folds by result."""
     own = [one for one in every if one.statement == statement.id]
     done = [runs[one.id] for one in own if one.id in runs]
     good = sum(run.verified for run in done)
@@ -272,7 +280,7 @@ def _overview(
 
 
 def _by_size(own: list[Experiment], runs: Mapping[str, Run]) -> str:
-    """At which numbers of modules folds work, and at which they fail."""
+    """Return a sentence with the numbers of modules at which folds work or fail."""
     done = [runs[one.id] for one in own if one.id in runs]
     good = sorted({run.modules for run in done if run.verified})
     bad = sorted({run.modules for run in done if not run.verified})
@@ -290,7 +298,7 @@ def _listed(words: list[str]) -> str:
 
 
 def _differences(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str]:
-    """Where experiments came out otherwise than in the paper, or did not work."""
+    """Return sentences about experiments that differ from the paper, or failed."""
     found: list[str] = []
     for statement in STATEMENTS:
         own = [one for one in every if one.statement == statement.id and one.id in runs]
@@ -320,7 +328,7 @@ def _failed(run: Run) -> str:
 
 
 def _steps(run: Run) -> str:
-    """All of its simulations."""
+    """Return the steps and the simulated time of all simulations."""
     phases = [phase for phase in (run.explosion, run.playback) if phase]
     simulated = sum(phase.simulated_s for phase in phases)
     steps = whole(sum(phase.steps for phase in phases))
@@ -328,11 +336,11 @@ def _steps(run: Run) -> str:
 
 
 def _small(value: float) -> str:
-    return f"< {SMALLEST:g}" if value < SMALLEST else figure(value)
+    return f"< {MIN_SHOWN_ERROR_PITCH:g}" if value < MIN_SHOWN_ERROR_PITCH else figure(value)
 
 
 def _machine(runs: Mapping[str, Run]) -> str:
-    """Where the times were taken."""
+    """Return sentences about the machine that ran the experiments."""
     if not runs:
         return ""
     cores = sorted({run.cores for run in runs.values()})
@@ -343,7 +351,7 @@ def _machine(runs: Mapping[str, Run]) -> str:
         f"Times were measured on {' and '.join(str(n) for n in cores)} cores of "
         f"{' and '.join(names)}, where 1000 steps of MuJoCo on a chain of 160 cubes took "
         f"{min(reference):.2f} to {max(reference):.2f} s just before each run."
-        f"{busy if max(reference) > BUSY * min(reference) else ''}"
+        f"{busy if max(reference) > BUSY_TIME_RATIO * min(reference) else ''}"
     )
 
 
@@ -370,17 +378,17 @@ def _value(value: float | None, unit: str) -> str:
 
 
 def whole(number: int) -> str:
-    """With narrow spaces between thousands, where no line breaks."""
-    return f"{number:,}".replace(",", NARROW)
+    """Return a number with narrow spaces between thousands, which do not break lines."""
+    return f"{number:,}".replace(",", THOUSANDS_SEPARATOR)
 
 
 def seconds(value: float) -> str:
-    """Of simulated time."""
+    """Return a simulated time, s."""
     return whole(round(value)) if value >= 100.0 else f"{value:.1f}"
 
 
 def figure(value: float) -> str:
-    """Two digits that count; what rounding leaves of nothing is nothing."""
+    """Return a number with two significant digits; rounding errors count as 0."""
     size = abs(value)
     if size < 1e-9:
         return "0"

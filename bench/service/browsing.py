@@ -1,4 +1,4 @@
-"""A service with nothing in it, and Chromium to look at it."""
+"""An empty service, and Chromium to open its pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""*Check it here*: plans that a fold's page proves in one worker of Chromium."""
+"""*Check it here*: plans that the page of a fold proves in one worker of Chromium."""
 
 from __future__ import annotations
 
@@ -12,36 +12,40 @@ from bench.service.browsing import service_and_browser
 from bench.tables import Section
 from tests.server.service import Service
 
-BARS_S: Final = {"wrench-160": 1.0, "simultaneous-512": 30.0, "ball-1000": 15.0}
-"""Seconds, as the page says them, in which the plan of each case should be proved."""
-RUNS: Final = 3
-"""Times that each plan is checked; the median counts, and the worker starts anew each time."""
-PATIENCE_MS: Final = 300_000
+MAX_PROOF_S: Final = {"wrench-160": 1.0, "simultaneous-512": 30.0, "ball-1000": 15.0}
+"""Maximum seconds, as the page reports them, to prove the plan of each case. Chosen."""
+PROOFS_PER_PLAN: Final = 3
+"""Proofs of each plan, each by a new worker; the median counts."""
+PROOF_TIMEOUT_MS: Final = 300_000
+"""Milliseconds after which a step in the page, such as a proof, fails the benchmark. Chosen."""
 SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
+"""Size of the browser window, CSS pixels."""
 COMPLETE: Final = "() => window.foldback?.timeline.complete"
+"""True once the page has all frames."""
 PAUSED: Final = "foldback.player.send({ do: 'pause' })"
+"""Pauses the playback."""
 
 
 def checked(reference_seconds: float) -> Section:
     """Fold each case in a service, then let its page check it."""
     section = Section(name="checked")
     with service_and_browser(max_modules=1000) as (service, browser, _):
-        folds = {name: _folded(service, name) for name in BARS_S}
+        folds = {name: _folded(service, name) for name in MAX_PROOF_S}
         for name, fold in folds.items():
             row = _checked(browser, f"{service.http.base_url}/folds/{fold}")
             section.rows.append({"plan": name, **row})
-            seconds = sorted(row["s"])[RUNS // 2]
+            seconds = sorted(row["s"])[PROOFS_PER_PLAN // 2]
             section.add(
                 f"{name}: checked in the page",
                 f"{row['verdict']}, {seconds:.2f} s = {seconds / reference_seconds:.1f} references",
-                f"≤ {BARS_S[name]:g} s",
-                row["verdict"] == "proved" and seconds <= BARS_S[name],
+                f"≤ {MAX_PROOF_S[name]:g} s",
+                row["verdict"] == "proved" and seconds <= MAX_PROOF_S[name],
             )
     return section
 
 
 def _folded(service: Service, name: str) -> str:
-    """Return the id of a case's fold that is over."""
+    """Fold a case in the service; return the id of its fold."""
     case = CASES[name]
     options = {
         option.removeprefix("--"): value
@@ -57,8 +61,9 @@ def _folded(service: Service, name: str) -> str:
 
 
 def _checked(browser: Browser, address: str) -> dict[str, Any]:
+    """Prove a plan in its page; return the verdict and the seconds of each proof."""
     context = browser.new_context(viewport=SIZE)
-    context.set_default_timeout(PATIENCE_MS)
+    context.set_default_timeout(PROOF_TIMEOUT_MS)
     page = context.new_page()
     page.goto(address)
     page.wait_for_function(COMPLETE)
@@ -67,7 +72,7 @@ def _checked(browser: Browser, address: str) -> dict[str, Any]:
     check = page.locator("#check")
     seconds: list[float] = []
     text = ""
-    for _ in range(RUNS):
+    for _ in range(PROOFS_PER_PLAN):
         page.wait_for_timeout(1000)
         check.get_by_role("button", name="Check it here").click()
         check.get_by_text("It took").wait_for()

@@ -1,4 +1,4 @@
-"""Processor time of compiling: from no compiled kernels to a fold, and to all of them."""
+"""Processor time of compiling: the kernels of a first fold, that fold, and all other kernels."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bench.first import OWN_SHAPE
 from bench.tables import Section
 
 MAX_FIRST_CPU_S: Final = 45.0
-"""Bar for the kernels that a first fold needs, in seconds of the processor."""
+"""Maximum processor time to compile the kernels of a first fold, s. Chosen."""
 FIRST_KERNELS: Final = """
 import sys
 from pathlib import Path
@@ -20,6 +20,7 @@ from planner.pipeline.warm_up import warm_up
 
 warm_up(soon=True, directory=Path(sys.argv[1]))
 """
+"""Compiles the kernels of a first fold into a directory."""
 OWN_FOLD: Final = """
 import sys
 from pathlib import Path
@@ -33,6 +34,7 @@ with TemporaryDirectory() as folder:
     Workspace(Path(folder)).write_request(FoldRequest(filename="own.json"), data)
     assert run_stages(Path(folder))["status"] == "verified"
 """
+"""Folds a file."""
 
 
 def compiling(reference_seconds: float) -> Section:

@@ -13,23 +13,29 @@ from playwright.sync_api import Browser, ViewportSize
 from bench.service.browsing import service_and_browser
 from bench.tables import Section
 
-DROPS: Final = 4
-"""Number of meshes, each a little different, so that none has been folded before."""
+DROPPED_MESHES: Final = 4
+"""Number of dropped meshes, each a little different, so that none has been folded before. The
+median counts."""
 SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
+"""Size of the browser window, CSS pixels."""
 WARM: Final = "wrench-24"
 """Shape that is folded first, so that the worker is warm."""
-REST_MS: Final = 1500
-"""Pause on the landing page before the drop, as a visitor makes who looks for the file."""
+PAUSE_BEFORE_DROP_MS: Final = 1500
+"""Pause on the landing page before the drop, ms: the time that a visitor needs to find a file.
+Chosen."""
 FOLDABLE: Final = "() => document.getElementById('fold')?.disabled === false"
+"""True once the preview offers to fold."""
 MOVING: Final = """() => {
   const cover = document.getElementById("cover");
   return cover?.classList.contains("gone") && (window.foldback?.player.shown?.frame ?? 0) > 0;
 }"""
+"""True once a frame after the first one is drawn."""
 VERIFIED: Final = (
     "() => /^Verified/.test(document.getElementById('verdict')?.textContent?.trim() ?? '')"
 )
-BARS: Final = {"first motion": 1.0, "verified": 5.0}
-"""Seconds after *Fold*, on two cores that do nothing else."""
+"""True once the page shows the verdict "Verified"."""
+MAX_AFTER_FOLD_S: Final = {"first motion": 1.0, "verified": 5.0}
+"""Maximum seconds after *Fold*, on two cores that do nothing else. Chosen."""
 
 
 def dropped(reference_seconds: float) -> Section:
@@ -37,14 +43,14 @@ def dropped(reference_seconds: float) -> Section:
     section = Section(name="dropped")
     with service_and_browser() as (service, browser, folder):
         service.wait_over(service.fold(shape=WARM)["id"])
-        for drop in range(DROPS):
+        for drop in range(DROPPED_MESHES):
             mesh = folder / f"torus-{drop}.stl"
             trimesh.creation.torus(10 + 0.05 * drop, 4).export(mesh)
             section.rows.append(_drop(browser, str(service.http.base_url), mesh))
-    for name, bar in BARS.items():
+    for name, bar in MAX_AFTER_FOLD_S.items():
         seconds = float(np.median([row[name] for row in section.rows]))
         section.add(
-            f"torus of 160 modules, from Fold to {name}, median of {DROPS}",
+            f"torus of 160 modules, from Fold to {name}, median of {DROPPED_MESHES}",
             f"{seconds:.2f} s = {seconds / reference_seconds:.1f} reference runs",
             f"≤ {bar:g} s",
             seconds <= bar,
@@ -58,7 +64,7 @@ def _drop(browser: Browser, address: str, mesh: Path) -> dict[str, Any]:
     context.set_default_timeout(90_000)
     page = context.new_page()
     page.goto("/")
-    page.wait_for_timeout(REST_MS)
+    page.wait_for_timeout(PAUSE_BEFORE_DROP_MS)
     begun = time.monotonic()
     page.locator("input[type=file]").first.set_input_files(mesh)
     page.wait_for_url("**/previews/**")

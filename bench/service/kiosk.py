@@ -1,6 +1,6 @@
-"""The kiosk at eight times the speed: memory and script errors, as after a day of an exhibition.
+"""The kiosk at eight times its speed: memory and script errors after hours of an exhibition.
 
-``python -m bench.service.kiosk --minutes 20`` for another time.
+``python -m bench.service.kiosk --minutes 20`` runs it for another time.
 """
 
 from __future__ import annotations
@@ -16,18 +16,23 @@ from playwright.sync_api import CDPSession, Error, Page
 from bench.service.browsing import service_and_browser
 from bench.tables import Section
 
-SPEED: Final = 8
-MINUTES: Final = 60.0
-SAMPLES: Final = 6
-MAX_GROWTH: Final = 0.10
-"""Largest growth of the JavaScript heaps after the first round, as a fraction."""
+CLOCK_SPEED: Final = 8
+"""Factor of the speed of clocks and timers in the pages. Larger values simulate longer exhibitions,
+and load the processor more."""
+RUN_MINUTES: Final = 60.0
+"""Wall time of a run, min: eight hours of the kiosk."""
+HEAP_SAMPLES: Final = 6
+"""Readings of each heap, of which the smallest counts: a page that draws allocates all the time."""
+MAX_HEAP_GROWTH: Final = 0.10
+"""Maximum growth of the JavaScript heaps after the first round, as a fraction. Chosen."""
 TOUCH: Final = "() => dispatchEvent(new PointerEvent('pointerdown'))"
+"""Imitates the touch of a visitor, which keeps the kiosk on its fold."""
 OPEN: Final = "() => foldback.player.stage.open"
-"""Becomes true once the 3D view of a fold is there."""
+"""True once the 3D view of a fold is open."""
 
 
 def faster(speed: float) -> str:
-    """Return a script for all frames, with which their clocks and timers run faster."""
+    """Return a script for all frames that makes their clocks and timers run faster."""
     return f"""(() => {{
   const speed = {speed};
   const [timeout, interval, paint] = [setTimeout, setInterval, requestAnimationFrame];
@@ -42,9 +47,9 @@ def faster(speed: float) -> str:
 
 
 def kiosk(reference_seconds: float) -> Section:
-    """Plays the finished folds in turn, as in eight hours."""
+    """Play the finished folds in turn, for a time that amounts to eight hours."""
     del reference_seconds
-    return _played(MINUTES)
+    return _played(RUN_MINUTES)
 
 
 def _played(minutes: float) -> Section:
@@ -52,7 +57,7 @@ def _played(minutes: float) -> Section:
     errors: list[str] = []
     with service_and_browser(prewarm=False, finished_folds=True) as (service, browser, _):
         context = browser.new_context(viewport={"width": 1366, "height": 768})
-        context.add_init_script(faster(SPEED))
+        context.add_init_script(faster(CLOCK_SPEED))
         page = context.new_page()
         page.on("pageerror", lambda error: errors.append(str(error)))
         session = context.new_cdp_session(page)
@@ -62,7 +67,7 @@ def _played(minutes: float) -> Section:
         shown, name = 1, first
         while True:
             if name == first:  # each round begins with the same fold
-                with contextlib.suppress(Error):  # on a busy machine it may be over too soon
+                with contextlib.suppress(Error):  # on a busy machine the fold may end too soon
                     section.rows.append({"folds shown": shown, **_memory(page, session)})
                 if time.monotonic() > deadline:
                     break
@@ -73,10 +78,10 @@ def _played(minutes: float) -> Section:
     first_mb, end_mb = (row["heap, MB"] + row["heap of view, MB"] for row in (after_first, end))
     growth = end_mb / first_mb - 1
     section.add(
-        f"heaps after {shown} folds in {SPEED * minutes / 60:.1f} h, against the first round",
+        f"heaps after {shown} folds in {CLOCK_SPEED * minutes / 60:.1f} h, against the first round",
         f"{growth:+.1%}",
-        f"≤ {MAX_GROWTH:+.0%}",
-        growth <= MAX_GROWTH,
+        f"≤ {MAX_HEAP_GROWTH:+.0%}",
+        growth <= MAX_HEAP_GROWTH,
     )
     section.add("script errors", str(errors or 0), "0", not errors)
     return section
@@ -94,17 +99,17 @@ def _name_of_next(page: Page, name: str) -> str:
 
 
 def _memory(page: Page, session: CDPSession) -> dict[str, float]:
-    """Return the heaps after collections of garbage, and the memory of all of the browser.
+    """Return the heaps after garbage collections, and the memory of all processes of the browser.
 
-    A visitor keeps the fold meanwhile: the next one would load beside it. The 3D view has a process
-    of its own, in which garbage waits for a collection of its own.
+    Touches keep the kiosk on its fold; otherwise the next one would load meanwhile. The 3D view has
+    a process of its own with a separate heap.
     """
     (fold,) = page.main_frame.child_frames
     fold.evaluate(TOUCH)
     fold.wait_for_function(OPEN, timeout=60_000)
     view = page.context.new_cdp_session(fold.child_frames[0])
     samples: list[dict[str, float]] = []
-    for _ in range(SAMPLES):
+    for _ in range(HEAP_SAMPLES):
         fold.evaluate(TOUCH)
         page.wait_for_timeout(500)
         samples.append({**_counted(session, ""), **_counted(view, " of view")})
@@ -114,18 +119,17 @@ def _memory(page: Page, session: CDPSession) -> dict[str, float]:
         with contextlib.suppress(psutil.Error):
             if "chrom" in process.name():
                 resident += process.memory_full_info().uss
-    # What is shown allocates all the time: the least of a few samples is what is kept.
-    kept = {name: min(sample[name] for sample in samples) for name in samples[0]}
-    return {**kept, "browser, MB": resident / 1e6}
+    smallest = {name: min(sample[name] for sample in samples) for name in samples[0]}
+    return {**smallest, "browser, MB": resident / 1e6}
 
 
 def _counted(session: CDPSession, of: str) -> dict[str, float]:
-    """Return what is kept in the process of a page."""
+    """Return the heap size and the number of objects in the process of a page."""
     session.send("Performance.enable")
     with contextlib.suppress(Error):
         session.send("HeapProfiler.collectGarbage")
-    told = session.send("Performance.getMetrics")["metrics"]
-    metrics = {metric["name"]: metric["value"] for metric in told}
+    values = session.send("Performance.getMetrics")["metrics"]
+    metrics = {metric["name"]: metric["value"] for metric in values}
     return {
         f"heap{of}, MB": metrics["JSHeapUsedSize"] / 1e6,
         f"documents{of}": metrics["Documents"],
@@ -136,7 +140,7 @@ def _counted(session: CDPSession, of: str) -> dict[str, float]:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=MINUTES)
+    parser.add_argument("--minutes", type=float, default=RUN_MINUTES)
     found = _played(parser.parse_args().minutes)
     for row in found.rows:
         print({name: round(value, 1) for name, value in row.items()}, flush=True)

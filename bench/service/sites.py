@@ -1,4 +1,4 @@
-"""A site of files: its size, and how soon a fold moves in it, from a folder and over HTTP."""
+"""A static site: its size, and the time until a fold moves, from a folder and over HTTP."""
 
 from __future__ import annotations
 
@@ -24,21 +24,25 @@ from server.cli.site import site
 from tests.browser.conftest import FLAGS
 from tests.tools import CHROMIUM
 
-FOLDS: Final = 20
-MAX_BYTES: Final = 40e6
+SITE_FOLDS: Final = 20
+"""Number of folds of the site, which determines its size."""
+MAX_SITE_BYTES: Final = 40e6
+"""Maximum size of the site, bytes. Chosen."""
 MAX_FIRST_MOTION_S: Final = 1.5
-TRIES: Final = 3
+"""Maximum time from the request of a page to a moving fold, s. Chosen."""
+OPENINGS_PER_PAGE: Final = 3
+"""Times that each page is opened, of which the median counts."""
 PAGES: Final = ("pawn", "tetra-wrench", "wrench-160")
 """Folds that come with the package, whose first motion is measured."""
 
 
 def sites(reference_seconds: float) -> Section:
-    """Writes a site of folds from all of the gallery, and opens pages of it."""
+    """Write a site of folds from all of the gallery, and open some of its pages."""
     del reference_seconds
     section = Section(name="sites")
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as place:
         out = Path(place) / "host" / "x" / "y"
-        for shape in _shapes(FOLDS - len(list(FINISHED_FOLDS_DIR.glob("*.fold")))):
+        for shape in _shapes(SITE_FOLDS - len(list(FINISHED_FOLDS_DIR.glob("*.fold")))):
             fold(shape, out=Path(place) / "folds" / shape)
         begun = time.perf_counter()
         site(out, [Path(place) / "folds"])
@@ -54,8 +58,8 @@ def sites(reference_seconds: float) -> Section:
     section.add(
         f"size of a site of {count} folds, written in {written_s:.1f} s",
         f"{size / 1e6:.1f} MB in {len(files)} files",
-        f"≤ {MAX_BYTES / 1e6:.0f} MB",
-        count == FOLDS and size <= MAX_BYTES,
+        f"≤ {MAX_SITE_BYTES / 1e6:.0f} MB",
+        count == SITE_FOLDS and size <= MAX_SITE_BYTES,
     )
     folds = [bytes_ for path, bytes_ in files.items() if path.match("folds/*.html")]
     section.add("page of a fold, median and largest", _megabytes(np.median(folds), max(folds)))
@@ -82,7 +86,7 @@ def _megabytes(*sizes: float) -> str:
 
 @contextmanager
 def _host(directory: Path) -> Generator[str]:
-    """A web host that only has files; its address."""
+    """Serve a directory of files over HTTP; yield the address."""
 
     class Quiet(http.server.SimpleHTTPRequestHandler):
         def log_message(self, format: str, *args: object) -> None:
@@ -96,9 +100,9 @@ def _host(directory: Path) -> Generator[str]:
 
 
 def _opened(browser: Browser, address: str, where: str, name: str) -> dict[str, Any]:
-    """Return the median of the seconds until a fold moves, in windows without a cache."""
+    """Return the median seconds until a fold moves, in windows without a cache."""
     seconds: list[float] = []
-    for _ in range(TRIES):
+    for _ in range(OPENINGS_PER_PAGE):
         page = browser.new_page(viewport={"width": 1366, "height": 768})
         begun = time.perf_counter()
         page.goto(f"{address}/folds/{name}.html", wait_until="commit")

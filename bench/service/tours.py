@@ -1,8 +1,8 @@
-"""Tours: the gallery's drafts, each sentence compared with the motion and the certificate.
+"""Tours: each sentence of drafted tours of the gallery is compared with the motion and certificate.
 
 ``python -m bench.service.tours [N]`` folds the gallery, or its first N shapes, and drafts a tour of
-each fold. What a sentence says is computed here again: distances by linear programs and
-SciPy's SLSQP, figures from ``certificate.json``; only knots by the same test as for paths.
+each fold. The statements are computed again by other means: distances by linear programs and
+SciPy's SLSQP, figures from ``certificate.json``. Only knots use the same test as paths.
 """
 
 from __future__ import annotations
@@ -41,11 +41,12 @@ from planner.plan.tour import Stop, Tour
 
 Array = NDArray[np.float64]
 MAX_DRAFT_S: Final = 1.0
-"""Seconds in which a tour should be drafted, its moments found again."""
-DRAFTS: Final = 3
-"""Number of drafts of each tour, of which the fastest counts: other work disturbs the others."""
-STRAIGHT_RAD: Final = 1e-9
-"""Largest angle of a joint of a straight chain."""
+"""Maximum time to draft a tour, including the search for its moments, s. Chosen."""
+DRAFTS_PER_TOUR: Final = 3
+"""Drafts of each tour, of which the fastest counts: other processes slow some of them down."""
+STRAIGHT_TOLERANCE: Final = 1e-9
+"""Largest joint angle of a chain that counts as straight, rad; also the largest difference of its
+modules' distances, pitch: rounding."""
 
 
 def tours(reference_seconds: float, count: int | None = None) -> Section:
@@ -72,8 +73,8 @@ def _folded_and_told(path: FilePath) -> dict[str, Any]:
         directory = FilePath(folder)
         Workspace(directory).write_request(request, path.read_bytes())
         run_stages(directory)
-        (directory / "moments.json").unlink()  # they are found again, and that is timed
-        drafts = [_timed(directory) for _ in range(DRAFTS)]
+        (directory / "moments.json").unlink()  # so that the search for them is timed, too
+        drafts = [_timed(directory) for _ in range(DRAFTS_PER_TOUR)]
         seconds, tour = min(drafts, key=lambda draft: draft[0])
         fold = _Fold.of(directory)
         wrong = [stop.caption for stop in tour.stops if not fold.is_true(stop)]
@@ -88,7 +89,7 @@ def _timed(directory: FilePath) -> tuple[float, Tour]:
 
 @dataclass(frozen=True, slots=True)
 class _Fold:
-    """A finished fold, and what can be said of it."""
+    """A finished fold, with the figures that sentences are compared with."""
 
     timeline: Timeline
     chain: Chain
@@ -97,12 +98,13 @@ class _Fold:
 
     @classmethod
     def of(cls, directory: FilePath) -> _Fold:
+        """Read a fold from its directory."""
         timeline = Timeline.open(result(directory, TIMELINE))
         told = json_of(directory / CERTIFICATE)
         return cls(timeline, timeline.chain, told, result(directory, FIGURES))
 
     def is_true(self, stop: Stop) -> bool:
-        """Return True if every sentence of a stop is true; False for one that is not known."""
+        """Return True if every sentence of a stop is true; False for an unknown sentence."""
         checks: dict[str, Callable[[Stop], bool]] = {
             "The chain is straight": self._straight,
             "First contact": self._contact,
@@ -120,10 +122,12 @@ class _Fold:
         centres = frame.poses(self.chain).positions[0]
         steps = np.diff(centres, axis=0)
         cubes, joints = _numbers(stop.caption)
-        even = np.abs(steps - steps[0]).max() < STRAIGHT_RAD or self.chain.module.name != "cube"
+        even = (
+            np.abs(steps - steps[0]).max() < STRAIGHT_TOLERANCE or self.chain.module.name != "cube"
+        )
         return (
             even
-            and float(np.abs(frame.joint_angles_rad).max()) < STRAIGHT_RAD
+            and float(np.abs(frame.joint_angles_rad).max()) < STRAIGHT_TOLERANCE
             and (cubes, joints)
             == (len(self.chain), len(self.chain) - 1 - self.chain.module.rigid_links)
         )

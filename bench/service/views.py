@@ -1,4 +1,4 @@
-"""Links and cameras: whether a link shows the same picture, and whether the chain stays in it."""
+"""Links and cameras: whether a link reproduces a view, and the chain stays inside the picture."""
 
 from __future__ import annotations
 
@@ -23,35 +23,43 @@ SHAPES: Final = (
     *("letter-l", "mallet-64", "four", "letter-t", "seven", "letter-e", "mallet-80", "wrench-80"),
     *("cross", "letter-h", "letter-s", "two", "letter-a", "tetra-bar"),
 )
-"""The 20 smallest shapes of the gallery that are not alike."""
+"""The 20 smallest shapes of the gallery without near duplicates."""
 KINDS: Final = ("page", "embed", "file")
+"""Kinds of pages that show a fold."""
 SIZE: Final[ViewportSize] = {"width": 960, "height": 640}
-VIEWS: Final = 5
-LEVELS: Final = 8
-"""Difference of a pixel's channel, of 255, that counts as different."""
-MAX_SHARE: Final = 0.01
-"""Largest share of different pixels between a view and its link."""
-STEP: Final = 10
-"""Every which frame is looked at for parts of the chain outside of the picture."""
-FOLLOWED: Final = 10
-"""Number of shapes that are checked for this."""
-SHARES: Final = (
+"""Size of the browser window, CSS pixels."""
+VIEWS_PER_FOLD: Final = 5
+"""Number of views of each fold and kind of page whose links are compared."""
+MIN_DIFFERENCE_LEVELS: Final = 8
+"""Difference of a pixel's channel, of 255 levels, above which the pixel counts as different.
+Chosen."""
+MAX_DIFFERENT_SHARE: Final = 0.01
+"""Maximum fraction of different pixels between a view and its link. Chosen."""
+FRAMES_PER_CHECK: Final = 10
+"""Frames from one frame that is checked for modules outside of the picture to the next. Smaller
+values check more frames. Chosen."""
+FOLLOWED_SHAPES: Final = 10
+"""Number of shapes that are checked for modules outside of the picture."""
+SHARE_WINDOWS: Final = (
     ("fold", 1366, 768),
     ("fold", 390, 844),
     ("fold", 640, 360),
     ("embed", 300, 200),
 )
+"""Pages, with width and height of their window in CSS pixels, in which the chain's share of the
+picture is measured."""
 NO_WEBGL: Final = """HTMLCanvasElement.prototype.getContext = new Proxy(
   HTMLCanvasElement.prototype.getContext,
   { apply: (get, on, given) => given[0] === "webgl2" ? null : Reflect.apply(get, on, given) },
 );"""
-"""Leaves the page's own drawing in place. In software, the 3D view lowers its resolution after a
-motion, so that its edges differ from those of the same view that was opened at rest."""
+"""Disables WebGL, so that the page's own drawing stays. In software, the 3D view lowers its
+resolution after a motion, so that its edges differ from those of the same view opened at rest."""
 SETTLED: Final = """() => {
   const player = window.foldback?.player;
   return player?.shown?.exact && player.timeline.complete && !player.busy
     && document.getElementById("cover").classList.contains("gone");
 }"""
+"""True once the exact frame is drawn and nothing moves."""
 OUTSIDE: Final = """async ([step, camera]) => {
   const { player } = window.foldback;
   const { rig, timeline } = player;
@@ -84,13 +92,14 @@ OUTSIDE: Final = """async ([step, camera]) => {
   }
   return [looked, cut];
 }"""
-"""Frames looked at, and those where a module's centre and half its width leave the picture."""
+"""Number of frames checked, and of those in which a module's centre and half width leave the
+picture."""
 CAMERAS: Final = (
     {"azimuth": None, "elevation": None, "distance": 1},
     {"azimuth": 0.7, "elevation": 1.1, "distance": 1},
     {"azimuth": -2.2, "elevation": -0.2, "distance": 0.4},
 )
-"""Cameras in radians and in multiples of the usual distance: as it is, turned, zoomed in."""
+"""Cameras in radians and in multiples of the usual distance: unchanged, turned, zoomed in."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,23 +125,23 @@ def views(reference_seconds: float) -> Section:
                 section.rows.append(_compared(browser, address, shape, kind))
         outside = [
             _outside(browser, _address(service, folds[shape], "page", folder))
-            for shape in SHAPES[:FOLLOWED]
+            for shape in SHAPES[:FOLLOWED_SHAPES]
         ]
-        shares = [_share(browser, service, folds["wrench-24"], *size) for size in SHARES]
+        shares = [_share(browser, service, folds["wrench-24"], *size) for size in SHARE_WINDOWS]
     for kind in KINDS:
         worst = max(row["worst share"] for row in section.rows if row["kind"] == kind)
         section.add(
-            f"{kind}: pixels that differ by more than {LEVELS} levels, worst of "
-            f"{len(SHAPES)} folds × {VIEWS} views",
+            f"{kind}: pixels that differ by more than {MIN_DIFFERENCE_LEVELS} levels, worst of "
+            f"{len(SHAPES)} folds × {VIEWS_PER_FOLD} views",
             f"{100 * worst:.2f} %",
-            f"≤ {100 * MAX_SHARE:g} %",
-            worst <= MAX_SHARE,
+            f"≤ {100 * MAX_DIFFERENT_SHARE:g} %",
+            worst <= MAX_DIFFERENT_SHARE,
         )
     looked, cut = np.sum(outside, axis=0)
     section.add(
         "frames that cut the chain off while it is followed", f"{cut} of {looked}", "0", cut == 0
     )
-    for (kind, width, height), share in zip(SHARES, shares, strict=True):
+    for (kind, width, height), share in zip(SHARE_WINDOWS, shares, strict=True):
         section.add(
             f"{kind} at {width}×{height}: share of the picture",
             f"{100 * share:.0f} %",
@@ -155,7 +164,7 @@ def _opened(browser: Browser, address: str, size: ViewportSize = SIZE) -> Page:
     context = browser.new_context(viewport=size, color_scheme="dark", reduced_motion="reduce")
     context.set_default_timeout(90_000)
     context.add_init_script(NO_VIEW)
-    if address.startswith("file:"):  # its 3D view is part of it and cannot be left out
+    if address.startswith("file:"):  # the file contains its 3D view
         context.add_init_script(NO_WEBGL)
     page = context.new_page()
     page.goto(address)
@@ -171,16 +180,16 @@ def _picture(page: Page) -> np.ndarray:
 
 
 def _compared(browser: Browser, address: str, shape: str, kind: str) -> dict[str, Any]:
-    """Return how much the links of views that were turned by hand differ from the views."""
+    """Return the difference between views that were turned by hand and their links."""
     page = _opened(browser, address)
     rng = np.random.default_rng(len(shape))
     frames = page.evaluate("() => +document.getElementById('scrub').max + 1")
-    shown = [_turned(page, int(frame), rng) for frame in np.linspace(0, frames - 1, VIEWS)]
+    shown = [_turned(page, int(frame), rng) for frame in np.linspace(0, frames - 1, VIEWS_PER_FOLD)]
     page.context.close()
     worst = 0.0
     for view in shown:
         other = _opened(browser, view.address)
-        differs = np.abs(_picture(other) - view.picture).max(axis=-1) > LEVELS
+        differs = np.abs(_picture(other) - view.picture).max(axis=-1) > MIN_DIFFERENCE_LEVELS
         worst = max(worst, float(differs.mean()))
         other.context.close()
     return {"shape": shape, "kind": kind, "worst share": worst}
@@ -201,14 +210,14 @@ def _turned(page: Page, frame: int, rng: np.random.Generator) -> Shown:
     page.keyboard.press("-" if rng.random() < 0.5 else "+")
     page.wait_for_url(re.compile(rf"#frame={frame + 1}&.*camera="))
     page.mouse.move(1, 1)
-    page.wait_for_timeout(600)  # until the address is that of the view at rest
+    page.wait_for_timeout(600)  # until the address describes the view at rest
     picture = _picture(page)
     return Shown(address=page.url, picture=picture)
 
 
 def _outside(browser: Browser, address: str) -> tuple[int, int]:
     page = _opened(browser, address)
-    found = [page.evaluate(OUTSIDE, [STEP, camera]) for camera in CAMERAS]
+    found = [page.evaluate(OUTSIDE, [FRAMES_PER_CHECK, camera]) for camera in CAMERAS]
     page.context.close()
     looked, cut = np.sum(found, axis=0)
     return int(looked), int(cut)

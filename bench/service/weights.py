@@ -1,4 +1,4 @@
-"""Weights: how many requests and bytes each page takes of a browser that has seen none."""
+"""Weights: number of requests and bytes of each page in a browser without a cache."""
 
 from __future__ import annotations
 
@@ -14,19 +14,23 @@ from bench.tables import Section
 from tests.server.service import Service
 
 SHAPES: Final = ("wrench-24", "wrench-80")
+"""Shapes of the gallery whose folds are opened."""
 SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
-REST_MS: Final = 1500
-"""Milliseconds without a request after which a page counts as loaded."""
+"""Size of the browser window, CSS pixels."""
+IDLE_MS: Final = 1500
+"""Milliseconds without a request after which a page counts as loaded. Chosen."""
 UNCOVERED: Final = "() => document.getElementById('cover').classList.contains('gone')"
-SEEN: Final = {
+"""True once the first frame is drawn."""
+MAIN_CONTENT_SHOWN: Final = {
     "fold": UNCOVERED,
     "embed": UNCOVERED,
     "compare": "() => !document.getElementById('play').disabled",
     "landing": "() => document.getElementById('hero').classList.contains('moving')",
     "editor": "() => document.querySelector('#grid [role=gridcell]') !== null",
 }
-"""When a page shows what it is for; others do when all of them is there."""
-BEFORE: Final = {
+"""Condition by page: true once its main content is shown. Other pages are shown when they are
+loaded."""
+MAX_REQUESTS_AND_KB: Final = {
     "landing": (40, 553.4),
     "gallery": (50, 524.7),
     "fold": (49, 1356.0),
@@ -39,11 +43,11 @@ BEFORE: Final = {
     "benchmarks": (5, 59.49),
     "standalone": (1, 1347.0),
 }
-"""Requests in all and kB of pages at commit 346fd94; others were not there."""
+"""Requests and kB of pages at commit 346fd94, which are the bars; other pages did not exist."""
 
 
 def weights(reference_seconds: float) -> Section:
-    """Opens each page in a browser that has seen none before."""
+    """Open each page in a browser without a cache."""
     del reference_seconds
     section = Section(name="weights")
     with service_and_browser() as (service, browser, _):
@@ -51,7 +55,7 @@ def weights(reference_seconds: float) -> Section:
             section.rows.append(_weighed(browser, f"{service.http.base_url}{path}", name))
     for row in section.rows:
         requests, kilobytes = row["in all"], row["kB"]
-        before = BEFORE.get(row["page"])
+        before = MAX_REQUESTS_AND_KB.get(row["page"])
         section.add(
             f"{row['page']}: requests, and what is sent",
             f"{requests}, {kilobytes:.0f} kB",
@@ -86,7 +90,7 @@ def _pages(service: Service) -> Iterator[tuple[str, str]]:
 
 
 def _weighed(browser: Browser, address: str, name: str) -> dict[str, Any]:
-    """What a page takes until it shows what it is for, and in all."""
+    """Return the requests and kB of a page, until its main content is shown and in all."""
     context = browser.new_context(viewport=SIZE, base_url=address)
     sent: list[str] = []
     done: list[Request] = []
@@ -99,8 +103,8 @@ def _weighed(browser: Browser, address: str, name: str) -> dict[str, Any]:
     page = context.new_page()
     page.goto(address)
     first = None
-    if name in SEEN:
-        page.wait_for_function(SEEN[name], polling=20, timeout=90_000)
+    if name in MAIN_CONTENT_SHOWN:
+        page.wait_for_function(MAIN_CONTENT_SHOWN[name], polling=20, timeout=90_000)
         first = len(sent)
     _rest(page, done)
     sizes = [request.sizes() for request in done]
@@ -118,8 +122,8 @@ def _weighed(browser: Browser, address: str, name: str) -> dict[str, Any]:
 
 
 def _rest(page: Page, done: list[Request]) -> None:
-    """Until nothing has been fetched for a while."""
+    """Wait until there has been no request for some time."""
     count = -1
     while count != len(done):
         count = len(done)
-        page.wait_for_timeout(REST_MS)
+        page.wait_for_timeout(IDLE_MS)

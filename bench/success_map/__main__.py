@@ -1,9 +1,9 @@
-"""Success map: which share of folds is verified, by method, kind of path and number of modules.
+"""Success map: fraction of verified folds by method, kind of path and number of modules.
 
 ``make success-map`` runs what is missing in ``data/success-map.jsonl`` and draws the picture from
-what is there. It can be stopped at any time and goes on where it was; without that file it begins
-anew. A run that takes longer than ``BUDGET_S`` of the processor counts as not verified; the
-published method, whose steps are all of one size, has ``PAPER_BUDGET_S``.
+that file. It can be stopped at any time and continues where it stopped; without the file it starts
+from the beginning. A run that takes longer than ``BUDGET_S`` of processor time counts as not
+verified. The published method, whose time step is constant, has ``PAPER_BUDGET_S``.
 """
 
 from __future__ import annotations
@@ -36,13 +36,19 @@ from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
 ROOT: Final = FilePath(__file__).parents[2]
-RUNS: Final = FilePath(__file__).parents[1] / "data" / "success-map.jsonl"
+RUNS_FILE: Final = FilePath(__file__).parents[1] / "data" / "success-map.jsonl"
+"""File with one row for each run."""
 PICTURE: Final = ROOT / "web" / "static" / "success-map.svg"
+"""File of the picture, which the page /benchmarks shows."""
 MODULE_SIZE: Final = 0.95
+"""Module size of all folds, as a fraction of the pitch. Larger modules fold less often."""
 BUDGET_S: Final = 60.0
+"""Maximum processor time of a run, s. Larger values verify more folds. Chosen."""
 PAPER_BUDGET_S: Final = 900.0
-MOVES: Final = 2000
-"""Of a random path, for each module; nothing is done to untangle it."""
+"""Maximum processor time of a run of the published method, s. Chosen."""
+MOVES_PER_MODULE: Final = 2000
+"""Backbite moves of a random path for each of its modules. Fewer leave it less random; nothing
+removes knots."""
 METHODS: Final = {
     "direct": {"preset": "direct"},
     "one-by-one": {"strategy": "one-by-one"},
@@ -52,6 +58,7 @@ METHODS: Final = {
     "peel": {"strategy": "peel"},
     "auto": {},
 }
+"""Methods of the map, with their options."""
 BOXES: Final = {
     32: (2, 4, 4),
     64: (4, 4, 4),
@@ -61,26 +68,29 @@ BOXES: Final = {
     1152: (8, 12, 12),
     4096: (16, 16, 16),
 }
-SEEDS: Final = {32: 5, 64: 5, 144: 5, 288: 5, 512: 5, 1152: 1, 4096: 1}
-"""Runs of each kind for each number of modules; large ones take minutes each."""
-SEEDS_OF_BASELINES: Final = {"paper": 3, "direct": 3}
-ONCE_FROM: Final = {"direct": 144}
-"""Modules from which on a slow baseline is run once."""
+"""Sides of the boxes, in cells, by number of modules."""
+RUNS_PER_KIND: Final = {32: 5, 64: 5, 144: 5, 288: 5, 512: 5, 1152: 1, 4096: 1}
+"""Runs of each kind of path by number of modules. Large ones take minutes each."""
+RUNS_OF_SLOW_METHODS: Final = {"paper": 3, "direct": 3}
+"""Runs of each kind of path of slow methods."""
+RUN_ONCE_FROM_MODULES: Final = {"direct": 144}
+"""Number of modules from which on a slow method is run only once."""
 KINDS: Final = ("snake", "assembly", "block", "exact", "random")
-COSTS: Final = {"one-by-one": 1, "peel": 2, "auto": 4, "direct": 32, "paper": 64}
-"""Of a run, roughly: what takes long comes later."""
-LARGEST: Final = {
+"""Kinds of paths."""
+RELATIVE_COSTS: Final = {"one-by-one": 1, "peel": 2, "auto": 4, "direct": 32, "paper": 64}
+"""Approximate relative cost of a run by method; expensive runs come later."""
+MAX_MODULES: Final = {
     "direct": 144,
     "paper": 512,
     "simultaneous": 1152,
     "blocks": 1152,
 }
-"""Modules up to which a method is run: beyond, it does not end within the budget."""
+"""Maximum number of modules of a method; with more, it does not end within the budget."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One run: a box of so many modules, filled by a kind of path, folded by a method."""
+    """One run: a box of that many modules, filled by a kind of path, folded by a method."""
 
     method: str
     kind: str
@@ -89,28 +99,28 @@ class Case:
 
 
 def cases(largest: int) -> list[Case]:
-    """All cases up to so many modules, what takes least first."""
+    """Return all cases up to a number of modules, the cheapest first."""
     found = [
         Case(method=method, kind=kind, modules=modules, seed=seed)
         for modules in BOXES
         for method in METHODS
         for kind in KINDS
         for seed in range(_seeds(method, modules))
-        if modules <= min(largest, LARGEST.get(method, largest))
+        if modules <= min(largest, MAX_MODULES.get(method, largest))
     ]
     return sorted(
-        found, key=lambda case: case.modules * COSTS.get(case.method, 8) * (1 + case.seed)
+        found, key=lambda case: case.modules * RELATIVE_COSTS.get(case.method, 8) * (1 + case.seed)
     )
 
 
 def _seeds(method: str, modules: int) -> int:
-    if modules >= ONCE_FROM.get(method, modules + 1):
+    if modules >= RUN_ONCE_FROM_MODULES.get(method, modules + 1):
         return 1
-    return SEEDS_OF_BASELINES.get(method, SEEDS[modules])
+    return RUNS_OF_SLOW_METHODS.get(method, RUNS_PER_KIND[modules])
 
 
 def path_of(kind: str, sides: tuple[int, int, int], seed: int) -> Ints | None:
-    """(n, 3) cells of a box in the order of a path of that kind; None when there is none."""
+    """Return the (n, 3) cells of a box in the order of a path of a kind; None if none is found."""
     box = np.argwhere(np.ones(sides, dtype=bool))
     if kind == "snake":
         turned = np.roll(sides, seed)
@@ -122,12 +132,14 @@ def path_of(kind: str, sides: tuple[int, int, int], seed: int) -> Ints | None:
     if kind == "exact":
         found = find_paths(Shape.from_cells(box), method="exact", seed=seed, candidates=1)
         return found.paths[0].cells if found.paths else None
-    count, order = grow(neighbours(box), np.ones(len(box), dtype=bool), -1, MOVES * len(box), seed)
+    count, order = grow(
+        neighbours(box), np.ones(len(box), dtype=bool), -1, MOVES_PER_MODULE * len(box), seed
+    )
     return box[order] if count == len(box) else None
 
 
 def run(case: Case) -> dict[str, Any]:
-    """The outcome of one case."""
+    """Return the row of one case."""
     begun = time.process_time()
     cells = path_of(case.kind, BOXES[case.modules], case.seed)
     outcome: dict[str, Any] = {**asdict(case), "verdict": "no path", "seconds": 0.0}
@@ -152,7 +164,7 @@ def run(case: Case) -> dict[str, Any]:
 
 
 def shares(rows: list[dict[str, Any]]) -> Shares:
-    """Verified folds by method, kind and modules; without a path there is none."""
+    """Count the verified folds by method, kind and modules; cases without a path are omitted."""
     found: Shares = {}
     for row in rows:
         if row["verdict"] in ("no path", "refused: strategy-differs"):
@@ -168,7 +180,7 @@ def shares(rows: list[dict[str, Any]]) -> Shares:
 
 
 def show(rows: list[dict[str, Any]], console: Console) -> None:
-    """Prints the shares, a line for each kind and number of modules."""
+    """Print the shares, a line for each kind and number of modules."""
     found = shares(rows)
     table = Table(title="verified folds", title_justify="left")
     for name in ("path", "modules", *METHODS):
@@ -183,7 +195,7 @@ def show(rows: list[dict[str, Any]], console: Console) -> None:
 
 
 def main() -> None:
-    """Runs what is missing, then prints and draws all."""
+    """Run what is missing, then print and draw all rows."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--largest", type=int, default=max(BOXES))
     parser.add_argument("--minutes", type=float, default=float("inf"))
@@ -191,14 +203,14 @@ def main() -> None:
     options = parser.parse_args()
     warm_up()
     rows = run_missing(
-        RUNS, cases(options.largest), run, minutes=options.minutes, workers=options.workers
+        RUNS_FILE, cases(options.largest), run, minutes=options.minutes, workers=options.workers
     )
     show(rows, Console())
     PICTURE.write_text(picture(shares(rows), tuple(METHODS), KINDS, tuple(BOXES)))
 
 
 if __name__ == "__main__":
-    # By its own name: a process of its own does not find what is called __main__ in a package.
+    # Imported by name: child processes cannot unpickle classes of a package's __main__.
     from bench.success_map.__main__ import main as begin
 
     begin()

@@ -1,7 +1,8 @@
 """The success map as a picture: a field for each method, in it a row for each kind of path.
 
-What is verified is told by how far a cell is filled and by a cross where nothing is, colours apart:
-from below what was simulated, on it what was verified by kinematics only.
+A cell is filled in proportion to the verified folds, from below: first those that were simulated,
+then those verified by kinematics only. A cross marks a cell without any, so that colours are not
+needed to read the picture.
 """
 
 from __future__ import annotations
@@ -10,12 +11,16 @@ from collections.abc import Sequence
 from html import escape
 from typing import Final
 
-SIDE: Final = 24
-LEFT: Final = 76
-GAP: Final = 18
-FIELDS_A_ROW: Final = 4
-HEAD: Final = 64
-"""Above the cells of a field: its name and the numbers of modules."""
+CELL_PX: Final = 24
+"""Side of a cell with its margin, px."""
+LABELS_PX: Final = 76
+"""Width of the column with the kinds of paths, px."""
+GAP_PX: Final = 18
+"""Space between two fields, px."""
+FIELDS_PER_ROW: Final = 4
+"""Maximum number of fields side by side. Larger values make a wider picture."""
+HEAD_PX: Final = 64
+"""Height above the cells of a field, px: its name and the numbers of modules."""
 STYLE: Final = """
 svg { background: #faf9f7; }
 text { fill: #2a2e35; font: 12px system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; }
@@ -39,26 +44,28 @@ text { fill: #2a2e35; font: 12px system-ui, -apple-system, "Segoe UI", Roboto, s
   .cross { stroke: #ffb35c; }
 }
 """
+"""Styles of the picture, for light and dark pages."""
 
 Share = tuple[int, int, int]
-"""Folds that are verified and simulated, that are verified by kinematics only, and all of them."""
+"""Number of folds verified by simulation, number verified by kinematics only, and number of all
+folds."""
 Shares = dict[tuple[str, str, int], Share]
 
 
 def picture(
     shares: Shares, methods: Sequence[str], kinds: Sequence[str], sizes: Sequence[int]
 ) -> str:
-    """SVG: a field for each method, in it kinds of path from above and sizes from the left.
+    """Return the picture as SVG: a field for each method, with a row for each kind of path.
 
     Args:
-        shares: By method, kind and modules: how many are verified in each way, and of how many.
-        methods, kinds, sizes: In the order in which they are drawn.
+        shares: Verified and all folds by method, kind and modules.
+        methods, kinds, sizes: Order in which they are drawn.
     """
-    wide = len(sizes) * SIDE + GAP
-    tall = HEAD + len(kinds) * SIDE + GAP
-    columns = min(FIELDS_A_ROW, len(methods))
-    width = LEFT + columns * wide + 8
-    # The key takes the place behind the last field, or a row of its own.
+    wide = len(sizes) * CELL_PX + GAP_PX
+    tall = HEAD_PX + len(kinds) * CELL_PX + GAP_PX
+    columns = min(FIELDS_PER_ROW, len(methods))
+    width = LABELS_PX + columns * wide + 8
+    # The key follows the last field, in the same row if there is room.
     height = (len(methods) // columns + 1) * tall + 8
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
@@ -68,16 +75,16 @@ def picture(
         f'<rect class="ground" width="{width}" height="{height}"/>',
     ]
     for number, method in enumerate(methods):
-        x, y = LEFT + number % columns * wide, number // columns * tall
+        x, y = LABELS_PX + number % columns * wide, number // columns * tall
         parts.append(_field(shares, method, kinds, sizes, x, y))
         if number % columns == 0:
             parts += [
-                f'<text x="{LEFT - 8}" y="{y + HEAD + row * SIDE + 16}" text-anchor="end">'
-                f"{escape(kind)}</text>"
+                f'<text x="{LABELS_PX - 8}" y="{y + HEAD_PX + row * CELL_PX + 16}" '
+                f'text-anchor="end">{escape(kind)}</text>'
                 for row, kind in enumerate(kinds)
             ]
-    place = len(methods)
-    parts.append(_key(LEFT + place % columns * wide, place // columns * tall + HEAD))
+    index = len(methods)
+    parts.append(_key(LABELS_PX + index % columns * wide, index // columns * tall + HEAD_PX))
     parts.append("</svg>\n")
     return "\n".join(parts)
 
@@ -86,21 +93,21 @@ def _field(
     shares: Shares, method: str, kinds: Sequence[str], sizes: Sequence[int], x: int, y: int
 ) -> str:
     parts = [f'<text class="name" x="{x}" y="{y + 20}">{escape(method)}</text>']
-    for place, size in enumerate(sizes):
-        left = x + place * SIDE
+    for index, size in enumerate(sizes):
+        left = x + index * CELL_PX
         parts.append(
-            f'<text class="size" transform="translate({left + 13} {y + HEAD - 6}) rotate(-50)">'
+            f'<text class="size" transform="translate({left + 13} {y + HEAD_PX - 6}) rotate(-50)">'
             f"{size}</text>"
         )
         for row, kind in enumerate(kinds):
             share = shares.get((method, kind, size))
-            told = _told(share)
-            cell = _cell(share, left, y + HEAD + row * SIDE)
-            parts.append(f"<g><title>{told}</title>{cell}</g>")
+            words = _words(share)
+            cell = _cell(share, left, y + HEAD_PX + row * CELL_PX)
+            parts.append(f"<g><title>{words}</title>{cell}</g>")
     return "\n".join(parts)
 
 
-def _told(share: Share | None) -> str:
+def _words(share: Share | None) -> str:
     if share is None:
         return "not run"
     simulated, by_kinematics, count = share
@@ -112,8 +119,8 @@ def _told(share: Share | None) -> str:
 
 
 def _cell(share: Share | None, x: float, y: float) -> str:
-    """A cell that is filled from below as far as folds are verified; a cross where none is."""
-    side = SIDE - 3
+    """Draw a cell, filled in proportion to verified folds; with a cross if there are none."""
+    side = CELL_PX - 3
     box = f'x="{x}" width="{side}" rx="3"'
     if share is None:
         return f'<rect class="none" {box} y="{y}" height="{side}"/>'
@@ -136,7 +143,7 @@ def _cell(share: Share | None, x: float, y: float) -> str:
 
 
 def _key(x: int, y: int) -> str:
-    told: tuple[tuple[Share | None, str], ...] = (
+    words: tuple[tuple[Share | None, str], ...] = (
         ((1, 0, 1), "verified, simulated"),
         ((0, 1, 1), "kinematics only"),
         ((1, 0, 2), "some"),
@@ -144,7 +151,7 @@ def _key(x: int, y: int) -> str:
         (None, "not run"),
     )
     return "\n".join(
-        f'{_cell(share, x, y + k * (SIDE + 4))}<text x="{x + 30}" y="{y + k * (SIDE + 4) + 15}">'
-        f"{text}</text>"
-        for k, (share, text) in enumerate(told)
+        f"{_cell(share, x, y + k * (CELL_PX + 4))}"
+        f'<text x="{x + 30}" y="{y + k * (CELL_PX + 4) + 15}">{text}</text>'
+        for k, (share, text) in enumerate(words)
     )

@@ -1,8 +1,7 @@
-"""The published recipe on random paths of 160 modules, and on five shapes of the paper.
+"""The published algorithm on random paths of 160 modules, and on five shapes of the paper.
 
-``python -m bench.success_map.published`` runs what is missing in
-``out/published-….jsonl``, a file for each version of the planner; it can be stopped at any time and
-goes on where it was.
+``python -m bench.success_map.published`` runs what is missing in ``out/published-….jsonl``, a file
+for each version of the planner. It can be stopped at any time and continues where it stopped.
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ SHAPES: Final = ("mallet-64", "wrench-94", "wrench-160", "mallet-160", "mallet-1
 """Shapes of the paper's figures and tables."""
 RANDOM_PATHS: Final = 20
 """Number of random paths. Chosen; each takes one to three minutes."""
-BLOCKS: Final = 20
-"""Blocks of 2×2×2 cells of a random path: 160 modules."""
+BLOCKS_PER_PATH: Final = 20
+"""Number of 2×2×2 blocks of a random path: 160 modules."""
 MIN_VERIFIED: Final = 24
-"""Minimum number of verified folds, of 25."""
+"""Minimum number of verified folds, of 25. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,9 +53,9 @@ def cases() -> list[Case]:
 
 
 def random_blocks(rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return (``BLOCKS``, 3) blocks, each beside one of those before it."""
+    """Return (``BLOCKS_PER_PATH``, 3) blocks, each next to one of those before it."""
     blocks = [(0, 0, 0)]
-    while len(blocks) < BLOCKS:
+    while len(blocks) < BLOCKS_PER_PATH:
         beside = np.add(blocks[int(rng.integers(len(blocks)))], STEPS[int(rng.integers(6))])
         x, y, z = beside.tolist()
         if (x, y, z) not in blocks:
@@ -90,7 +89,7 @@ def run(case: Case) -> dict[str, Any]:
 
 
 def published(reference_seconds: float) -> Section:
-    """Return the table of all cases, of which those that are missing are run."""
+    """Run the missing cases; return the table of all."""
     del reference_seconds
     section = Section(name="published")
     path = ROOT / "out" / f"published-{version_of('planner')}.jsonl"
@@ -106,7 +105,7 @@ def published(reference_seconds: float) -> Section:
 
 
 def main() -> None:
-    """Run what is missing for some minutes, then print all rows."""
+    """Run missing cases for some minutes, then print all rows."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=float("inf"))
     options = parser.parse_args()

@@ -1,7 +1,7 @@
-"""The gallery and meshes of blocks with five seeds each: how many fold at once, how many at all.
+"""The gallery and meshes of blocks with five seeds each: the share verified, and verified at once.
 
-``python -m bench.success_map.seeds`` runs what is missing in ``out/seeds-….jsonl``, a
-file for each version of the planner; it can be stopped at any time and goes on where it was.
+``python -m bench.success_map.seeds`` runs what is missing in ``out/seeds-….jsonl``, a file for each
+version of the planner. It can be stopped at any time and continues where it stopped.
 """
 
 from __future__ import annotations
@@ -26,10 +26,12 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.warm_up import warm_up
 
 OUT: Final = Path(__file__).parents[2] / "out"
-SEEDS: Final = 5
-MODULES: Final = 240
-"""Of a mesh: some thirty blocks of 2×2×2."""
-AT_ONCE: Final = 0.98
+SEEDS_PER_SHAPE: Final = 5
+"""Number of seeds for each shape. More seeds estimate the success rate more exactly."""
+MESH_MODULES: Final = 240
+"""Number of modules requested for a mesh: some thirty blocks of 2×2×2."""
+MIN_VERIFIED_AT_ONCE: Final = 0.98
+"""Minimum fraction of the folds to be verified by the first attempt. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,8 +44,8 @@ class Case:
 
 
 def cases() -> Iterator[Case]:
-    """All of them, the first seed of each first."""
-    for seed in range(SEEDS):
+    """Yield all cases, those with the first seed first."""
+    for seed in range(SEEDS_PER_SHAPE):
         for shape in sorted(file.stem for file in SHAPES.glob("*.json")):
             yield Case(kind="gallery", shape=shape, seed=seed)
         for shape in MESHES:
@@ -51,7 +53,7 @@ def cases() -> Iterator[Case]:
 
 
 def run(case: Case) -> dict[str, Any]:
-    """What came of one case; ``first`` tells why its first attempt was not the last."""
+    """Return the row of one case; ``first`` is the reason why its first attempt failed."""
     begun = time.process_time()
     with tempfile.TemporaryDirectory(prefix="foldback-seeds-") as place:
         directory = Path(place)
@@ -80,25 +82,25 @@ def _input(case: Case) -> tuple[FoldRequest, bytes]:
         return FoldRequest(filename=file.name, seed=case.seed), file.read_bytes()
     mesh: Any = MESHES[case.shape]()
     request = FoldRequest(
-        filename=f"{case.shape}.stl", seed=case.seed, modules=MODULES, method="blocks"
+        filename=f"{case.shape}.stl", seed=case.seed, modules=MESH_MODULES, method="blocks"
     )
     return request, mesh.export(file_type="stl")
 
 
 def runs() -> Path:
-    """Where the runs of this version of the planner are stored."""
+    """Return the file with the rows of this version of the planner."""
     return OUT / f"seeds-{version_of('planner')}.jsonl"
 
 
 def seeds(reference_seconds: float) -> Section:
-    """Every shape with every seed."""
+    """Fold every shape with every seed."""
     del reference_seconds
     warm_up()
     return section_of(run_missing(runs(), cases(), run))
 
 
 def section_of(rows: list[dict[str, Any]]) -> Section:
-    """The figures of some runs; shown are those that did not fold at once."""
+    """Return the figures of all rows, and the rows that did not fold at once."""
     section = Section(name="seeds")
     section.rows = [row for row in rows if row["attempts"] > 1 or not _verified(row)]
     for kind in dict.fromkeys(row["kind"] for row in rows):
@@ -107,8 +109,8 @@ def section_of(rows: list[dict[str, Any]]) -> Section:
         at_once = sum(row["attempts"] == 1 for row in verified)
         share = at_once / len(of_kind)
         told = f"{at_once} of {len(of_kind)} ({100 * share:.1f} %)"
-        bar = f"at least {100 * AT_ONCE:.0f} %"
-        section.add(f"{kind}: verified at once", told, bar, share >= AT_ONCE)
+        bar = f"at least {100 * MIN_VERIFIED_AT_ONCE:.0f} %"
+        section.add(f"{kind}: verified at once", told, bar, share >= MIN_VERIFIED_AT_ONCE)
         section.add(
             f"{kind}: verified with the portfolio",
             f"{len(verified)} of {len(of_kind)}",
@@ -129,7 +131,7 @@ def _verified(row: dict[str, Any]) -> bool:
 
 
 def main() -> None:
-    """Runs what is missing, then prints all."""
+    """Run what is missing, then print all rows."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--workers", type=int, default=1)

@@ -1,4 +1,4 @@
-"""Stored runs: a benchmark of hours can be stopped at any time, and goes on where it was."""
+"""Stored runs: a benchmark of hours can be stopped at any time and continues where it stopped."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Row = dict[str, Any]
 
 
 def version_of(package: str) -> str:
-    """A few letters that differ when a module of the package does."""
+    """Return the first eight hex digits of a digest of the modules of a package."""
     root = Path(__file__).parents[2]
     found = hashlib.sha256()
     for module in sorted((root / package).rglob("*.py")):
@@ -32,7 +32,7 @@ def version_of(package: str) -> str:
 
 
 def stored(path: Path, kind: type[Case]) -> dict[Case, Row]:
-    """The rows of a file by their case, a dataclass whose fields are among theirs."""
+    """Return the rows of a file by their case, a dataclass whose fields the rows contain."""
     names = tuple(field.name for field in fields(kind))  # type: ignore[arg-type]
     lines = path.read_text().splitlines() if path.exists() else []
     rows = [json.loads(line) for line in lines]
@@ -47,14 +47,14 @@ def run_missing(
     minutes: float = float("inf"),
     workers: int = 1,
 ) -> list[Row]:
-    """Runs what a file lacks, in its order, and adds the rows to it; all that it holds then.
+    """Run the cases that a file lacks, append their rows, and return all of its rows.
 
     Args:
-        path: One JSON object a line; made when it is not there.
-        cases: All of them.
-        run: Makes the row of a case, in a process of its own.
-        minutes: After so many none is begun any more.
-        workers: Cases at once.
+        path: File with one JSON object per line; created if it does not exist.
+        cases: All cases, in the order in which they are run.
+        run: Returns the row of a case, in a process of its own.
+        minutes: Minutes after which no further case is started.
+        workers: Number of cases at the same time.
     """
     wanted = list(cases)
     rows = stored(path, type(wanted[0]))
@@ -87,12 +87,12 @@ def _each(
 def judge(
     directory: Path, request: FoldRequest, data: bytes, *, cancelled: Cancelled = never
 ) -> dict[str, Any]:
-    """Folds as far as the certificate, which is all that a verdict needs; its figures.
+    """Fold up to the certificate, which contains the verdict; return its figures.
 
     Raises:
-        InputError: When the input cannot be used.
+        InputError: The input cannot be used.
     """
-    # Loaded late: each process that runs cases of another kind would load all of the planner.
+    # Imported late: processes that run other cases would import all of the planner.
     from planner.pipeline.stages import run_stages
     from planner.pipeline.workspace import Workspace
 

@@ -1,8 +1,8 @@
-"""Explosions on a table: which shapes lie down straight, and within what torque.
+"""Explosions on a table: shapes that come to lie straight, and the torque that they need.
 
-``python -m bench --only table-folds``; ``table-long-folds``, half an hour, for chains of
-80 and 160. An attempt is one path and one seed; a run is straight when one of a few attempts is.
-Every frame is certified apart from the guard.
+``python -m bench --only table-folds``; ``table-long-folds``, half an hour, for chains of 80 and
+160. An attempt is one path and one seed. A run is straight if one of its attempts is. The
+certificate checks every frame independently of the explosion.
 """
 
 from __future__ import annotations
@@ -25,17 +25,28 @@ from planner.parameters.explosion import Base, TableParameters
 from tests.planner.table_search import table_paths
 
 Cells = NDArray[np.int64]
-SMALL: Final = {"4×3×2": (4, 3, 2), "3×3×3": (3, 3, 3), "4×4×2": (4, 4, 2)}
-SEEDS: Final = 5
-ATTEMPTS: Final = 8
-LONGER: Final = ("wrench-80", "wrench-160", "mallet-160")
-SIZE, LARGE = 0.98, 0.95
-"""Module sizes at which small shapes, and those of the gallery, are to be clear."""
+SMALL_BOXES: Final = {"4×3×2": (4, 3, 2), "3×3×3": (3, 3, 3), "4×4×2": (4, 4, 2)}
+"""Sides of small boxes, in cells."""
+SEEDS_PER_BOX: Final = 5
+"""Number of seeds for each small box. More seeds estimate the success rate more exactly."""
+MAX_ATTEMPTS: Final = 8
+"""Maximum number of attempts of a run. More attempts succeed more often and take longer. Chosen."""
+LONG_SHAPES: Final = ("wrench-80", "wrench-160", "mallet-160")
+"""Shapes of the gallery with 80 and 160 modules."""
+BOX_MODULE_SIZE, GALLERY_MODULE_SIZE = 0.98, 0.95
+"""Module sizes, as fractions of the pitch, of small boxes and of shapes of the gallery."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
-    """What is asked of a fold: friction, its hold, the largest torque in w·p, the module size."""
+class Conditions:
+    """Conditions of a fold.
+
+    Attributes:
+        friction: Coefficient of friction between modules and table.
+        limit: Maximum static torque of a hinge, w·p.
+        size: Module size as a fraction of the pitch.
+        base: Support of the base module.
+    """
 
     friction: float
     limit: float
@@ -44,8 +55,16 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
-    """What came of the attempts at a shape."""
+class Result:
+    """Result of the attempts at a shape.
+
+    Attributes:
+        torque: Largest static torque of a hinge, w·p; None if no attempt succeeded.
+        clearance: Least clearance of the record, pitches; None likewise.
+        attempts: Number of attempts.
+        seconds: Wall time, s.
+        reason: Reason why the last attempt failed; empty if it did not.
+    """
 
     torque: float | None
     clearance: float | None
@@ -55,24 +74,32 @@ class Found:
 
 
 def table_folds(reference_seconds: float) -> Section:
-    """Small boxes with and without friction, and the gallery up to 64 modules."""
+    """Fold small boxes with and without friction, and the gallery up to 64 modules."""
     section = Section(name="table-folds")
-    for asked, seeds, bar in (
-        (Asked(friction=0.0, limit=4.0, size=SIZE), SEEDS, "≤ 4 w·p, ≥ 14 of 15, ≤ 30 s"),
-        (Asked(friction=0.1, base="free", limit=10.0, size=SIZE), SEEDS, "≤ 10 w·p"),
-        (Asked(friction=0.1, base="clamped", limit=10.0, size=SIZE), 1, ""),
+    for conditions, seeds, bar in (
+        (
+            Conditions(friction=0.0, limit=4.0, size=BOX_MODULE_SIZE),
+            SEEDS_PER_BOX,
+            "≤ 4 w·p, ≥ 14 of 15, ≤ 30 s",
+        ),
+        (
+            Conditions(friction=0.1, base="free", limit=10.0, size=BOX_MODULE_SIZE),
+            SEEDS_PER_BOX,
+            "≤ 10 w·p",
+        ),
+        (Conditions(friction=0.1, base="clamped", limit=10.0, size=BOX_MODULE_SIZE), 1, ""),
     ):
         runs = [
-            _run(section, name, np.argwhere(np.ones(sides, dtype=bool)), seed, asked)
-            for name, sides in SMALL.items()
+            _run(section, name, np.argwhere(np.ones(sides, dtype=bool)), seed, conditions)
+            for name, sides in SMALL_BOXES.items()
             for seed in range(seeds)
         ]
-        limit = asked.limit
+        limit = conditions.limit
         good = [run for run in runs if run.torque is not None and run.torque <= limit]
         most = max((run.torque or 0.0 for run in good), default=0.0)
         section.add(
-            f"24 to 32 modules, friction {asked.friction:g}, {asked.base}: straight within "
-            f"{limit:g} w·p at {SIZE:g}",
+            f"24 to 32 modules, friction {conditions.friction:g}, {conditions.base}: straight "
+            f"within {limit:g} w·p at {BOX_MODULE_SIZE:g}",
             f"{len(good)} of {len(runs)}, at most {most:.2f} w·p, median "
             f"{np.median([r.seconds for r in runs]):.1f} s, longest "
             f"{max(r.seconds for r in runs):.1f} s (reference {reference_seconds:.2f} s)",
@@ -80,7 +107,7 @@ def table_folds(reference_seconds: float) -> Section:
             len(good) >= len(runs) - 1 if bar else None,
         )
     runs = [
-        _run(section, name, cells, 0, Asked(friction=0.0, limit=8.0, size=LARGE))
+        _run(section, name, cells, 0, Conditions(friction=0.0, limit=8.0, size=GALLERY_MODULE_SIZE))
         for name, cells in gallery_cells(64)
         if name != "wrench-24"  # which has no path for a table
     ]
@@ -95,14 +122,15 @@ def table_folds(reference_seconds: float) -> Section:
 
 
 def table_long_folds(reference_seconds: float) -> Section:
-    """What comes of longer chains."""
+    """Fold the longer chains."""
     del reference_seconds
     section = Section(name="table-long-folds")
     for name, cells in gallery_cells(160):
-        if name in LONGER:
-            run = _run(section, name, cells, 0, Asked(friction=0.0, limit=10.0, size=LARGE))
+        if name in LONG_SHAPES:
+            conditions = Conditions(friction=0.0, limit=10.0, size=GALLERY_MODULE_SIZE)
+            run = _run(section, name, cells, 0, conditions)
             section.add(
-                f"{name}: straight within 10 w·p at {LARGE}",
+                f"{name}: straight within 10 w·p at {GALLERY_MODULE_SIZE}",
                 f"{run.reason[:60] if run.torque is None else f'{run.torque:.2f} w·p'}, "
                 f"{run.attempts} attempts, {run.seconds:.0f} s",
                 "shown",
@@ -110,37 +138,37 @@ def table_long_folds(reference_seconds: float) -> Section:
     return section
 
 
-def _run(section: Section, name: str, cells: Cells, seed: int, asked: Asked) -> Found:
-    found = explored(name, cells, seed, asked)
+def _run(section: Section, name: str, cells: Cells, seed: int, conditions: Conditions) -> Result:
+    result = explored(name, cells, seed, conditions)
     section.rows.append(
         {
             "shape": name,
             "seed": seed,
-            "friction": asked.friction,
-            "base": asked.base,
-            "torque_wp": found.torque,
-            "clearance": found.clearance,
-            "attempts": found.attempts,
-            "s": found.seconds,
-            "reason": found.reason[:80],
+            "friction": conditions.friction,
+            "base": conditions.base,
+            "torque_wp": result.torque,
+            "clearance": result.clearance,
+            "attempts": result.attempts,
+            "s": result.seconds,
+            "reason": result.reason[:80],
         }
     )
-    return found
+    return result
 
 
-def explored(name: str, cells: Cells, seed: int, asked: Asked) -> Found:
-    """Attempts at a shape until one lies straight within a torque, and clear at a module size."""
+def explored(name: str, cells: Cells, seed: int, conditions: Conditions) -> Result:
+    """Try a shape until an attempt ends straight within the torque, and without contact."""
     begun = time.perf_counter()
     paths = table_paths(cells, seed=seed)
     parameters = replace(
         TableParameters(),
-        most_torque=asked.limit,
-        friction=asked.friction,
-        base=asked.base,
-        verify_size=asked.size,
+        most_torque=conditions.limit,
+        friction=conditions.friction,
+        base=conditions.base,
+        verify_size=conditions.size,
     )
     reason = ""
-    for attempt in range(ATTEMPTS):
+    for attempt in range(MAX_ATTEMPTS):
         path = Path.from_cells(paths[attempt % len(paths)].cells, name=name)
         chain = Chain.from_path(path)
         record = explode_on_table(chain, parameters, seed=seed)
@@ -151,24 +179,24 @@ def explored(name: str, cells: Cells, seed: int, asked: Asked) -> Found:
         certificate = table_certificate(
             chain,
             record.frames[::-1],
-            friction=asked.friction,
-            base=asked.base,
+            friction=conditions.friction,
+            base=conditions.base,
             on_table=True,
             height=chain.table_height,
         )
-        clearance = sweep(chain, record.frames, size=asked.size).clearance
+        clearance = sweep(chain, record.frames, size=conditions.size).clearance
         if certificate.rests and clearance > 0.0:
-            return Found(
+            return Result(
                 torque=certificate.torque,
                 clearance=clearance,
                 attempts=attempt + 1,
                 seconds=time.perf_counter() - begun,
             )
         reason = certificate.verdict
-    return Found(
+    return Result(
         torque=None,
         clearance=None,
-        attempts=ATTEMPTS,
+        attempts=MAX_ATTEMPTS,
         seconds=time.perf_counter() - begun,
         reason=reason,
     )

@@ -1,7 +1,7 @@
-"""Versions that a torus is offered where it has no path for a table, and whether they fold.
+"""Changes that are offered for a torus without a path for a table, and whether they fold.
 
-``python -m bench --only table-offers``: a quarter of an hour, as each version that is
-offered first is folded once, playback and certificate included.
+``python -m bench --only table-offers`` takes a quarter of an hour: the first offer for each count
+is folded once, with playback and certificate.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from planner.shapes.solid import Solid
 from planner.table_paths.offers import Offer, table_offers
 
 COUNTS: Final = (80, 100, 120, 160, 200, 240, 300)
-"""Modules asked for."""
+"""Numbers of modules that are requested."""
 FILENAME: Final = "torus.stl"
+"""Name of the file with the torus."""
 
 
 def table_offers_section(reference_seconds: float) -> Section:
@@ -60,7 +61,7 @@ def table_offers_section(reference_seconds: float) -> Section:
 
 
 def _first_offer(data: bytes, asked: int) -> Offer | None:
-    """Return the offer that comes first; None where the shape has a path as it is."""
+    """Return the first offer; None if the shape has a path without a change."""
     options = PathOptions(modules=asked, world="table")
     if prepare(data, FILENAME, options).chains:
         return None
@@ -70,7 +71,7 @@ def _first_offer(data: bytes, asked: int) -> Offer | None:
 
 
 def _options(asked: int, offer: Offer | None) -> tuple[str, ...]:
-    """Return options of the command line that take an offer."""
+    """Return the options of the command line that accept an offer."""
     change = {"modules": asked, **({} if offer is None else offer.change)}
     repair = ("--repair",) if change.pop("repair", False) else ()
     return tuple(f"--{name}={value}" for name, value in change.items()) + repair

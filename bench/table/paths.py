@@ -1,6 +1,6 @@
-"""Paths for a table: which shapes of the gallery have one, how soon, and why the others have none.
+"""Paths for a table: shapes of the gallery that have one, search times, and reasons of the others.
 
-``python -m bench.table.paths [CELLS]`` prints it for shapes of up to so many cells.
+``python -m bench.table.paths [CELLS]`` prints them for shapes of up to that many cells.
 """
 
 from __future__ import annotations
@@ -23,18 +23,21 @@ from planner.table_paths.table_paths import TablePath
 from tests.planner.table_search import table_paths
 
 SHAPES = Path(__file__).parents[2] / "examples" / "shapes"
-MOST_CELLS = 64
-LIMITS_S = ((64, 2.0), (160, 5.0))
+"""Directory of the gallery."""
+MAX_SHAPE_CELLS = 64
+"""Default maximum number of cells of a shape. Larger values take longer."""
+MAX_SEARCH_S = ((64, 2.0), (160, 5.0))
+"""Maximum search times, s, of shapes up to a number of cells. Chosen."""
 
 
-def table_path_section(reference_seconds: float, *, most_cells: int = MOST_CELLS) -> Section:
-    """Paths through all shapes of cubes in the gallery up to a size."""
+def table_path_section(reference_seconds: float, *, most_cells: int = MAX_SHAPE_CELLS) -> Section:
+    """Search paths through all shapes of cubes in the gallery up to a size."""
     del reference_seconds
     section = Section(name="table-paths")
     shapes = list(gallery_cells(most_cells))
-    table_paths(shapes[0][1])  # what is loaded late is loaded
+    table_paths(shapes[0][1])  # imports modules that are loaded on first use
     counts = {LAYERS: 0}
-    slowest = dict.fromkeys((limit for limit, _ in LIMITS_S), 0.0)
+    slowest = dict.fromkeys((limit for limit, _ in MAX_SEARCH_S), 0.0)
     for name, cells in shapes:
         begun = time.perf_counter()
         try:
@@ -62,13 +65,13 @@ def table_path_section(reference_seconds: float, *, most_cells: int = MOST_CELLS
                 "none because": none,
             }
         )
-    told = ", ".join(f"{count} by {rule}" for rule, count in counts.items())
+    by_rule = ", ".join(f"{count} by {rule}" for rule, count in counts.items())
     section.add(
         f"shapes of the gallery up to {most_cells} modules with a path for a table",
-        f"{sum(counts.values())} of {len(shapes)}: {told}",
+        f"{sum(counts.values())} of {len(shapes)}: {by_rule}",
         "reported",
     )
-    for limit, seconds in LIMITS_S:
+    for limit, seconds in MAX_SEARCH_S:
         if limit <= max(len(cells) for _, cells in shapes):
             section.add(
                 f"slowest of those up to {limit} modules",
@@ -80,7 +83,7 @@ def table_path_section(reference_seconds: float, *, most_cells: int = MOST_CELLS
 
 
 def gallery_cells(most_cells: int) -> Iterator[tuple[str, NDArray[np.int64]]]:
-    """Names and cells of the gallery's shapes of cubes."""
+    """Yield names and cells of the gallery's shapes of cubes up to a size."""
     for file in sorted(SHAPES.glob("*.json")):
         found = read(file.read_bytes(), filename=file.name)
         if isinstance(found, ChainPath) and len(found) <= most_cells:
@@ -88,7 +91,7 @@ def gallery_cells(most_cells: int) -> Iterator[tuple[str, NDArray[np.int64]]]:
 
 
 def _check(paths: tuple[TablePath, ...], cells: NDArray[np.int64]) -> None:
-    """Never a figure of a path that breaks a rule or leaves a cell out."""
+    """Check that paths obey the rules and visit all cells; a wrong path gives no figure."""
     for path in paths:
         laid = np.unique(cells @ path.turn.T + path.shift, axis=0)
         if faults_of(path.cells, rule=path.rule) or len(path.cells) != len(cells):
@@ -98,5 +101,5 @@ def _check(paths: tuple[TablePath, ...], cells: NDArray[np.int64]) -> None:
 
 
 if __name__ == "__main__":
-    most = int(sys.argv[1]) if len(sys.argv) > 1 else MOST_CELLS
+    most = int(sys.argv[1]) if len(sys.argv) > 1 else MAX_SHAPE_CELLS
     table_path_section(1.0, most_cells=most).show(Console(width=200))

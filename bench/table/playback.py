@@ -1,7 +1,7 @@
-"""Playback on the table: how closely limited motors fold what an explosion on it has recorded.
+"""Playback on the table: how closely motors of limited torque follow a recorded explosion.
 
-``python -m bench --only table-playback``. Whole folds, as ``foldback fold --world
-table`` makes them; frames as simulated are let go in plain MuJoCo besides.
+``python -m bench --only table-playback`` runs whole folds, as ``foldback fold --world table`` does.
+Simulated frames are also released in plain MuJoCo.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from bench.table.folds import SMALL
+from bench.table.folds import SMALL_BOXES
 from bench.table.paths import SHAPES
 from bench.tables import Section
 from planner.certificate.table_figures import FRICTIONLESS
@@ -25,12 +25,14 @@ from planner.pipeline.workspace import Workspace
 from planner.verification.verify import verify
 from tests.planner.table_replay import TableReplay, table_replay
 
-NAMED: Final = ("mallet-24", "mallet-64", "letter-l", "letter-f")
-BAR, STRETCH = 0.05, 0.01
+GALLERY_SHAPES: Final = ("mallet-24", "mallet-64", "letter-l", "letter-f")
+"""Shapes of the gallery that are folded."""
+MAX_RMS_PITCH, STRETCH_RMS_PITCH = 0.05, 0.01
+"""Maximum RMS position error of a playback, and a stretch goal, in pitches. Chosen."""
 
 
 def table_playback(reference_seconds: float) -> Section:
-    """Boxes and solids that lie down on the table and are folded there again."""
+    """Fold boxes and solids on the table after an explosion there."""
     del reference_seconds
     section = Section(name="table-playback")
     for name, data in _shapes().items():
@@ -42,9 +44,9 @@ def table_playback(reference_seconds: float) -> Section:
 def _shapes() -> dict[str, bytes]:
     boxes = {
         name: json.dumps(np.argwhere(np.ones(sides, dtype=bool)).tolist()).encode()
-        for name, sides in SMALL.items()
+        for name, sides in SMALL_BOXES.items()
     }
-    return {**boxes, **{name: (SHAPES / f"{name}.json").read_bytes() for name in NAMED}}
+    return {**boxes, **{name: (SHAPES / f"{name}.json").read_bytes() for name in GALLERY_SHAPES}}
 
 
 def _shape(section: Section, name: str, data: bytes, directory: FilePath) -> None:
@@ -58,11 +60,11 @@ def _shape(section: Section, name: str, data: bytes, directory: FilePath) -> Non
         section.add(f"{name}: playback", plan.certificate.verdict, "", False)
         return
     chain = plan.chain
-    wanted, were = (
+    wanted, actual = (
         chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz).positions
         for frames in (plan.motion.dense(chain), played.frames.dense(chain))
     )
-    errors = np.sqrt(((wanted - were) ** 2).sum(axis=2).mean(axis=1))
+    errors = np.sqrt(((wanted - actual) ** 2).sum(axis=2).mean(axis=1))
     rms = float(np.sqrt((errors**2).mean()))
     torque = max(table.torque, MIN_SIZING_TORQUE_WP)
     limit = TABLE_MOTOR_RESERVE * torque
@@ -91,13 +93,13 @@ def _shape(section: Section, name: str, data: bytes, directory: FilePath) -> Non
         f"{name}: RMS of positions, motors of {used / torque:.2f} times the certificate, "
         f"{FRICTIONLESS}",
         f"{rms:.4f} pitches, {errors[-1]:.4f} at the end, {plan.certificate.verdict}",
-        f"≤ {BAR:g} (stretch {STRETCH:g})",
-        plan.certificate.verified and rms <= BAR and used <= 1.05 * limit,
+        f"≤ {MAX_RMS_PITCH:g} (stretch {STRETCH_RMS_PITCH:g})",
+        plan.certificate.verified and rms <= MAX_RMS_PITCH and used <= 1.05 * limit,
     )
-    _told(section, name, rests)
+    _add_replay(section, name, rests)
 
 
-def _told(section: Section, name: str, rests: TableReplay) -> None:
+def _add_replay(section: Section, name: str, rests: TableReplay) -> None:
     section.add(
         f"{name}: {len(rests.frames)} frames, with the one that asks most, let go in plain "
         "MuJoCo, brakes of 1.1 times it",

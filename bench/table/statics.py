@@ -1,4 +1,4 @@
-"""Statics: milliseconds to balance a frame on the floor, and what today's plans would ask there.
+"""Statics: time to balance a frame on the floor, and the torques that floating plans need there.
 
 ``python -m bench --only statics``.
 """
@@ -27,26 +27,31 @@ from planner.readers.gallery import Gallery
 from planner.statics.balance import Balance
 
 Array = NDArray[np.float64]
-STEPS: Final = 30
-"""Frames of every kind that are timed, one going on from the other."""
+TIMED_FRAMES: Final = 30
+"""Timed frames of each kind; each starts from the solution of the previous one."""
 NOISE_RAD: Final = 0.003
-"""Random error of the hinges of a packed core, in rad, as caused by springs."""
-BARS_MS: Final = {32: None, 64: 10.0, 160: 40.0}
-STRETCH_MS: Final = {64: 2.0, 160: 8.0}
+"""Standard deviation of the hinge errors in the last frame of a packed core, rad, as springs cause
+them. Larger values make contacts less regular."""
+MAX_FRAME_MS: Final = {32: None, 64: 10.0, 160: 40.0}
+"""Maximum mean time of a frame, ms, by number of modules; None if it is only reported. Chosen."""
+STRETCH_FRAME_MS: Final = {64: 2.0, 160: 8.0}
+"""Stretch goals for the same, ms."""
 SEEDS: Final = (0, 1, 2)
-BOUND: Final = 8.0
-"""w·p that a guard may allow."""
+"""Seeds of the plans of each shape."""
+SUFFICIENT_TORQUE_WP: Final = 8.0
+"""Torque in w·p below which the solver may stop, as the guard of an explosion allows. Larger values
+stop earlier."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shape:
-    """A shape, and what a prototype has measured of one plan of it, frictionless, in w·p.
+    """A shape, and the torques of one frictionless plan that a prototype measured, w·p.
 
     Attributes:
-        name: What it is called.
-        chain: Makes it.
-        held: Held at its root.
-        resting: In the best resting pose of each frame.
+        name: Name of the shape.
+        chain: Returns the chain.
+        held: Torque when held at the root.
+        resting: Torque in the best stable pose of each frame.
     """
 
     name: str
@@ -82,11 +87,13 @@ SHAPES: Final = (
     Shape(name="4×4×4", chain=_example("box-4x4x4"), held=496, resting=335),
     Shape(name="wrench-80", chain=_example("wrench-80"), held=780, resting=312),
 )
-TIMED: Final = {32: _box(4, 4, 2), 64: _box(4, 4, 4), 160: _box(8, 5, 4)}
+"""Shapes whose plans are evaluated, with the prototype's torques."""
+TIMED_CHAINS: Final = {32: _box(4, 4, 2), 64: _box(4, 4, 4), 160: _box(8, 5, 4)}
+"""Chains whose frames are timed, by number of modules."""
 
 
 def statics(reference_seconds: float) -> Section:
-    """Time for a frame, and today's plans of five shapes."""
+    """Measure the time for a frame, and plans of five shapes."""
     section = Section(name="statics")
     _times(section, reference_seconds)
     _plans(section)
@@ -94,19 +101,19 @@ def statics(reference_seconds: float) -> Section:
 
 
 def packed(chain: Chain) -> Iterator[tuple[Array, Array, Array]]:
-    """A folded chain on the floor, its hinges more and more off: positions, rotations, angles."""
+    """Yield positions, rotations, angles of a folded chain on the floor with growing errors."""
     return _core(chain, len(chain))
 
 
 def half_exploded(chain: Chain) -> Iterator[tuple[Array, Array, Array]]:
-    """The first half still folded on the floor, the other one straight, as a tail."""
+    """Yield the same quantities of frames whose second half is straight, as a tail."""
     return _core(chain, len(chain) // 2)
 
 
 def _core(chain: Chain, core: int) -> Iterator[tuple[Array, Array, Array]]:
     away = np.random.default_rng(0).normal(size=len(chain.folded_rad))
     held = max(core - 2, 0) * chain.module.hinges_per_joint
-    for share in np.linspace(0.0, 1.0, STEPS):
+    for share in np.linspace(0.0, 1.0, TIMED_FRAMES):
         angles = chain.folded_rad + NOISE_RAD * share * away
         angles[held:] = 0.0
         poses = forward_kinematics(
@@ -120,11 +127,11 @@ def _core(chain: Chain, core: int) -> Iterator[tuple[Array, Array, Array]]:
 
 
 def _times(section: Section, reference_seconds: float) -> None:
-    for modules, made in TIMED.items():
+    for modules, made in TIMED_CHAINS.items():
         chain = made()
         worst = 0.0
         for kind, frames in (("packed", packed), ("half exploded", half_exploded)):
-            for enough in (0.0, BOUND):
+            for enough in (0.0, SUFFICIENT_TORQUE_WP):
                 took = _milliseconds(chain, frames, enough)
                 mean, most = float(np.mean(took)), float(np.max(took))
                 worst = max(worst, mean)
@@ -141,12 +148,12 @@ def _times(section: Section, reference_seconds: float) -> None:
                 section.add(
                     f"{modules} modules, {kind}: {what}", f"{mean:.1f} ms, at most {most:.1f} ms"
                 )
-        bar = BARS_MS[modules]
+        bar = MAX_FRAME_MS[modules]
         if bar is not None:
             section.add(
                 f"a frame of {modules} modules, mean of the slowest kind",
                 f"{worst:.1f} ms, {worst / 1000.0 / reference_seconds:.2g} references",
-                f"≤ {bar:g} ms (stretch {STRETCH_MS[modules]:g})",
+                f"≤ {bar:g} ms (stretch {STRETCH_FRAME_MS[modules]:g})",
                 worst <= bar,
             )
 

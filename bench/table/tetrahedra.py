@@ -1,9 +1,12 @@
-"""Tetrahedra on a table: what their plans would ask there, and a trial of lying down straight.
+"""Tetrahedra on a table: torques that their floating plans need there, and a trial of unfolding.
 
-``python -m bench --only table-tetrahedra``. Chains of tetrahedra fold floating; this is
-how far a simple way on a table comes. All hinges are let go at once, by springs whose torque is
-limited, in one MuJoCo tree that lies free under gravity; frames that ask more torque than a bound,
-lie in the table or touch are taken back, and the springs are drawn anew.
+``python -m bench --only table-tetrahedra``. Chains of tetrahedra fold floating; this trial measures
+how far a simple method on a table gets. All hinges are released at the same time in one MuJoCo tree
+that lies free under gravity, and springs of limited torque straighten them. Frames that need more
+torque than a bound, penetrate the table or touch themselves are rejected, and the springs are drawn
+again.
+
+Units: pitch, module weight and √(pitch / gravity); torques in w·p.
 """
 
 from __future__ import annotations
@@ -35,38 +38,52 @@ from planner.statics.contacts import floor_clearances
 from planner.statics.stable_poses import resting_poses
 
 Array = NDArray[np.float64]
-SEEDS: Final = 12
+SEEDS_PER_CHAIN: Final = 12
+"""Number of seeds for each chain. More seeds estimate the success rate more exactly."""
 VERIFY_SIZE: Final = 0.95
-MOST_TORQUE: Final = 8.0
-"""The bound never gets larger, in w·p; nor does the torque of a spring."""
-FIRST_BOUND, RAISED_BY, REFUSALS = 1.5, 1.15, 12
-"""The bound at first, its factor, and refusals for torque before it is raised; each frame that is
-kept makes good for a fifth of one."""
-STEP: Final = 0.025
-"""Of the simulation, in √(pitch / gravity)."""
-SPRING_RAD: Final = 0.2
-"""Bend from which on a spring pulls with all that it has."""
-SPRING: Final = 2.0
-PATIENCE: Final = 1500
-"""Frames without less bend, after which a run is stuck."""
-MAX_TABLE_PENETRATION_PITCH: Final = 0.012
-STRAIGHT_RAD: Final = 0.02
-SPACING: Final = (0.05, 0.15)
-"""Radians of a hinge, and pitches of a module, between two frames."""
-TIP: Final = 0.002
-"""Radius of the corners, which alone touch the table."""
+"""Module size, as a fraction of the pitch, at which frames must be free of contacts. Larger values
+reject more frames. Chosen."""
+MAX_TORQUE_WP: Final = 8.0
+"""Maximum of the torque bound, and of the torque of a spring, w·p. Chosen."""
+FIRST_BOUND_WP: Final = 1.5
+"""Torque bound at the beginning, w·p. Smaller values take longer and find gentler motions.
+Chosen."""
+BOUND_FACTOR: Final = 1.15
+"""Factor by which the torque bound is raised. Larger values end sooner at a higher torque.
+Chosen."""
+REJECTIONS_PER_RAISE: Final = 12
+"""Rejections for torque, less a fifth for each accepted frame, above which the bound is raised;
+five times as many end the trial. Larger values search longer at each bound. Chosen."""
+TIME_STEP: Final = 0.025
+"""Time step of the simulation, √(pitch / gravity). Larger values are less stable."""
+SATURATION_RAD: Final = 0.2
+"""Bend above which a spring exerts its full torque, rad. Smaller values make springs stiffer."""
+SPRING_TORQUE_WP: Final = 2.0
+"""Scale of the torque of the springs, w·p; each draw multiplies it by 0.5 to 2. Chosen."""
+MAX_STALLED_FRAMES: Final = 1500
+"""Accepted frames without less bend after which a trial has stalled. Larger values try longer."""
+MAX_TRIAL_PENETRATION_PITCH: Final = 0.012
+"""Maximum depth of a module in the table in an accepted frame, pitches: contacts are soft.
+Chosen."""
+MAX_TRIAL_BEND_RAD: Final = 0.02
+"""Maximum bend of a hinge of a chain that counts as straight, rad. Chosen."""
+FRAME_SPACING: Final = (0.05, 0.15)
+"""Rotation of a hinge, rad, and displacement of a module, pitches, after which a frame is recorded.
+Smaller values check more frames."""
+CORNER_RADIUS_PITCH: Final = 0.002
+"""Radius of the spheres at the corners of a module, pitches; only these touch the table."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """What came of a run.
+    """Result of a trial.
 
     Attributes:
-        straight: Whether it came to lie straight.
-        left: Sum of bends that are left, as a share of those that were.
-        bound: Of the guard at the end, in w·p.
-        frames: That were kept, from folded on.
-        seconds: Wall time.
+        straight: True if the chain ends straight.
+        left: Sum of the remaining bends as a fraction of their sum when folded.
+        bound: Torque bound at the end, w·p.
+        frames: Accepted frames, from folded on.
+        seconds: Wall time, s.
     """
 
     straight: bool
@@ -77,7 +94,7 @@ class Trial:
 
 
 def table_tetrahedra(reference_seconds: float) -> Section:
-    """The ring of twelve, two of 24, two of 48."""
+    """Try the ring of twelve, two chains of 24 tetrahedra and two of 48."""
     section = Section(name="table-tetrahedra")
     for name, chain in _chains():
         asked = table_certificate(chain, fold(chain).motion)
@@ -87,11 +104,14 @@ def table_tetrahedra(reference_seconds: float) -> Section:
             f"held at its root {held:.0f} w·p, best resting pose of each frame "
             + ("never balances" if asked.torque is None else f"{asked.torque:.1f} w·p"),
         )
-        tried = [_tried(section, name, chain, seed, reference_seconds) for seed in range(SEEDS)]
+        tried = [
+            _tried(section, name, chain, seed, reference_seconds) for seed in range(SEEDS_PER_CHAIN)
+        ]
         good = [torque for torque in tried if torque is not None]
         section.add(
-            f"{name}, {len(chain)}: straight within {MOST_TORQUE:g} w·p, {FRICTIONLESS}",
-            f"{len(good)} of {SEEDS}" + (f", the least {min(good):.1f} w·p" if good else ""),
+            f"{name}, {len(chain)}: straight within {MAX_TORQUE_WP:g} w·p, {FRICTIONLESS}",
+            f"{len(good)} of {SEEDS_PER_CHAIN}"
+            + (f", the least {min(good):.1f} w·p" if good else ""),
             "tried, told",
         )
     return section
@@ -114,7 +134,7 @@ def _chains() -> list[tuple[str, Chain]]:
 def _tried(
     section: Section, name: str, chain: Chain, seed: int, reference_seconds: float
 ) -> float | None:
-    """Torque in w·p of a run that is straight, rests and is clear; None of others."""
+    """Return the torque of a trial that is straight, stable and clear, w·p; else None."""
     trial = lie_down(chain, seed=seed)
     torque = None
     if trial.straight:
@@ -139,16 +159,16 @@ def _tried(
 
 
 def lie_down(chain: Chain, *, seed: int) -> Trial:
-    """A run: from the pose in which the folded chain rests with the least torque."""
+    """Run a trial, from the stable pose of the folded chain that needs the least torque."""
     return _Run(chain, seed).result()
 
 
-class _Run:
-    def __init__(self, chain: Chain, seed: int) -> None:
-        self.chain, self.draws = chain, np.random.default_rng(seed)
-        self.balance = Balance(chain)
+class _Tree:
+    """MuJoCo tree of a chain on the table, and its state."""
+
+    def __init__(self, chain: Chain) -> None:
         self.model: Any = compiled(_spec(chain))
-        self.model.opt.timestep = STEP
+        self.model.opt.timestep = TIME_STEP
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.data: Any = mujoco.MjData(self.model)
         joints = [self.model.joint(name) for name in chain.joint_names]
@@ -156,111 +176,180 @@ class _Run:
         self.rates_at = np.array([joint.dofadr[0] for joint in joints])
         self.root_at = int(self.model.joint("root").qposadr[0])
         self.bodies = np.array([self.model.body(f"module_{i}").id for i in range(len(chain))])
-        self.bound, self.refused, self.stuck = FIRST_BOUND, 0.0, 0
-        self.frames: list[Array] = []
-        self.place()
 
-    def place(self) -> None:
-        """Lays the folded chain down."""
+    @property
+    def angles(self) -> Array:
+        """(J,) hinge angles, rad."""
+        return self.data.qpos[self.angles_at]
+
+    @property
+    def positions(self) -> Array:
+        """(n, 3) positions of the modules, pitches."""
+        return self.data.xpos[self.bodies]
+
+    def poses(self) -> tuple[Array, Array]:
+        """Return positions and rotation matrices of the modules at the present angles."""
+        mujoco.mj_kinematics(self.model, self.data)
+        return self.positions, self.data.xmat[self.bodies].reshape(-1, 3, 3).copy()
+
+    def place(self, position: Array, wxyz: Array, angles: Array) -> None:
+        """Put the root at a pose and the hinges at angles."""
+        at, qpos = self.root_at, self.data.qpos
+        qpos[at : at + 3], qpos[at + 3 : at + 7] = position, wxyz
+        qpos[self.angles_at] = angles
+        mujoco.mj_forward(self.model, self.data)
+
+    def restore(self, qpos: Array) -> None:
+        """Return to a configuration, at rest."""
+        self.data.qpos[:], self.data.qvel[:] = qpos, 0.0
+        mujoco.mj_forward(self.model, self.data)
+
+    def step(self, torques: Array, forces: Array) -> None:
+        """Take one time step with torques of hinges and forces on modules; damp the root."""
+        self.data.qfrc_applied[self.rates_at] = torques
+        self.data.xfrc_applied[self.bodies, :3] = forces
+        mujoco.mj_step(self.model, self.data)
+        self.data.qvel[:6] *= 0.9  # the root is the first joint
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Drive:
+    """Forces that act during some steps.
+
+    Attributes:
+        springs: (J,) maximum torque of the spring of each hinge, w·p.
+        is_held: (J,) True for hinges that hold their angle instead.
+        held_rad: (J,) angles that these hold.
+        forces: (n, 3) forces on modules, module weights.
+        steps: Number of steps until the next draw.
+    """
+
+    springs: Array
+    is_held: NDArray[np.bool_]
+    held_rad: Array
+    forces: Array
+    steps: int
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, tree: _Tree, stalled: int) -> _Drive:
+        """Draw forces, stronger ones after more stalled frames; hold some hinges."""
+        hinges = len(tree.angles_at)
+        stronger = 1.0 + stalled / 150.0
+        springs = rng.uniform(0.3, 1.0, hinges) * min(
+            MAX_TORQUE_WP, SPRING_TORQUE_WP * rng.uniform(0.5, 2.0) * stronger
+        )
+        which, border = rng.integers(4), int(rng.integers(hinges))
+        is_held = np.zeros(hinges, dtype=bool)
+        if which == 0:
+            is_held[:border] = True
+        elif which == 1:
+            is_held[border:] = True
+        size = rng.choice([0.0, 1.0], p=[0.4, 0.6]) * rng.uniform(0.0, 0.25)
+        forces = rng.normal(size=(len(tree.bodies), 3)) * [1.0, 1.0, 0.5]
+        neighbours_alike = np.full(5, 0.4)
+        smooth = [np.convolve(axis, neighbours_alike, "same") for axis in forces.T]
+        return cls(
+            springs=springs,
+            is_held=is_held,
+            held_rad=tree.angles,
+            forces=(size * min(stronger, 4.0)) * np.column_stack(smooth),
+            steps=int(rng.integers(40, 200)),
+        )
+
+    def torques(self, angles: Array, bound: float) -> Array:
+        """Return the (J,) torques at hinge angles; those of held hinges are limited by a bound."""
+        torques = np.clip(-self.springs * angles / SATURATION_RAD, -self.springs, self.springs)
+        holding = np.clip(-20.0 * (angles - self.held_rad), -bound, bound)
+        return np.where(self.is_held, holding, torques)
+
+
+class _Run:
+    """One trial: drives the tree, and accepts or rejects its frames."""
+
+    def __init__(self, chain: Chain, seed: int) -> None:
+        self.chain, self.rng = chain, np.random.default_rng(seed)
+        self.balance, self.tree = Balance(chain), _Tree(chain)
+        self.rejections, self.stalled = 0.0, 0
+        self.frames: list[Array] = []
+        self.bound = self.place()
+        self.accept()
+        self.draw()
+
+    def place(self) -> float:
+        """Put the folded chain in its best stable pose; return the torque bound for it, w·p."""
         chain, folded = self.chain, self.chain.folded_poses
         poses = [
             resting.of(folded.positions, folded.rotations)
             for resting in resting_poses(chain.module, folded.positions, folded.rotations)
         ]
-        asked = [self.balance.solve(*pose, chain.folded_rad).torque for pose in poses]
-        positions, rotations = poses[int(np.argmin(asked))]
-        self.bound = max(FIRST_BOUND, 1.05 * min(asked))
-        at, qpos = self.root_at, self.data.qpos
-        qpos[at : at + 3] = positions[chain.root]
-        qpos[at + 3 : at + 7] = wxyz_from_matrix(rotations[chain.root])
-        qpos[self.angles_at] = chain.folded_rad
-        mujoco.mj_forward(self.model, self.data)
-        self.keep()
+        needed = [self.balance.solve(*pose, chain.folded_rad).torque for pose in poses]
+        positions, rotations = poses[int(np.argmin(needed))]
+        wxyz = wxyz_from_matrix(rotations[chain.root])
+        self.tree.place(positions[chain.root], wxyz, chain.folded_rad)
+        return max(FIRST_BOUND_WP, 1.05 * min(needed))
 
-    def keep(self) -> None:
-        """Takes the present configuration as a frame."""
-        self.saved = self.data.qpos.copy(), self.data.qvel.copy()
-        self.at = self.data.xpos[self.bodies].copy()
-        self.frames.append(self.saved[0])
+    def accept(self) -> None:
+        """Record the present configuration as a frame."""
+        self.frames.append(self.tree.data.qpos.copy())
+        self.positions = self.tree.positions
+
+    def reject(self, reason: str) -> None:
+        """Return to the last frame; raise the bound after enough rejections for torque."""
+        self.tree.restore(self.frames[-1])
+        self.rejections += 1.0
+        enough = self.rejections > REJECTIONS_PER_RAISE
+        if reason == "torque" and enough and self.bound < MAX_TORQUE_WP:
+            self.bound, self.rejections = min(BOUND_FACTOR * self.bound, MAX_TORQUE_WP), 0.0
+        self.draw()
 
     def draw(self) -> None:
-        """Springs and pushes, stronger the longer it has been stuck; some hinges are held."""
-        draws, hinges = self.draws, len(self.angles_at)
-        stronger = 1.0 + self.stuck / 150.0
-        self.springs = draws.uniform(0.3, 1.0, hinges) * min(
-            MOST_TORQUE, SPRING * draws.uniform(0.5, 2.0) * stronger
-        )
-        which, place = draws.integers(4), int(draws.integers(hinges))
-        self.held = np.zeros(hinges, dtype=bool)
-        if which == 0:
-            self.held[:place] = True
-        elif which == 1:
-            self.held[place:] = True
-        self.target = self.data.qpos[self.angles_at].copy()
-        size = draws.choice([0.0, 1.0], p=[0.4, 0.6]) * draws.uniform(0.0, 0.25)
-        pushes = draws.normal(size=(len(self.chain), 3)) * [1.0, 1.0, 0.5]
-        alike = np.full(5, 0.4)
-        self.pushes = (size * min(stronger, 4.0)) * np.column_stack(
-            [np.convolve(axis, alike, "same") for axis in pushes.T]
-        )
-        self.left = int(draws.integers(40, 200))
+        """Draw forces for the next steps."""
+        self.drive = _Drive.drawn(self.rng, self.tree, self.stalled)
+        self.steps_left = self.drive.steps
 
     def step(self) -> bool:
-        """A step; whether it is time for a frame."""
-        data = self.data
-        angles = data.qpos[self.angles_at]
-        torques = np.clip(-self.springs * angles / SPRING_RAD, -self.springs, self.springs)
-        holding = np.clip(-20.0 * (angles - self.target), -self.bound, self.bound)
-        data.qfrc_applied[self.rates_at] = np.where(self.held, holding, torques)
-        data.xfrc_applied[self.bodies, :3] = self.pushes
-        mujoco.mj_step(self.model, data)
-        data.qvel[:6] *= 0.9  # the root is the first joint
-        self.left -= 1
-        turned = np.abs(data.qpos[self.angles_at] - self.saved[0][self.angles_at]).max()
-        moved = np.linalg.norm(data.xpos[self.bodies] - self.at, axis=1).max()
-        return self.left <= 0 or turned > SPACING[0] or moved > SPACING[1]
+        """Take a step; return True if a frame is due."""
+        tree = self.tree
+        tree.step(self.drive.torques(tree.angles, self.bound), self.drive.forces)
+        self.steps_left -= 1
+        turned = np.abs(tree.angles - self.frames[-1][tree.angles_at]).max()
+        moved = np.linalg.norm(tree.positions - self.positions, axis=1).max()
+        return self.steps_left <= 0 or turned > FRAME_SPACING[0] or moved > FRAME_SPACING[1]
 
     def fault(self) -> str:
-        """What is wrong with the present configuration; empty where nothing is."""
-        data, module = self.data, self.chain.module
-        mujoco.mj_kinematics(self.model, data)
-        positions = data.xpos[self.bodies].copy()
-        rotations = data.xmat[self.bodies].reshape(-1, 3, 3).copy()
-        if floor_clearances(module, positions, rotations) < -MAX_TABLE_PENETRATION_PITCH:
+        """Return the reason to reject the present configuration; empty if there is none."""
+        module = self.chain.module
+        positions, rotations = self.tree.poses()
+        if floor_clearances(module, positions, rotations) < -MAX_TRIAL_PENETRATION_PITCH:
             return "sunk"
         if closest(module, positions, rotations, size=VERIFY_SIZE).clearance < 0.0:
             return "touching"
-        angles = data.qpos[self.angles_at]
-        return "" if self.balance.within(self.bound, positions, rotations, angles) else "torque"
-
-    def refuse(self, fault: str) -> None:
-        """Takes the last steps back."""
-        self.data.qpos[:], self.data.qvel[:] = self.saved[0], 0.0
-        mujoco.mj_forward(self.model, self.data)
-        self.refused += 1.0
-        if fault == "torque" and self.refused > REFUSALS and self.bound < MOST_TORQUE:
-            self.bound, self.refused = min(RAISED_BY * self.bound, MOST_TORQUE), 0.0
-        self.draw()
+        within = self.balance.within(self.bound, positions, rotations, self.tree.angles)
+        return "" if within else "torque"
 
     def result(self) -> Trial:
-        """Runs to the end."""
+        """Run the trial to its end."""
         begun = time.perf_counter()
         folded = float(np.abs(self.chain.folded_rad).sum())
         least, straight = folded, False
-        self.draw()
-        while not straight and self.stuck <= PATIENCE and self.refused <= 5 * REFUSALS:
+        max_rejections = 5 * REJECTIONS_PER_RAISE
+        while (
+            not straight
+            and self.stalled <= MAX_STALLED_FRAMES
+            and self.rejections <= max_rejections
+        ):
             if not self.step():
                 continue
             if fault := self.fault():
-                self.refuse(fault)
+                self.reject(fault)
                 continue
-            self.refused = max(0.0, self.refused - 0.2)
-            self.keep()
-            bends = np.abs(self.data.qpos[self.angles_at])
-            straight = bool(bends.max() < STRAIGHT_RAD)
+            self.rejections = max(0.0, self.rejections - 0.2)
+            self.accept()
+            bends = np.abs(self.tree.angles)
+            straight = bool(bends.max() < MAX_TRIAL_BEND_RAD)
             better = bends.sum() < max(least - 0.2, 0.95 * least)
-            least, self.stuck = (bends.sum(), 0) if better else (least, self.stuck + 1)
-            if self.left <= 0:
+            least, self.stalled = (bends.sum(), 0) if better else (least, self.stalled + 1)
+            if self.steps_left <= 0:
                 self.draw()
         return Trial(
             straight=straight,
@@ -271,12 +360,12 @@ class _Run:
         )
 
     def motion(self) -> Motion:
-        """All frames that were kept."""
-        qpos, at = np.array(self.frames), self.root_at
+        """Return all accepted frames."""
+        qpos, at = np.array(self.frames), self.tree.root_at
         return Motion.from_frames(
             phase="explosion",
             time_s=np.arange(len(qpos), dtype=np.float64),
-            joint_angles_rad=qpos[:, self.angles_at],
+            joint_angles_rad=qpos[:, self.tree.angles_at],
             root_position=qpos[:, at : at + 3],
             root_wxyz=qpos[:, at + 3 : at + 7],
         )
@@ -292,7 +381,7 @@ def _spec(chain: Chain) -> Any:
         for corner in chain.module.vertices:
             body.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_SPHERE,
-                size=[TIP, 0.0, 0.0],
+                size=[CORNER_RADIUS_PITCH, 0.0, 0.0],
                 pos=corner.tolist(),
                 mass=0.0,
                 condim=1,
@@ -305,7 +394,7 @@ def _spec(chain: Chain) -> Any:
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0.0, 0.0, 1.0],
-        pos=[0.0, 0.0, -TIP],
+        pos=[0.0, 0.0, -CORNER_RADIUS_PITCH],
         condim=1,
         contype=0,
         conaffinity=2,

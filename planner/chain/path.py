@@ -20,7 +20,10 @@ DEFAULT_PITCH_M: Final = 0.01
 """Distance between neighbouring modules, in m, for files that state none: one centimetre, as in the
 published method."""
 MIN_PITCH_M: Final = 1e-6
+"""Smallest pitch of a path, m. A smaller one is refused: it most likely has another unit.
+Chosen."""
 MAX_PITCH_M: Final = 1000.0
+"""Largest pitch of a path, m. A larger one is refused: it most likely has another unit. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

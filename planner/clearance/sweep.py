@@ -144,7 +144,7 @@ def rest_motions(chain: Chain) -> tuple[Motion, Motion]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Query:
-    """What a sweep computes.
+    """Parameters of a sweep.
 
     Attributes:
         size: Module size as a fraction of the pitch.

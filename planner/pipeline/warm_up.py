@@ -172,6 +172,8 @@ def main() -> None:
     if part == "motions":
         with Compiling(lock=CompilingLock(_locks_in(directory) / FIRST_LOCK), joined=True):
             warm_up_motions(warm_up_chains())
+    elif part == "paths":
+        warm_up_paths()
     else:
         os.nice(BACKGROUND_NICENESS)
         warm_up(directory=directory)

@@ -18,6 +18,7 @@ from planner.pipeline.request import PreviewRequest
 from server.errors import ServiceError, TooMany, TooSlow, Unavailable, Unusable
 from server.files.uploads import Upload
 from server.limits.disk_space import check_space
+from server.limits.quota import BUSY_RETRY_S
 from server.processes.children import ChildError, Reader
 from server.settings import Settings
 from server.store.folds import new_id
@@ -147,7 +148,7 @@ class PreviewReports:
             return known
         try:
             self._compute("offers", place, asker)
-        except TooSlow:
+        except (TooSlow, Unavailable):
             if not (place / OFFERS_FILE).is_file():
                 raise
         found = json_of(place / OFFERS_FILE)
@@ -187,9 +188,9 @@ def _problem(error: ChildError, seconds: float) -> ServiceError:
     if error.code == "time-limit":
         return TooSlow(
             "preview-too-slow",
-            f"no path was found within {seconds:g} s, the time limit of a preview; use fewer "
-            "modules, or the method 'blocks'.",
+            f"the preview took more than {seconds:g} s, its time limit; use fewer modules, or the "
+            "method 'blocks'.",
         )
-    if error.code == "no-start":
-        return Unavailable(error.code, error.detail)
+    if error.temporary:
+        return Unavailable(error.code, error.detail, retry_after_s=BUSY_RETRY_S)
     return Unusable("unreadable", f"reading the file failed: {error.detail}")

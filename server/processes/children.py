@@ -47,6 +47,14 @@ start. Chosen."""
 CHILD_EXIT_S: Final = 1.0
 """Time that a computing process may take to exit after it has closed its output, in s; then it is
 killed. A larger value reports a crash later. Chosen."""
+BUSY_FACTOR: Final = 6.0
+"""Maximum wall time of a short task, such as a preview, as a multiple of its time limit, where the
+machine is too busy to give it that much processor time. With a smaller value shapes are refused
+because of the work of others; with a larger one clients wait longer for an answer. Chosen."""
+NO_START: Final = "no-start"
+"""Error code if no computing process could be started."""
+BUSY: Final = "busy"
+"""Error code if a task ended at its time limit because the machine was too busy."""
 MAX_CALLS_PER_CHILD: Final = 200
 """Number of tasks after which a computing process is replaced by a new one, since its limit of
 processor time applies to its whole life. A smaller value starts processes more often; with a larger
@@ -86,12 +94,14 @@ class ChildError(Exception):
     Attributes:
         code: Short stable word for programs.
         detail: Description and remedy.
+        temporary: True if the input is not the cause, and another attempt may succeed.
     """
 
     def __init__(self, code: str, detail: str) -> None:
         super().__init__(detail)
         self.code = code
         self.detail = detail
+        self.temporary = code in (NO_START, BUSY)
 
 
 class _Spawned(subprocess.Popen[bytes]):
@@ -170,6 +180,7 @@ class Child:
         directory: Path,
         *,
         wall_s: float,
+        busy_factor: float = 1.0,
         on_progress: Callable[[dict[str, Any]], None] | None = None,
         cancelled: Callable[[], bool] | None = None,
     ) -> dict[str, Any]:
@@ -179,6 +190,8 @@ class Child:
             task: A stage of the planner, or ``check``.
             directory: The fold's directory.
             wall_s: Limit of wall time, s.
+            busy_factor: Multiple of ``wall_s`` that the task may take for as long as it has used
+                less processor time than ``wall_s``.
             on_progress: Told every progress event.
             cancelled: Asked often; once True, the child is asked to stop, then made to.
 
@@ -190,7 +203,7 @@ class Child:
             return {"status": "cancelled", "reason": "cancelled"}
         self.calls += 1
         self._send({"task": task, "directory": str(directory)})
-        deadline = time.monotonic() + wall_s
+        begun, begun_cpu_s = time.monotonic(), self._cpu_s()
         stop_at: float | None = None
         while True:
             self._check_memory()
@@ -207,13 +220,11 @@ class Child:
                         raise InputError(event["code"], event["detail"], where=event["where"])
                     case _:
                         raise ChildError(event["code"], event["detail"])
-            if now > deadline:
-                self.kill()
-                raise ChildError(
-                    "time-limit",
-                    f"the stage '{task}' took longer than {wall_s:g} s, its limit; try a "
-                    "smaller shape.",
-                )
+            if now > begun + wall_s:
+                slowed = self._cpu_s() - begun_cpu_s < wall_s and busy_factor > 1.0
+                if not slowed or now > begun + busy_factor * wall_s:
+                    self.kill()
+                    raise _too_slow(task, wall_s, slowed=slowed)
             if stop_at is None:
                 if cancelled is not None and cancelled():
                     self._send({"cancel": True})
@@ -263,7 +274,7 @@ class Child:
             ):
                 detail = "took too long" if event is None else str(event["detail"])
                 self.kill()
-                raise ChildError("no-start", f"a computing process did not start: {detail}")
+                raise ChildError(NO_START, f"a computing process did not start: {detail}")
             elif cancelled is not None and cancelled():
                 return False
         return True
@@ -335,6 +346,15 @@ class Child:
         return ChildError(CRASHED, f"the computing process ended with exit code {code}.")
 
 
+def _too_slow(task: str, wall_s: float, *, slowed: bool) -> ChildError:
+    if slowed:
+        return ChildError(BUSY, "the machine is too busy; try again in a minute.")
+    return ChildError(
+        "time-limit",
+        f"the stage '{task}' took longer than {wall_s:g} s, its limit; try a smaller shape.",
+    )
+
+
 def _event(line: bytes) -> dict[str, Any] | None:
     """Return the event in a line; None where it is none, as of a child that was taken over."""
     try:
@@ -370,7 +390,7 @@ class Children:
         """
         with self._lock:
             if self._closed:
-                raise ChildError("no-start", "the service is stopping.")
+                raise ChildError(NO_START, "the service is stopping.")
             child = Child(self._kind, self._limits, fork_server=self._fork_server)
             self._all.add(child)
             return child
@@ -429,7 +449,13 @@ class Pool:
         for left in reversed(range(MAX_LOST_ATTEMPTS)):
             child = self._take()
             try:
-                result = child.call(task, directory, wall_s=self._wall_s, cancelled=cancelled)
+                result = child.call(
+                    task,
+                    directory,
+                    wall_s=self._wall_s,
+                    busy_factor=BUSY_FACTOR,
+                    cancelled=cancelled,
+                )
             except InputError:
                 self._keep(child)
                 raise
@@ -490,7 +516,7 @@ class Reader:
         try:
             return self.call("check", directory, visitor=visitor)
         except ChildError as error:
-            if error.code == "no-start":
+            if error.temporary:
                 raise
             raise InputError("unreadable", f"reading the file failed: {error.detail}") from None
 

@@ -12,19 +12,21 @@ import os
 import select
 import signal
 import socket
+import subprocess
 import sys
 import threading
 import traceback
 from collections import deque
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final, NoReturn
 
 from planner.pipeline.compiling import Compiling, beside
-from planner.progress import Progress
+from planner.progress import Progress, silent
 from server.processes.child import Task, serve, task_of
 from server.processes.confined import end_threads, load_kernels
 
@@ -35,6 +37,8 @@ Chosen."""
 MAX_PIPES: Final = 64
 """Maximum number of file descriptors that the fork server, which starts computing processes,
 receives at once: the pipes of new processes. With a smaller value some could be lost. Chosen."""
+PREPARER: Final = "preparer"
+"""Kind of the children that prepare previews."""
 
 
 class _Requests:
@@ -92,12 +96,29 @@ def _wake(number: int, frame: FrameType | None) -> None:
     """A child has ended: a byte in a pipe says so, where there is a handler at all."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Late:
+    """Kind of children that cannot be forked before another process has compiled its kernels.
+
+    Attributes:
+        kind: The kind.
+        compiling: The process.
+        load: Loads what it has compiled.
+    """
+
+    kind: str
+    compiling: subprocess.Popen[bytes]
+    load: Callable[[], Task]
+
+
 class _Forks:
     """Forked children, and how they end."""
 
-    def __init__(self, requests: _Requests, tasks: Mapping[str, Task]) -> None:
+    def __init__(self, requests: _Requests, tasks: dict[str, Task], late: _Late | None) -> None:
         self._requests = requests
         self._tasks = tasks
+        self._late = late
+        self._waiting: list[Callable[[], None]] = []
         self._woken, self._wakes = os.pipe()
         for end in (self._woken, self._wakes):
             os.set_blocking(end, False)
@@ -107,12 +128,14 @@ class _Forks:
 
     def serve(self, control: socket.socket) -> None:
         """Answer requests until the parent is gone."""
+        self._load_late()
         while True:
             ready, _, _ = select.select([control, self._woken], [], [])
             if self._woken in ready:
                 with suppress(BlockingIOError):
                     os.read(self._woken, MAX_REQUEST_BYTES)
                 self._reap()
+                self._load_late()
             if control in ready:
                 for asked in self._requests.receive():
                     self._do(asked)
@@ -120,7 +143,11 @@ class _Forks:
     def _do(self, asked: dict[str, Any]) -> None:
         match asked:
             case {"fork": number, "kind": kind, "limits": limits}:
-                self._fork(number, kind, limits)
+                fork = partial(self._fork, number, kind, limits, self._requests.pipes())
+                if self._late is not None and self._late.kind == kind:
+                    self._waiting.append(fork)
+                else:
+                    fork()
             case {"kill": pid}:
                 if pid in self._running:
                     # It makes a group of its own first of all; before that it is in this one.
@@ -129,8 +156,8 @@ class _Forks:
             case _:
                 raise ValueError(f"got {asked!r}, expected to fork or to kill")
 
-    def _fork(self, number: int, kind: str, limits: dict[str, Any]) -> None:
-        stdin, stdout = self._requests.pipes()
+    def _fork(self, number: int, kind: str, limits: dict[str, Any], pipes: tuple[int, int]) -> None:
+        stdin, stdout = pipes
         pid = os.fork()
         if not pid:
             try:
@@ -165,6 +192,16 @@ class _Forks:
                 self._running.discard(pid)
                 self._requests.answer(ended=pid, code=os.waitstatus_to_exitcode(status))
 
+    def _load_late(self) -> None:
+        """Load what another process has compiled, if it has ended; fork what waits for that."""
+        if self._late is None or self._late.compiling.poll() is None:
+            return
+        self._tasks[self._late.kind] = self._late.load()
+        self._late = None
+        _prepare_to_fork()
+        for fork in self._waiting:
+            fork()
+
 
 @contextmanager
 def _ending_with(parent: socket.socket) -> Generator[None]:
@@ -194,11 +231,12 @@ def _ending_with(parent: socket.socket) -> Generator[None]:
 
 def _tasks(
     kinds: Sequence[str], requests: _Requests, *, warm: bool, directory: Path | None
-) -> dict[str, Task]:
+) -> tuple[dict[str, Task], _Late | None]:
     """Return the task of each kind; with all that it takes compiled and loaded where it is warm.
 
-    Where the first of them has to compile something, nobody shall wait for what the others need: it
-    is compiled beside, and a child loads it from the cache.
+    Where the first of them has to compile something, nobody shall wait for what the others need:
+    other processes compile that. Children that prepare previews wait for it, since a confined
+    process could not store the kernels that it compiles; the others load it from the cache.
     """
     tasks = dict[str, Task]()
     with Compiling() as compiling:
@@ -209,13 +247,27 @@ def _tasks(
                 progress=requests.progress,
                 directory=directory,
             )
+    late = None
     if warm and len(tasks) > 1 and compiling.told:
+        if PREPARER in tasks:
+            load = partial(task_of, PREPARER, warm=True, progress=silent, directory=directory)
+            late = _Late(kind=PREPARER, compiling=beside("paths", directory), load=load)
         beside("all", directory)
     if "stages" in tasks and not warm:  # else each fold would load its kernels, for 1.5 s
         from planner.pipeline.warm_up import warm_up_folding
 
         warm_up_folding(requests.progress, directory=directory)
-    return tasks
+    return tasks, late
+
+
+def _prepare_to_fork() -> None:
+    """End the threads of libraries, and have children share all objects that exist.
+
+    A child copies what its garbage collector looks through, although it never changes it.
+    """
+    end_threads()
+    gc.collect()
+    gc.freeze()
 
 
 def main() -> None:
@@ -226,16 +278,14 @@ def main() -> None:
     try:
         with _ending_with(control):
             directory = asked["directory"] and Path(asked["directory"])
-            tasks = _tasks(asked["kinds"], requests, warm=asked["warm"], directory=directory)
+            tasks, late = _tasks(asked["kinds"], requests, warm=asked["warm"], directory=directory)
             load_kernels()
-        end_threads()
+        _prepare_to_fork()
     except Exception as error:
         traceback.print_exc()
         requests.refuse(repr(error))
-    gc.collect()
-    gc.freeze()  # so that a child does not copy what it looks through and never changes
     requests.answer(ready=True)
-    _Forks(requests, tasks).serve(control)
+    _Forks(requests, tasks, late).serve(control)
 
 
 if __name__ == "__main__":

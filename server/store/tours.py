@@ -1,4 +1,4 @@
-"""What owners have stored with their folds: tours, and numbers for modules."""
+"""Tours and numbers of modules that owners have stored with their folds."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from bench.reproduction.__main__ import DOCUMENT, PAPER
-from bench.reproduction.different import CHOSEN, different_shapes, measured
+from bench.reproduction.different import CHOSEN_SHAPES, different_shapes, measured
 from bench.reproduction.document import document
 from bench.reproduction.experiments import STATEMENTS, Experiment, experiments
 from bench.reproduction.reproduce import reproduce, tell
@@ -133,7 +133,7 @@ def test_chosen_shapes_differ() -> None:
     away = np.linalg.norm(scaled[:, None] - scaled[None], axis=-1)
     np.fill_diagonal(away, np.inf)
     chosen = [names.index(name) for name in different_shapes()]
-    assert len(set(chosen)) == CHOSEN
+    assert len(set(chosen)) == CHOSEN_SHAPES
     assert away[np.ix_(chosen, chosen)].min() > np.median(away.min(axis=0))
 
 

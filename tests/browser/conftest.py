@@ -294,7 +294,7 @@ AT_REST = """async () => {
   const { stage, sketch } = player.standIn;
   // Where 3D graphics are slow a drawing stands in for as long as anything moves.
   const standing = () => document.querySelector(".standing-in");
-  const moving = () => player.busy || player.due || sketch.waiting || standing();
+  const moving = () => player.busy || player.ticker.due || sketch.waiting || standing();
   const soon = () => new Promise((done) => setTimeout(done, 50));
   do {
     while (moving()) await soon();

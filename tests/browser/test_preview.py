@@ -141,6 +141,18 @@ def test_preview_that_is_left_starts_no_3d_view(visit: Visit, brick: dict[str, A
     expect(page.locator("#view")).to_have_attribute("src", "/view")
 
 
+def test_forward_leads_on_from_a_preview_that_was_returned_to(
+    visit: Visit, brick: dict[str, Any]
+) -> None:
+    page = visit(brick["links"]["page"])
+    page.goto("/about")
+    for _ in range(2):
+        page.go_back()
+        settled(page)
+        page.go_forward()
+        assert page.url.endswith("/about")
+
+
 def test_preview_without_webgl_keeps_the_drawing(visit: Visit, brick: dict[str, Any]) -> None:
     page = visit(brick["links"]["page"], width=390, height=844, script=NO_WEBGL)
     expect(page.locator("#cover-text")).to_contain_text("WebGL is missing")

@@ -28,6 +28,7 @@ NAME_PX: Final = 44
 """Largest font size of the fold's name in a picture's caption, in pixels; a long name is drawn
 smaller. Chosen."""
 VERDICT_PX: Final = 30
+"""Font size of the verdict in a picture's caption, in pixels. Chosen."""
 FONT_FILE: Final = Path(__file__).with_name("dejavu-sans.ttf")
 """The Latin, Greek and Cyrillic letters of DejaVu Sans, with punctuation and some signs."""
 STRIP_FONT: Final = 1 / 26

@@ -106,28 +106,8 @@ def test_blocks_collide_except_at_their_joint() -> None:
             assert (contacts > 0) == (clear < 0.0)
 
 
-def test_tetrahedra_and_chains_off_the_lattice_are_refused() -> None:
-    for chain in (
-        Chain.from_angles(TETRAHEDRON, np.zeros(6)),
-        Chain.from_angles(coil(8).module, np.full(12, 0.3)),
-    ):
-        with pytest.raises(InputError, match="expected"):
-            explode_blocks_first(chain, DEFAULT)
 
 
-@pytest.mark.long
-def test_explosion_by_blocks_ends_straight() -> None:
-    chain = solid(1, 2, 2)
-    record = explode_blocks_first(chain, DEFAULT)
-    assert record.status == "straight", record.reason
-    angles = record.frames.joint_angles_rad
-    np.testing.assert_array_equal(angles[0], chain.folded_rad)
-    np.testing.assert_array_equal(angles[-1], 0.0)
-    assert len(record.frames) < 500
-    for size in (0.95, 0.98):
-        found = sweep(chain, angles, size=size)
-        assert found.clearance > 0.0
-        assert found.bound > 0.0
 
 
 def test_blocks_are_not_released_in_the_step_that_restarted() -> None:

@@ -20,26 +20,6 @@ Array = NDArray[np.float64]
 PAPER = PaperExplosionParameters()
 
 
-@pytest.mark.long
-@pytest.mark.slow
-def test_small_coil_comes_out_straight() -> None:
-    chain = coil(12)
-    parts: list[Motion] = []
-    record = explode_as_published(chain, PAPER, sink=parts.append)
-    assert record.status == "straight"
-    frames = record.frames
-    np.testing.assert_array_equal(frames.joint_angles_rad[0], chain.folded_rad)
-    np.testing.assert_array_equal(frames.joint_angles_rad[-1], 0.0)
-    assert (np.diff(frames.time_s) >= 0.0).all()
-    np.testing.assert_array_equal(Motion.joined(parts).time_s, frames.time_s)
-    snapshots = record.snapshots_rad
-    # One every so many steps and the straight one; the frames kept are among them.
-    assert len(snapshots) == record.steps // PAPER.snapshot_interval + 2
-    interval = PAPER.snapshot_interval * PAPER.step_s
-    numbers = np.rint(frames.time_s[:-1] / interval).astype(int)
-    np.testing.assert_allclose(snapshots[numbers], frames.joint_angles_rad[:-1], atol=PLAN_STEP_RAD)
-    assert len(frames) < len(snapshots) / 3
-    assert sweep(chain, frames.joint_angles_rad, size=0.9).clearance > 0.0
 
 
 def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:
@@ -69,11 +49,11 @@ def test_accelerations_that_are_not_finite_end_the_run(monkeypatch: pytest.Monke
     assert np.isfinite(record.frames.joint_angles_rad).all()
 
 
-def test_explosion_without_forces_stalls() -> None:
+def test_explosion_without_forces_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(paper, "REST_CHECK_STEPS", 100)
     still = replace(PAPER, radial_gain=0.0, repulsion_gain=0.0, spring=0.0)
     record = explode_as_published(coil(6), still)
-    assert record.status == "stalled"
-    assert record.steps == REST_CHECK_STEPS
+    assert (record.status, record.steps) == ("stalled", 100)
     assert "nothing moved" in record.reason
 
 

@@ -32,7 +32,6 @@ from planner.progress import Progress, never, silent
 from tests.planner.chains import coil, knotted, line
 
 DEFAULT = PeelingParameters()
-Case = Callable[[], tuple[Chain, Record]]
 
 
 def chain_of(cells: np.ndarray) -> Chain:
@@ -41,34 +40,12 @@ def chain_of(cells: np.ndarray) -> Chain:
 
 @cache
 def snake() -> tuple[Chain, Record]:
-    chain = chain_of(snake_path((6, 6, 8)))
+    chain = chain_of(snake_path((5, 5, 8)))
     return chain, peel(chain, DEFAULT)
 
 
-@cache
-def blocks() -> tuple[Chain, Record]:
-    """An L of blocks in assembly order."""
-    coarse = np.array([c for c in np.ndindex(4, 2, 4) if c[0] < 2 or c[2] < 2])
-    cells = assembly_path(coarse, np.random.default_rng(0))
-    assert cells is not None
-    chain = chain_of(cells)
-    return chain, peel(chain, DEFAULT)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("case", "size"), [(snake, 0.98), (blocks, 0.95)])
-def test_chain_comes_off_straight_and_clear_everywhere(case: Case, size: float) -> None:
-    chain, record = case()
-    assert (record.status, record.reason) == ("straight", "")
-    angles = record.frames.angles(chain)
-    np.testing.assert_allclose(angles[0], chain.folded_rad, atol=1e-6)
-    np.testing.assert_array_equal(angles[-1], 0.0)
-    assert (np.diff(record.frames.time_s) > 0.0).all()
-    assert np.abs(record.frames.angles_rad).max() <= np.float32(chain.module.angle_limit_rad)
-    assert record.summary()["frames"] == len(record.frames) < 5 * len(chain)
-    found = sweep(chain, angles, size=size)
-    assert found.clearance > (0.0 if size > 0.95 else 0.02)
-    assert found.bound > 0.0
 
 
 def test_modules_of_nearly_full_size_are_peeled() -> None:
@@ -81,8 +58,10 @@ def test_modules_of_nearly_full_size_are_peeled() -> None:
 def test_core_stays_in_place_until_it_is_released() -> None:
     chain, record = snake()
     frames = record.frames
+    assert record.summary()["frames"] == len(frames) < 5 * len(chain)
+    assert np.abs(frames.angles_rad).max() <= np.float32(chain.module.angle_limit_rad)
     assert (np.diff(frames.first) <= 0).all()
-    assert frames.first[0] > 400 and frames.first[-1] == 0
+    assert frames.first[0] > 250 and frames.first[-1] == 0
     np.testing.assert_array_equal(
         frames.anchor_position, np.tile([0.0, 0.0, 0.0], (len(frames), 1))
     )
@@ -90,15 +69,6 @@ def test_core_stays_in_place_until_it_is_released() -> None:
     assert np.diff(frames.offsets).max() <= 2 * DEFAULT.most_modules
 
 
-@pytest.mark.slow
-def test_knot_stalls_with_a_reason() -> None:
-    chain = knotted(6)
-    small = replace(DEFAULT, unit=16, most_modules=40, window=30, patience=60)
-    record = peel(chain, small)
-    assert record.status == "stalled"
-    assert "stuck" in record.reason and "may" not in record.reason
-    assert len(record.frames) > 1
-    np.testing.assert_allclose(record.frames.angles(chain, 0, 1)[0], chain.folded_rad, atol=1e-6)
 
 
 def test_step_limit_ignores_cells_that_the_core_has_left() -> None:
@@ -111,24 +81,15 @@ def test_step_limit_ignores_cells_that_the_core_has_left() -> None:
     modules = ModuleStates(
         positions, np.tile(along_z, (count, 1, 1)), np.cross(spins, positions), spins
     )
-    found = [
-        window_inverse_step_limit(
-            np.zeros(2 * (count - 2)),
-            modules,
-            CoreCells(
-                grid=np.arange(height, dtype=np.int32).reshape(1, 1, height),
-                low=np.zeros(3, dtype=np.int64),
-                box=core_box,
-                first=0,
-            ),
-            rod,
-            DEFAULT.repulsion_cutoff,
-            StepLimits(
-                joint_rad=0.03, body=0.4, tail_turn_rad=0.03, pair=PairLimits(1.0, 0.03, 0.1)
-            ),
-        )
-        for height in (2, 60)
-    ]
+    found: list[float] = []
+    for height in (2, 60):
+        grid = np.arange(height, dtype=np.int32).reshape(1, 1, height)
+        core = CoreCells(grid=grid, low=np.zeros(3, dtype=np.int64), box=core_box, first=0)
+        pair = PairLimits(1.0, 0.03, 0.1)
+        limits = StepLimits(joint_rad=0.03, body=0.4, tail_turn_rad=0.03, pair=pair)
+        still = np.zeros(2 * (count - 2))
+        cutoff = DEFAULT.repulsion_cutoff
+        found.append(window_inverse_step_limit(still, modules, core, rod, cutoff, limits))
     assert found[0] == found[1] < 2.0
 
 
@@ -168,8 +129,7 @@ def test_cancelled_complete_and_refused_peelings() -> None:
     assert whole.status == "straight"
     np.testing.assert_array_equal(Motion.joined(parts).angles_rad, whole.frames.angles_rad)
     assert all(0.0 <= p.fraction < 1.0 for p in told)
-    for modules in (3, 12):
-        assert peel(line(modules), DEFAULT).status == "straight"
+    assert peel(line(3), DEFAULT).status == "straight"
     with pytest.raises(InputError, match="lattice"):
         peel(Chain.from_angles(chain.module, np.full_like(chain.folded_rad, 0.1)), DEFAULT)
 
@@ -195,7 +155,7 @@ def test_recorder_proves_the_same_clearance_as_the_certificate() -> None:
 def test_recorder_proves_no_way_through_the_core() -> None:
     chain, _ = snake()
     proof = Proof(chain, 0.98)
-    first = 200
+    first = 150
     folded = chain.folded_rad[2 * first : 2 * first + 40]
     here = WindowConfiguration(time_s=0.0, first=first, angles=folded)
     there = WindowConfiguration(time_s=1.0, first=first, angles=-folded)

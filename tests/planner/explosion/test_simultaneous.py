@@ -40,42 +40,8 @@ def make_step(run: Simultaneous) -> None:
     step(run)
 
 
-@pytest.mark.parametrize("shape", REAL)
-def test_real_shapes_come_out_straight_without_collisions(
-    shape: str, folded: Callable[..., Any]
-) -> None:
-    chain, record = folded(shape).chain, folded(shape).record
-    frames = record.frames
-    assert (record.status, record.reason) == ("straight", "")
-    np.testing.assert_array_equal(frames.joint_angles_rad[0], chain.folded_rad)
-    np.testing.assert_array_equal(frames.joint_angles_rad[-1], 0.0)
-    assert set(frames.phase.tolist()) == {0}
-    assert (np.diff(frames.time_s) > 0.0).all()
-    np.testing.assert_allclose(np.linalg.norm(frames.root_wxyz, axis=1), 1.0, atol=1e-12)
-    places = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz).positions
-    np.testing.assert_allclose(places[0], chain.folded_poses.positions, atol=1e-12)
-    # A single step may be more than a snapshot's distance; its own cap holds for the time step
-    # that was, which may have grown by 3 % since.
-    turned = np.abs(np.diff(frames.joint_angles_rad, axis=0)).max()
-    assert turned <= 1.03 * max(DEFAULT.snapshot_rad, DEFAULT.joint_cap_rad)
-    moved = np.linalg.norm(np.diff(places, axis=0), axis=2).max()
-    assert moved <= 1.03 * max(DEFAULT.snapshot_distance, DEFAULT.body_cap)
-    # All forces are inner ones: radial forces sum to zero, repulsion is mutual, so are contacts.
-    centres = places.mean(axis=1)
-    assert np.linalg.norm(centres - centres[0], axis=1).max() < 0.02 * len(chain)
-    found = sweep(chain, frames.joint_angles_rad, size=0.95)
-    assert found.clearance > 0.0
-    assert found.bound > 0.0
 
 
-@pytest.mark.slow
-def test_tetrahedra_come_apart_at_nearly_full_size() -> None:
-    chain = read((SHAPES / "tetra-letter-f.json").read_bytes())
-    assert isinstance(chain, Chain)
-    record = explode(chain, replace(DEFAULT, verify_size=0.99))
-    assert record.status == "straight"
-    assert not record.frames.is_windowed
-    assert sweep(chain, record.frames.joint_angles_rad, size=0.99).clearance > 0.0
 
 
 def test_forces_add_no_momentum(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -137,12 +103,11 @@ def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:
     record = explode(chain, DEFAULT, cancelled=cancelled)
     assert (record.status, record.steps) == ("cancelled", 75)
     assert len(record.frames) > 1
-    for most in (0, 30):
-        found = explode(chain, replace(DEFAULT, max_steps=most))
-        assert (found.status, found.steps) == ("timeout", most)
-        assert f"after {most} steps" in found.reason
-        for frames in (record.frames, found.frames):
-            np.testing.assert_array_equal(frames.joint_angles_rad[0], chain.folded_rad)
+    found = explode(chain, replace(DEFAULT, max_steps=30))
+    assert (found.status, found.steps) == ("timeout", 30)
+    assert "after 30 steps" in found.reason
+    for frames in (record.frames, found.frames):
+        np.testing.assert_array_equal(frames.joint_angles_rad[0], chain.folded_rad)
 
 
 def watch_accelerations(

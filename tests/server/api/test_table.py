@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from server.processes import children
 from tests.server.service import Service
 from web.timeline.columns import decode
 
@@ -172,16 +173,17 @@ def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(desk: Serv
 
 
 def test_search_for_offers_ends_with_its_client_and_with_its_time(
-    here_with: Callable[..., Service],
+    here_with: Callable[..., Service], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    service = here_with(preview_seconds=3.0).start()
+    monkeypatch.setattr(children, "BUSY_FACTOR", 2.0)
+    service = here_with(preview_seconds=1.5).start()
     for timeout in (60.0, 0.5):
         _, same = slab_without_a_path(service)
         (busy,) = service.children("preparer")
         busy.suspend()  # as one whose search goes on for ever
         if timeout > 3.0:
             late = service.http.post("/api/shapes/offers", data=same)
-            assert (late.status_code, late.json()["code"]) == (504, "preview-too-slow")
+            assert (late.status_code, late.json()["code"]) == (503, "busy")
         else:
             with pytest.raises(httpx.ReadTimeout):
                 service.http.post("/api/shapes/offers", data=same, timeout=timeout)

@@ -18,9 +18,14 @@ import pytest
 from planner.progress import COMPILING
 from server.processes import children
 from server.processes.children import LOST, ChildError
-from server.processes.fork_server import ForkServer
+from server.processes.fork_server import ForkServer, Kind
 from tests.server.here import FORKS
-from tests.server.processes.test_children import made, upload_in, without_libraries
+from tests.server.processes.test_children import (
+    made,
+    running_first,
+    upload_in,
+    without_libraries,
+)
 from tests.server.service import PATIENCE_S
 
 pytestmark = pytest.mark.processes
@@ -139,6 +144,36 @@ def test_progress_of_compiling_is_passed_on(tmp_path: Path, directory: Path) -> 
     with closing(server), made("stages", fork_server=server) as child:
         child.call("read", directory, wall_s=60, on_progress=tell)
     assert told[:2] == [(COMPILING, 0.25), (COMPILING, 0.5)]
+
+
+LATE = """
+import os, subprocess, sys
+from planner.pipeline import compiling
+it = sys.modules["planner.pipeline.warm_up_paths"] = type(sys)("warm_up_paths")
+it.warm_up_paths = lambda: os.mkdir({place!r})
+compiling.Compiling.told = property(lambda self: True, lambda self, value: None)
+def beside(part, directory):
+    return subprocess.Popen(["sleep", "600" if part == "paths" else "0"])
+compiling.beside = beside
+"""
+
+
+def test_previews_wait_for_their_kernels_and_paths_do_not(tmp_path: Path, directory: Path) -> None:
+    """A confined process cannot store what it compiles, so that each preview would repeat it."""
+    loaded = tmp_path / "loaded"
+    environment = running_first(tmp_path, LATE.format(place=str(loaded)))
+    kinds: tuple[Kind, ...] = ("reader", "preparer")
+    with closing(ForkServer(kinds, warm=True, environment=environment)) as server:
+        with made("reader", fork_server=server) as child:
+            assert child.call("check", directory, wall_s=60) == WHOLE
+        with made("preparer", fork_server=server) as child:
+            left = child.call("check", directory, wall_s=60, cancelled=lambda: True)
+            assert left["status"] == "cancelled"
+            assert not loaded.exists()
+            compiling = psutil.Process(pid_of(server)).children()
+            next(one for one in compiling if one.cmdline() == ["sleep", "600"]).kill()
+            assert child.call("check", directory, wall_s=60) == WHOLE
+        assert loaded.exists()
 
 
 PARENT = """

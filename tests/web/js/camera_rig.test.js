@@ -22,7 +22,7 @@ async function shown(given = vectors.timeline, options = {}) {
   globalThis.requestAnimationFrame = (then) => due.push(then);
   const { timeline } = await recorded(given);
   const player = new Player(timeline, options);
-  player.colourBy = (chosen) => { player.state.colouring = chosen; };
+  player.colourBy = (chosen) => { player.colouring = chosen; };
   await turnOfEvents();
   draw(200);
   return { timeline, player };
@@ -31,7 +31,7 @@ async function shown(given = vectors.timeline, options = {}) {
 // How many corners of modules are outside of the picture.
 function outside({ rig, shown: snapshot, timeline }) {
   const { view } = rig.follower;
-  const { field, aspect } = rig.seeing;
+  const { field, aspect } = rig.seeing();
   const [right, up, out] = axesOf(view.azimuth, view.elevation);
   const { header: { sketch, pitch } } = timeline.bundle;
   const corners = timeline.chain.cells ? CORNERS : sketch.corners;

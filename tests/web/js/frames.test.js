@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { decode } from "../../../web/static/js/lib/columns.js";
-import { FrameStore, Window, thereAndBack } from "../../../web/static/js/player/frames.js";
+import { FrameStore, Rows, angleIn, between, thereAndBack } from "../../../web/static/js/player/frames.js";
 import { Kinematics, Standing, foldedness, frameFolded } from "../../../web/static/js/player/kinematics.js";
 import { close, closeTurns, recorded, unpack, vectors } from "./vectors.js";
 
@@ -11,20 +11,20 @@ for (const { name, bundle, batch, frames } of vectors.windows) {
     const foldedRad = arrays.folded_rad;
     const kinematics = new Kinematics(header.chain, foldedRad);
     const noErrors = foldedRad.map(() => NaN);
-    const rows = new Window(await unpack(batch), { foldedRad, noErrors });
+    const rows = new Rows(await unpack(batch), { foldedRad, noErrors });
     assert.equal("errors_rad" in rows.arrays, name === "cubes"); // the others were not simulated
     let [straight, folded, off] = [0, 0, 0];
     for (const { frame, poses } of frames) {
       const low = Math.floor(frame);
       let row = rows.row(low);
-      if (frame > low) row = Window.between(row, rows.row(low + 1), frame - low);
-      const { positions, wxyzs, core, rod } = Window.poses(kinematics, row);
+      if (frame > low) row = between(row, rows.row(low + 1), frame - low);
+      const { positions, wxyzs, core, rod } = kinematics.windowPoses(row);
       const expected = (await unpack(poses)).arrays;
       // Both ends are told in single precision, and the far one is far away.
       const length = expected.positions.reduce((most, v) => Math.max(most, Math.abs(v)), 1);
       close(positions, expected.positions, { atol: 1e-6 * length });
       closeTurns(wxyzs, expected.wxyzs);
-      close(Float64Array.from(foldedRad, (_, j) => Window.angle(row, j)), expected.angles);
+      close(Float64Array.from(foldedRad, (_, j) => angleIn(row, j)), expected.angles);
       assert.deepEqual([...row.errors].map(Number.isNaN), [...expected.errors].map(Number.isNaN));
       const known = expected.errors.some(Number.isNaN) ? [[], []] : [row.errors, expected.errors];
       close(...known, { atol: 1e-12, rtol: 1 / 256 });
@@ -42,12 +42,12 @@ for (const { name, bundle, batch, frames } of vectors.windows) {
 test("the windows of a plan are played backwards, then forwards", async () => {
   const { bundle, batch } = vectors.windows[0];
   const told = { foldedRad: (await unpack(bundle)).arrays.folded_rad, noErrors: [] };
-  const plan = new Window(await unpack(batch), told);
+  const plan = new Rows(await unpack(batch), told);
   const { first, ends, angles: values } = plan.arrays;
   const offsets = [0, ...ends], none = new Float32Array();
   const last = Array.from(first, (a, k) => a + offsets[k + 1] - offsets[k]);
   const both = thereAndBack({ frames: plan.rows, first, last, offsets, values });
-  const rows = new Window({ arrays: { ...both, time_s: new Float64Array(2 * plan.rows), phase: [], base_position: none, base_wxyz: none } }, told);
+  const rows = new Rows({ arrays: { ...both, time_s: new Float64Array(2 * plan.rows), phase: [], base_position: none, base_wxyz: none } }, told);
   for (let k = 0; k < plan.rows; k += 7) {
     for (const frame of [plan.rows + k, plan.rows - 1 - k]) {
       for (const name of ["first", "last", "angles"]) assert.deepEqual(rows.row(frame)[name], plan.row(k)[name]);
@@ -128,7 +128,8 @@ test("the first folded frame is found among the frames that have been fetched", 
   const here = new Set([0, 40, 100]);
   const timeline = {
     outline: { phases: [{ name: "playback", from: 0, to: 101 }] }, foldedRad: Float64Array.from([1, 2]),
-    row: (frame) => (here.has(frame) ? frame : null), how: { angle: (frame, j) => (frame / 100) * (j + 1) },
+    row: (frame) => (here.has(frame) ? { first: 0, last: 2, angles: [frame / 100, frame / 50] } : null),
+    nearest: (frame) => [...here].sort((a, b) => Math.abs(a - frame) - Math.abs(b - frame))[0],
   };
   close([frameFolded(timeline, 0.7), frameFolded(timeline, 0.1)], [70, 10], { atol: 1e-9 });
   timeline.outline.phases[0].name = "explosion";

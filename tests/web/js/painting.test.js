@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { afterEach, test } from "node:test";
 import { letterCells } from "../../../web/static/js/editor/letters.js";
 import { visible } from "../../../web/static/js/editor/isometric.js";
-import { Draft, MOST_STEPS, Painting, SIZES, cellOf, cellsOf, keyOf, keysOf } from "../../../web/static/js/editor/painting.js";
+import { Draft, MOST_STEPS, Painting, SIZES, cellOf, cellsOf, keyOf, keysOf, parts } from "../../../web/static/js/editor/painting.js";
 import { random } from "./vectors.js";
 
 const SIZE = SIZES[0];
@@ -70,9 +70,9 @@ test("any sequence of strokes can be undone, as far as steps are kept", () => {
 test("cells are connected by faces, not across the edge of the grid", () => {
   const painting = new Painting();
   stroke(painting, [[0, 0, 0], [0, 1, 0], [1, 2, 0], [0, SIZE - 1, 0]]);
-  assert.equal(painting.pieces(), 3);
+  assert.equal(parts(painting.cells, painting.size).length, 3);
   stroke(painting, [[1, 1, 0]]);
-  assert.equal(painting.pieces(), 2);
+  assert.equal(parts(painting.cells, painting.size).length, 2);
 });
 
 test("doubling turns a cell into a block of eight", () => {
@@ -101,7 +101,7 @@ test("every letter is connected", () => {
   for (const letter of "ABCDEFGHIJKLMNOPQRSTUVWXYZ") {
     const painting = new Painting();
     stroke(painting, letterCells(letter).map(([row, column]) => [row, column, 0]));
-    assert.equal(painting.pieces(), 1, letter);
+    assert.equal(parts(painting.cells, painting.size).length, 1, letter);
   }
 });
 
@@ -110,7 +110,7 @@ test("a full cube shows three whole sides; of other cells, the nearest ones are 
   const full = Array.from({ length: size ** 3 }, (_, k) => k);
   const faces = visible(full, size);
   assert.equal(faces.size, 3 * size ** 2);
-  assert.ok([...faces.values()].every(([halves]) => halves === 3));
+  assert.ok([...faces.values()].every((halves) => halves === 3));
   assert.equal(visible([key([2, 2, 2], size)], size).size, 3);
   for (let run = 0; run < 20; run++) {
     const keys = full.filter(() => random(4) === 0);

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { beforeEach, mock, test } from "node:test";
 import { distanceNeeded } from "../../../web/static/js/viewer/camera.js";
 import { clearestSight } from "../../../web/static/js/viewer/viewpoint.js";
-import { Whole } from "../../../web/static/js/player/frames.js";
+import { Rows } from "../../../web/static/js/player/frames.js";
 import { Pair } from "../../../web/static/js/player/pair.js";
 import { Player } from "../../../web/static/js/player/player.js";
 import { PlayerState } from "../../../web/static/js/player/player_state.js";
@@ -106,7 +106,7 @@ test("requests made while a timeline is fetched again are carried out when it is
 test("a batch with fewer frames than announced is used as far as it goes", () => {
   const column = (width) => new Float32Array(2 * width);
   const arrays = { time_s: column(1), phase: column(1), root_position: column(3), root_wxyz: column(4), joint_angles_rad: column(1), joint_error_rad: column(1) };
-  assert.equal(new Whole({ header: { start: 0, stop: 5, stride: 1 }, arrays }, { joints: 1 }).rows, 2);
+  assert.equal(new Rows({ arrays }, { foldedRad: column(1).subarray(1), noErrors: column(1) }).rows, 2);
 });
 
 test("with reduced motion the camera jumps to a requested frame, and moves smoothly while playing", async () => {
@@ -180,7 +180,7 @@ test("joints of a peeled chain show their error where they were simulated", asyn
 
 test("each module but the first and the last shows the hinges of its joint", () => {
   const chain = { modules: 5, rigid_links: 1, hinges: 2, hinge_names: ["z", "y"] };
-  const timeline = { chain, joints: 6, foldedPositions: new Float32Array(15), foldedRad: [10, 11, 12, 13, 14, 15] };
+  const timeline = { chain, joints: 6, bundle: { arrays: { folded_positions: new Float32Array(15) } }, foldedRad: [10, 11, 12, 13, 14, 15] };
   const snapshot = { angle: (j) => j, errors: new Float32Array(6) };
   const told = [0, 1, 3, 4].map((selected) => {
     const state = Object.assign(new PlayerState(timeline, true), { shown: snapshot, selected });
@@ -206,7 +206,7 @@ test("the motion plays to the end with the whole chain in view", async () => {
     const { position, target } = player.rig.eye;
     assert.ok(position.every(Number.isFinite) && target.every(Number.isFinite));
     const { view } = player.rig.follower;
-    assert.ok(view.distance >= (1 - 1e-9) * distanceNeeded(player.rig.points(player.shown), view, player.rig.seeing));
+    assert.ok(view.distance >= (1 - 1e-9) * distanceNeeded(player.rig.points(player.shown), view, player.rig.seeing()));
   }
   assert.deepEqual([player.is.playing, player.playhead.frame, heard.state.playing], [false, timeline.last, false]);
   draw(200);
@@ -366,7 +366,7 @@ test("in real time a playhead follows the robot's clock", async () => {
 test("if one fold has no frames, the other one can still be played", async () => {
   const { player: one, timeline } = await shown();
   const { player: none } = await shown();
-  none.state.shown = null;
+  none.shown = null;
   const pair = new Pair([one, none]);
   pair.begin();
   assert.equal(pair.send({ do: "seek", frame: 1 }), false);

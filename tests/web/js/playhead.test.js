@@ -1,5 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { angleIn } from "../../../web/static/js/player/frames.js";
 import { KEYS, nameOf } from "../../../web/static/js/player/keys.js";
 import { Playhead, after, nextChange } from "../../../web/static/js/player/playhead.js";
 import { close, recorded, vectors } from "./vectors.js";
@@ -58,8 +59,8 @@ test("there is no loop over frames that are not there yet", () => {
 
 // Frames at these times, of one hinge; a time of null is a frame that is not here yet.
 function timeline(times, angles = times.map(() => 0), phases = times.map(() => 0)) {
-  const row = (k) => (times[k] === null || times[k] === undefined ? null : { time_s: times[k], phase: phases[k], angles: [angles[k]] });
-  return { last: times.length - 1, row, joints: 1, how: { angle: (told, j) => told.angles[j] }, differing: () => [0, 1] };
+  const row = (k) => (times[k] === null || times[k] === undefined ? null : { time_s: times[k], phase: phases[k], first: 0, last: 1, angles: [angles[k]] });
+  return { last: times.length - 1, row, joints: 1 };
 }
 
 test("a step in time may end between frames and stays in the timeline", () => {
@@ -97,7 +98,7 @@ test("a search for a change continues at a frame that was missing", () => {
 test("the search for a change also looks at hinges outside of windows", async () => {
   const { timeline: peeled } = await recorded(vectors.peeled);
   assert.ok(peeled.windowed);
-  const angles = (frame) => { const row = peeled.row(frame); return Array.from({ length: peeled.joints }, (_, j) => peeled.how.angle(row, j)); };
+  const angles = (frame) => { const row = peeled.row(frame); return Array.from({ length: peeled.joints }, (_, j) => angleIn(row, j)); };
   for (const frame of [0, Math.round(peeled.last / 3), peeled.last]) {
     const from = angles(frame);
     const turned = (k) => peeled.row(k).phase !== peeled.row(frame).phase || angles(k).some((angle, j) => Math.abs(angle - from[j]) > 0.05);

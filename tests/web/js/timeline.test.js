@@ -86,7 +86,7 @@ for (const kind of ["timeline", "peeled"]) {
       const expected = (await unpack(poses)).arrays;
       close(shown.positions, expected.positions, { atol: kind === "peeled" ? 3e-5 : 3e-6 }); // roundings add up along a rod
       closeTurns(shown.wxyzs, expected.wxyzs, 1e-5);
-      const told = timeline.moduleErrors(shown.errors);
+      const told = timeline.perModule(shown.errors);
       assert.deepEqual([...told].map(Number.isNaN), errors.map((v) => v === null));
       const known = errors.flatMap((v, i) => (v === null ? [] : [i]));
       close(known.map((i) => told[i]), known.map((i) => errors[i]), { atol: 1e-12, rtol: 1 / 256 });

@@ -34,7 +34,7 @@ function corners([x, y, z], side) {
 /**
  * @param {number[]} keys
  * @param {number} size
- * @returns {Map<number, [halves: number]>} by six times the key and twice the face, which halves are seen
+ * @returns {Map<number, number>} by six times the key and twice the face, which halves are seen
  */
 export function visible(keys, size) {
   const wide = 2 * size + 1;
@@ -56,14 +56,10 @@ export function visible(keys, size) {
     cover(a - 1, b - 1, 0, depth, first + 4); // t
     cover(a - 1, b - 1, 1, depth, first + 5);
   }
-  /** @type {Map<number, [number]>} */
+  /** @type {Map<number, number>} */
   const found = new Map();
   owner.forEach((half, place) => {
-    if (nearest[place] < 0) return;
-    const face = half >> 1;
-    const seen = found.get(face);
-    const bit = 1 << (half & 1);
-    if (seen) seen[0] |= bit; else found.set(face, [bit]);
+    if (nearest[place] >= 0) found.set(half >> 1, (found.get(half >> 1) ?? 0) | (1 << (half & 1)));
   });
   return found;
 }
@@ -94,7 +90,7 @@ export function draw(picture, { cells, size }, layer, drawn) {
   // Faces that look the same are one element.
   /** @type {Map<string, string[]>[]} below the plane of the layer, in it and above it */
   const storeys = [new Map(), new Map()];
-  for (const [face, [halves]] of visible(keys, size)) {
+  for (const [face, halves] of visible(keys, size)) {
     const key = Math.floor(face / 3);
     const side = SIDES[face % 3];
     const cell = cellOf(key, size);

@@ -151,9 +151,6 @@ export class Painting {
     const kept = { size: this.size, filled: keysOf(this.cells), path: this.path };
     store(KEPT, JSON.stringify(kept));
   }
-
-  // How many pieces there are that do not hang together by faces.
-  pieces() { return parts(this.cells, this.size).length; }
 }
 
 // The rest of the draft: how cells become modules, and the shape's name.

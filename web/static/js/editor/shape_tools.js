@@ -1,5 +1,5 @@
 // Tools that change many cells of a painting at once. They compute: what they are given stays as it is.
-import { LARGEST, SIZES, cellOf, keyOf } from "./painting.js";
+import { LARGEST, SIZES, cellOf, keyOf, keysOf } from "./painting.js";
 
 /** @typedef {0 | 1 | 2} Axis of rows, columns and layers */
 
@@ -37,20 +37,15 @@ export function box(one, other, size) {
   return keys;
 }
 
-// The smallest and the largest coordinates of filled cells; null without any.
+// The smallest and the largest coordinates of cells; null without any.
+/** @param {number[][]} cells */
+const extremes = (cells) => (cells.length ? {
+  low: cells.reduce((low, cell) => low.map((v, axis) => Math.min(v, cell[axis]))),
+  high: cells.reduce((high, cell) => high.map((v, axis) => Math.max(v, cell[axis]))),
+} : null);
+
 /** @param {Painted} painted */
-export function bounds({ cells, size }) {
-  const low = [size, size, size];
-  const high = [-1, -1, -1];
-  for (let key = 0; key < cells.length; key++) {
-    if (!cells[key]) continue;
-    cellOf(key, size).forEach((v, axis) => {
-      low[axis] = Math.min(low[axis], v);
-      high[axis] = Math.max(high[axis], v);
-    });
-  }
-  return high[0] < 0 ? null : { low, high };
-}
+export const bounds = ({ cells, size }) => extremes(keysOf(cells).map((key) => cellOf(key, size)));
 
 // The painting with each cell put elsewhere, in a grid of any size that has room for them.
 /**
@@ -94,10 +89,6 @@ export function moved(painted, axis, by) {
   return step ? placed(painted, (cell) => cell.with(axis, cell[axis] + step)) : painted;
 }
 
-// The smallest grid that a shape of such extents fits into; null when none does.
-/** @param {number[]} extents */
-const fitting = (extents) => SIZES.find((size) => Math.max(...extents) <= size) ?? null;
-
 // The painting in a grid of another size, its middle kept in rows and columns, its layers where they are
 // if there is room; null when the shape is too large.
 /**
@@ -121,22 +112,12 @@ export function resized(painted, size) {
  * @returns {Painted}
  */
 export function imported(cells, { ordered, least }) {
-  const low = [Infinity, Infinity, Infinity];
-  const high = [-Infinity, -Infinity, -Infinity];
-  for (const cell of cells) {
-    for (const axis of [0, 1, 2]) {
-      low[axis] = Math.min(low[axis], cell[axis]);
-      high[axis] = Math.max(high[axis], cell[axis]);
-    }
-  }
+  const within = extremes(cells);
+  if (!within) throw new Error("The shape has no cells.");
+  const { low, high } = within;
   const extents = high.map((v, axis) => v - low[axis] + 1);
-  const fits = fitting(extents);
-  if (!cells.length || fits === null) {
-    if (!cells.length) throw new Error("The shape has no cells.");
-    throw new Error(
-      `The shape has ${extents.join("×")} cells, but the grid has at most ${LARGEST}×${LARGEST}×${LARGEST}. Use a coarser shape.`,
-    );
-  }
+  const fits = SIZES.find((side) => Math.max(...extents) <= side);
+  if (!fits) throw new Error(`The shape has ${extents.join("×")} cells, but the grid has at most ${LARGEST}×${LARGEST}×${LARGEST}. Use a coarser shape.`);
   const size = Math.max(fits, least);
   const margin = extents.map((extent, axis) => (axis === 2 ? 0 : Math.floor((size - extent) / 2)));
   const keys = cells.map((cell) => {

@@ -2,7 +2,7 @@
 // what would be folded.
 import { whole } from "../lib/text.js";
 import { checked, cut, extended, headOf, told, touch } from "./cell_path.js";
-import { Draft, Painting, cellOf, keyOf, keysOf } from "./painting.js";
+import { Draft, Painting, cellOf, keyOf, keysOf, parts } from "./painting.js";
 import { box, mirrored, moved, region, resized, symmetric } from "./shape_tools.js";
 
 /** @typedef {"paint" | "fill" | "box" | "move" | "path"} Tool */
@@ -73,7 +73,7 @@ export class Editor {
     const cells = painting.filled;
     const path = how === "path" ? checked(painting.state) : null;
     const modules = cells * MODULES_PER_CELL[how];
-    const pieces = path ? 1 : painting.pieces();
+    const pieces = path ? 1 : parts(painting.cells, painting.size).length;
     const large = modules > maxModules;
     const few = !path && modules > 0 && modules < MIN_MODULES;
     const words = path && cells ? told(path) : { text: `${whole(modules)} modules${few ? `. A fold needs at least ${MIN_MODULES}.` : ""}`, tone: /** @type {const} */ ("") };

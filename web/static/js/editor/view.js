@@ -175,14 +175,16 @@ export class Sheet {
     ];
   }
 
+  /** @param {number} place */
+  within(place) { return Math.min(this.size - 1, Math.max(0, place)); }
+
   /**
    * @param {number} x
    * @param {number} y
    */
   focus(x, y) {
-    const within = (/** @type {number} */ v) => Math.min(this.size - 1, Math.max(0, v));
     this.squares[this.focused[0]]?.[this.focused[1]]?.setAttribute("tabindex", "-1");
-    this.focused = [within(x), within(y)];
+    this.focused = [this.within(x), this.within(y)];
     const square = this.squares[this.focused[0]][this.focused[1]];
     square.tabIndex = 0;
     return square;
@@ -194,8 +196,8 @@ export class Sheet {
    */
   at(event) {
     const { left, top, width, height } = this.lines.getBoundingClientRect();
-    const within = (/** @type {number} */ share) => Math.min(this.size - 1, Math.max(0, Math.floor(share * this.size)));
-    return [within((event.clientY - top) / height), within((event.clientX - left) / width)];
+    const place = (/** @type {number} */ share) => this.within(Math.floor(share * this.size));
+    return [place((event.clientY - top) / height), place((event.clientX - left) / width)];
   }
 
   /** @param {PointerEvent} event */

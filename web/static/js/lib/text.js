@@ -9,9 +9,7 @@ export const STAGES = {
 };
 
 /** @param {number} value */
-export function whole(value) {
-  return Math.round(value).toLocaleString("en").replaceAll(",", "\u2009");
-}
+export const whole = (value) => Math.round(value).toLocaleString("en").replaceAll(",", "\u2009");
 
 // `SI_PREFIXES` of server/pages/quantities.py, by their power of ten; `si` there gives the same texts.
 /** @type {Record<number, string>} */
@@ -52,17 +50,13 @@ export function number(value, digits = DIGITS) {
 export const pitches = (value) => `${number(value)} pitch`;
 
 /** @param {number | null | undefined} value */
-export function radians(value) {
-  return value === null || value === undefined ? "no data in this phase" : si(value, "rad");
-}
+export const radians = (value) => value === null || value === undefined ? "no data in this phase" : si(value, "rad");
 
 /** @param {number} value */
 export const newtonMetres = (value) => si(value, "N·m");
 
 /** @param {string} text */
-export function sentence(text) {
-  return text.charAt(0).toUpperCase() + text.slice(1);
-}
+export const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
 // What an error that was thrown says.
 /** @param {unknown} error */
@@ -76,9 +70,7 @@ export function duration(value) {
 }
 
 /** @param {number} value */
-export function seconds(value) {
-  return `${value.toFixed(2)} s`;
-}
+export const seconds = (value) => `${value.toFixed(2)} s`;
 
 // The element of the page with an id; types.d.ts lists those that are more than an element.
 /**

@@ -18,16 +18,14 @@ export const STOPPED = "Stopped";
 export function upload(path, form, { token = null, signal, onSent } = {}) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
-    const stop = () => request.abort();
     request.open("POST", at(path));
     for (const [name, value] of Object.entries(proof(token))) request.setRequestHeader(name, value);
     // Without a listener no event is sent, which a request to another origin would have to be allowed.
     if (onSent) request.upload.onprogress = ({ loaded, total }) => onSent(loaded, total);
     request.onload = () => { try { resolve(contentOf(request.status, request.responseText)); } catch (error) { reject(error); } };
     request.onerror = request.onabort = () => reject(new Refusal(signal?.aborted ? STOPPED : UNREACHABLE));
-    request.onloadend = () => signal?.removeEventListener("abort", stop);
     if (signal?.aborted) { reject(new Refusal(STOPPED)); return; }
-    signal?.addEventListener("abort", stop);
+    signal?.addEventListener("abort", () => request.abort());
     request.send(form);
   });
 }

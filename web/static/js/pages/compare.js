@@ -6,7 +6,7 @@ import { Timeline, Source } from "../player/timeline.js";
 import { Place, viewOf } from "../player/address.js";
 import { Pair } from "../player/pair.js";
 import { offerSides, pathButton, playerOn, showScale } from "../viewer/controls.js";
-import { hasWebGL } from "../viewer/scene.js";
+import { hasWebGL, load } from "../viewer/scene.js";
 import { at as hrefOf, checkable, copyText, element, get, later, radians } from "../lib/text.js";
 
 const LOOK_MS = 2000; // at what is said of a fold that is not over
@@ -54,7 +54,7 @@ const sides = facts.map((fold, k) => {
   const check = /** @type {HTMLButtonElement} */ (side.querySelector(".check-here"));
   check.hidden = !checkable(fold);
   check.onclick = () => checking(({ checkInDialog }) => checkInDialog(player, fold, (at) => { pair.send({ do: "seek", frame: pair.frameAt(player, at) }); }));
-  webgl.then((there) => setTimeout(() => { if (there) frame.src = hrefOf("/view"); }, 1500 * k));
+  webgl.then((there) => setTimeout(() => { if (there) load(frame, hrefOf("/view")); }, 1500 * k));
   return { player, stage };
 });
 const pair = new Pair(sides.map(({ player }) => player));

@@ -88,12 +88,6 @@ function check(ready) {
   }, CHECK_MS);
 }
 
-/** @param {number} layer */
-function turn(layer) {
-  editor.turn(layer);
-  show();
-}
-
 /** @param {Tool} tool */
 function take(tool) {
   editor.take(tool);
@@ -136,8 +130,8 @@ addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-get("up").onclick = () => turn(editor.layer + 1);
-get("down").onclick = () => turn(editor.layer - 1);
+get("up").onclick = doing(() => editor.turn(editor.layer + 1));
+get("down").onclick = doing(() => editor.turn(editor.layer - 1));
 get("undo").onclick = doing(() => painting.undo());
 get("redo").onclick = doing(() => painting.redo());
 get("clear").onclick = doing(() => { editor.clear(); showDraft(draft); });

@@ -3,6 +3,7 @@ import { Figures } from "../player/figures.js";
 import { Source } from "../player/timeline.js";
 import { ask } from "../lib/api.js";
 import { view } from "../viewer/fold_view.js";
+import { load } from "../viewer/scene.js";
 import { at, checkable, get, later } from "../lib/text.js";
 
 /** @type {Facts} */
@@ -11,7 +12,7 @@ const figures = new Figures(facts.id);
 const toast = later(() => import("../panels/toast.js"), () => {});
 const zoomKey = /Mac|iPhone|iPad/.test(navigator.platform) ? "⌘" : "Ctrl";
 const { stage, player } = view({
-  over: !facts.running, source: new Source(at(`/folds/${facts.id}`)), figures, load: (frame) => { frame.src = at("/embed/view"); },
+  over: !facts.running, source: new Source(at(`/folds/${facts.id}`)), figures, load: (frame) => load(frame, at("/embed/view")),
   kept: {
     tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), id: null, toast: (text) => toast((part) => part.toast(text)),
   },

@@ -7,16 +7,17 @@ import { Source } from "../player/timeline.js";
 import { ask } from "../lib/api.js";
 import { toast } from "../panels/toast.js";
 import { view } from "../viewer/fold_view.js";
+import { load } from "../viewer/scene.js";
 import { at, checkable, get, later, wordsOf } from "../lib/text.js";
 
 /** @type {Facts} */
 let facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
-const drawer = new Drawer(toast);
+const drawer = new Drawer();
 const code = new URLSearchParams(location.search).get("class"); // of a leader who is followed
 const { timeline, player, place, bar } = view({
   over: !facts.running, play: code ? false : undefined,
-  source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => { frame.src = at("/view"); },
+  source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => load(frame, at("/view")),
   kept: {
     tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), get id() { return facts.movies ? facts.id : null; }, toast,
   },
@@ -26,25 +27,23 @@ const { timeline, player, place, bar } = view({
 const asking = later(() => import("../lib/fold_request.js"), toast);
 const checking = later(() => import("../panels/checking.js").then(({ Checking, planOf }) => new Checking(drawer.check, player, planOf(facts.id))), toast);
 const choosing = later(() => import("../panels/choice.js"), toast);
-const companions = later(() => import("../panels/companions.js").then(({ Companions }) => new Companions(toast)), toast);
-const downloads = later(() => import("../panels/downloads.js").then(({ Downloads }) => new Downloads(get("panel-downloads"))), toast);
+const companions = later(() => import("../panels/companions.js"), toast);
+const downloads = later(() => import("../panels/downloads.js"), toast);
 const failing = later(() => import("../panels/failure.js").then(({ Failure }) => new Failure({ player, bar, drawer })), toast);
 const renaming = later(() => import("../panels/renaming.js").then(({ offerRenaming }) => offerRenaming(facts.id,
   (name) => { show({ ...facts, name }); document.title = `${name} · foldback`; })), toast);
-const share = later(() => import("../panels/share.js").then(({ Share }) => new Share(facts, { place, player }, toast)), toast);
+const share = later(() => import("../panels/share.js").then(({ sharing }) => sharing(facts, { place, player })), toast);
 const progress = later(() => Promise.all([import("../panels/progress.js"), import("../panels/outcome.js")]), toast);
 let listing = false; // what can be downloaded, which is looked at
 
 document.getElementById("ways-list")?.addEventListener("beforetoggle", () => renaming(() => {}));
-get("share").onclick = () => share((it) => it.open(facts));
-const beside = (/** @type {"compare" | "refold" | "smooth"} */ way) => companions((it) => { it.facts(facts); return it[way](); });
-get("compare").onclick = () => beside("compare");
-get("refold").onclick = () => beside("refold");
-get("smooth").onclick = () => beside("smooth");
+get("share").onclick = () => share((open) => open(facts));
+const beside = (/** @type {"compare" | "refold" | "smooth"} */ way) => companions((it) => it[way](facts));
+for (const way of /** @type {const} */ (["compare", "refold", "smooth"])) get(way).onclick = () => beside(way);
 drawer.onCheck = () => checking((it) => it.begin("claim"));
 drawer.onChosen = (tab) => {
   listing ||= tab === "downloads";
-  if (tab === "downloads") downloads((it) => it.facts(facts));
+  if (tab === "downloads") downloads(({ listDownloads }) => listDownloads(facts));
 };
 
 /**
@@ -72,7 +71,7 @@ function show(now) {
   get("compare").hidden = !now.comparable;
   get("refold").hidden = !now.refoldable;
   get("smooth").hidden = !now.smoothable;
-  if (listing) downloads((it) => it.facts(now));
+  if (listing) downloads(({ listDownloads }) => listDownloads(now));
   if (now.failure || now.attempts.length > 1) failing((it) => it.facts(now));
   const { choice } = now;
   if (choice) choosing(({ showChoice }) => showChoice({ id: now.id, choice }, drawer, player));
@@ -119,7 +118,7 @@ if (facts.running) {
   progress(([{ Progress }, { Outcome }]) => {
     const outcome = new Outcome(toast);
     return new Progress(facts, {
-      toast, onProgress: (now, stage) => outcome.progress(now, facts.name, stage), onDone: (now) => { show(now); outcome.end(now); },
+      onProgress: (now, stage) => outcome.progress(now, facts.name, stage), onDone: (now) => { show(now); outcome.end(now); },
     });
   });
 }

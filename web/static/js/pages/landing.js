@@ -42,20 +42,8 @@ async function start(fields, label) {
 }
 
 // A path or a chain is folded at once, unless it is knotted; all else is looked at first.
-/**
- * @param {File} file
- * @param {boolean} asVoxels
- */
-function send(file, asVoxels = false) {
-  return uploading((parts) => sent(file, asVoxels, parts));
-}
-
-/**
- * @param {File} file
- * @param {boolean} asVoxels
- * @param {typeof import("../lib/upload.js") & typeof import("../lib/api.js") & { sending: import("../panels/sending.js").Sending }} parts
- */
-async function sent(file, asVoxels, { sending, upload, STOPPED, Refusal, formOf, ownKey }) {
+/** @param {File} file */
+const send = (file, asVoxels = false) => uploading(async ({ sending, upload, STOPPED, Refusal, formOf, ownKey }) => {
   say(`Reading ${file.name}…`);
   offer(null);
   const form = formOf({ file, full: false, as_voxels: asVoxels || null });
@@ -71,13 +59,11 @@ async function sent(file, asVoxels, { sending, upload, STOPPED, Refusal, formOf,
     else if (!sending.control) say(STOPPED); // and no other file instead
     if (error instanceof Refusal && error.code === NO_PATH) offer(file);
   }
-}
+});
 
 // A chain typed as one sign for each hinge is a file as well.
 const ANGLES = "foldback-angles/1";
-function sendTyped() {
-  send(new File([`${ANGLES}\n${get("angles").value}`], "chain.txt", { type: "text/plain" }));
-}
+const sendTyped = () => send(new File([`${ANGLES}\n${get("angles").value}`], "chain.txt", { type: "text/plain" }));
 get("type").onclick = () => {
   const open = get("typing").hidden;
   get("typing").hidden = !open;

@@ -1,8 +1,7 @@
 // Films that play where they stand: one at a time is loaded and drawn.
-import { PHASES, Recording, Timeline } from "../player/timeline.js";
+import { PHASES } from "../player/timeline.js";
 import { Pair } from "../player/pair.js";
-import { Player } from "../player/player.js";
-import { Sketch } from "../viewer/sketch.js";
+import { playerIn } from "../player/player.js";
 import { element, later, radians, seconds } from "../lib/text.js";
 
 const SPEED = 1.2;
@@ -27,7 +26,11 @@ class Showing {
     this.scrub = /** @type {HTMLInputElement} */ (within(figure, ".run-scrub"));
     this.toggle = within(figure, ".run-bar button");
     this.views = /** @type {HTMLElement[]} */ ([...figure.querySelectorAll(".run-view[data-timeline]")]);
-    this.players = this.views.map((view) => this.played(view));
+    this.players = this.views.map((view) => {
+      const canvas = element("canvas", { class: "run-sketch", role: "img", "aria-label": view.dataset.label });
+      view.append(canvas);
+      return playerIn(view, canvas);
+    });
     this.head = this.players.length > 1 ? new Pair(this.players) : this.players[0];
     /** @type {(() => void) | null} */
     this.then = null;
@@ -47,23 +50,9 @@ class Showing {
     start(figure).hidden = true;
   }
 
-  /** @param {HTMLElement} view */
-  played(view) {
-    const canvas = element("canvas", { class: "run-sketch", role: "img", "aria-label": view.dataset.label });
-    view.append(canvas);
-    const player = new Player(new Timeline(new Recording(view.dataset.timeline ?? "")), {
-      sketch: new Sketch(canvas, () => view.classList.add("moving")),
-      aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
-    });
-    new ResizeObserver(() => player.show(true)).observe(canvas);
-    return player;
-  }
-
   // Once the films are there.
   /** @param {() => void} then */
-  when(then) {
-    if (this.players.every(({ shown }) => shown)) then(); else this.then = then;
-  }
+  when(then) { if (this.players.every(({ shown }) => shown)) then(); else this.then = then; }
 
   play() { this.when(() => this.head.send({ do: "play" })); }
 

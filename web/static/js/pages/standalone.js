@@ -10,6 +10,7 @@ import { Sketch } from "../viewer/sketch.js";
 import { toast } from "../panels/toast.js";
 import { thereAndBack } from "../player/frames.js";
 import { view } from "../viewer/fold_view.js";
+import { load } from "../viewer/scene.js";
 import { get } from "../lib/text.js";
 
 /**
@@ -84,13 +85,13 @@ class StoredFigures extends Figures {
 
 Sketch.script = URL.createObjectURL(new Blob([window.foldbackScripts.worker], { type: "text/javascript" }));
 /** @param {HTMLIFrameElement} frame */
-function load(frame) {
-  if (parts.view) frame.src = parts.view; else frame.srcdoc = parts.client ?? "";
+function loadView(frame) {
+  if (parts.view) load(frame, parts.view); else frame.srcdoc = parts.client ?? "";
 }
 const figures = new StoredFigures("");
-const drawer = new Drawer(toast);
+const drawer = new Drawer();
 drawer.facts(parts.facts);
-const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load, kept: { tour: async () => parts.tour, values: async () => parts.values, id: null, toast } });
+const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: loadView, kept: { tour: async () => parts.tour, values: async () => parts.values, id: null, toast } });
 figures.begin();
 if (parts.plan) {
   const checker = await (await fetch(import.meta.resolve("foldback/checker"))).text();

@@ -5,14 +5,12 @@ const SMOOTHING = "smoothing"; // the message then, as server/api/schemas.py say
 const ORDER = ["read", "explode", "play_back", "certify", "export"];
 
 export class Advance {
-  constructor() {
-    this.stage = "";
-    this.attempt = 1;
-    this.plans = 0; // about how many there are; 0 where that is not known
-    this.smoothing = false; // in place of an explosion
-    this.fraction = 0; // largest fraction of the stage in this attempt
-    this.simulatedS = 0; // seconds simulated by the robot that is farthest
-  }
+  stage = "";
+  attempt = 1;
+  plans = 0; // about how many there are; 0 where that is not known
+  smoothing = false; // in place of an explosion
+  fraction = 0; // largest fraction of the stage in this attempt
+  simulatedS = 0; // seconds simulated by the robot that is farthest
 
   // Note what the service reports; an earlier stage begins another attempt.
   /** @param {Api.Progress} now */

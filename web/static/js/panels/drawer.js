@@ -1,5 +1,6 @@
 // Details at the side: the selected module, plots, properties, downloads.
 import { button, copyText, element, get } from "../lib/text.js";
+import { toast } from "./toast.js";
 
 const LONG = 28; // characters; beside their label they would stand in a narrow column
 const BEFORE_AFTER = "Before and after smoothing";
@@ -37,9 +38,7 @@ function onTable({ text, rows, assumptions, servos, named }) {
 }
 
 export class Drawer {
-  /** @param {(text: string) => void} toast */
-  constructor(toast) {
-    this.toast = toast;
+  constructor() {
     /** @type {(tab: string) => void} */
     this.onChosen = () => {};
     this.onCheck = () => {};
@@ -121,7 +120,7 @@ export class Drawer {
       const text = [...rests, ...changed, ...facts.properties]
         .map(({ heading, rows }) => [heading, ...rows.map(({ label, value }) => `  ${label}: ${value}`)].join("\n"))
         .join("\n");
-      copyText(text, () => this.toast("Properties copied"), () => this.toast("This browser does not allow copying"));
+      copyText(text, () => toast("Properties copied"), () => toast("This browser does not allow copying"));
     });
     get("panel-properties").replaceChildren(...groups, element("div", { class: "drawer-foot" }, copy));
   }

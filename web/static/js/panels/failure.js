@@ -56,9 +56,7 @@ export class Failure {
     get("stuck-fold").setAttribute("aria-expanded", String(open));
   }
 
-  mark() {
-    if (this.player.timeline.chain) this.player.mark(this.found?.modules ?? []);
-  }
+  mark() { if (this.player.timeline.chain) this.player.mark(this.found?.modules ?? []); }
 
   // To the frame where it sticks, with the camera at the modules.
   go() {

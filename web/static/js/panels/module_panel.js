@@ -66,17 +66,19 @@ export class ModulePanel {
     this.index = module.index;
     if (before !== module.index || module.index === null) this.number();
     if (module.index === null) {
-      this.told.replaceChildren(element("p", { class: "hint" }, "Click a module, or type its number, to see its joint. Modules count from 1."), this.ends());
+      // The ends of the chain, and how the view marks them.
+      this.told.replaceChildren(element("p", { class: "hint" }, "Click a module, or type its number, to see its joint. Modules count from 1."),
+        element("p", { class: "hint" }, "A white stud marks the ", this.link("first module", () => 0), " of the chain, a dark one the ", this.link("last module", () => this.modules - 1), "."));
       return;
     }
-    if (before !== module.index) { this.build(module); this.opened(); this.say(module); }
+    if (before !== module.index) {
+      this.build(module);
+      this.opened();
+      const turned = module.joints.map(({ name, angle_rad: angle }) => `${hingeOf(name)} ${degrees(angle)}`);
+      this.line.textContent = [`Module ${module.index + 1} of ${module.modules}`, ...turned].join(", ");
+    }
     this.fill(module);
     this.measure();
-  }
-
-  // Leads to both ends of the chain, and says how the view marks them.
-  ends() {
-    return element("p", { class: "hint" }, "A white stud marks the ", this.link("first module", () => 0), " of the chain, a dark one the ", this.link("last module", () => this.modules - 1), ".");
   }
 
   // How many there are to choose from.
@@ -133,12 +135,6 @@ export class ModulePanel {
     this.opened();
     this.field.focus();
     this.field.select();
-  }
-
-  /** @param {ModuleTold} module */
-  say({ index, modules, joints }) {
-    const turned = joints.map(({ name, angle_rad: angle }) => `${hingeOf(name)} ${degrees(angle)}`);
-    this.line.textContent = [`Module ${index + 1} of ${modules}`, ...turned].join(", ");
   }
 
   /** @param {ModuleTold} module */

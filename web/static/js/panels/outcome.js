@@ -20,9 +20,7 @@ export function titleOf({ status, fraction, preparing }, name, stage) {
 
 // The title of the tab and of the notification when it is over.
 /** @param {Pick<Facts, "name" | "verdict">} facts */
-export function headingOf({ name, verdict: { tone } }) {
-  return MARKS[tone] ? `${MARKS[tone]} ${name}` : name;
-}
+export const headingOf = ({ name, verdict: { tone } }) => MARKS[tone] ? `${MARKS[tone]} ${name}` : name;
 
 // What the page announces; null where the failure says it.
 /** @param {Pick<Facts, "name" | "verdict">} facts */

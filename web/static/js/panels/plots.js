@@ -56,11 +56,9 @@ const ALL_FRAMES = "computed from the motion between frames; for the peak of the
 function columns(values, worst) {
   const count = Math.min(COLUMNS, values.length);
   return Array.from({ length: count }, (_, k) => {
-    let found = NaN;
-    for (let i = Math.floor((k * values.length) / count); i < Math.floor(((k + 1) * values.length) / count); i++) {
-      if (Number.isFinite(values[i])) found = Number.isNaN(found) ? values[i] : worst(found, values[i]);
-    }
-    return found;
+    const [begin, end] = [k, k + 1].map((column) => Math.floor((column * values.length) / count));
+    const known = Array.from(values.subarray(begin, end)).filter(Number.isFinite);
+    return known.length ? known.reduce((a, b) => worst(a, b)) : NaN;
   });
 }
 
@@ -283,10 +281,7 @@ export class Plots {
     const wanted = TORQUES.includes(name) ? TORQUES.find((one) => plots?.[/** @type {PlotName} */ (one)]) : name;
     const plot = [...onTable(plots?.table), ...PLOTS].find((p) => p.name === wanted);
     const values = plot && plots?.[plot.name];
-    if (!plot || !values) return null;
-    /** @type {number | null} */
-    let at = null;
-    values.forEach((v, k) => { if (Number.isFinite(v) && (at === null || plot.worst(values[at], v) !== values[at])) at = k; });
-    return at;
+    const known = Array.from(values ?? []).filter(Number.isFinite);
+    return plot && values && known.length ? values.indexOf(known.reduce((a, b) => plot.worst(a, b))) : null;
   }
 }

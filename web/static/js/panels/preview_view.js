@@ -1,7 +1,7 @@
 // View of a preview's page: the options and the report in its panel, and the 3D view or the drawing in its place.
 import { at, button, element, get, sentence, whole } from "../lib/text.js";
 import { PreviewStage } from "../viewer/preview_scene.js";
-import { hasWebGL } from "../viewer/scene.js";
+import { hasWebGL, load } from "../viewer/scene.js";
 import { showFor } from "./paper_settings.js";
 import { figuresOf, nearby, notesOf, oddWords, offerOf, troubleOf, verdictOf } from "./preview_state.js";
 
@@ -236,7 +236,7 @@ export class Picture {
     if (this.started || this.held) return;
     this.started = true;
     this.flat = !hasWebGL();
-    if (!this.flat) { get("view").src = at("/view"); this.show3d(); return; }
+    if (!this.flat) { load(/** @type {HTMLIFrameElement} */ (get("view")), at("/view")); this.show3d(); return; }
     if (get("drawing").hidden) cover("This browser cannot show 3D graphics", `${NO_WEBGL}. The numbers are still correct, and you can fold the shape.`);
     else this.explain();
   }

@@ -3,6 +3,7 @@ import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { Advance, queueWords } from "./advance.js";
 import { preparingWords, remaining, showPreparing } from "./preparing.js";
 import { at, get, whole } from "../lib/text.js";
+import { toast } from "./toast.js";
 
 const ASK_MS = 1000; // between two questions where no stream tells, at first
 const LONGEST_ASK_MS = 10000;
@@ -19,12 +20,11 @@ const OVER = ["verified", "failed", "cancelled"];
 export class Progress {
   /**
    * @param {Facts} facts
-   * @param {{ onDone: (facts: Facts) => void, toast: (text: string) => void, onProgress?: (now: Api.Progress, stage: string) => void }} around
+   * @param {{ onDone: (facts: Facts) => void, onProgress: (now: Api.Progress, stage: string) => void }} around
    */
-  constructor(facts, { onDone, toast, onProgress = () => {} }) {
+  constructor(facts, { onDone, onProgress }) {
     this.facts = facts;
     this.onDone = onDone;
-    this.toast = toast;
     this.onProgress = onProgress;
     this.token = tokenOf(facts.id);
     this.advance = new Advance();
@@ -156,7 +156,7 @@ export class Progress {
       if (this.now) this.show(this.now);
       get("cancel").disabled = false;
       get("cancel").hidden = shared;
-      this.toast(shared ? "Other people requested this fold too, so it will keep running" : "It could not be cancelled");
+      toast(shared ? "Other people requested this fold too, so it will keep running" : "It could not be cancelled");
     }
   }
 }

@@ -4,9 +4,7 @@ import { button, element } from "../lib/text.js";
 const SOON_MS = 500;
 
 /** @param {number} value in bytes */
-function megabytes(value) {
-  return `${(value / 1e6).toFixed(value < 1e7 ? 1 : 0)} MB`;
-}
+const megabytes = (value) => `${(value / 1e6).toFixed(value < 1e7 ? 1 : 0)} MB`;
 
 export class Sending {
   /** @param {HTMLElement} host what it stands in, empty until then */

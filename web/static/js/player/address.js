@@ -8,9 +8,6 @@ const MAX_NUMBER = 1e6;
 const SPEEDS = [0.05, 20];
 const DEGREES = 180 / Math.PI;
 
-/** @type {AddressedView} */
-const NOTHING = { frame: null, module: null, from: null, to: null, loop: false, camera: null, colour: null, path: false, follow: true, speed: 1, play: null, stop: null, named: false };
-
 const rounded = (/** @type {number} */ value, /** @type {number} */ digits) => String(Number(value.toFixed(digits)));
 
 // A camera as numbers: azimuth and elevation in degrees, empty for those of Follow, and the distance in
@@ -176,7 +173,7 @@ export class Place {
 export function viewOf({ shown, playhead, is, timeline, selected, colouring, rig }, path) {
   if (!shown) return null;
   return {
-    ...NOTHING, frame: timeline.growing && is.live ? null : playhead.frame, module: selected, from: is.loop ? is.from : null, to: is.loop ? is.to : null,
+    stop: null, named: false, frame: timeline.growing && is.live ? null : playhead.frame, module: selected, from: is.loop ? is.from : null, to: is.loop ? is.to : null,
     loop: is.loop, camera: rig.at(shown), colour: colouring?.key ?? null, path, follow: rig.follows, speed: is.speed, play: is.playing,
   };
 }

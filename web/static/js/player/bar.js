@@ -44,10 +44,11 @@ export class Bar {
     get("play").onclick = send({ do: "toggle" });
     get("back").onclick = send({ do: "step", by: -1 });
     get("forward").onclick = send({ do: "step", by: 1 });
-    for (const name of PRESSED) {
-      get(name).onclick = () => this.press(name);
-    }
-    get("speed").onchange = () => this.setSpeed(get("speed").value);
+    for (const name of PRESSED) get(name).onclick = () => this.press(name);
+    get("speed").onchange = () => {
+      const { value } = get("speed");
+      player.send({ do: "set", ...(value === REAL ? { real: true } : { speed: Number(value) }) });
+    };
     for (const option of get("speed").options) if (option.value === REAL) option.hidden = !("timeline" in player);
     this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
     this.scrub.addEventListener("pointerdown", () => { this.scrubbing = true; });
@@ -90,16 +91,10 @@ export class Bar {
 
   /** @param {string} where */
   jump(where) {
-    if (where === "stuck") {
-      this.onStuck();
-      return;
-    }
-    if (where === "straight" || where === "folded") {
-      if (this.folding) this.fold(where === "folded" ? 100 : 0);
-      return;
-    }
     const frame = this.worst(where);
-    if (frame !== null) this.player.send({ do: "seek", frame });
+    if (where === "stuck") this.onStuck();
+    else if (where === "straight" || where === "folded") this.fold(where === "folded" ? 100 : 0);
+    else if (frame !== null) this.player.send({ do: "seek", frame });
   }
 
   // Presses one of the buttons that stay pressed.
@@ -110,9 +105,6 @@ export class Bar {
     if (document.fullscreenElement) document.exitFullscreen();
     else document.documentElement.requestFullscreen().catch(() => {}); // a browser may have its reasons
   }
-
-  /** @param {string} value */
-  setSpeed(value) { this.player.send({ do: "set", ...(value === REAL ? { real: true } : { speed: Number(value) }) }); }
 
   // The next of the speeds that are on offer, faster or, with -1, slower.
   /** @param {number} by */
@@ -149,10 +141,13 @@ export class Bar {
     if (!this.scrubbing) this.place(state.frame);
     for (const name of PRESSED) get(name).setAttribute("aria-pressed", String(state[name]));
     get("live").hidden = !state.growing;
-    this.showFolded(state);
-    const running = state.playing;
-    get("play-icon").setAttribute("href", running ? "#i-pause" : "#i-play");
-    get("play").setAttribute("aria-label", running ? "Pause" : "Play");
+    const slider = get("folded");
+    if (state.folded !== null) {
+      if (document.activeElement !== slider || !slider.matches(":active")) slider.value = String(100 * state.folded);
+      get("r-folded").textContent = `${Math.round(100 * state.folded)} %`;
+    }
+    get("play-icon").setAttribute("href", state.playing ? "#i-pause" : "#i-play");
+    get("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
     const speed = get("speed");
     if (document.activeElement !== speed) speed.value = state.real ? REAL : String(state.speed);
     get("r-phase").textContent = PHASES[state.phase] ?? "";
@@ -163,14 +158,6 @@ export class Bar {
     get("r-error").textContent = state.error_rad === null ? "" : `Error ${radians(state.error_rad)}`;
     this.scrub.setAttribute("aria-valuetext",
       `${PHASES[state.phase] ?? ""}, frame ${Math.round(state.frame) + 1} of ${state.frames}`);
-  }
-
-  /** @param {State} state */
-  showFolded({ folded }) {
-    if (folded === null) return;
-    const slider = get("folded");
-    if (document.activeElement !== slider || !slider.matches(":active")) slider.value = String(100 * folded);
-    get("r-folded").textContent = `${Math.round(100 * folded)} %`;
   }
 
   get folding() { return this.outline?.phases.findLast(({ name }) => name === "playback"); }
@@ -296,7 +283,7 @@ class LoopRange {
     for (const end of /** @type {const} */ (["from", "to"])) {
       const handle = get(`range-${end}`);
       handle.addEventListener("pointerdown", (event) => { event.preventDefault(); handle.focus(); handle.setPointerCapture(event.pointerId); });
-      handle.addEventListener("pointermove", (event) => { if (handle.hasPointerCapture(event.pointerId)) this.move(end, this.frameAt(event.clientX)); });
+      handle.addEventListener("pointermove", (event) => { if (handle.hasPointerCapture(event.pointerId)) this.move(end, Math.round(shareAt(event.clientX, get("track")) * this.last)); });
       handle.addEventListener("keydown", (event) => this.key(end, event));
     }
   }
@@ -343,10 +330,5 @@ class LoopRange {
     event.preventDefault();
     event.stopPropagation(); // the playhead stays
     this.move(end, this.at[end] + (event.shiftKey ? FAR * by : by));
-  }
-
-  /** @param {number} x */
-  frameAt(x) {
-    return Math.round(shareAt(x, get("track")) * this.last);
   }
 }

@@ -24,6 +24,17 @@ export const USUAL = Object.freeze({ azimuth: null, elevation: null, zoom: 1, as
 const clamp = (/** @type {number} */ value, /** @type {number} */ low, /** @type {number} */ high) => Math.min(high, Math.max(low, value));
 const steep = (/** @type {number} */ elevation) => clamp(elevation, -MAX_ELEVATION, MAX_ELEVATION);
 
+// The target of a view moved across its picture, to the right and up, by shares of the distance.
+/**
+ * @param {View} view
+ * @param {number} x
+ * @param {number} y
+ */
+function across({ target, azimuth, elevation, distance }, x, y) {
+  const [right, up] = axesOf(azimuth, elevation);
+  return /** @type {Vector} */ (target.map((v, k) => v + distance * (x * right[k] + y * up[k])));
+}
+
 export class CameraRig {
   /**
    * @param {import("./timeline.js").Timeline} timeline
@@ -120,23 +131,15 @@ export class CameraRig {
       const from = (gently ? follower.goal : null) ?? follower.view;
       const [azimuth, elevation] = [from.azimuth + turn[0], steep(from.elevation + turn[1])];
       if (this.is.follow) this.choose({ ...this.choice, azimuth, elevation });
-      this.turned(azimuth, elevation, gently);
+      // A camera that follows glides there by itself.
+      if (!this.is.follow || !gently) this.moved(gently, (view) => ({ ...view, azimuth, elevation }));
     }
     if (zoom && this.is.follow) {
       const least = Math.min(1, this.minZoom);
       this.choice = { ...this.choice, zoom: clamp(Math.max(this.choice.zoom, least) * zoom, least, MAX_ZOOM) };
     } else if (zoom) this.moved(gently, (view) => ({ ...view, distance: clamp(view.distance * zoom, NEAREST_PITCH * this.pitch, FARTHEST * this.whole(shown, view).distance) }));
-    if (move) this.moved(gently, (view) => ({ ...view, target: this.shifted(view, view.target, -move[0], -move[1]) }));
-  }
-
-  /**
-   * @param {number} azimuth
-   * @param {number} elevation
-   * @param {boolean} gently
-   */
-  turned(azimuth, elevation, gently) {
-    if (this.is.follow && gently) return; // the camera glides there
-    this.moved(gently, (view) => ({ ...view, azimuth, elevation }));
+    const height = 2 * Math.tan(this.seeing().field / 2); // of the picture, as a share of the distance
+    if (move) this.moved(gently, (view) => ({ ...view, target: across(view, -height * move[0], -height * move[1]) }));
   }
 
   // Changes the view at once, or, gently, where it glides to.
@@ -150,19 +153,6 @@ export class CameraRig {
     const before = follower.view;
     follower.goal = change(gently ? follower.goal ?? before : before);
     if (!gently) follower.view = follower.goal;
-  }
-
-  // A point moved across the picture by shares of its height.
-  /**
-   * @param {View} view
-   * @param {Vector} point
-   * @param {number} x
-   * @param {number} y
-   */
-  shifted(view, point, x, y) {
-    const [right, up] = axesOf(view.azimuth, view.elevation);
-    const height = 2 * Math.tan(this.seeing.field / 2) * view.distance;
-    return /** @type {Vector} */ (point.map((v, k) => v + height * (x * right[k] + y * up[k])));
   }
 
   // What an address says.
@@ -218,10 +208,7 @@ export class CameraRig {
     const usual = this.framed(shown);
     const from = { ...usual, azimuth: azimuth ?? usual.azimuth, elevation: steep(elevation ?? usual.elevation) };
     const base = this.whole(shown, from);
-    const [right, up] = axesOf(from.azimuth, from.elevation);
-    const [x, y] = aside ?? [0, 0];
-    const target = /** @type {Vector} */ (base.target.map((v, k) => v + base.distance * (x * right[k] + y * up[k])));
-    return { ...from, target, distance: zoom * base.distance };
+    return { ...from, target: across(base, ...(aside ?? [0, 0])), distance: zoom * base.distance };
   }
 
   // Where Follow has the camera.
@@ -231,34 +218,25 @@ export class CameraRig {
    * @param {Snapshot} shown
    * @param {View} view
    */
-  whole(shown, { azimuth, elevation }) {
-    return framing(this.pointsOf(shown, null), { ...this.seeingOf(null), azimuth, elevation });
-  }
+  whole(shown, { azimuth, elevation }) { return framing(this.points(shown, null), { ...this.seeing(null), azimuth, elevation }); }
 
   // The points to have in view, in units of the scene; of the whole chain once for a snapshot.
   /**
    * @param {Snapshot} snapshot
-   * @param {number[] | null} group
    * @returns {Vector[]}
    */
-  pointsOf(snapshot, group) {
+  points(snapshot, group = this.group) {
     const scaled = (/** @type {number[]} */ point) => /** @type {Vector} */ (point.map((v) => v * this.pitch));
     if (group) return group.map((i) => scaled([...snapshot.positions.subarray(3 * i, 3 * i + 3)]));
     snapshot.points ??= fewPoints(snapshot.positions, snapshot.framed).map(scaled);
     return snapshot.points;
   }
 
-  /** @param {Snapshot} snapshot */
-  points(snapshot) { return this.pointsOf(snapshot, this.group); }
-
-  /** @param {number[] | null} group */
-  seeingOf(group) {
+  seeing(group = this.group) {
     const { camera, chain } = this.timeline.bundle.header;
     const radius = group ? AROUND_PITCH : chain.radius;
     return { radius: radius * this.pitch, aspect: this.aspect ?? USUAL_ASPECT, field: camera.field_of_view_rad, home: camera.azimuth_rad };
   }
-
-  get seeing() { return this.seeingOf(this.group); }
 
   /**
    * @param {Snapshot} snapshot
@@ -267,7 +245,7 @@ export class CameraRig {
   framed(snapshot, azimuth = null) {
     const { choice } = this;
     const elevation = choice.elevation ?? this.timeline.bundle.header.camera.elevation_rad;
-    return framing(this.points(snapshot), { ...this.seeing, azimuth: azimuth ?? choice.azimuth, elevation });
+    return framing(this.points(snapshot), { ...this.seeing(), azimuth: azimuth ?? choice.azimuth, elevation });
   }
 
   get goalEvery() { return Math.max(GOAL_EVERY, Math.round(GOAL_EVERY_S * this.playhead.framesPerSecond)); }
@@ -345,7 +323,7 @@ export class CameraRig {
    * @param {Snapshot} snapshot
    * @param {View} view
    */
-  needed(snapshot, view) { return distanceNeeded(this.points(snapshot), view, this.seeing); }
+  needed(snapshot, view) { return distanceNeeded(this.points(snapshot), view, this.seeing()); }
 
   // Lets the camera glide on; true while it moves.
   /**

@@ -22,6 +22,7 @@ export const COLOURINGS = [
 // Those that need figures.js.
 export const MEASURED = new Set(["position", "torque", "joint_torque", "pressed", "clearance"]);
 const ON_TABLE = new Set(["joint_torque", "pressed"]);
+const OF_HINGES = new Set(["torque", "joint_torque"]);
 const FLOATING = new Set(["torque"]); // of a chain that nothing bears
 
 // The colourings of a fold that floats, or of one on a table.
@@ -66,7 +67,7 @@ const largest = (/** @type {Floats} */ values) => Array.from(values).reduce((mos
  * @property {"ramp_even" | "ramp_error"} [ramp]
  * @property {(value: number) => string} text
  * @property {string | null} [none] what grey means
- * @property {((value: number) => boolean) | null} [bad] what is as red as an error
+ * @property {(value: number) => boolean} [bad] what is as red as an error
  */
 
 /** @typedef {Pick<import("./figures.js").Figures, "row" | "largest" | "lacking" | "plots">} Measured */
@@ -78,38 +79,37 @@ export class Colouring {
    * @param {import("./timeline.js").Timeline} timeline
    * @param {Scale} scale
    */
-  constructor(key, timeline, { values, high, low = 0, ramp = "ramp_even", text, none = "no data in this phase", bad = null }) {
+  constructor(key, timeline, scale) {
     this.key = key;
     this.timeline = timeline;
     /** @type {Measured | null} */
     this.figures = null;
-    this.values = values;
-    this.low = low;
-    this.high = high;
-    this.ramp = ramp;
-    this.text = text;
-    this.none = none;
-    this.bad = bad;
+    /** @type {Required<Scale>} */
+    this.scale = { low: 0, ramp: "ramp_even", none: "no data in this phase", bad: () => false, ...scale };
+  }
+
+  get high() {
+    const { high } = this.scale;
+    return typeof high === "function" ? high() : high;
   }
 
   /** @param {Snapshot} shown */
   of(shown) {
     const { header, arrays } = this.timeline.bundle;
-    const values = this.values(shown);
-    const high = typeof this.high === "function" ? this.high() : this.high;
-    const colours = ramped(values.map((v) => (v - this.low) / (high - this.low || 1)), arrays[this.ramp], header.colours.unknown);
-    const { bad } = this;
-    if (bad) values.forEach((v, i) => { if (bad(v)) colours.set(header.colours.error, 3 * i); });
+    const { high, scale: { low, ramp, bad } } = this;
+    const values = this.scale.values(shown);
+    const colours = ramped(values.map((v) => (v - low) / (high - low || 1)), arrays[ramp], header.colours.unknown);
+    values.forEach((v, i) => { if (bad(v)) colours.set(header.colours.error, 3 * i); });
     return colours;
   }
 
   legend() {
-    const ramp = this.timeline.bundle.arrays[this.ramp];
+    const { low, text, none } = this.scale;
+    const ramp = this.timeline.bundle.arrays[this.scale.ramp];
     const last = ramp.length / 3 - 1;
     const stops = Array.from({ length: 9 }, (_, k) => Array.from(ramp.subarray(3 * Math.round((k / 8) * last)).slice(0, 3)).join(" "));
-    const high = typeof this.high === "function" ? this.high() : this.high;
     return {
-      low: this.text(this.low), high: this.text(high), none: this.none,
+      low: text(low), high: text(this.high), none,
       ramp: `linear-gradient(to right, ${stops.map((stop) => `rgb(${stop})`).join(", ")})`,
     };
   }
@@ -143,39 +143,36 @@ export function colouring(key, timeline, figures) {
    * @param {Partial<Scale>} more
    */
   const per = (values, text, more = {}) => new Colouring(key, timeline, { values, text, high: () => scale(), ...more });
-  const unknown = () => new Float32Array(chain.modules).fill(NaN);
   // A scale is looked for when it is first asked for, and again while frames still come in.
   let [known, version] = [0, -1];
   const scale = () => {
-    if (version !== timeline.version) [known, version] = [scaled(timeline, made.values), timeline.version];
+    if (version !== timeline.version) [known, version] = [scaled(timeline, made.scale.values), timeline.version];
     return known;
   };
   const lacking = figures?.lacking ?? null;
   // Of long folds clearances and torques are told of the whole chain, which the plots show.
   const none = lacking ?? (timeline.windowed ? "only known for the whole chain" : "no data yet");
-  const measured = (/** @type {FigureName} */ name) => figures?.largest(name) ?? 0;
+  const errors = (/** @type {Snapshot} */ shown) => timeline.perModule(shown.errors);
+  /**
+   * @param {FigureName} name
+   * @param {Scale["text"]} said
+   * @param {Partial<Scale>} more
+   */
+  const measured = (name, said, more) => per((shown) => {
+    const values = figures?.row(shown.low)?.[name];
+    if (!values) return new Float32Array(chain.modules).fill(NaN);
+    return OF_HINGES.has(name) ? timeline.perModule(values) : values;
+  }, said, { high: () => roundUp(figures?.largest(name) ?? 0), ...more });
   /** @type {Record<string, () => Colouring>} */
   const makers = {
-    error: () => per((shown) => timeline.moduleErrors(shown.errors), radians, { high: () => timeline.errorScale, ramp: "ramp_error" }),
-    "error-even": () => per((shown) => timeline.moduleErrors(shown.errors), radians, { high: () => timeline.errorScale }),
-    position: () => per((shown) => figures?.row(shown.low)?.position_error ?? unknown(), pitches, {
-      high: () => roundUp(measured("position_error")), none: lacking ?? "no data in this phase",
-    }),
-    speed: () => per((shown) => timeline.carried(timeline.speeds(shown.frame), (a, b) => Math.max(Math.abs(a), Math.abs(b))), (v) => si(v, "rad/s")),
-    torque: () => per((shown) => {
-      const torques = figures?.row(shown.low)?.torque;
-      return torques ? timeline.carried(torques, (a, b) => Math.max(Math.abs(a), Math.abs(b))) : unknown();
-    }, newtonMetres, { high: () => roundUp(measured("torque")), none }),
-    joint_torque: () => per((shown) => {
-      const torques = figures?.row(shown.low)?.joint_torque;
-      return torques ? timeline.carried(torques, Math.max) : unknown();
-    }, (v) => withUnit(v, figures?.plots?.table?.unit_nm ?? 0), { high: () => roundUp(measured("joint_torque")), none: "not computed here" }),
-    pressed: () => per((shown) => figures?.row(shown.low)?.pressed ?? unknown(), (v) => (v ? `${number(v)} × its weight` : "0"), {
-      high: () => roundUp(measured("pressed")), none: "not computed here",
-    }),
-    clearance: () => per((shown) => figures?.row(shown.low)?.clearance ?? unknown(), pitches, {
-      high: NEAR, bad: (v) => v < 0, none,
-    }),
+    error: () => per(errors, radians, { high: () => timeline.errorScale, ramp: "ramp_error" }),
+    "error-even": () => per(errors, radians, { high: () => timeline.errorScale }),
+    position: () => measured("position_error", pitches, { none: lacking ?? "no data in this phase" }),
+    speed: () => per((shown) => timeline.perModule(timeline.speeds(shown.frame)), (v) => si(v, "rad/s")),
+    torque: () => measured("torque", newtonMetres, { none }),
+    joint_torque: () => measured("joint_torque", (v) => withUnit(v, figures?.plots?.table?.unit_nm ?? 0), { none: "not computed here" }),
+    pressed: () => measured("pressed", (v) => (v ? `${number(v)} × its weight` : "0"), { none: "not computed here" }),
+    clearance: () => measured("clearance", pitches, { high: NEAR, bad: (v) => v < 0, none }),
     chain: () => per(() => Float32Array.from({ length: chain.modules }, (_, i) => i), (v) => `Module ${Math.round(v) + 1}`, { high: chain.modules - 1, none: null }),
   };
   const made = (makers[key] ?? makers.error)();

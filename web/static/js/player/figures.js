@@ -34,12 +34,11 @@ export class Figures extends Emitter {
 
   // Looks whether they are there; what a plot draws comes with them.
   async begin() {
-    if (this.plots) return true;
+    if (this.plots) return;
     const found = await this.get("").catch(() => null);
-    if (!found) { this.tell("missing"); return false; }
+    if (!found) { this.tell("missing"); return; }
     this.plots = { ...found.header, ...found.arrays };
     this.tell("begun");
-    return true;
   }
 
   /** @param {FigureName} name */
@@ -57,15 +56,8 @@ export class Figures extends Emitter {
     const part = this.parts.get(index);
     if (!part) { this.load(index); return null; }
     const k = frame - index * rows;
-    const { arrays, header: { widths } } = part;
-    const of = (/** @type {FigureName} */ name) => {
-      const width = widths[name] ?? 0;
-      return arrays[name]?.subarray(k * width, (k + 1) * width);
-    };
-    return {
-      clearance: of("clearance"), nearest: of("nearest"), torque: of("torque"), position_error: of("position_error"),
-      joint_torque: of("joint_torque"), pressed: of("pressed"),
-    };
+    const widths = /** @type {[FigureName, number][]} */ (Object.entries(part.header.widths));
+    return Object.fromEntries(widths.map(([name, width]) => [name, part.arrays[name]?.subarray(k * width, (k + 1) * width)]));
   }
 
   /** @param {number} index */

@@ -11,15 +11,36 @@
  */
 const mix = (a, b, share) => Float64Array.from(a, (v, k) => v + (b[k] - v) * share);
 
-// The pose of a module between two; orientations turn the short way.
+// The angle of a hinge in a row: what is before its window is folded, what is behind it straight.
+/**
+ * @param {Pick<Row, "first" | "last" | "angles" | "foldedRad">} row
+ * @param {number} hinge
+ */
+export const angleIn = ({ first, last, angles, foldedRad }, hinge) => (hinge < first ? foldedRad[hinge] : hinge < last ? angles[hinge - first] : 0);
+
+// From which hinge to before which two rows may differ.
+/**
+ * @param {Row} a
+ * @param {Row} b
+ */
+export const differing = (a, b) => [Math.min(a.first, b.first), Math.max(a.last, b.last)];
+
+// The row between two; orientations turn the short way.
 /**
  * @param {Row} a
  * @param {Row} b
  * @param {number} share
+ * @returns {Row}
  */
-function poseBetween(a, b, share) {
+export function between(a, b, share) {
+  const [first, last] = differing(a, b);
+  const angles = Float64Array.from({ length: last - first }, (_, k) => {
+    const one = angleIn(a, first + k);
+    return one + (angleIn(b, first + k) - one) * share;
+  });
   const same = Array.from(a.wxyz).reduce((sum, v, k) => sum + v * b.wxyz[k], 0) >= 0;
-  return { position: mix(a.position, b.position, share), wxyz: mix(a.wxyz, same ? b.wxyz : Array.from(b.wxyz, (v) => -v), share) };
+  const wxyz = mix(a.wxyz, same ? b.wxyz : Array.from(b.wxyz, (v) => -v), share);
+  return { ...a, position: mix(a.position, b.position, share), wxyz, first, last, angles };
 }
 
 /** @param {object} arrays */
@@ -32,63 +53,30 @@ const bytesOf = (arrays) => Object.values(arrays).reduce((/** @type {number} */ 
  */
 const part = (values, k, width) => values.subarray(k * width, (k + 1) * width);
 
-// All angles of each frame.
-export class Whole {
-  /**
-   * @param {Pick<Message<BatchHeader, WholeArrays>, "arrays">} batch
-   * @param {{ joints: number }} timeline
-   */
-  constructor({ arrays }, { joints }) {
-    this.arrays = arrays;
-    this.joints = joints;
-    this.rows = arrays.time_s.length;
-    this.bytes = bytesOf(arrays);
-  }
-
-  /**
-   * @param {number} k
-   * @returns {Row}
-   */
-  row(k) {
-    const { arrays, joints } = this;
-    return {
-      time_s: arrays.time_s[k], phase: arrays.phase[k], position: part(arrays.root_position, k, 3), wxyz: part(arrays.root_wxyz, k, 4),
-      angles: part(arrays.joint_angles_rad, k, joints), errors: part(arrays.joint_error_rad, k, joints),
-    };
-  }
-
-  /**
-   * @param {Row} a
-   * @param {Row} b
-   * @param {number} share
-   * @returns {Row}
-   */
-  static between(a, b, share) { return { ...a, ...poseBetween(a, b, share), angles: mix(a.angles, b.angles, share) }; }
-
-  /**
-   * @param {import("./kinematics.js").Kinematics} kinematics
-   * @param {Row} row
-   * @returns {WindowPoses}
-   */
-  static poses(kinematics, { angles, position, wxyz }) { return kinematics.poses(angles, position, wxyz); }
-
-  /**
-   * @param {Row} row
-   * @param {number} j
-   */
-  static angle({ angles }, j) { return angles[j]; }
+// All angles of each frame, as windows of the whole chain.
+/**
+ * @param {WholeArrays} arrays
+ * @param {number} joints
+ * @returns {WindowArrays}
+ */
+function asWindows({ root_position, root_wxyz, joint_angles_rad, joint_error_rad, ...kept }, joints) {
+  const rows = kept.time_s.length;
+  return {
+    ...kept, base_position: root_position, base_wxyz: root_wxyz, angles: joint_angles_rad, errors_rad: joint_error_rad, steps: new Int32Array(),
+    first: new Uint8Array(rows), counts: new Int32Array(rows).fill(joints), recorded: new Uint8Array(rows).fill(1),
+  };
 }
 
 const STEP = 2 ** -20;
 
 // Angles from the hinge `first` to before `last`; what is before is folded, what is behind straight.
-export class Window {
+export class Rows {
   /**
-   * @param {Pick<Message<BatchHeader, WindowArrays>, "arrays">} batch
+   * @param {Pick<Batch, "arrays">} batch
    * @param {{ foldedRad: Floats, noErrors: Floats }} timeline
    */
   constructor({ arrays }, { foldedRad, noErrors }) {
-    const { counts, steps, ...kept } = arrays;
+    const { counts, steps, ...kept } = "first" in arrays ? arrays : asWindows(arrays, foldedRad.length);
     this.rows = arrays.time_s.length;
     this.foldedRad = foldedRad;
     this.noErrors = noErrors;
@@ -121,16 +109,15 @@ export class Window {
 
   /**
    * @param {number} k
-   * @returns {WindowRow}
+   * @returns {Row}
    */
   row(k) {
     const { arrays, foldedRad } = this;
     const { angles, ends, first } = arrays;
     const begin = k ? ends[k - 1] : 0;
-    const errors = this.errors(k, begin);
     return {
       time_s: arrays.time_s[k], phase: arrays.phase[k], position: part(arrays.base_position, k, 3), wxyz: part(arrays.base_wxyz, k, 4),
-      first: first[k], last: first[k] + ends[k] - begin, angles: angles.subarray(begin, ends[k]), errors, foldedRad,
+      first: first[k], last: first[k] + ends[k] - begin, angles: angles.subarray(begin, ends[k]), errors: this.errors(k, begin), foldedRad,
     };
   }
 
@@ -146,35 +133,6 @@ export class Window {
     found.set(told.subarray(begin, ends[k]), first[k]);
     return found;
   }
-
-  /**
-   * @param {WindowRow} a
-   * @param {WindowRow} b
-   * @param {number} share
-   * @returns {WindowRow}
-   */
-  static between(a, b, share) {
-    const first = Math.min(a.first, b.first);
-    const last = Math.max(a.last, b.last);
-    const angles = Float64Array.from({ length: last - first }, (_, k) => {
-      const one = Window.angle(a, first + k);
-      return one + (Window.angle(b, first + k) - one) * share;
-    });
-    return { ...a, ...poseBetween(a, b, share), first, last, angles };
-  }
-
-  /**
-   * @param {import("./kinematics.js").Kinematics} kinematics
-   * @param {WindowRow} row
-   * @returns {WindowPoses}
-   */
-  static poses(kinematics, row) { return kinematics.windowPoses(row, row.position, row.wxyz); }
-
-  /**
-   * @param {Pick<WindowRow, "first" | "last" | "angles" | "foldedRad">} row
-   * @param {number} j
-   */
-  static angle({ first, last, angles, foldedRad }, j) { return j < first ? foldedRad[j] : j < last ? angles[j - first] : 0; }
 }
 
 // Angles of windows backwards, then forwards: from those of a plan, the columns that a batch lacks.
@@ -204,7 +162,6 @@ const FEWEST_CHUNKS = 4; // that are stored in any case
 const AHEAD = 6; // chunks of a long timeline that are fetched before they are needed
 const BEHIND = 1;
 
-/** @typedef {Whole | Window} Rows */
 /** @typedef {{ count: number, batches: (Rows | null)[], at: Uint32Array }} Chunk where each frame of a stretch is */
 
 export class FrameStore {

@@ -1,8 +1,6 @@
 // The fold in motion on the first page.
-import { Timeline, Recording } from "./timeline.js";
 import { get } from "../lib/text.js";
-import { Player } from "./player.js";
-import { Sketch } from "../viewer/sketch.js";
+import { playerIn } from "./player.js";
 
 const SPEED = 1.6;
 
@@ -13,11 +11,7 @@ const SPEED = 1.6;
  * @param {{ calm: boolean }} visitor
  */
 export function playHero(hero, canvas, { calm }) {
-  const sketch = new Sketch(canvas, () => hero.classList.add("moving"));
-  const player = new Player(new Timeline(new Recording(hero.dataset.timeline ?? "")), {
-    sketch, aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
-  });
-  new ResizeObserver(() => player.show(true)).observe(canvas);
+  const player = playerIn(hero, canvas);
   player.on("begun", () => {
     player.send({ do: "set", loop: true, speed: SPEED, turn: !calm });
     if (!calm) player.send({ do: "play" });

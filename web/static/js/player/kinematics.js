@@ -1,9 +1,24 @@
 // From hinge angles and a root pose to the poses of all modules, how far the chain is folded, and the orientation
 // in which it is shown. The poses, as in planner/chain/module.py:
 // T[i+1] = T[i] · Trans(anchor) · Rot(axis_1, q_1) … Rot(axis_K, q_K) · turn · Trans(offset).
+import { angleIn } from "./frames.js";
 import { quaternionOf, times, turned } from "../viewer/camera.js";
 
-const vectorOf = (/** @type {Numbers} */ p) => /** @type {Vector} */ ([p[0], p[1], p[2]]);
+const vectorOf = (/** @type {Numbers} */ p, i = 0) => /** @type {Vector} */ ([p[3 * i], p[3 * i + 1], p[3 * i + 2]]);
+/**
+ * @param {Quaternion} turn
+ * @returns {Quaternion}
+ */
+const back = ([w, x, y, z]) => [w, -x, -y, -z];
+/**
+ * @param {Vector} axis
+ * @param {number} angle
+ * @returns {Quaternion}
+ */
+const rotation = ([x, y, z], angle) => {
+  const s = Math.sin(angle / 2);
+  return [Math.cos(angle / 2), s * x, s * y, s * z];
+};
 
 export class Kinematics {
   /** @type {Poses | undefined} */
@@ -20,35 +35,20 @@ export class Kinematics {
     this.foldedRad = foldedRad;
     /** @type {Poses & { key: string } | null} */
     this.resting = null;
-    this.modules = chain.modules;
-    this.root = chain.root;
-    this.rigid = chain.rigid_links;
-    this.hinges = chain.hinges;
-    this.axes = chain.axes;
-    this.anchor = chain.anchor;
-    this.offset = chain.offset;
-    this.turn = chain.turn;
+    this.chain = chain;
   }
 
   // The rotation across the joint of a link; `angle` tells that of a hinge.
   /**
    * @param {(hinge: number) => number} angle
    * @param {number} link
-   * @param {Quaternion} into
    */
-  step(angle, link, into) {
+  step(angle, link) {
+    const { rigid_links: rigid, hinges, axes, turn } = this.chain;
     /** @type {Quaternion} */
     let q = [1, 0, 0, 0];
-    const first = (link - this.rigid) * this.hinges;
-    if (first >= 0) {
-      for (let k = 0; k < this.hinges; k++) {
-        const half = angle(first + k) / 2;
-        const s = Math.sin(half);
-        const [x, y, z] = this.axes[k];
-        q = times(q, [Math.cos(half), s * x, s * y, s * z], [0, 0, 0, 0]);
-      }
-    }
-    return times(q, this.turn, into);
+    for (let k = 0, j = (link - rigid) * hinges; j >= 0 && k < hinges; k++, j++) q = times(q, rotation(axes[k], angle(j)));
+    return times(q, turn);
   }
 
   // Centres (3n) and orientations (4n) of one configuration.
@@ -59,18 +59,16 @@ export class Kinematics {
    * @returns {Poses}
    */
   poses(angles, position, wxyz) {
+    const { modules, root, anchor, offset } = this.chain;
     const found = this.room(Float32Array);
     const angle = (/** @type {number} */ j) => angles[j];
-    this.ahead(angle, this.root, this.modules, position, wxyz, found);
-    /** @type {Quaternion} */
-    const across = [0, 0, 0, 0];
+    this.ahead(angle, root, modules, position, wxyz, found);
     let p = vectorOf(position);
     let q = quaternionOf(wxyz);
-    for (let i = this.root - 1; i >= 0; i--) {
-      const b = turned(q, this.offset);
-      const [w, x, y, z] = this.step(angle, i, across);
-      q = times(q, [w, -x, -y, -z], [0, 0, 0, 0]);
-      const a = turned(q, this.anchor);
+    for (let i = root - 1; i >= 0; i--) {
+      const b = turned(q, offset);
+      q = times(q, back(this.step(angle, i)));
+      const a = turned(q, anchor);
       p = [p[0] - a[0] - b[0], p[1] - a[1] - b[1], p[2] - a[2] - b[2]];
       put(i, p, q, found);
     }
@@ -81,22 +79,16 @@ export class Kinematics {
   // `angles` of the hinges in between and the pose of module 0. What is folded keeps its shape, and
   // what is straight is a rod: only the window is computed joint by joint. Modules up to `core` are
   // folded, those from `rod` on are the rod.
-  /**
-   * @param {Pick<WindowRow, "first" | "last" | "angles">} row
-   * @param {Numbers} position
-   * @param {Numbers} wxyz
-   */
-  windowPoses({ first, last, angles }, position, wxyz) {
-    const { modules: n } = this;
-    const foldedRad = /** @type {Floats} */ (this.foldedRad);
+  /** @param {Row} row */
+  windowPoses(row) {
+    const { modules: n, rigid_links: rigid, hinges } = this.chain;
     const found = this.room(Float32Array);
-    const core = Math.min(n, this.rigid + Math.floor(first / this.hinges) + 1);
-    const rod = Math.min(n - 1, Math.max(core - 1, this.rigid + Math.ceil(last / this.hinges)));
-    const folded = this.rested(position, wxyz);
+    const core = Math.min(n, rigid + Math.floor(row.first / hinges) + 1);
+    const rod = Math.min(n - 1, Math.max(core - 1, rigid + Math.ceil(row.last / hinges)));
+    const folded = this.rested(row.position, row.wxyz);
     found.positions.set(folded.positions.subarray(0, 3 * core));
     found.wxyzs.set(folded.wxyzs.subarray(0, 4 * core));
-    const angle = (/** @type {number} */ j) => (j < first ? foldedRad[j] : j < last ? angles[j - first] : 0);
-    const [p, q] = this.ahead(angle, core - 1, rod + 1, ...poseIn(folded, core - 1), found);
+    const [p, q] = this.ahead((j) => angleIn(row, j), core - 1, rod + 1, vectorOf(folded.positions, core - 1), quaternionOf(folded.wxyzs, core - 1), found);
     moved(this.straight, rod, n, p, q, found);
     return { ...found, core, rod };
   }
@@ -112,15 +104,14 @@ export class Kinematics {
    * @returns {[Vector, Quaternion]}
    */
   ahead(angle, begin, end, position, wxyz, found) {
-    /** @type {Quaternion} */
-    const across = [0, 0, 0, 0];
+    const { anchor, offset } = this.chain;
     const p = vectorOf(position);
     let q = quaternionOf(wxyz);
     put(begin, p, q, found);
     for (let i = begin + 1; i < end; i++) {
-      const a = turned(q, this.anchor);
-      q = times(q, this.step(angle, i - 1, across), [0, 0, 0, 0]);
-      const b = turned(q, this.offset);
+      const a = turned(q, anchor);
+      q = times(q, this.step(angle, i - 1));
+      const b = turned(q, offset);
       for (let k = 0; k < 3; k++) p[k] += a[k] + b[k];
       put(i, p, q, found);
     }
@@ -138,7 +129,7 @@ export class Kinematics {
     if (this.resting?.key !== key) {
       const length = Math.hypot(...Array.from(wxyz));
       this.resting = { key, ...this.room(Float64Array) };
-      moved(this.folded, 0, this.modules, vectorOf(position), quaternionOf(Array.from(wxyz, (v) => v / length)), this.resting);
+      moved(this.folded, 0, this.chain.modules, vectorOf(position), quaternionOf(Array.from(wxyz, (v) => v / length)), this.resting);
     }
     return this.resting;
   }
@@ -154,7 +145,7 @@ export class Kinematics {
   /** @param {(hinge: number) => number} angle */
   table(angle) {
     const found = this.room(Float64Array);
-    this.ahead(angle, 0, this.modules, [0, 0, 0], [1, 0, 0, 0], found);
+    this.ahead(angle, 0, this.chain.modules, [0, 0, 0], [1, 0, 0, 0], found);
     return found;
   }
 
@@ -162,15 +153,8 @@ export class Kinematics {
    * @param {Float32ArrayConstructor | Float64ArrayConstructor} Type
    * @returns {Poses}
    */
-  room(Type) { return { positions: new Type(3 * this.modules), wxyzs: new Type(4 * this.modules) }; }
+  room(Type) { return { positions: new Type(3 * this.chain.modules), wxyzs: new Type(4 * this.chain.modules) }; }
 }
-
-/**
- * @param {Poses} poses
- * @param {number} i
- * @returns {[Floats, Floats]}
- */
-const poseIn = ({ positions, wxyzs }, i) => [positions.subarray(3 * i, 3 * i + 3), wxyzs.subarray(4 * i, 4 * i + 4)];
 
 // Puts one pose in its place, its orientation as a unit quaternion.
 /**
@@ -196,20 +180,16 @@ function put(i, p, q, { positions, wxyzs }) {
  * @param {Poses} found
  */
 function moved({ positions: from, wxyzs: turns }, begin, end, p, q, { positions, wxyzs }) {
-  const [d, e, f, g] = quaternionOf(turns.subarray(4 * begin, 4 * begin + 4));
-  const [w, x, y, z] = times(q, [d, -e, -f, -g], [0, 0, 0, 0]);
+  const [w, x, y, z] = times(q, back(quaternionOf(turns, begin)));
   const r = [
     1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
     2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
     2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
   ];
+  const [u, v, o] = vectorOf(from, begin);
   for (let i = begin; i < end; i++) {
-    const a = from[3 * i] - from[3 * begin];
-    const b = from[3 * i + 1] - from[3 * begin + 1];
-    const c = from[3 * i + 2] - from[3 * begin + 2];
-    positions[3 * i] = p[0] + r[0] * a + r[1] * b + r[2] * c;
-    positions[3 * i + 1] = p[1] + r[3] * a + r[4] * b + r[5] * c;
-    positions[3 * i + 2] = p[2] + r[6] * a + r[7] * b + r[8] * c;
+    const [a, b, c] = [from[3 * i] - u, from[3 * i + 1] - v, from[3 * i + 2] - o];
+    for (let k = 0; k < 3; k++) positions[3 * i + k] = p[k] + r[3 * k] * a + r[3 * k + 1] * b + r[3 * k + 2] * c;
     const k = 4 * i;
     wxyzs[k] = w * turns[k] - x * turns[k + 1] - y * turns[k + 2] - z * turns[k + 3];
     wxyzs[k + 1] = w * turns[k + 1] + x * turns[k] + y * turns[k + 3] - z * turns[k + 2];
@@ -234,7 +214,7 @@ export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {
   const found = new Int32Array(n * faces.length).fill(n);
   const seen = new Map();
   for (let i = 0; i < n; i++) {
-    const turn = quaternionOf(wxyzs.subarray(4 * i, 4 * i + 4));
+    const turn = quaternionOf(wxyzs, i);
     middles.forEach((middle, f) => {
       const key = turned(turn, vectorOf(middle)).reduce((sum, v, c) => sum * 2 * MAX_CELL + Math.round(CELLS_PER_PITCH * (positions[3 * i + c] + v)) + MAX_CELL, 0);
       const other = seen.get(key);
@@ -289,36 +269,21 @@ export function frameFolded(timeline, wanted) {
   if (!folding) return null;
   const value = (/** @type {number} */ frame) => {
     const row = timeline.row(frame);
-    return row && foldedness((j) => timeline.how.angle(row, j), timeline.foldedRad);
+    return row && foldedness((j) => angleIn(row, j), timeline.foldedRad);
   };
   let [low, high] = [folding.from, folding.to - 1];
   if (wanted <= 0) return low;
   if (wanted >= 1) return high;
   let [less, more] = [value(low) ?? 0, value(high) ?? 1];
   while (high - low > 1) {
-    const middle = hereBetween(timeline, low, high);
-    if (middle === null) break;
+    const middle = timeline.nearest(Math.ceil((low + high) / 2));
+    if (middle === null || middle <= low || middle >= high) break; // nothing in between is here
     const found = value(middle) ?? 0;
     if (found < wanted) [low, less] = [middle, found];
     else [high, more] = [middle, found];
   }
   const share = more > less ? (wanted - less) / (more - less) : 1;
   return low + (high - low) * Math.min(1, Math.max(0, share));
-}
-
-// The frame that is here and nearest to the middle of two, without them.
-/**
- * @param {import("./timeline.js").Timeline} timeline
- * @param {number} low
- * @param {number} high
- */
-function hereBetween(timeline, low, high) {
-  const middle = Math.floor((low + high) / 2);
-  for (let away = 0; middle - away > low || middle + away < high; away++) {
-    if (middle + away < high && timeline.row(middle + away)) return middle + away;
-    if (middle - away > low && timeline.row(middle - away)) return middle - away;
-  }
-  return null;
 }
 
 /** Seconds in which the correction fades in when a timeline is completed on an open page. Chosen. */
@@ -343,7 +308,7 @@ export class Standing {
    */
   set(end, drawn, { from, to }, fade) {
     const length = Math.hypot(...Array.from(end)) * Math.hypot(...Array.from(drawn));
-    const [w, x, y, z] = times(quaternionOf(drawn), [end[0], -end[1], -end[2], -end[3]], [0, 0, 0, 0]).map((v) => v / length);
+    const [w, x, y, z] = times(quaternionOf(drawn), back(quaternionOf(end))).map((v) => v / length);
     const sine = Math.hypot(x, y, z) * (w < 0 ? -1 : 1); // the short way
     this.correction = Math.abs(sine) < MIN_SINE ? null : { angle: 2 * Math.atan2(Math.abs(sine), Math.abs(w)), axis: [x / sine, y / sine, z / sine], from, to };
     if (!fade) this.amount = 1;
@@ -372,12 +337,8 @@ export class Standing {
   turned(wxyz, frame) {
     const { correction, amount } = this;
     if (!correction || !amount || frame <= correction.from) return wxyz;
-    const { angle, axis: [x, y, z], from, to } = correction;
-    const half = (angle / 2) * amount * smooth(Math.min(1, (frame - from) / Math.max(1, to - 1 - from)));
-    const s = Math.sin(half);
-    return Float64Array.from(times([Math.cos(half), s * x, s * y, s * z], quaternionOf(wxyz), [0, 0, 0, 0]));
+    const { angle, axis, from, to } = correction;
+    const share = Math.min(1, (frame - from) / Math.max(1, to - 1 - from));
+    return Float64Array.from(times(rotation(axis, angle * amount * share * share * (3 - 2 * share)), quaternionOf(wxyz)));
   }
 }
-
-/** @param {number} share */
-const smooth = (share) => share * share * (3 - 2 * share);

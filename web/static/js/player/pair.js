@@ -73,9 +73,7 @@ export class Pair extends Emitter {
    * @param {TimelineOutline[]} outlines
    * @param {string} name
    */
-  place(outlines, name) {
-    return Math.min(...outlines.map(({ phases }) => phases.findIndex((p) => p.name === name)).filter((k) => k >= 0));
-  }
+  place(outlines, name) { return Math.min(...outlines.map(({ phases }) => phases.findIndex((p) => p.name === name)).filter((k) => k >= 0)); }
 
   // The larger error of the two, column by column.
   /** @param {TimelineOutline[]} outlines */
@@ -112,7 +110,10 @@ export class Pair extends Emitter {
     if (message.do === "orbit" || message.do === "camera") { this.players[0].send(message); return true; }
     if (message.do === "select") { for (const player of this.players) player.send(message); return true; }
     if (!this.playhead.do(message.do === "fold" ? { do: "seek", frame: this.frameFolded(message.percent / 100) } : message)) return false;
-    if (message.do === "set") for (const player of this.players) player.send(this.ofCamera(message));
+    if (message.do === "set") {
+      const { follow, turn } = message; // what of it is about the camera
+      for (const player of this.players) player.send({ do: "set", ...("follow" in message && { follow }), ...("turn" in message && { turn }) });
+    }
     this.sync();
     return true;
   }
@@ -149,17 +150,6 @@ export class Pair extends Emitter {
     return at.from + ((frame - own.from) / Math.max(1, own.to - 1 - own.from)) * (at.to - 1 - at.from);
   }
 
-  // What of a message is about the camera.
-  /**
-   * @param {Command & { do: "set" }} message
-   * @returns {Command}
-   */
-  ofCamera(message) {
-    return {
-      do: "set", ...("follow" in message ? { follow: message.follow } : {}), ...("turn" in message ? { turn: message.turn } : {}),
-    };
-  }
-
   sync() {
     if (this.syncing || !this.phases.length) return;
     this.syncing = true;
@@ -168,20 +158,14 @@ export class Pair extends Emitter {
     this.syncing = false;
     const at = this.phaseAt(frame);
     const errors = this.players.map(({ shown }) => shown && largestError(shown)).filter((error) => error !== null);
+    const [{ shown: first, timeline }] = this.players;
     const state = {
       ...this.playhead.is, frame: this.playhead.frame, frames: this.last + 1, growing: this.growing, phase: at.name,
-      time_s: null, error_rad: errors.length ? Math.max(...errors) : null,
-      folded: this.folded, pace: null,
+      time_s: null, error_rad: errors.length ? Math.max(...errors) : null, folded: first && timeline.folded(first), pace: null,
     };
     const text = JSON.stringify(state);
     if (text !== this.told) { this.told = text; this.tell("state", state); }
     this.wake();
-  }
-
-  // How far the first fold is folded.
-  get folded() {
-    const [{ shown, timeline }] = this.players;
-    return shown && timeline.folded(shown);
   }
 
   wake() {

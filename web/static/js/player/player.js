@@ -5,18 +5,17 @@
 // turns, zooms and moves the view, and camera {camera} sets it, null as usual.
 // It tells what is by events: waiting, begun, outline, state, module, camera, drawn, painted.
 import { picked } from "../viewer/camera.js";
+import { Sketch } from "../viewer/sketch.js";
 import { CameraRig, USUAL } from "./camera_rig.js";
 import { colouring } from "./colours.js";
 import { PlayerState } from "./player_state.js";
-import { Emitter } from "./timeline.js";
+import { Recording, Timeline } from "./timeline.js";
 
 const MAX_TICK_S = 0.2;
 const TELL_MS = 200;
 const USUAL_ASPECT = 1.6;
 
-/** @typedef {import("./timeline.js").Timeline} Timeline */
 /** @typedef {import("../viewer/stage.js").Stage} Stage */
-/** @typedef {import("../viewer/sketch.js").Sketch} Sketch */
 
 // Ticks with the pictures of the page while it is asked to.
 export class Ticker {
@@ -62,7 +61,7 @@ export class Ticker {
   rest() { this.clock = null; }
 }
 
-export class Player extends Emitter {
+export class Player extends PlayerState {
   // Shows on `stage`, for which `standIn` may draw, or on the sketch alone. For who wants little to
   // move, the camera is where a frame that is sought asks for it at once.
   /**
@@ -71,7 +70,7 @@ export class Player extends Emitter {
    *   `pauseMs` is the minimum time between two pictures of a motion that plays by itself
    */
   constructor(timeline, { stage = null, standIn = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false, pauseMs }) {
-    super();
+    super(timeline, calm);
     this.stage = stage;
     this.sketch = sketch;
     this.standIn = standIn;
@@ -79,7 +78,6 @@ export class Player extends Emitter {
       standIn.busy = () => this.busy;
       standIn.painted = () => this.tell("painted", this.shown?.frame);
     }
-    this.state = new PlayerState(timeline, calm);
     this.rig = new CameraRig(timeline, this.playhead, { aspect, calm });
     this.ticker = new Ticker((passed, now) => this.tick(passed, now), pauseMs);
     this.told = { text: "", atMs: 0, playing: false }; // the last state
@@ -87,34 +85,18 @@ export class Player extends Emitter {
     this.changed = false;
     /** @type {Command[]} */
     this.unheard = []; // what was asked for while a timeline that is begun anew is fetched
-    timeline.on("waiting", () => { this.state.shown = null; this.tell("waiting"); });
+    timeline.on("waiting", () => { this.shown = null; this.tell("waiting"); });
     timeline.on("begun", () => this.begin());
     timeline.on("grew", () => this.grew());
     timeline.on("settled", () => { this.story.settled(); this.show(); });
     timeline.on("loaded", () => {
-      if (this.state.searchOn()) this.show();
+      if (this.searchOn()) this.show();
       if (this.shown && (!this.shown.exact || this.rig.approximate)) this.show(true);
     });
     if (timeline.chain) queueMicrotask(() => this.begin());
   }
 
-  get timeline() { return this.state.timeline; }
-
-  get playhead() { return this.state.playhead; }
-
-  get story() { return this.state.story; }
-
-  get shown() { return this.state.shown; }
-
-  get selected() { return this.state.selected; }
-
-  get marked() { return this.state.marked; }
-
-  get colouring() { return this.state.colouring; }
-
   get is() { return this.playhead.is; }
-
-  get due() { return this.ticker.due; }
 
   // What a message does.
 
@@ -127,11 +109,11 @@ export class Player extends Emitter {
     this.story.heard(asked);
     this.tell("asked", asked);
     if (!this.timeline.chain) { this.unheard.push(asked); return true; }
-    const message = this.state.sought(asked);
+    const message = this.sought(asked);
     const { follow, turn } = this.is;
     if (message.do === "orbit" || message.do === "camera") return this.look(message);
     if (message.do === "set" && "follow" in message) this.lookAt([]);
-    if (message.do === "select") this.select(message.module);
+    if (message.do === "select") this.highlight(message.module);
     else if (!this.playhead.do(message)) return false;
     if (message.do === "set") {
       if (this.is.follow !== follow || (turn && !this.is.turn)) this.rig.follow(this.is.follow);
@@ -142,10 +124,10 @@ export class Player extends Emitter {
   }
 
   /** @param {number | null} module */
-  select(module) {
-    if (!this.state.select(module)) return;
+  highlight(module) {
+    if (!this.select(module)) return;
     this.show(true);
-    this.tell("module", this.state.module);
+    this.tell("module", this.module);
   }
 
   // Modules that stay highlighted, as those where a fold stalls or as selected ones.
@@ -154,8 +136,8 @@ export class Player extends Emitter {
    * @param {"stuck" | "selected"} as
    */
   mark(modules, as = "stuck") {
-    this.state.markedAs = as;
-    this.state.marked = modules.filter((module) => module < this.timeline.chain.modules);
+    this.markedAs = as;
+    this.marked = modules.filter((module) => module < this.timeline.chain.modules);
     this.show(true);
   }
 
@@ -203,33 +185,31 @@ export class Player extends Emitter {
   // Another way to colour the modules; see colours.js.
   /** @param {import("./colours.js").Colouring} chosen */
   colourBy(chosen) {
-    this.state.colouring = chosen;
+    this.colouring = chosen;
     this.tell("colouring", chosen);
     this.show(true);
   }
 
-  colours() { return this.state.colours(); }
-
   // What time does.
 
   begin() {
-    const { timeline, state } = this;
-    state.shown = state.search = null;
+    const { timeline } = this;
+    this.shown = this.search = null;
     this.colourBy(colouring(this.colouring?.key ?? "error", timeline, this.colouring?.figures));
     this.rig.begin();
     this.stage?.set(timeline.bundle);
     this.sketch?.set(timeline.bundle);
-    state.begin();
+    super.begin();
     this.tell("begun");
     this.show(true);
-    this.tell("outline", state.outline);
+    this.tell("outline", this.outline);
     for (const message of this.unheard.splice(0)) this.send(message);
   }
 
   grew() {
     if (!this.timeline.chain) return;
     this.rig.goals.clear();
-    this.tell("outline", this.state.outline);
+    this.tell("outline", this.outline);
     this.show(true);
   }
 
@@ -257,18 +237,18 @@ export class Player extends Emitter {
 
   // Takes the snapshot that the playhead is at.
   show(again = false) {
-    const { timeline, state } = this;
+    const { timeline } = this;
     if (!timeline.chain || !this.colouring) return;
     const frame = this.playhead.shown;
     const moved = !this.shown || this.shown.frame !== frame || !this.shown.exact;
     if (moved || again) {
       const shown = timeline.snapshot(frame);
       if (!shown) return;
-      state.shown = shown;
+      this.shown = shown;
       this.rig.turnToGroup(shown);
       this.aim();
       this.changed = true;
-      if (this.selected !== null && moved) this.tell("module", state.module);
+      if (this.selected !== null && moved) this.tell("module", this.module);
     }
     if (this.shown) this.tellState(this.shown);
     this.ticker.wake();
@@ -280,7 +260,7 @@ export class Player extends Emitter {
     const { told, playhead: { frame, is: { playing } } } = this;
     const now = performance.now();
     if (this.standIn?.latest && playing && told.playing && now - told.atMs < TELL_MS && frame < this.timeline.last) return;
-    const state = this.state.report(shown);
+    const state = this.report(shown);
     const text = JSON.stringify(state);
     this.told = { text, atMs: now, playing };
     if (text !== told.text) this.tell("state", state);
@@ -301,4 +281,17 @@ export class Player extends Emitter {
     this.gliding = true;
     this.ticker.wake();
   }
+}
+
+// A player of the timeline whose address a part of the page names, on a canvas in it alone.
+/**
+ * @param {HTMLElement} part
+ * @param {HTMLCanvasElement} canvas
+ */
+export function playerIn(part, canvas) {
+  const player = new Player(new Timeline(new Recording(part.dataset.timeline ?? "")), {
+    sketch: new Sketch(canvas, () => part.classList.add("moving")), aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
+  });
+  new ResizeObserver(() => player.show(true)).observe(canvas);
+  return player;
 }

@@ -1,8 +1,9 @@
-// State of a player, without a page or a clock: where the playhead is, the moment that it shows, the selected
+// State of a player, without a picture or a clock: where the playhead is, the moment that it shows, the selected
 // and the marked modules and their colours; and what is reported of them.
 import { frameFolded } from "./kinematics.js";
 import { Playhead, after, nextChange } from "./playhead.js";
 import { Story } from "./story.js";
+import { Emitter } from "./timeline.js";
 
 const BESIDE = 0.4; // how blue the neighbours of the selected module are
 
@@ -24,7 +25,7 @@ export function largestError({ errors }) {
   return largest < 0 ? null : largest;
 }
 
-export class PlayerState {
+export class PlayerState extends Emitter {
   /** @type {import("./colours.js").Colouring | null} */
   colouring = null;
   /** @type {number | null} */
@@ -43,6 +44,7 @@ export class PlayerState {
    * @param {boolean} calm whether nothing plays by itself
    */
   constructor(timeline, calm) {
+    super();
     this.timeline = timeline;
     this.playhead = new Playhead(timeline);
     this.story = this.playhead.story = new Story(this.playhead, timeline, calm);
@@ -136,7 +138,7 @@ export class PlayerState {
     const { chain } = timeline;
     const first = (index - chain.rigid_links) * chain.hinges;
     const columns = first >= 0 && first < timeline.joints ? Array.from({ length: chain.hinges }, (_, k) => first + k) : [];
-    const at = timeline.foldedPositions;
+    const at = timeline.bundle.arrays.folded_positions;
     return {
       index, modules: chain.modules, shown,
       cell: chain.cells ? [0, 1, 2].map((k) => Math.round(at[3 * index + k])) : null,

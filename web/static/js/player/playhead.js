@@ -4,6 +4,8 @@
 //   step {by}                     whole frames back or forward, and stop
 //   set {speed, loop, reverse, follow, turn, live, real}   any of them; real plays in the robot's time
 //   set {from, to}                loop over these frames and what is between; null for the whole
+import { angleIn, differing } from "./frames.js";
+
 const SPEEDS = [0.05, 20];
 const SWITCHES = /** @type {const} */ (["loop", "reverse", "follow", "turn", "live", "real"]);
 const WHOLE_PLAYBACK_S = 20;
@@ -100,18 +102,11 @@ export class Playhead {
       return true;
     }
     if (!is.playing || now < this.hold) return false;
-    const even = passed * this.framesPerSecond * is.speed;
-    this.runOn(this.inRealTime ? this.framesIn(passed) || even : even, now);
+    // Of a robot's time, the frames that it takes so many seconds for; none at the end.
+    const robot = is.real && timeline.row && !this.story?.framesPerSecond ? /** @type {Timeline} */ (timeline) : null;
+    const real = robot ? Math.abs(after(robot, this.frame, is.reverse ? -passed : passed) - this.frame) : 0;
+    this.runOn(real || passed * this.framesPerSecond * is.speed, now);
     return true;
-  }
-
-  get inRealTime() { return this.is.real && this.timeline.row !== undefined && !this.story?.framesPerSecond; }
-
-  // Frames that the robot takes so many seconds for; 0 at the end.
-  /** @param {number} passed */
-  framesIn(passed) {
-    const timeline = /** @type {Timeline} */ (this.timeline);
-    return Math.abs(after(timeline, this.frame, this.is.reverse ? -passed : passed) - this.frame);
   }
 
   get framesPerSecond() {
@@ -187,7 +182,7 @@ export function after(timeline, frame, seconds) {
  * @returns {{ frame: number, from: Row | null }}
  */
 export function nextChange(timeline, frame, way, from = null) {
-  const { how, last } = timeline;
+  const { last } = timeline;
   const begin = way > 0 ? Math.floor(frame) : Math.ceil(frame);
   const start = from ?? timeline.row(begin);
   let k = from ? begin : begin + way;
@@ -195,9 +190,9 @@ export function nextChange(timeline, frame, way, from = null) {
     const row = timeline.row(k);
     if (!row) return { frame: k, from: start };
     if (row.phase !== start.phase) break;
-    const [first, end] = timeline.differing(start, row);
+    const [first, end] = differing(start, row);
     let turned = 0;
-    for (let j = first; j < end && turned <= SEEN_RAD; j++) turned = Math.abs(how.angle(row, j) - how.angle(start, j));
+    for (let j = first; j < end && turned <= SEEN_RAD; j++) turned = Math.abs(angleIn(row, j) - angleIn(start, j));
     if (turned > SEEN_RAD) break;
   }
   return { frame: Math.min(Math.max(k, 0), last), from: null };

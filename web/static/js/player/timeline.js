@@ -1,7 +1,7 @@
 // A fold's frames as they come in, and the poses of a moment. What has been fetched once is scrubbed without a
 // request to the server; see frames.js.
 import { decode } from "../lib/columns.js";
-import { FrameStore, Whole, Window } from "./frames.js";
+import { FrameStore, Rows, angleIn, between, differing } from "./frames.js";
 import { Kinematics, Standing, foldedness, touching } from "./kinematics.js";
 
 /** @type {Record<string, string>} */
@@ -93,14 +93,6 @@ export class Recording extends Source {
   batch() { return this.once ??= this.get("batch"); }
 }
 
-// Rows of either kind.
-/**
- * @typedef {object} Kind
- * @property {(a: Row, b: Row, share: number) => Row} between
- * @property {(kinematics: Kinematics, row: Row) => WindowPoses} poses
- * @property {(row: Row, hinge: number) => number} angle
- */
-
 export class Timeline extends Emitter {
   // Null until the timeline has begun: chain and outline; the others are not there before.
   /** @type {Chain & Hull} */
@@ -111,8 +103,8 @@ export class Timeline extends Emitter {
   bundle;
   /** @type {Kinematics} */
   kinematics;
-  /** @type {typeof Whole | typeof Window} */
-  kind;
+  /** @type {boolean} a long timeline, of which only what is around the playhead is fetched */
+  windowed;
   /** @type {number} */
   joints;
   /** @type {Floats} */
@@ -120,8 +112,6 @@ export class Timeline extends Emitter {
   /** @type {Floats | null} angles at the first frame */
   startRad = null;
   standing = new Standing();
-  /** @type {Floats} */
-  foldedPositions;
   /** @type {Float32Array<ArrayBuffer>} */
   noErrors;
   /** @type {number | undefined} */
@@ -188,8 +178,10 @@ export class Timeline extends Emitter {
     while (!this.ended) {
       try {
         if (!this.chain) await this.begin();
-        else if (this.growing) await this.grow();
-        else if (this.unsure && this.looks < MOST_LOOKS) await this.look();
+        else if (this.growing) {
+          this.grown = true;
+          await this.fetchNext(WAIT_S);
+        } else if (this.unsure && this.looks < MOST_LOOKS) await this.look();
         else break;
       } catch (error) {
         if (error instanceof DamagedError) this.damaged(error.message);
@@ -252,47 +244,32 @@ export class Timeline extends Emitter {
     // Frames spread over the whole timeline up to its last, so that it can be scrubbed everywhere at once.
     const stride = Math.ceil(first.header.total / COARSE);
     const from = (first.header.total - 1) % stride;
-    const windowed = "first" in first.arrays;
-    const spread = stride > 1 && (windowed || first.header.status !== "growing") ? await this.source.batch({ from, stride }) : null;
+    this.windowed = "first" in first.arrays;
+    const spread = stride > 1 && (this.windowed || first.header.status !== "growing") ? await this.source.batch({ from, stride }) : null;
     const { header, arrays } = bundle;
     this.bundle = bundle;
     this.chain = header.chain;
     this.joints = arrays.folded_rad.length;
     this.foldedRad = arrays.folded_rad;
-    this.foldedPositions = arrays.folded_positions;
     this.kinematics = new Kinematics(header.chain, this.foldedRad);
-    this.kind = windowed ? Window : Whole;
-    if (windowed) bundle.neighbours = touching(header, this.kinematics.folded);
-    this.noErrors = new Float32Array(windowed ? this.joints : 0).fill(NaN);
-    this.store = new FrameStore(this.joints, windowed);
+    if (this.windowed) bundle.neighbours = touching(header, this.kinematics.folded);
+    this.noErrors = new Float32Array(this.joints).fill(NaN);
+    this.store = new FrameStore(this.joints, this.windowed);
     this.id = first.header.id;
     this.take(first);
     const start = this.row(0);
-    if (start) this.startRad = Float32Array.from({ length: this.joints }, (_, j) => this.how.angle(start, j));
+    if (start) this.startRad = Float32Array.from({ length: this.joints }, (_, j) => angleIn(start, j));
     if (spread?.header.id === this.id) this.take(spread);
     this.tell("begun");
     this.load();
   }
 
-  async grow() {
-    this.grown = true;
-    await this.fetchNext(WAIT_S);
-  }
-
-  // What rows of this timeline can do.
-  get how() { return /** @type {Kind} */ (/** @type {unknown} */ (this.kind)); }
-
-  // A long timeline, of which only what is around the playhead is fetched.
-  get windowed() { return this.kind === Window; }
-
   // Keeps what a batch brings.
   /** @param {Batch} batch */
   take(batch) {
     const { header } = batch;
-    const found = this.windowed ? new Window(/** @type {Message<BatchHeader, WindowArrays>} */ (batch), this)
-      : new Whole(/** @type {Message<BatchHeader, WholeArrays>} */ (batch), this);
     const { store } = this;
-    store.put(found, header);
+    store.put(new Rows(batch, this), header);
     // A timeline that grows may have more than this batch; what is missing is asked for next.
     store.total = this.growing && header.status === "growing" && !this.windowed ? Math.max(store.total, header.stop) : header.total;
     this.status = header.status;
@@ -381,13 +358,13 @@ export class Timeline extends Emitter {
     const share = at - low;
     const after = exact && share > 1e-6 ? this.row(low + 1) : null;
     const time = row.time_s + (after ? (after.time_s - row.time_s) * share : 0);
-    if (after) row = this.how.between(row, after, share);
+    if (after) row = between(row, after, share);
     row = { ...row, wxyz: this.standing.turned(row.wxyz, at) };
-    const poses = this.how.poses(this.kinematics, row);
+    const poses = this.windowed ? this.kinematics.windowPoses(row) : this.kinematics.poses(row.angles, row.position, row.wxyz);
     const told = row;
     return {
       frame: at, exact, low, time_s: time, phase: this.outline.names[told.phase],
-      angle: (j) => this.how.angle(told, j), errors: told.errors, framed: this.framed(poses), ...poses,
+      angle: (j) => angleIn(told, j), errors: told.errors, framed: this.framed(poses), ...poses,
     };
   }
 
@@ -407,48 +384,24 @@ export class Timeline extends Emitter {
     const [a, b] = [this.row(low), this.row(low + 1)];
     const found = new Float32Array(this.joints);
     if (!a || !b || a.phase !== b.phase || !(b.time_s > a.time_s)) return found.fill(NaN);
-    const [begin, end] = this.differing(a, b);
-    for (let j = begin; j < end; j++) found[j] = (this.how.angle(b, j) - this.how.angle(a, j)) / (b.time_s - a.time_s);
+    const [begin, end] = differing(a, b);
+    for (let j = begin; j < end; j++) found[j] = (angleIn(b, j) - angleIn(a, j)) / (b.time_s - a.time_s);
     return found;
   }
 
-  // From which hinge to before which two rows may differ.
-  /**
-   * @param {Row} a
-   * @param {Row} b
-   * @returns {number[]}
-   */
-  differing(a, b) { return this.windowed ? reach(/** @type {WindowRow} */ (a), /** @type {WindowRow} */ (b)) : [0, this.joints]; }
-
-  // The largest error of the hinges of the joint that each module carries; NaN where none is recorded.
-  /** @param {Floats} errors */
-  moduleErrors(errors) { return this.carried(errors, (a, b) => Math.max(Math.abs(a), Math.abs(b))); }
-
-  // A figure of each hinge as one of each module: those of the joint that it carries, put together.
-  /**
-   * @param {Floats} values
-   * @param {(a: number, b: number) => number} together
-   */
-  carried(values, together) {
+  // A figure of each hinge as one of each module: of those of the joint that it carries the largest, either way.
+  /** @param {Floats} values */
+  perModule(values) {
     const { modules, rigid_links: rigid, hinges } = this.chain;
     const joints = Math.max(1, this.joints / hinges);
     const found = new Float32Array(modules);
     for (let i = 0; i < modules; i++) {
       const first = Math.min(Math.max(i - rigid, 0), joints - 1) * hinges;
-      let value = together(values[first], values[first]);
-      for (let k = 1; k < hinges; k++) value = together(value, values[first + k]);
-      found[i] = value;
+      for (let j = first; j < first + hinges; j++) found[i] = Math.max(found[i], Math.abs(values[j]));
     }
     return found;
   }
 }
-
-// The hinges that move in one of two windows, or both.
-/**
- * @param {WindowRow} a
- * @param {WindowRow} b
- */
-const reach = (a, b) => [Math.min(a.first, b.first), Math.max(a.last, b.last)];
 
 // Pauses before the next try: as long as the service asks, or a moment if the connection broke.
 /** @param {unknown} error */

@@ -10,14 +10,13 @@ export class Flight {
   // For who wants little to move, a stop is shown at once.
   /**
    * @param {import("../player/player.js").Player} player
-   * @param {{ calm: boolean, colour: (key: string) => void, path: (on: boolean) => void, over: () => void }} around
+   * @param {{ calm: boolean, page: Addressed, over: () => void }} around
    *   `over` is told when a caption has been read
    */
-  constructor(player, { calm, colour, path, over }) {
+  constructor(player, { calm, page, over }) {
     this.player = player;
     this.calm = calm;
-    this.colour = colour;
-    this.path = path;
+    this.page = page;
     this.over = over;
     /** @type {{ from: number, to: number, begun: number, seconds: number, frame: number } | null} */
     this.way = null;
@@ -40,8 +39,8 @@ export class Flight {
     this.playing = playing;
     player.mark((stop.modules ?? []).map((module) => module - 1), "selected");
     if (!view) return;
-    this.colour(stop.colour ?? "error");
-    this.path(stop.path ?? false);
+    this.page.colour(stop.colour ?? "error");
+    this.page.path(stop.path ?? false);
     player.send({ do: "set", from: null, to: null, loop: false, reverse: false, follow: stop.follow ?? true });
     const camera = cameraIn(stop.camera ?? null);
     if (!camera && stop.modules) player.lookAt(stop.modules.map((module) => module - 1), clearestSight);

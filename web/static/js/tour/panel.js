@@ -29,8 +29,7 @@ export class TourPanel {
     this.toast = toast;
     /** @type {TourState | null} */
     this.state = null;
-    const { colour, path } = place.page;
-    this.flight = new Flight(player, { calm, colour, path, over: () => this.next(true) });
+    this.flight = new Flight(player, { calm, page: place.page, over: () => this.next() });
     this.playing = false;
     this.onEnd = () => {}; // called when the last caption has been read
     this.caption = element("p", { class: "tour-caption", "aria-live": "polite" });
@@ -108,9 +107,8 @@ export class TourPanel {
   }
 
   // On to the next stop; the last one ends the playing.
-  /** @param {boolean} playing */
-  next(playing) {
-    if (this.state?.go(this.state.at + 1)) { this.playing = playing; this.go(); return; }
+  next() {
+    if (this.state?.go(this.state.at + 1)) { this.go(); return; }
     this.playing = false;
     this.say();
     this.onEnd();

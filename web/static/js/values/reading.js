@@ -22,9 +22,6 @@ const NAMED = /^(.*?)\s*[([]([^()[\]]{1,20})[)\]]$/; // Temperature (°C)
  * @typedef {{ rows: number[][], header: string[], places: number[] }} Cells `places` are the lines of the rows
  */
 
-/** @param {string} text */
-function bad(text) { return new Error(text); }
-
 // The numbers of a text, row by row, and the words above them.
 /**
  * @param {string} text
@@ -50,7 +47,7 @@ function cellsOf(text) {
     const row = cells.map(read);
     const wrong = row.indexOf(null);
     if (line.startsWith("#") || (wrong >= 0 && !found.rows.length)) { found.header = line.startsWith("#") ? [line.replace(/^#\s*/, "")] : cells; return; }
-    if (wrong >= 0) throw bad(`Line ${k + 1}: got "${cells[wrong].slice(0, 40)}", expected a number or nothing.`);
+    if (wrong >= 0) throw new Error(`Line ${k + 1}: got "${cells[wrong].slice(0, 40)}", expected a number or nothing.`);
     found.rows.push(/** @type {number[]} */ (row));
     found.places.push(k + 1);
   });
@@ -66,16 +63,16 @@ function jsonOf(text) {
   let told;
   try {
     told = JSON.parse(text.replace(/\bNaN\b|-?\bInfinity\b/g, "null")); // which Python writes
-  } catch (error) { throw bad(`The file is no JSON: ${/** @type {Error} */ (error).message}.`); }
+  } catch (error) { throw new Error(`The file is no JSON: ${/** @type {Error} */ (error).message}.`, { cause: error }); }
   if (Array.isArray(told)) told = { values: told };
   const { values } = told;
-  if (told.format !== FORMAT && !Array.isArray(values)) throw bad('Got JSON without a list of numbers, expected such a list, or an object with "values", "name" and "unit".');
+  if (told.format !== FORMAT && !Array.isArray(values)) throw new Error('Got JSON without a list of numbers, expected such a list, or an object with "values", "name" and "unit".');
   const rows = (Array.isArray(values) ? (Array.isArray(values[0]) ? values : [values]) : []).map((row, k) => {
-    if (!Array.isArray(row)) throw bad(`Value ${k + 1}: got ${JSON.stringify(row)?.slice(0, 40)}, expected a list of numbers like the first one.`);
+    if (!Array.isArray(row)) throw new Error(`Value ${k + 1}: got ${JSON.stringify(row)?.slice(0, 40)}, expected a list of numbers like the first one.`);
     return row.map((/** @type {unknown} */ value, /** @type {number} */ i) => {
       if (typeof value === "number") return value;
       if (value === null || (typeof value === "string" && NOTHING.test(value))) return NaN;
-      throw bad(`Value ${i + 1}: got ${JSON.stringify(value).slice(0, 40)}, expected a number or null.`);
+      throw new Error(`Value ${i + 1}: got ${JSON.stringify(value).slice(0, 40)}, expected a number or null.`);
     });
   });
   return { told, cells: { rows, header: [], places: rows.map((_, k) => k + 1) } };
@@ -94,8 +91,8 @@ function byNumber({ rows, places }, modules) {
   const row = new Array(modules).fill(NaN);
   const seen = new Set();
   rows.forEach(([module, value], k) => {
-    if (!Number.isInteger(module) || module < from || module >= modules + from) throw bad(`Line ${places[k]}: got module ${module}, expected one from ${from} to ${modules + from - 1}.`);
-    if (seen.has(module)) throw bad(`Line ${places[k]}: got module ${module} a second time, expected each module once. Decimal places need a point, not a comma.`);
+    if (!Number.isInteger(module) || module < from || module >= modules + from) throw new Error(`Line ${places[k]}: got module ${module}, expected one from ${from} to ${modules + from - 1}.`);
+    if (seen.has(module)) throw new Error(`Line ${places[k]}: got module ${module} a second time, expected each module once. Decimal places need a point, not a comma.`);
     seen.add(module);
     row[module - from] = value;
   });
@@ -111,7 +108,7 @@ function arranged(cells, { modules, frames }) {
   let { rows } = cells;
   const width = rows[0]?.length ?? 0;
   const odd = rows.findIndex((row) => row.length !== width);
-  if (odd >= 0) throw bad(`Line ${cells.places[odd]}: got ${rows[odd].length} values, expected ${width} as in the lines before.`);
+  if (odd >= 0) throw new Error(`Line ${cells.places[odd]}: got ${rows[odd].length} values, expected ${width} as in the lines before.`);
   if (![1, modules, frames].includes(width) && rows.every((row) => Number.isNaN(row.at(-1)))) rows = rows.map((row) => row.slice(0, -1));
   if (rows[0]?.length === 1 && rows.length === modules) return [rows.flat()];
   if (rows[0]?.length === 2 && modules !== 2 && rows.length <= modules) return byNumber(cells, modules);
@@ -123,7 +120,7 @@ function arranged(cells, { modules, frames }) {
     if (found.length === modules && wide === frames) return Array.from({ length: frames }, (_, frame) => found.map((row) => row[frame]));
   }
   const each = frames ? `, or ${frames} rows with ${modules} each, one row for each frame` : "";
-  throw bad(`Got ${rows.length} ${rows.length === 1 ? "row" : "rows"} with ${width} ${width === 1 ? "number" : "numbers"} each, expected ${modules} numbers, one for each module${each}. Check that the file belongs to this fold.`);
+  throw new Error(`Got ${rows.length} ${rows.length === 1 ? "row" : "rows"} with ${width} ${width === 1 ? "number" : "numbers"} each, expected ${modules} numbers, one for each module${each}. Check that the file belongs to this fold.`);
 }
 
 /**
@@ -153,7 +150,7 @@ export function readValues(text, file, expected) {
   const values = Float32Array.from(rows.flat(), (value) => (Number.isFinite(value) ? value : NaN));
   let [low, high] = [Infinity, -Infinity];
   for (const value of values) { if (value < low) low = value; if (value > high) high = value; }
-  if (low > high) throw bad("Got no number in the file, expected at least one.");
+  if (low > high) throw new Error("Got no number in the file, expected at least one.");
   return { name: name || "Own numbers", unit: typeof told.unit === "string" ? told.unit.slice(0, 20) : unit, rows: rows.length, values, low, high };
 }
 
@@ -189,7 +186,7 @@ export function packed(own) {
 export function unpacked({ name, unit, low, high, rows, data }, modules) {
   let levels = "";
   try { levels = atob(data); } catch { }
-  if (!(rows >= 1) || levels.length !== rows * modules || !(low <= high)) throw bad(`Got values of another fold, expected ${modules} in each row.`);
+  if (!(rows >= 1) || levels.length !== rows * modules || !(low <= high)) throw new Error(`Got values of another fold, expected ${modules} in each row.`);
   const values = Float32Array.from(levels, (level) => (level.charCodeAt(0) === NONE ? NaN : low + (level.charCodeAt(0) / LEVELS) * (high - low)));
   return { name: String(name), unit: String(unit), rows, values, low, high };
 }

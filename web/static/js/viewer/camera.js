@@ -197,12 +197,10 @@ export function blended(views, weights, nearest) {
 
 // Glides to the view that it should have.
 export class Follower {
-  constructor() {
-    /** @type {View | null} */
-    this.view = null;
-    /** @type {View | null} */
-    this.goal = null;
-  }
+  /** @type {View | null} */
+  view = null;
+  /** @type {View | null} */
+  goal = null;
 
   /** @param {View} goal */
   aim(goal, atOnce = false) {
@@ -240,16 +238,13 @@ export class Follower {
  * @param {number} home
  */
 function sideOf(points, aspect, home) {
-  const n = points.length;
-  const mean = [0, 1, 2].map((k) => points.reduce((sum, p) => sum + p[k], 0) / n);
+  const mean = [0, 1, 2].map((k) => points.reduce((sum, p) => sum + p[k], 0) / points.length);
   const spread = [[0, 0, 0], [0, 0, 0], [0, 0, 0]];
   for (const p of points) for (let a = 0; a < 3; a++) for (let b = 0; b < 3; b++) spread[a][b] += (p[a] - mean[a]) * (p[b] - mean[b]);
-  const { values, vectors } = eigen(spread);
-  const order = [0, 1, 2].sort((a, b) => values[a] - values[b]);
-  const longest = [0, 1, 2].map((k) => vectors[k][order[2]]);
-  const slim = 1 - Math.sqrt(Math.max(values[order[1]], 0) / Math.max(values[order[2]], 1e-12));
-  const weight = Math.min(1, Math.max(0, (slim - 0.4) / 0.4)) * Math.hypot(longest[0], longest[1]);
-  const along = Math.atan2(longest[1], longest[0]);
+  const { axis, longest, second } = principal(spread);
+  const slim = 1 - Math.sqrt(Math.max(second, 0) / Math.max(longest, 1e-12));
+  const weight = Math.min(1, Math.max(0, (slim - 0.4) / 0.4)) * Math.hypot(axis[0], axis[1]);
+  const along = Math.atan2(axis[1], axis[0]);
   const aside = ((aspect >= 1 ? 68 : 30) * Math.PI) / 180;
   let least = Infinity;
   for (const half of [0, Math.PI]) {
@@ -261,25 +256,23 @@ function sideOf(points, aspect, home) {
   return home + weight * least;
 }
 
-// Eigenvalues and eigenvectors (in columns) of a symmetric 3×3 matrix, by Jacobi's rotations.
-/** @param {number[][]} given */
-function eigen(given) {
-  const a = given.map((row) => [...row]);
-  const v = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
-  for (let sweep = 0; sweep < 24; sweep++) {
-    if (Math.abs(a[0][1]) + Math.abs(a[0][2]) + Math.abs(a[1][2]) < 1e-14 * (Math.abs(a[0][0]) + Math.abs(a[1][1]) + Math.abs(a[2][2]) + 1e-300)) break;
-    for (const [p, q] of [[0, 1], [0, 2], [1, 2]]) {
-      if (a[p][q] === 0) continue;
-      const theta = (a[q][q] - a[p][p]) / (2 * a[p][q]);
-      const t = Math.sign(theta || 1) / (Math.abs(theta) + Math.hypot(theta, 1));
-      const c = 1 / Math.hypot(t, 1);
-      const s = t * c;
-      for (let k = 0; k < 3; k++) [a[k][p], a[k][q]] = [c * a[k][p] - s * a[k][q], s * a[k][p] + c * a[k][q]];
-      for (let k = 0; k < 3; k++) [a[p][k], a[q][k]] = [c * a[p][k] - s * a[q][k], s * a[p][k] + c * a[q][k]];
-      for (let k = 0; k < 3; k++) [v[k][p], v[k][q]] = [c * v[k][p] - s * v[k][q], s * v[k][p] + c * v[k][q]];
-    }
+// The two largest eigenvalues of a symmetric 3×3 matrix without negative ones, and the axis of the largest: the
+// powers of the matrix tend to it. It is not exact where both are about the same, which is for shapes without a long side.
+/** @param {number[][]} matrix */
+function principal(matrix) {
+  const trace = (/** @type {number[][]} */ m) => m[0][0] + m[1][1] + m[2][2];
+  const square = (/** @type {number[][]} */ m) => m.map((row) => row.map((_, k) => row.reduce((sum, v, j) => sum + v * m[j][k], 0)));
+  let power = matrix;
+  for (let k = 0; k < 9; k++) {
+    const size = trace(power) || 1;
+    power = square(power.map((row) => row.map((v) => v / size)));
   }
-  return { values: [a[0][0], a[1][1], a[2][2]], vectors: v };
+  const column = power.reduce((a, b) => (Math.hypot(...b) > Math.hypot(...a) ? b : a));
+  const axis = column.map((v) => v / (Math.hypot(...column) || 1));
+  const longest = axis.reduce((sum, v, j) => sum + v * matrix[j].reduce((all, w, k) => all + w * axis[k], 0), 0);
+  // Of the other two are known their sum and that of their squares.
+  const [sum, squares] = [trace(matrix) - longest, trace(square(matrix)) - longest ** 2];
+  return { axis, longest, second: sum / 2 + Math.sqrt(Math.max(0, squares / 2 - sum ** 2 / 4)) };
 }
 
 // Which module a ray meets first, or null.
@@ -318,21 +311,15 @@ export function picked(hull, { positions, wxyzs }, origin, direction) {
 
 // Rotations.
 
-// c = a · b, quaternions w, x, y, z.
+// The product of two quaternions w, x, y, z.
 /**
  * @param {Quaternion} a
  * @param {Quaternion} b
- * @param {Quaternion} c
+ * @returns {Quaternion}
  */
-export function times(a, b, c) {
-  const [w, x, y, z] = a;
-  const [p, q, r, s] = b;
-  c[0] = w * p - x * q - y * r - z * s;
-  c[1] = w * q + x * p + y * s - z * r;
-  c[2] = w * r - x * s + y * p + z * q;
-  c[3] = w * s + x * r - y * q + z * p;
-  return c;
-}
+export const times = ([w, x, y, z], [p, q, r, s]) => [
+  w * p - x * q - y * r - z * s, w * q + x * p + y * s - z * r, w * r - x * s + y * p + z * q, w * s + x * r - y * q + z * p,
+];
 
 // The vector (x, y, z) turned by the quaternion q.
 /**
@@ -348,4 +335,5 @@ export function turned(q, [x, y, z]) {
   return [x + w * u + b * t - c * v, y + w * v + c * u - a * t, z + w * t + a * v - b * u];
 }
 
-export const quaternionOf = (/** @type {Numbers} */ q) => /** @type {Quaternion} */ ([q[0], q[1], q[2], q[3]]);
+// The orientation of a module among those of all.
+export const quaternionOf = (/** @type {Numbers} */ q, i = 0) => /** @type {Quaternion} */ ([q[4 * i], q[4 * i + 1], q[4 * i + 2], q[4 * i + 3]]);

@@ -244,6 +244,20 @@ export class Scene {
 let renderer = "";
 
 // Whether pictures are computed without a graphics card, as far as the browser tells.
+/**
+ * Load the page of a 3D view into its frame. The frame is put into the document anew: one that was
+ * there when the browser went back holds a page already, and another one would be a further entry
+ * of the history, which Forward does not survive.
+ * @param {HTMLIFrameElement} frame
+ * @param {string} href
+ */
+export function load(frame, href) {
+  const { parentNode, nextSibling } = frame;
+  frame.remove();
+  frame.src = href;
+  parentNode?.insertBefore(frame, nextSibling);
+}
+
 export const isSoftware = () => SOFTWARE.test(renderer);
 
 export function hasWebGL() {

@@ -89,9 +89,7 @@ export class Sketch {
   }
 
   // The table in the colours of the page.
-  dress() {
-    if (this.table) this.worker?.postMessage({ is: "table", colours: tableColours() });
-  }
+  dress() { if (this.table) this.worker?.postMessage({ is: "table", colours: tableColours() }); }
 
   /**
    * @param {Snapshot} shown

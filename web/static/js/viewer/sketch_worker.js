@@ -41,29 +41,18 @@ let latest = null;
 let due = false;
 
 onmessage = (/** @type {MessageEvent<Told>} */ { data }) => {
+  if (data.is === "picture") { picture(data); return; }
+  if (data.is === "outline") { [outline, latest] = [data.outline, null]; return; }
   if (data.is === "begin") {
     ({ paper, size, ground } = data);
     pen = penOf(paper, !ground);
-    ask(false);
   } else if (data.is === "ground") {
     if (ground && data.ground) ({ ground } = data);
     back = null;
-    ask(false);
-  } else if (data.is === "size") {
-    ({ size } = data);
-    ask(false);
-  } else if (data.is === "table") {
-    wood = data.colours;
-    ask(false);
-  } else if (data.is === "outline") {
-    ({ outline } = data);
-    latest = null;
-  } else if (data.is === "frame") {
-    latest = data.data;
-    ask(true);
-  } else if (data.is === "picture") {
-    picture(data);
-  }
+  } else if (data.is === "size") ({ size } = data);
+  else if (data.is === "table") wood = data.colours;
+  else latest = data.data;
+  ask(data.is === "frame");
 };
 
 // Draws one frame on a paper of its own, of any size and with or without a ground, as a PNG.
@@ -199,10 +188,14 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, table,
   const reach = normals.map((normal, f) => dot(normal, corners[faces[f][0]]));
   const points = corners.map(() => /** @type {[number, number]} */ ([0, 0]));
   const around = corners.map(() => /** @type {[number, number]} */ ([0, 0]));
-  const trace = (/** @type {number[]} */ face, /** @type {[number, number][]} */ at) => {
+  const fill = (/** @type {number[]} */ face, /** @type {[number, number][]} */ at, /** @type {string} */ colour, line = colour) => {
     pen.beginPath();
     face.forEach((v, n) => (n ? pen.lineTo(...at[v]) : pen.moveTo(...at[v])));
     pen.closePath();
+    pen.fillStyle = colour;
+    pen.strokeStyle = line;
+    pen.fill();
+    pen.stroke();
   };
   const r = new Float64Array(9);
   for (const { i, many, hidden } of drawn) {
@@ -228,18 +221,9 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, table,
       if ((hidden >> f) & 1 || dot(normal, local) <= reach[f] + (normal[0] > 0 ? normal[0] * (many - 1) : 0)) continue;
       const [a, b, c] = normal;
       const bright = light(r[0] * a + r[1] * b + r[2] * c, r[3] * a + r[4] * b + r[5] * c, r[6] * a + r[7] * b + r[8] * c);
-      const shade = (/** @type {number} */ v, /** @type {number} */ share) => Math.min(255, Math.round(colours[3 * i + v] * bright * share));
-      if (gapped) {
-        pen.fillStyle = pen.strokeStyle = `rgb(${shade(0, GAP)} ${shade(1, GAP)} ${shade(2, GAP)})`;
-        trace(faces[f], around);
-        pen.fill();
-        pen.stroke();
-      }
-      pen.fillStyle = `rgb(${shade(0, 1)} ${shade(1, 1)} ${shade(2, 1)})`;
-      pen.strokeStyle = edged ? EDGE : pen.fillStyle;
-      trace(faces[f], points);
-      pen.fill();
-      pen.stroke();
+      const shade = (/** @type {number} */ share) => `rgb(${[0, 1, 2].map((v) => Math.min(255, Math.round(colours[3 * i + v] * bright * share))).join(" ")})`;
+      if (gapped) fill(faces[f], around, shade(GAP));
+      fill(faces[f], points, shade(1), edged ? EDGE : undefined);
     }
   }
 }
@@ -251,41 +235,26 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, table,
  * @param {[eye: Numbers, out: Vector]} from
  */
 function slab({ height, thickness, outline: ring }, see, [eye, out]) {
-  for (const [z, colour] of /** @type {[number, Colour][]} */ ([[height - thickness, wood.edge], [height, wood.top]])) {
-    const points = inFront(ring.map(([x, y]) => /** @type {Vector} */ ([x, y, z])), eye, out);
-    if (points.length < 3) continue;
+  const fill = (/** @type {Vector[]} */ points) => {
+    const seen = inFront(points, eye, out);
     const at = [0, 0];
     pen.beginPath();
-    for (const [x, y, k] of points) { see(x, y, k, at); pen.lineTo(at[0], at[1]); }
+    for (const [x, y, z] of seen) { see(x, y, z, at); pen.lineTo(at[0], at[1]); }
     pen.closePath();
-    pen.fillStyle = pen.strokeStyle = `rgb(${colour.join(" ")})`;
-    pen.fill();
-    if (z < height) edge(ring, height, thickness, see, eye, out);
+    if (seen.length > 2) pen.fill();
+    return seen.length > 2;
+  };
+  const low = height - thickness;
+  pen.fillStyle = pen.strokeStyle = `rgb(${wood.edge.join(" ")})`;
+  // The side goes piece by piece: what looks away is under the top.
+  if (fill(ring.map(([x, y]) => [x, y, low]))) {
+    ring.forEach(([x, y], k) => {
+      const [u, v] = ring[(k + 1) % ring.length];
+      if (fill([[x, y, height], [u, v, height], [u, v, low], [x, y, low]])) pen.stroke();
+    });
   }
-}
-
-// The side of a table, piece by piece: what looks away is under its top.
-/**
- * @param {[x: number, y: number][]} ring
- * @param {number} height
- * @param {number} thickness
- * @param {See} see
- * @param {Numbers} eye
- * @param {Vector} out
- */
-function edge(ring, height, thickness, see, eye, out) {
-  const at = [0, 0];
-  ring.forEach(([x, y], k) => {
-    const [u, v] = ring[(k + 1) % ring.length];
-    const low = height - thickness;
-    const points = inFront([[x, y, height], [u, v, height], [u, v, low], [x, y, low]], eye, out);
-    if (points.length < 3) return;
-    pen.beginPath();
-    for (const [a, b, c] of points) { see(a, b, c, at); pen.lineTo(at[0], at[1]); }
-    pen.closePath();
-    pen.fill();
-    pen.stroke();
-  });
+  pen.fillStyle = `rgb(${wood.top.join(" ")})`;
+  fill(ring.map(([x, y]) => [x, y, height]));
 }
 
 // The part of a flat outline that is in front of the eye.
