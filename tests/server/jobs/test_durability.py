@@ -175,20 +175,6 @@ def test_result_of_a_paused_stage_is_not_kept(
         assert (row.checkpoint, row.status, row.pauses) == (None, "queued", 1)
 
 
-def test_fold_beyond_its_memory_limit_is_refused(here_with: HereWith) -> None:
-    service = here_with(child_memory_bytes=128 * 2**20).start()
-    cells = [[x, 0, 0] for x in range(3000)]
-    answer = service.http.post("/api/folds", files={"file": ("long.json", str(cells))})
-    if answer.status_code == 202:
-        state = compute(service, answer.json()["id"])
-        assert (state["status"], state["error"]["code"]) == ("failed", "memory-limit")
-        assert "128 MiB" in state["error"]["detail"]
-    else:
-        assert answer.status_code == 422
-        assert "128 MiB" in answer.json()["detail"]
-    assert service.http.get("/health").status_code == 200
-
-
 def test_fold_lost_with_its_workers_repeatedly_fails(here_with: HereWith) -> None:
     service = here_with().start()
     state = compute(service, service.fold(SNAKE)["id"], losses=MAX_LOSSES)

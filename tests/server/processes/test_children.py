@@ -40,9 +40,9 @@ def stand_in(name):
     sys.modules[name] = types.ModuleType(name)
     return sys.modules[name]
 
-for name in ("mujoco", "interpolate", "ndimage", "optimize", "sparse.csgraph"):
-    stand_in(name if name == "mujoco" else f"scipy.{name}")
-for name in ("trimesh", "zarr.codecs"):
+for name in ("interpolate", "ndimage", "optimize", "sparse.csgraph"):
+    stand_in(f"scipy.{name}")
+for name in ("mujoco", "trimesh", "zarr.codecs"):
     stand_in(name)
 stand_in("planner.pipeline.stages").run_stage = lambda *_, **__: {}
 warming = stand_in("planner.pipeline.warm_up")

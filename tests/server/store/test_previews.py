@@ -85,13 +85,20 @@ class Desk:
         (place / "report.json").write_text('{"cells": []}')
 
 
-@pytest.fixture(params=DATABASES)
-def desk_with(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[..., Desk]]:
+@pytest.fixture
+def database() -> str:
+    """The kind of database of a test that does not hold for each."""
+    return "sqlite"
+
+
+@pytest.fixture
+def desk_with(
+    request: pytest.FixtureRequest, database: str, tmp_path: Path
+) -> Iterator[Callable[..., Desk]]:
     """Makes a desk with some settings."""
     made: list[Desk] = []
-    url = None
-    if request.param != "sqlite":
-        url = request.getfixturevalue("postgres").migrated()
+    sqlite = database == "sqlite"
+    url = None if sqlite else request.getfixturevalue("postgres").migrated()
 
     def make(name: str = "here", **settings: Any) -> Desk:
         chosen = Settings(data_dir=tmp_path / name, database_url=url, **settings)
@@ -139,6 +146,7 @@ def test_superfluous_with_many_small_previews_returns_the_oldest_of_the_largest_
     assert deleted(settings, stored, 20.0) == ["b0", "b1", "b2", "b3"]
 
 
+@pytest.mark.parametrize("database", DATABASES)
 def test_reports_of_strangers_leave_the_uploader_its_own(
     desk_with: Callable[..., Desk], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -175,6 +183,7 @@ def test_remove_leaves_the_files_to_the_sweep(desk_with: Callable[..., Desk]) ->
     assert not desk.names
 
 
+@pytest.mark.parametrize("database", DATABASES)
 def test_sweep_deletes_expired_previews_and_measures_no_files(
     desk_with: Callable[..., Desk], monkeypatch: pytest.MonkeyPatch
 ) -> None:
