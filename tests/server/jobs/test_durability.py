@@ -107,18 +107,19 @@ def test_fold_goes_on_when_its_process_or_fork_server_is_killed(
 
 
 @pytest.mark.long
-def test_fold_makes_room_for_a_cheaper_one_and_goes_on(
-    service_with: Callable[..., Service],
-) -> None:
-    service = service_with(slice_seconds=0.2).start()
-    long = service.fold(shape="wrench-160", settings="robots=0")["id"]
-    service.wait_exploding(long)
-    short = service.fold(STAIRS)["id"]
-    paused = service.wait(long, lambda state: state["progress"]["paused"] or over(state))
-    assert paused["status"] == "queued" and paused["stage"] in STAGES, paused
-    assert paused["progress"]["message"] == PAUSED_MESSAGE
-    check_finished(service, short)
-    check_finished(service, long)
+def test_fold_makes_room_for_a_cheaper_one_and_goes_on(tmp_path: Path) -> None:
+    service = Service(tmp_path / "data", slice_seconds=0.2).start()
+    try:
+        long = service.fold(shape="wrench-160", settings="robots=0")["id"]
+        service.wait_exploding(long)
+        short = service.fold(STAIRS)["id"]
+        paused = service.wait(long, lambda state: state["progress"]["paused"] or over(state))
+        assert paused["status"] == "queued" and paused["stage"] in STAGES, paused
+        assert paused["progress"]["message"] == PAUSED_MESSAGE
+        check_finished(service, short)
+        check_finished(service, long)
+    finally:
+        assert service.stop() == 0
 
 
 def test_fold_beyond_its_time_limit_fails(here_with: HereWith) -> None:
