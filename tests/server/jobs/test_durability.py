@@ -99,7 +99,7 @@ def test_fold_goes_on_when_its_process_or_fork_server_is_killed(
     here_with: HereWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """That their ends are told apart: see tests/server/processes."""
-    die_exploding(monkeypatch, CRASHED, LOST, LOST)
+    die_exploding(monkeypatch, CRASHED, LOST)
     service = here_with().start()
     fold_id = service.fold(STAIRS)["id"]
     assert compute(service, fold_id)["status"] == "verified"
