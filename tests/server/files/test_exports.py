@@ -132,7 +132,7 @@ def test_few_files_are_made_at_once_and_each_once(store: Store) -> None:
     asyncio.run(ask())
 
 
-def test_export_older_than_its_plan_is_made_again_and_no_other_fold_has_any(
+def test_export_older_than_its_plan_is_made_again_and_deleted_with_it(
     store: Store, fold: FoldRow
 ) -> None:
     path = exported(store, fold, "stl")
@@ -144,14 +144,13 @@ def test_export_older_than_its_plan_is_made_again_and_no_other_fold_has_any(
     with pytest.raises(NoRoom):
         exported(store, fold, "stl", free=2**62)
     assert exported(store, fold, "stl").read_bytes() == right
-    shutil.rmtree(store.directory(fold.id))
+    store.delete(fold.id)
+    with pytest.raises(NoSuchFoldError):
+        exported(store, fold, "urdf")
+    assert not store.directory(fold.id).exists()  # nothing is left of a fold that was deleted
     with pytest.raises(NotFound) as gone:
         exported(store, fold, "urdf")
     assert gone.value.code == "no-such-artifact"
-    store.delete(fold.id)
-    with pytest.raises(NoSuchFoldError):
-        exported(store, fold, "stl")
-    assert not store.directory(fold.id).exists()  # nothing is left of a fold that was deleted
 
 
 def test_plans_too_large_for_the_service_are_refused_with_advice(
