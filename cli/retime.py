@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,8 +27,10 @@ from planner.exports.trajectory import (
     sufficient_rate,
 )
 from planner.files import write_whole
+from planner.plan.plan import Plan
 from planner.robot.motors import Build, MotorTable, motor_table
 from planner.robot.retiming import retime as retime_plan
+from planner.robot.trajectory import Trajectory
 from words import certificate as certificate_words
 
 MAX_LISTED_JOINTS = 10
@@ -70,58 +73,111 @@ def retime(
         if module_mass is None and (motor_torque is not None or table is not None):
             raise InputError("no-mass", "torques need the mass of a module: --module-mass KG.")
         plan = read_plan(directory)
-        trajectory = retime_plan(plan, max_speed, max_acceleration)
-        size = plan.certificate.module_size
-        clear = clearance(trajectory, plan.chain, size=size, rate_hz=rate) if check else None
-        enough = None
-        if clear is not None and clear.bound <= 0.0 and rate is not None and plan.verified:
-            enough = sufficient_rate(trajectory, plan.chain, size=size, rate_hz=rate)
-        parts = export(
-            trajectory,
-            form,
-            name=plan.chain.name,
-            plan_verified=plan.verified,
-            clear=None if clear is None else (clear.clearance, clear.bound),
-            rate_hz=rate,
-        )
+        retimed = _retimed(plan, retime_plan(plan, max_speed, max_acceleration), rate, check=check)
+        parts = retimed.export(form)
+        build = _build(plan, module_mass, pitch, gravity, floating=floating)
         motors = None
-        if module_mass is not None:
-            build = Build(
-                module_mass_kg=module_mass,
-                pitch_m=plan.chain.pitch_m if pitch is None else pitch,
-                gravity_m_s2=gravity,
-                held=not floating,
+        if build is not None:
+            motors = motor_table(
+                plan.chain, retimed.trajectory, build, motor_torque_nm=motor_torque
             )
-            motors = motor_table(plan.chain, trajectory, build, motor_torque_nm=motor_torque)
         _write(out, parts)
         if table is not None and motors is not None:
             _write(table, [motors.as_csv().encode()])
     except InputError as error:
         refuse(error, as_json)
-    report: dict[str, Any] = {
-        "duration_s": trajectory.duration_s,
-        "deviation_rad": deviation(trajectory, rate),
-        "min_clearance": clear and clear.clearance,
-        "clearance_bound": clear and clear.bound,
-        "sufficient_rate_hz": enough,
-        "plan_verified": plan.verified,
-        "motors": None if motors is None else motors.as_dict(),
-    }
     if as_json:
+        report = {**retimed.as_dict(), "motors": None if motors is None else motors.as_dict()}
         print(json.dumps(report), flush=True)
     else:
-        facts = [
-            ("Plan", certificate_words.headline(plan.certificate.as_dict())),
-            ("Duration", f"{trajectory.duration_s:.3g} s"),
-            ("Deviation from the plan", f"{deviation(trajectory, rate):.2g} rad at most"),
-        ]
-        if clear is not None:
-            facts.append(("Between rows", _clearance_words(clear, enough)))
-        _show(facts, motors, out)
-    weak = motors is not None and motors.would_do is False
-    # Nothing that cannot be proved clear would do, as of a plan.
-    if weak or not plan.verified or (clear is not None and clear.bound <= 0.0):
+        _show(retimed.facts(), motors, out)
+    if not retimed.is_clear or (motors is not None and motors.would_do is False):
         raise typer.Exit(3)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Retimed:
+    """A retimed plan.
+
+    Attributes:
+        plan: The plan.
+        trajectory: Its path with times.
+        rate_hz: Rows per second; None for one row per frame of the plan.
+        clear: Clearance of the rows, joined by straight motions; None if it was not checked.
+        sufficient_hz: Rows per second that are enough to be clear, if these are not.
+    """
+
+    plan: Plan
+    trajectory: Trajectory
+    rate_hz: float | None
+    clear: Sweep | None
+    sufficient_hz: float | None
+
+    @property
+    def is_clear(self) -> bool:
+        """True if the plan is verified and the rows are proved to be clear, or were not checked."""
+        return self.plan.verified and (self.clear is None or self.clear.bound > 0.0)
+
+    def export(self, form: Any) -> Iterable[bytes]:
+        """Return the content of the output file."""
+        clear = self.clear
+        return export(
+            self.trajectory,
+            form,
+            name=self.plan.chain.name,
+            plan_verified=self.plan.verified,
+            clear=None if clear is None else (clear.clearance, clear.bound),
+            rate_hz=self.rate_hz,
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain JSON values."""
+        return {
+            "duration_s": self.trajectory.duration_s,
+            "deviation_rad": deviation(self.trajectory, self.rate_hz),
+            "min_clearance": self.clear and self.clear.clearance,
+            "clearance_bound": self.clear and self.clear.bound,
+            "sufficient_rate_hz": self.sufficient_hz,
+            "plan_verified": self.plan.verified,
+        }
+
+    def facts(self) -> list[tuple[str, str]]:
+        """Return the names and values that are printed."""
+        off_rad = deviation(self.trajectory, self.rate_hz)
+        facts = [
+            ("Plan", certificate_words.headline(self.plan.certificate.as_dict())),
+            ("Duration", f"{self.trajectory.duration_s:.3g} s"),
+            ("Deviation from the plan", f"{off_rad:.2g} rad at most"),
+        ]
+        if self.clear is not None:
+            facts.append(("Between rows", _clearance_words(self.clear, self.sufficient_hz)))
+        return facts
+
+
+def _retimed(plan: Plan, trajectory: Trajectory, rate: float | None, *, check: bool) -> _Retimed:
+    """Check the clearance of a trajectory, and find a sufficient rate if it is not clear."""
+    size = plan.certificate.module_size
+    clear = clearance(trajectory, plan.chain, size=size, rate_hz=rate) if check else None
+    enough = None
+    if clear is not None and clear.bound <= 0.0 and rate is not None and plan.verified:
+        enough = sufficient_rate(trajectory, plan.chain, size=size, rate_hz=rate)
+    return _Retimed(
+        plan=plan, trajectory=trajectory, rate_hz=rate, clear=clear, sufficient_hz=enough
+    )
+
+
+def _build(
+    plan: Plan, module_mass: float | None, pitch: float | None, gravity: float, *, floating: bool
+) -> Build | None:
+    """Return masses, lengths and support of the chain; None without a mass."""
+    if module_mass is None:
+        return None
+    return Build(
+        module_mass_kg=module_mass,
+        pitch_m=plan.chain.pitch_m if pitch is None else pitch,
+        gravity_m_s2=gravity,
+        held=not floating,
+    )
 
 
 def _form(out: Path) -> Any:

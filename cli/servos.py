@@ -1,8 +1,9 @@
-"""``foldback servos``: which motors would do for a torque, and at which size of modules."""
+"""``foldback servos``: motors that are suitable for a torque, and their sizes of modules."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,11 +17,12 @@ from cli.options import AsJson
 from planner.chain.statics import GRAVITY_M_S2
 from planner.errors import InputError
 from planner.robot.casings import CASINGS, Casing, casing_named
-from planner.robot.servos import MIN_SERVO_RANGE_DEG, servo_named
+from planner.robot.servos import MIN_SERVO_RANGE_DEG, Servo, servo_named
 from planner.robot.servos import servos as all_servos
 from planner.robot.sizing import (
     PERMANENT_TORQUE_SHARE,
     Fit,
+    LargestShape,
     PitchRange,
     at_which_pitch,
     largest_shape,
@@ -75,50 +77,109 @@ def servos(
     """List servos that are strong enough for a torque. Exits with 3 if there are none."""
     try:
         pitch_m = 1e-3 * pitch_mm
-        casing = (
-            casing_named(material) if mass_g is None else Casing.weighing(1e-3 * mass_g, pitch_m)
-        )
+        casing = _casing(material, mass_g, pitch_m)
         among = all_servos() if only is None else (servo_named(only),)
-        size: dict[str, Any] = {"casing": casing, "share": share, "gravity_m_s2": gravity}
-        fits = who_would_do(torque, pitch_m=pitch_m, among=among, **size)
-        ranges = {fit.servo: at_which_pitch(fit.servo, torque, **size) for fit in fits}
         wanted = _figures(shapes or [])
-        reaches = {
-            fit.servo: largest_shape(fit.servo, wanted, pitch_m=pitch_m, **size) for fit in fits
-        }
+        sizing = _sized(torque, pitch_m, casing, share, gravity, among, wanted)
         turned = None if plan is None else turned_rad(read_plan(plan).joint_angles_rad)
     except InputError as error:
         refuse(error, as_json)
-    rows = [_row(fit, ranges[fit.servo], reaches[fit.servo].torque_wp, turned) for fit in fits]
-    serve = {
-        name: [
-            fit.servo.name
-            for fit in sorted(fits, key=lambda fit: fit.servos_kg)
-            if fit.has_room
-            and fit.servo.turns_enough is not False
-            and name in reaches[fit.servo].within
-        ]
-        for name in wanted
-    }
+    rows = [sizing.row(fit, turned) for fit in sizing.fits]
+    suitable = {name: sizing.suitable(name) for name in wanted}
     if as_json:
-        told = {
-            "torque_wp": torque,
-            "pitch_m": pitch_m,
-            "material": casing.about,
-            "share": share,
-            "gravity_m_s2": gravity,
-            "servos": rows,
-            "shapes": serve,
-        }
-        print(json.dumps(told), flush=True)
+        print(json.dumps({**sizing.as_dict(), "servos": rows, "shapes": suitable}), flush=True)
     else:
-        _show(fits, rows, wanted, serve, f"{pitch_mm:g} mm, {casing.about}; {share:.2g} of stall")
-    if not any(fit.would_do for fit in fits):
+        _show(sizing, rows, wanted, suitable)
+    if not any(fit.would_do for fit in sizing.fits):
         raise typer.Exit(3)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Sizing:
+    """Servos compared with the torque of a hinge.
+
+    Attributes:
+        torque_wp: Torque of the hinge, w·p.
+        pitch_m: Distance between modules, m.
+        casing: Material of a module.
+        share: Fraction of the stall torque that a servo can hold continuously.
+        gravity_m_s2: Gravity, m/s².
+        fits: Comparison of each servo with the torque.
+        ranges: Pitches at which each servo is suitable.
+        reaches: Largest torque of each servo, and the wanted shapes that need no more.
+    """
+
+    torque_wp: float
+    pitch_m: float
+    casing: Casing
+    share: float
+    gravity_m_s2: float
+    fits: tuple[Fit, ...]
+    ranges: dict[Servo, PitchRange]
+    reaches: dict[Servo, LargestShape]
+
+    def row(self, fit: Fit, turned: float | None) -> dict[str, Any]:
+        """Return the values of a servo; its folding time if the turned angle is given, rad."""
+        seconds = inf if turned is None else fit.servo.shortest_time_s(turned, fit.need_nm)
+        pitches, most_wp = self.ranges[fit.servo], self.reaches[fit.servo].torque_wp
+        return {
+            **fit.as_dict(),
+            "most_wp": most_wp if isfinite(most_wp) else None,
+            "pitch_m": None
+            if pitches.empty
+            else [pitches.least_m, pitches.most_m if isfinite(pitches.most_m) else None],
+            "least_s": seconds if isfinite(seconds) else None,
+        }
+
+    def suitable(self, shape: str) -> list[str]:
+        """Return the names of the servos that can fold a shape, lightest first."""
+        return [
+            fit.servo.name
+            for fit in sorted(self.fits, key=lambda fit: fit.servos_kg)
+            if fit.has_room
+            and fit.servo.turns_enough is not False
+            and shape in self.reaches[fit.servo].within
+        ]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the conditions as plain JSON values."""
+        return {
+            "torque_wp": self.torque_wp,
+            "pitch_m": self.pitch_m,
+            "material": self.casing.about,
+            "share": self.share,
+            "gravity_m_s2": self.gravity_m_s2,
+        }
+
+
+def _casing(material: str, mass_g: float | None, pitch_m: float) -> Casing:
+    """Return the casing of a material, or one that makes modules weigh a mass."""
+    return casing_named(material) if mass_g is None else Casing.weighing(1e-3 * mass_g, pitch_m)
+
+
+def _sized(
+    torque_wp: float,
+    pitch_m: float,
+    casing: Casing,
+    share: float,
+    gravity_m_s2: float,
+    among: tuple[Servo, ...],
+    wanted: dict[str, float],
+) -> _Sizing:
+    """Compare servos with a torque, and with the torques of wanted shapes."""
+    size: dict[str, Any] = {"casing": casing, "share": share, "gravity_m_s2": gravity_m_s2}
+    return _Sizing(
+        torque_wp=torque_wp,
+        pitch_m=pitch_m,
+        fits=who_would_do(torque_wp, pitch_m=pitch_m, among=among, **size),
+        ranges={servo: at_which_pitch(servo, torque_wp, **size) for servo in among},
+        reaches={servo: largest_shape(servo, wanted, pitch_m=pitch_m, **size) for servo in among},
+        **size,
+    )
+
+
 def _figures(given: list[str]) -> dict[str, float]:
-    """Torques by the names of shapes.
+    """Return torques by the names of shapes.
 
     Raises:
         InputError: ``bad-shape``.
@@ -135,26 +196,14 @@ def _figures(given: list[str]) -> dict[str, float]:
     return figures
 
 
-def _row(fit: Fit, pitches: PitchRange, most_wp: float, turned: float | None) -> dict[str, Any]:
-    servo = fit.servo
-    seconds = inf if turned is None else servo.shortest_time_s(turned, fit.need_nm)
-    return {
-        **fit.as_dict(),
-        "most_wp": most_wp if isfinite(most_wp) else None,
-        "pitch_m": None
-        if pitches.empty
-        else [pitches.least_m, pitches.most_m if isfinite(pitches.most_m) else None],
-        "least_s": seconds if isfinite(seconds) else None,
-    }
-
-
 def _show(
-    fits: tuple[Fit, ...],
+    sizing: _Sizing,
     rows: list[dict[str, Any]],
     wanted: dict[str, float],
-    serve: dict[str, list[str]],
-    title: str,
+    suitable: dict[str, list[str]],
 ) -> None:
+    fits = sizing.fits
+    title = f"{1e3 * sizing.pitch_m:g} mm, {sizing.casing.about}; {sizing.share:.2g} of stall"
     console = Console(highlight=False)
     timed = any(row["least_s"] is not None for row in rows)
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
@@ -186,7 +235,7 @@ def _show(
     for heading in ("Shape", "Needs, w·p", "Suitable servos, lightest first"):
         shapes.add_column(heading, justify="right" if "w·p" in heading else "left")
     for name, figure in wanted.items():
-        shapes.add_row(name, f"{figure:g}", ", ".join(serve[name]) or "none")
+        shapes.add_row(name, f"{figure:g}", ", ".join(suitable[name]) or "none")
     console.print()
     console.print(shapes)
 

@@ -53,6 +53,22 @@ def verify(
     as_json: AsJson = False,
 ) -> None:
     """Check a plan again: its files, its figures, and a replay in plain MuJoCo."""
+    with_ipctk = other is OtherProgram.IPCTK
+    result = _verification(directory, module_size, third_opinion=with_ipctk, as_json=as_json)
+    largest = _largest(directory, result) if largest_size and result.verified else None
+    if as_json:
+        sized = {"largest_size": largest and largest[0]} if largest_size else {}
+        print(json.dumps({**result.as_dict(), **sized}), flush=True)
+    else:
+        _show(result, largest)
+    if not result.verified:
+        raise typer.Exit(3)
+
+
+def _verification(
+    directory: Path, module_size: str | None, *, third_opinion: bool, as_json: bool
+) -> Verification:
+    """Return the verification of a directory; end the command if it is not possible."""
     try:
         request = FoldRequest.of(module_size=module_size)
         request.check()
@@ -63,49 +79,42 @@ def verify(
                 f"{what}; expected a folder that `foldback fold` wrote.",
                 where=str(directory),
             )
-        found = verify_files(
-            directory,
-            module_size=request.module_size,
-            third_opinion=other is OtherProgram.IPCTK,
-        )
+        return verify_files(directory, module_size=request.module_size, third_opinion=third_opinion)
     except InputError as error:
         refuse(error, as_json)
     except TimelineError as error:
         refuse(InputError("no-timeline", str(error)), as_json)
-    largest = _largest(directory, found) if largest_size and found.verified else None
-    if as_json:
-        sized = {"largest_size": largest and largest[0]} if largest_size else {}
-        print(json.dumps({**found.as_dict(), **sized}), flush=True)
-    else:
-        console = Console(soft_wrap=True, highlight=False)
-        told = certificate_words.headline(found.certificate.as_dict())
-        for line in found.problems or (told,):
-            console.print(line, markup=False)
-        if found.reason is not None:
-            holds = "confirmed" if found.reason.confirmed else "refuted"
-            console.print(f"Reason {holds}: {found.reason.words}.", markup=False)
-        if found.replay is not None:
-            console.print(
-                f"plain MuJoCo, {found.replay.frames} configurations: poses agree to "
-                f"{found.replay.pose_difference:.1g} pitch, deepest overlap "
-                f"{found.replay.overlap:.2g} pitch"
-            )
-        for line in found.checked:
-            console.print(f"checked: {line}", markup=False)
-        for line in found.notes:
-            console.print(f"note: {line}", markup=False)
-        if largest is not None:
-            size, what = largest
-            console.print(f"{what} free of collisions up to a module size of {size:.3f} pitch")
-    if not found.verified:
-        raise typer.Exit(3)
 
 
-def _largest(directory: Path, found: Verification) -> tuple[float, str]:
+def _show(result: Verification, largest: tuple[float, str] | None) -> None:
+    """Print a verification, and the largest module size with the motions that it holds for."""
+    console = Console(soft_wrap=True, highlight=False)
+    headline = certificate_words.headline(result.certificate.as_dict())
+    for line in result.problems or (headline,):
+        console.print(line, markup=False)
+    if result.reason is not None:
+        holds = "confirmed" if result.reason.confirmed else "refuted"
+        console.print(f"Reason {holds}: {result.reason.words}.", markup=False)
+    if result.replay is not None:
+        console.print(
+            f"plain MuJoCo, {result.replay.frames} configurations: poses agree to "
+            f"{result.replay.pose_difference:.1g} pitch, deepest overlap "
+            f"{result.replay.overlap:.2g} pitch"
+        )
+    for line in result.checked:
+        console.print(f"checked: {line}", markup=False)
+    for line in result.notes:
+        console.print(f"note: {line}", markup=False)
+    if largest is not None:
+        size, what = largest
+        console.print(f"{what} free of collisions up to a module size of {size:.3f} pitch")
+
+
+def _largest(directory: Path, result: Verification) -> tuple[float, str]:
     """Return the largest module size at which motions are free of collisions, and those motions."""
     plan = Plan.load(directory / PLAN)
     motions = (plan.motion,)
     if (path := directory / PLAYBACK).exists():
         motions = followed(Playback.load(path))
-    size = find_largest(plan.chain, motions, clear_at=found.certificate.module_size)
+    size = find_largest(plan.chain, motions, clear_at=result.certificate.module_size)
     return size, "plan is" if len(motions) < 2 else "plan and playback are"

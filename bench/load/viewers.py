@@ -23,7 +23,7 @@ MAX_VIEWERS_GROWTH_MB = 50
 CONCURRENT_VIEWERS = 25
 """Number of viewers that are connected at the same time."""
 VIEWERS_PER_ROBOT = 10
-"""Viewers for each one that also drives a robot."""
+"""One in this many viewers also drives a robot. Larger values connect fewer robots."""
 
 
 def viewers(short: bool = False) -> Section:

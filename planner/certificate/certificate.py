@@ -207,11 +207,7 @@ def certify(
         InputError: ``bad-module-size``.
     """
     begun = time.perf_counter()
-    size = parameters.module_size
-    if not 0.0 < size < np.inf:
-        raise InputError(
-            "bad-module-size", f"got a module size of {size}, expected a number above 0."
-        )
+    size = _module_size(parameters)
     unusable = _unusable(chain, record, playback, start)
     if unusable:
         record = playback = None
@@ -258,6 +254,20 @@ def certify(
         **sweeps.figures(),
         **figures,
     )
+
+
+def _module_size(parameters: Parameters) -> float:
+    """Return the module size as a fraction of the pitch.
+
+    Raises:
+        InputError: ``bad-module-size``.
+    """
+    size = parameters.module_size
+    if not 0.0 < size < np.inf:
+        raise InputError(
+            "bad-module-size", f"got a module size of {size}, expected a number above 0."
+        )
+    return size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -47,8 +47,8 @@ CLEARANCE_CAP: Final = 0.2
 """Distance of modules, in pitches, from which on their exact clearance is not computed. Larger
 values compute more pairs of modules, so that collision checks are slower. Chosen."""
 EXTENDED_CLEARANCE_CAP: Final = 3.0
-"""Distances of modules are exact only up to a cap. Larger cap, in pitches, for motions (mostly of
-short chains) whose modules all keep farther apart than the usual cap of 0.2 pitches. Larger values
+"""Cap in pitches up to which the distances of modules are computed exactly for motions, mostly of
+short chains, whose modules all keep farther apart than the usual cap of 0.2 pitches. Larger values
 give exact clearances of more motions, more slowly. Chosen."""
 BOUND_RATIO: Final = 0.9
 """Fraction, from 0 to 1, of the smallest clearance seen in a motion that its proved lower bound

@@ -63,12 +63,11 @@ MAX_SNAPSHOT_ANGLES: Final = 20_000_000
 the run fails and asks for a longer snapshot interval. The wrench of 160 cubes needs 3 million.
 Chosen."""
 FRAME_SPACING_RAD: Final = 0.03
-"""The published simulation records a snapshot every 10 steps, but only some snapshots become frames
-of the displayed motion. Turn of a hinge since the last frame, rad, at which the next snapshot
-becomes a frame. Larger values display a coarser motion. Chosen."""
+"""Turn of a hinge since the last frame of the displayed motion, rad, at which the next snapshot of
+the published simulation, one every 10 steps, becomes a frame. Larger values display a coarser
+motion. Chosen."""
 FRAME_SPACING_PITCH: Final = 1.0
-"""The published simulation records a snapshot every 10 steps, but only some snapshots become frames
-of the displayed motion. Displacement of a module since the last frame, pitches, at which the next
+"""Displacement of a module since the last frame of the displayed motion, pitches, at which the next
 snapshot becomes a frame. Larger values display a coarser motion. Chosen."""
 BETWEEN_FRAMES_SIZE: Final = 0.95
 """Size of the modules, as a fraction of the pitch, at which the clearance between two frames of the

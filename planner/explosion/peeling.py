@@ -55,21 +55,21 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 MIN_PEELING_PROGRESS_RAD: Final = 0.5
-"""Peeling unfolds a chain from its far end on, group by group. Decrease of the sum of all hinge
-angles, rad, that counts as progress. After many simulation steps (parameter ``patience``) without
+"""Minimum decrease of the sum of all hinge angles, rad, that counts as progress of a chain that
+unfolds from its far end on (peeling). After many simulation steps (parameter ``patience``) without
 progress the run is jammed, and forces are changed to loosen it. Larger values take slow runs for
 jammed ones. Chosen."""
 MAX_PEELING_DEPTH_PITCH: Final = 0.016
 """Maximum depth of contacts while a chain is peeled, pitches; the limit is lower if the required
 clearance leaves less room. Larger values allow faster steps and leave less clearance. Chosen."""
 CONTACT_ROOM_SHARE: Final = 0.9
-"""Modules are simulated larger than the size at which the plan is verified, so that soft contacts
-may sink in. Permitted depth of contacts, as a fraction of that difference in size. Larger values
-allow faster steps and leave less clearance. Chosen."""
+"""Permitted depth of soft contacts, as a fraction of the difference between the size with which
+modules are simulated and the smaller one at which the plan is verified. Larger values allow faster
+steps and leave less clearance. Chosen."""
 MIN_RELEASE_COSINE: Final = 0.5
-"""The part of a chain that is already unfolded, its tail, is a straight rod that is turned towards
-a wanted direction. Minimum cosine of the angle between both before the next modules are released
-from the folded part. Larger values release later, with a better aligned tail. Chosen."""
+"""Minimum cosine of the angle between the straight unfolded part of a chain (tail) and the
+direction to which it is turned, before the next modules are released from the folded part. Larger
+values release later, with a better aligned tail. Chosen."""
 
 
 def peel(

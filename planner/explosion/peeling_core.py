@@ -50,21 +50,18 @@ HEADING_LENGTH_PITCH: Final = 12.0
 """Length of the tail, pitches, over which a direction on the table is checked for distance to the
 folded core. Larger values look farther ahead and take more time. Chosen."""
 AHEAD_WEIGHT: Final = 2.0
-"""On a table, the direction of the chain's straight unfolded part (tail) is the one with the
-highest score. Weight in the score of the cosine between the direction and the chain's own direction
-where it leaves the folded part. Larger values prefer to leave straight ahead. Chosen."""
+"""Weight of the direction in which the chain leaves the folded part, when a heading is chosen on a
+table for the straight unfolded part (tail): the score of a heading contains this weight times the
+cosine of the angle between both. Larger values prefer to leave straight ahead. Chosen."""
 OUTWARD_WEIGHT: Final = 0.3
-"""On a table, the direction of the chain's straight unfolded part (tail) is the one with the
-highest score. Weight in the score of the cosine between the direction and the one away from the
-middle of the folded part. Larger values prefer to lead outwards. Chosen."""
+"""Weight of the direction away from the middle of the folded part in the same score, likewise times
+a cosine. Larger values prefer to lead outwards. Chosen."""
 PREVIOUS_HEADING_WEIGHT: Final = 0.7
-"""On a table, the direction of the chain's straight unfolded part (tail) is the one with the
-highest score. Weight in the score of the cosine between the direction and the previous one. Larger
-values turn the tail less often. Chosen."""
+"""Weight of the previous heading in the same score, likewise times a cosine. Larger values turn the
+tail less often. Chosen."""
 CLEARANCE_DEFICIT_WEIGHT: Final = 3.0
-"""On a table, the direction of the chain's straight unfolded part (tail) is the one with the
-highest score. Points that a direction loses for each pitch by which its distance from the folded
-part falls short of the wanted distance. Larger values prefer free directions to short turns.
+"""Points that a heading loses in the same score for each pitch by which its distance from the
+folded part falls short of the wanted distance. Larger values prefer free headings to short turns.
 Chosen."""
 
 

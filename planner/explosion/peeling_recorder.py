@@ -26,9 +26,9 @@ MIN_SNAPSHOT_CLEARANCE_PITCH: Final = 0.002
 modules have the size at which the plan is verified. With larger values the simulation goes back to
 its last saved state more often. Chosen."""
 CLEARANCE_ROUNDING_PITCH: Final = 1e-9
-"""Neighbours in the folded shape leave exactly one gap, the pitch less the module size. A snapshot
-may have this much less clearance, pitches, than half of that gap, because of rounding errors.
-Larger values would accept snapshots in which modules have moved closer."""
+"""Maximum amount, pitches, by which the clearance of a snapshot may fall short of half the gap
+between neighbours in the folded shape (the pitch less the module size): rounding. Larger values
+would accept snapshots in which modules have moved closer."""
 MIN_SNAPSHOT_COSINE: Final = float(np.cos(0.1))
 """While a chain unfolds by peeling, the next snapshot is recorded at the latest when its straight
 unfolded part (tail) has turned by 0.1 rad: the cosine of that angle. Values nearer to 1 record more

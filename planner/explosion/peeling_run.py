@@ -36,13 +36,12 @@ RELEASE_CHECK_STEPS: Final = 5
 """Number of simulation steps between two checks of whether the next modules may be released from
 the folded core. Larger values release later and cost less. Chosen."""
 RETIRE_CHECK_STEPS: Final = 20
-"""Only the modules between the folded part of a chain and its straight rigid tail are simulated.
-Number of simulation steps between two checks of whether outer joints are so straight that they
-become part of the tail. Larger values simulate more modules and check less often. Chosen."""
+"""Number of simulation steps between two checks of whether the outer simulated joints are so
+straight that they become part of the straight rigid tail, which is not simulated. Larger values
+simulate more modules and check less often. Chosen."""
 MIN_RETIRED_JOINTS: Final = 6
-"""Only the modules between the folded part of a chain and its straight rigid tail are simulated.
-Minimum number of straight joints that become part of the tail at a time, as the model is rebuilt
-each time. Larger values rebuild less often and simulate more modules. Chosen."""
+"""Minimum number of straight joints that become part of the rigid tail at a time, as the model is
+rebuilt each time. Larger values rebuild less often and simulate more modules. Chosen."""
 WINDOW_FINISH_STEPS: Final = 25
 """Number of simulation steps between two attempts to straighten the last bent joints without
 simulation, by shrinking all angles evenly, once all modules are released. Smaller values may end
@@ -51,9 +50,9 @@ PROGRESS_CHECK_STEPS: Final = 50
 """Number of simulation steps between two checks of whether the chain still unfolds. Larger values
 notice a jam later. Chosen."""
 SAME_HEADING_COSINE: Final = 0.9
-"""The outer joints of the part that is simulated become part of the straight rigid tail once they
-are nearly straight. Minimum cosine of the angle by which this turns the tail; with a larger angle
-they stay simulated. Larger values keep more joints in the simulation. Chosen."""
+"""Minimum cosine of the angle by which the rigid tail turns if nearly straight joints become part
+of it; with a larger angle they stay simulated. Larger values keep more joints in the simulation.
+Chosen."""
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

@@ -54,13 +54,13 @@ FIRST_BACKTRACK_RELEASES: Final = 3
 time; the number doubles each time. Larger values escape from deeper dead ends and repeat more work.
 Chosen."""
 PERTURBATION_GROWTH: Final = 0.25
-"""Random forces loosen a jammed chain on a table. Fraction by which they grow with each attempt
+"""Fraction by which the random forces that loosen a jammed chain on a table grow with each attempt
 that brings no progress: each time that new forces are drawn, or that modules which did not come
 loose are held again. Larger values shake harder, sooner. Chosen."""
 FORCED_RELEASE_PERIOD: Final = 4
-"""Checks of a jammed chain on a table, counted: every time that this number is reached, the next
-modules are released although the chain's tail does not point in its wanted direction; after the
-other checks new random forces are drawn. Smaller values release more often. Chosen."""
+"""Number of checks that find a chain on a table jammed, of which the last one releases the next
+modules although the tail does not point in its wanted direction; the others draw new random forces.
+Smaller values release more often. Chosen."""
 
 
 def explode_on_table(

@@ -20,17 +20,16 @@ MIN_SPRING_BEND_RAD: Final = 1e-3
 """Angle of a hinge, rad, below which the stiffness of its spring of limited torque, torque / angle,
 is no longer raised: it avoids a division by zero. Chosen."""
 TURNING_TORQUE_SCALE: Final = 0.8
-"""A link (the line from one module's centre to the next) that lies on the table is turned towards
-its wanted direction. Torque per radian of deviation, as a multiple of the pull at the chain's end.
-Larger values turn the chain faster and load its hinges more. Chosen."""
+"""Torque per radian of deviation that turns a link (the line from one module's centre to the next)
+on the table towards its wanted direction, as a multiple of the pull at the chain's end. Larger
+values turn the chain faster and load its hinges more. Chosen."""
 MAX_TURNING_ERROR_RAD: Final = 0.5 * np.pi
-"""A link (the line from one module's centre to the next) that lies on the table is turned towards
-its wanted direction. Deviation, rad, beyond which the torque no longer grows. Larger values turn
-links that point backwards harder. Chosen."""
+"""Deviation of a link on the table from its wanted direction, rad, beyond which the torque that
+turns it no longer grows. Larger values turn links that point backwards harder. Chosen."""
 MAX_LYING_RISE_PITCH: Final = 0.5
-"""A link (the line from one module's centre to the next) that lies on the table is turned towards
-its wanted direction. Maximum difference in height of its two ends, pitches, for a link that counts
-as lying. Larger values also turn links that stand steeply. Chosen."""
+"""Maximum difference in height of the two ends of a link, pitches, for a link that counts as lying
+on the table, where it is turned towards its wanted direction. Larger values also turn links that
+stand steeply. Chosen."""
 PERTURBED_NEIGHBOURS: Final = 5
 """Number of neighbouring modules over which random forces on a stuck chain are averaged. Larger
 values push longer sections of the chain in one direction. Chosen."""

@@ -28,9 +28,9 @@ from planner.statics.friction import Friction
 
 Array = NDArray[np.float64]
 REJECTION_DECAY: Final = 0.2
-"""Frames that need more motor torque than permitted are refused and counted; when the count reaches
-a limit, more torque is permitted. Amount by which the count falls each time that frames are
-accepted. Larger values permit more torque later. Chosen."""
+"""Amount by which the count of rejected frames falls each time that frames are accepted. Frames
+that need more motor torque than permitted are rejected; when the count reaches a limit, more torque
+is permitted. Larger values permit more torque later. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)

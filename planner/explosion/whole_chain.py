@@ -36,13 +36,13 @@ REPULSION_RAMP: Final = (0.05, 0.25)
 at which it is largest. Larger values keep the repulsion of a packed chain weak for longer.
 Chosen."""
 BODY_CAP_REFERENCE_MODULES: Final = 512
-"""A simulation step is so short that no module moves farther than a limit (parameter ``body_cap``).
-Number of modules up to which the limit holds as it is; for longer chains it grows with the length,
-as their ends go farther. Larger values take more steps for long chains. Chosen."""
+"""Number of modules up to which the limit of a module's motion in one simulation step (parameter
+``body_cap``) holds as it is; for longer chains it grows with the length, as their ends go farther.
+Larger values take more steps for long chains. Chosen."""
 MAX_BODY_CAP_SCALE: Final = 2.5
-"""In one simulation step a module may move only so far; this limit grows with the number of
-modules. Maximum factor by which it grows. Larger values take fewer steps, but modules could meet
-before the search for near pairs finds them. Chosen."""
+"""Maximum factor by which the limit of a module's motion in one simulation step grows for long
+chains. Larger values take fewer steps, but modules could meet before the search for near pairs
+finds them. Chosen."""
 
 
 @dataclass(slots=True)

@@ -22,8 +22,8 @@ from planner.plan.plan import Plan
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 MIN_KEYFRAME_TOLERANCE: Final = 3e-3
-"""A GLB animation interpolates between keyframes. Smallest tolerance that is tried for its
-difference from the plan, in pitches and in components of unit quaternions; it is doubled until the
+"""Smallest tolerance that is tried for the difference between a GLB animation, interpolated between
+keyframes, and the plan, in pitches and in components of unit quaternions; it is doubled until the
 keyframes fit into ``MAX_KEYFRAME_BYTES``. Smaller values need more keyframes. Chosen."""
 MAX_KEYFRAME_BYTES: Final = 32 * 2**20
 """Maximum size of all keyframes of a GLB file, in bytes. A smaller value makes the animation follow

@@ -22,13 +22,11 @@ from planner.pipeline.request import MAX_SEED
 from planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
 
 SEEDS_PER_SMOOTHED_PLAN: Final = 3
-"""A fold that is asked for a better plan smooths the motion of verified plans by random shortcuts.
-Number of random seeds, the first one included, with which the smoothing that gave the best plan is
-repeated. Larger values find better plans and take longer. Chosen."""
+"""Number of random seeds, the first one included, with which the smoothing (by random shortcuts)
+that gave the best plan is repeated. Larger values find better plans and take longer. Chosen."""
 MAX_SMOOTHED_PLANS: Final = 2
-"""A fold that is asked for a better plan (for example a faster one) smooths the motions of its
-verified plans. Maximum number of plans, the best first, that are smoothed. Larger values find
-better plans and take longer. Chosen."""
+"""Maximum number of verified plans, the best first, that are smoothed for a fold that is asked for
+a better plan, for example a faster one. Larger values find better plans and take longer. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

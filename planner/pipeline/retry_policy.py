@@ -37,10 +37,10 @@ FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
 """What a fold changes for its next attempt, tried from left to right, by the reason why the last
 explosion failed (for example ``knot``: the chain is knotted). Measured."""
 SMOOTHING_FRAMES_FACTOR: Final = 4
-"""Smoothing needs memory for each frame, and a smoothed plan may have more frames than the
-original. Assumed ratio of both, by which plans that are too long for smoothing are left as they
-are. Larger values smooth fewer plans. Measured: plans of chains that are unfolded from one end,
-group by group, need most."""
+"""Assumed ratio of the frames of a smoothed plan to those of the original, by which plans that are
+too long for smoothing, which needs memory for each frame, are left as they are. Larger values
+smooth fewer plans. Measured: plans of chains that are unfolded from one end, group by group, need
+most."""
 DEFAULT_REASON: Final[dict[str, Reason]] = {"peel": "buried"}
 """Assumed reason of a failed explosion by the strategy that stalled, if the explosion reports none:
 the most frequent one. All other strategies assume ``joints``."""

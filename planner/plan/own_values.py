@@ -1,4 +1,4 @@
-"""Numbers that the owner of a fold keeps with it, one for each module: docs/links.md."""
+"""Values that the owner of a fold stores with it, one for each module: docs/links.md."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ from planner.names import clean_name
 
 _bad: Final = partial(unexpected, "bad-values")
 VALUES_FORMAT: Final = "foldback-values/1"
-MAX_VALUES: Final = 45_000
-"""Maximum number of values that are kept with a fold: one for each module of the longest chains, or
-about 300 rows for a chain of 150. More would not fit into the body of a request. Chosen."""
-MAX_VALUES_NAME: Final = 80
-"""Maximum number of characters of their name, which a menu shows. Chosen."""
-MAX_UNIT: Final = 20
-"""Maximum number of characters of their unit, which stands beside the scale. Chosen."""
+MAX_OWN_VALUES: Final = 45_000
+"""Maximum number of an owner's values for the modules of a fold, over all rows: one for each module
+of the longest chains, or about 300 rows for a chain of 150. More would not fit into the body of a
+request. Chosen."""
+MAX_VALUES_NAME_CHARACTERS: Final = 80
+"""Maximum number of characters of the name of an owner's values, which a menu shows. Chosen."""
+MAX_UNIT_CHARACTERS: Final = 20
+"""Maximum number of characters of the unit of an owner's values, which stands beside their colour
+scale. Chosen."""
 FIELDS: Final = frozenset({"format", "name", "unit", "low", "high", "rows", "data"})
 
 
@@ -44,14 +46,14 @@ def checked_values(values: object, modules: int) -> dict[str, Any]:
     odd = [*sorted(told.keys() - FIELDS), *(f"no {name}" for name in sorted(FIELDS - told.keys()))]
     if odd:
         raise _bad("fields", odd[0], ", ".join(sorted(FIELDS)))
-    for name, most in (("name", MAX_VALUES_NAME), ("unit", MAX_UNIT)):
+    for name, most in (("name", MAX_VALUES_NAME_CHARACTERS), ("unit", MAX_UNIT_CHARACTERS)):
         if not isinstance(told[name], str) or len(told[name]) > most:
             raise _bad(name, told[name], f"a text of at most {most} characters")
     low, high, rows, data = (told[key] for key in ("low", "high", "rows", "data"))
     numbers = all(isinstance(x, int | float) and math.isfinite(x) for x in (low, high))
     if not numbers or low > high:
         raise _bad("low", f"{low} to {high}", "two finite numbers, 'low' not above 'high'")
-    most_rows = max(1, MAX_VALUES // modules)
+    most_rows = max(1, MAX_OWN_VALUES // modules)
     if type(rows) is not int or not 1 <= rows <= most_rows:
         raise _bad("rows", rows, f"1 to {most_rows}")
     try:
@@ -63,8 +65,8 @@ def checked_values(values: object, modules: int) -> dict[str, Any]:
         raise _bad("data", f"{len(levels)} bytes", f"{rows * modules}, {each}")
     return {
         **told,
-        "name": clean_name(told["name"], max_length=MAX_VALUES_NAME) or "Own numbers",
-        "unit": clean_name(told["unit"], max_length=MAX_UNIT),
+        "name": clean_name(told["name"], max_length=MAX_VALUES_NAME_CHARACTERS) or "Own numbers",
+        "unit": clean_name(told["unit"], max_length=MAX_UNIT_CHARACTERS),
     }
 
 

@@ -42,9 +42,9 @@ OVERLAP_CHECK_RAD: Final = 0.04
 for collisions; the straight motion between them is checked, too. Smaller values follow the curve
 more exactly and take more time. Chosen."""
 ARC_LENGTH_PER_TURN: Final = 8.0
-"""A curve is sampled at even turns of the fastest hinge; but a nearly straight chain's ends travel
-far while its hinges hardly turn. Maximum length of the curve (displacements included) between two
-samples, as a multiple of the turn. Smaller values take more samples. Chosen."""
+"""Maximum length of a planned curve (displacements included) between two samples, as a multiple of
+the turn of the fastest hinge between them: the ends of a nearly straight chain travel far while its
+hinges hardly turn. Smaller values take more samples. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

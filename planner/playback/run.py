@@ -23,12 +23,12 @@ from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 Array = NDArray[np.float64]
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
 FRAME_TURN_RAD: Final = 0.01
-"""A simulated playback records a frame when a hinge, or its target angle, has turned by this angle
-since the last frame, rad. Larger values make smaller plans with a coarser motion between frames,
-whose clearance is harder to prove. Chosen."""
+"""Turn of a hinge, or of its target angle, since the last frame, rad, at which a simulated playback
+records the next frame. Larger values make smaller plans with a coarser motion between frames, whose
+clearance is harder to prove. Chosen."""
 FRAME_MOVE_PITCH: Final = 0.2
-"""A simulated playback records a frame when a module has moved by this distance relative to the
-mean of all modules since the last frame, pitches: the ends of a nearly straight chain go far while
+"""Displacement of a module since the last frame, relative to the mean of all modules, pitches, at
+which a simulated playback records the next frame: the ends of a nearly straight chain go far while
 its hinges hardly turn. Larger values record fewer frames. Chosen."""
 MAX_FRAME_STEPS: Final = 12
 """Maximum number of simulation steps between two recorded frames of a playback; a frame is then

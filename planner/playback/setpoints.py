@@ -31,9 +31,9 @@ REST_STEPS: Final = 500
 or by preset ``direct``, ends. Larger values take more time; with smaller ones a playback may end
 while the chain only pauses. Chosen."""
 STALL_STEPS: Final = 3000
-"""In a playback by the rule of the paper, a recorded snapshot is the target until all hinges are
-near it. Number of simulation steps beyond the minimum for each snapshot after which the playback
-ends. Larger values report jams later. Chosen."""
+"""Maximum number of simulation steps, beyond the minimum, for which one recorded snapshot is the
+target of a playback by the rule of the paper, which waits until all hinges are near it; then the
+playback ends. Larger values report jams later. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -23,9 +23,9 @@ from planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_PITCH, low
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 LIFTED_DEPTH_SHARE: Final = 0.5
-"""The planned curve of a fold on a table is corrected where modules sink too deep into the table:
-they are lifted to this fraction of the permitted depth (0.01 pitches). Smaller values lift further
-and change the curve more. Chosen."""
+"""Depth to which modules are lifted if the planned curve of a fold on a table lets them sink too
+deep into it, as a fraction of the permitted depth (0.01 pitches). Smaller values lift further and
+change the curve more. Chosen."""
 MAX_HEIGHT_ERROR_PITCH: Final = 0.005
 """Maximum difference, pitches, between the height of a module in the smooth curve of a fold on a
 table and in the recorded motion, where it stands on the table; above it the curve is corrected.
@@ -35,10 +35,9 @@ CURVE_CORRECTIONS: Final = 8
 corrected until modules stand on the table as recorded. Larger values leave smaller height errors
 and take more time. Chosen."""
 MIN_LEVER_PITCH: Final = 0.03
-"""A fold on a table is corrected by turning hinges until modules have their recorded heights
-(damped least squares). Damping, in pitches of height per rad of turn: modules that a hinge raises
-by less are hardly corrected. Larger values leave larger height errors, with smaller turns.
-Chosen."""
+"""Damping of the least squares by which hinges of a fold on a table are turned until modules have
+their recorded heights, in pitches of height per rad of turn: modules that a hinge raises by less
+are hardly corrected. Larger values leave larger height errors, with smaller turns. Chosen."""
 MAX_CORRECTION_RAD: Final = 0.01
 """Maximum turn of a hinge, rad, in one round of correcting the curve of a fold on a table, as the
 correction is linearised. Larger values need fewer rounds but may overshoot. Chosen."""

@@ -50,17 +50,17 @@ FRAME_RAD: Final = 0.04
 windowed one (a short section of the chain moves at a time). Larger values make smaller plans with a
 coarser motion. Chosen."""
 MODEL_JOINTS_MULTIPLE: Final = 16
-"""A windowed playback simulates only the section of the chain that moves; its number of joints is
-rounded up to a multiple of this value, so that MuJoCo's model is seldom recompiled. Larger values
-recompile less often and make steps slower. Chosen."""
+"""Multiple to which the number of simulated joints is rounded up in a windowed playback, which
+simulates only the section of the chain that moves, so that MuJoCo's model is seldom recompiled.
+Larger values recompile less often and make steps slower. Chosen."""
 MIN_STRETCH_STEPS: Final = 48
-"""A windowed playback simulates one section of the chain for some steps, then another one. Minimum
-number of simulation steps for each section. Larger values change sections less often, but simulate
-more joints in every step. Chosen."""
+"""Minimum number of simulation steps in a windowed playback before it simulates another section of
+the chain. Larger values change sections less often, but simulate more joints in every step.
+Chosen."""
 MIN_SPARE_JOINTS: Final = 8
-"""A windowed playback simulates one section of the chain for some steps, then another one. Minimum
-number of joints of a section beyond those that move in its first steps. Larger values change
-sections less often, but simulate more joints in every step. Chosen."""
+"""Minimum number of joints of a simulated section in a windowed playback beyond those that move in
+its first steps. Larger values change sections less often, but simulate more joints in every step.
+Chosen."""
 MAX_WINDOW_REFINEMENT: Final = 8
 """Maximum factor of the control points, frames and steps of a windowed playback (a short section of
 the chain moves at a time). The factor is doubled until the smooth curve keeps modules clear. Larger

@@ -66,21 +66,18 @@ MIN_PART_FRAMES: Final = 4
 """Minimum mean number of frames of the parts into which smoothing divides a motion; it is divided
 no further. Smaller values smooth finer details, more slowly. Chosen."""
 HALVING_ROUNDS: Final = 1
-"""Smoothing moves a motion towards a shorter one in rounds; hinges between modules that would
-collide are held back. Number of rounds at the beginning in which such hinges go half as far; in
-later rounds they stay. Larger values shorten more, more slowly. Chosen."""
+"""Number of rounds at the beginning of a smoothing, which moves a motion towards a shorter one, in
+which hinges between modules that would collide go half as far; in later rounds they stay. Larger
+values shorten more, more slowly. Chosen."""
 WHOLE_FRAME_FROM_ROUND: Final = 6
-"""Smoothing moves a motion towards a shorter one in rounds; hinges between modules that would
-collide are held back. Round from which on a collision holds back all hinges of its frame. Larger
-values shorten more, but more attempts fail. Chosen."""
+"""Round of a smoothing from which on a collision holds back all hinges of its frame. Larger values
+shorten more, but more attempts fail. Chosen."""
 MAX_FOLLOWING_ROUNDS: Final = 14
-"""Smoothing moves a motion towards a shorter one in rounds, until no modules collide. Maximum
-number of rounds; with collisions left after them, the attempt is given up. Larger values shorten
-more, more slowly. Chosen."""
+"""Maximum number of rounds of a smoothing in which colliding hinges are held back; with collisions
+left after them, the attempt is given up. Larger values shorten more, more slowly. Chosen."""
 MIN_FOLLOWED_SHARE: Final = 0.02
-"""Smoothing moves a motion towards a shorter one, each hinge by a fraction of the way. A hinge with
-less than this fraction keeps its angle. Larger values shorten less and check fewer frames.
-Chosen."""
+"""Minimum fraction of its way towards the shorter motion that a hinge is moved by smoothing; with
+less it keeps its angle. Larger values shorten less and check fewer frames. Chosen."""
 MIN_PASS_GAIN: Final = 0.005
 """Minimum relative decrease of a motion's cost (length and torque) by one pass of smoothing; two
 passes in a row with less end the smoothing. Smaller values smooth longer. Chosen."""
@@ -95,8 +92,8 @@ MIN_PROVED_BOUND_PITCH: Final = 1e-9
 motion counts as free of contact: just above 0, because of rounding. With a larger value the proof
 computes many more distances, for a gap that nobody needs."""
 MIN_EFFORT: Final = 1e-9
-"""Minimum torque effort of a motion by which the smoothing's costs are divided, to avoid a division
-by zero for motions without torque."""
+"""Minimum torque effort by which the costs of a motion are divided to scale the weight of torque:
+it avoids a division by zero for a motion without torque. In the effort's own unit."""
 MIN_STEP_LENGTH_RAD: Final = 1e-6
 """Minimum length of motion between two frames, in rad, by which angle differences are divided in
 smoothing, to avoid a division by zero."""

@@ -12,13 +12,13 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 FADE_FRAMES: Final = 3
-"""Smoothing changes a section of a motion with a weight that rises from 0 at its start and falls to
-0 at its end. Half width, in frames, of the averaging filters that shape this weight; the rise and
-the fall take about twice as many frames each. Larger values change speeds more gently. Chosen."""
+"""Half width, in frames, of the averaging filters that shape the weight with which smoothing
+changes a section of a motion: from 0 at its start and back to 0 at its end; the rise and the fall
+take about twice as many frames each. Larger values change speeds more gently. Chosen."""
 MIN_TARGET_WEIGHT: Final = 1e-9
-"""Smoothing moves the frames of a motion towards a straight line or an average, each by a weight
-from 0 to 1 that fades in and out. Weights below this value count as 0: they are rounding errors of
-the running sums that compute the fading."""
+"""Minimum weight, from 0 to 1, by which smoothing moves a frame towards a straight line or an
+average. Smaller weights count as 0: they are rounding errors of the running sums that compute the
+fading."""
 
 
 def parts(frames: int, pieces: int, rng: np.random.Generator) -> Ints:

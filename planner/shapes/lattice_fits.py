@@ -22,7 +22,7 @@ from planner.shapes.inside import Sampling, grid_of, sample
 from planner.shapes.mesh_repair import welded
 from planner.shapes.solid import Solid, signed_volume
 
-OFFSETS: Final = 4
+OFFSETS_PER_AXIS: Final = 4
 """Number of offsets of the lattice of cells, along each axis and within one cell, that are tried to
 fit cells to a solid. Larger values fit better, at cubic cost. Chosen."""
 THRESHOLD_LEVELS: Final = 64
@@ -58,10 +58,10 @@ MAX_FINER_SAMPLES: Final = 3_000_000
 """Maximum number of samples in a solid's bounding box for which the overlap of cells and solid is
 measured with twice the samples per edge. Larger values measure more fits more exactly, more slowly.
 Chosen."""
-MANY_SAMPLES: Final = 8_000_000
-"""Number of samples in a solid's bounding box above which a cell's edge gets half as many; a pitch
-that takes more than twice this number even so is not tried. Larger values are more exact and take
-more memory. Chosen."""
+MAX_FULL_EDGE_SAMPLES: Final = 8_000_000
+"""Maximum number of samples in a solid's bounding box with the usual number of samples along a
+cell's edge. Beyond it, an edge gets half as many; a pitch that needs more than twice this number
+even then is not tried. Larger values are more exact and take more memory. Chosen."""
 MIN_THICKNESS_SAMPLES: Final = 2.0
 """Minimum number of samples across a solid's mean wall thickness. Larger values find thinner walls,
 more slowly. Chosen."""
@@ -245,9 +245,9 @@ class Ladder:
             and self.samples(turn, pitch, SMALL_CELL_SAMPLES) <= MAX_SMALL_SAMPLES
         ):
             return SMALL_CELL_SAMPLES
-        if size == BASE_CELL_SAMPLES and self.samples(turn, pitch, size) > MANY_SAMPLES:
+        if size == BASE_CELL_SAMPLES and self.samples(turn, pitch, size) > MAX_FULL_EDGE_SAMPLES:
             size = BASE_CELL_SAMPLES // 2
-        return size if self.samples(turn, pitch, size) <= 2 * MANY_SAMPLES else 0
+        return size if self.samples(turn, pitch, size) <= 2 * MAX_FULL_EDGE_SAMPLES else 0
 
     def work(self, turn: int, pitch: float) -> float:
         """Estimate the work of a fit, in samples."""
@@ -281,7 +281,7 @@ class Ladder:
         )
         if self._apart:
             sampling = _largest_body(sampling)
-        split = min(OFFSETS, self.size(turn, pitch))
+        split = min(OFFSETS_PER_AXIS, self.size(turn, pitch))
         grid = Grid(
             parts=block_sums(sampling.inside.view(np.uint8), size // split),
             split=split,

@@ -52,8 +52,9 @@ OTHER_COUNTS: Final = {False: (0.85, 0.7, 0.5), True: (1.18, 1.4, 2.0)}
 """Factors on the number of modules next to the chosen one that are tried in order, above (True) and
 below (False), if no other voxelisation to offer is found nearby. Chosen."""
 MAX_OFFER_FACTOR: Final = 2.5
-"""Maximum ratio of an offered number of modules to the number next to the chosen one, or the
-reverse for smaller numbers. Larger values offer more distant numbers. Chosen."""
+"""Maximum ratio of a larger number of modules that is offered, to the number next above the chosen
+one; smaller offered numbers are at least the number next below divided by it. Larger values offer
+more distant numbers. Chosen."""
 MAX_OFFERS_TRIED: Final = 8
 """Maximum number of promising numbers of modules, above and below the chosen one each, that are
 voxelised in full to offer another one. Larger values find more offers, more slowly. Chosen."""
@@ -61,10 +62,10 @@ MAX_OFFER_COUNTS: Final = 400
 """Maximum number of different numbers of modules, above and below the chosen one each, whose
 estimated scores are compared to offer another one. Larger values find more offers, more slowly.
 Chosen."""
-FIT_WORK: Final = 1.2e8
-"""Solids are sampled at points to fit cells to them. Number of samples that all fits which are
-tried for one number of modules may take together. Larger values try more cell sizes and
-orientations, more slowly. Chosen."""
+MAX_FIT_SAMPLES: Final = 1.2e8
+"""Maximum number of samples, points at which a solid is sampled to fit cells to it, of all fits
+that are tried for one number of modules. Larger values try more cell sizes and orientations, more
+slowly. Chosen."""
 MIN_FITS: Final = 10
 """Minimum number of fits (cell sizes and orientations of the solid) that are tried for one number
 of modules, however large the solid is. Larger values fit large solids better, more slowly.
@@ -73,14 +74,14 @@ MAX_FITS: Final = 120
 """Maximum number of fits (cell sizes and orientations of the solid) that are tried for one number
 of modules, however small the solid is. Larger values fit small solids better, more slowly.
 Chosen."""
-THOROUGH_FITS: Final = 30
-"""Solids are fitted with cells of several sizes and orientations; small solids allow more fits in
-the same time. Number of affordable fits from which on more of the best ones are compared in full.
-Smaller values compare more for large solids, more slowly. Chosen."""
-STEPS_TO_SIDES: Final = 4
-"""A solid is filled with cells of several sizes (pitches), 1.25 % apart, around the size that is
-estimated to give the requested number of modules. Number of sizes that are tried on either side of
-the estimate. Larger values find cells that fit better, more slowly. Chosen."""
+THOROUGH_FROM_FITS: Final = 30
+"""Number of fits (cell sizes and orientations) of a solid that the limit of samples allows, from
+which on more of the best ones are compared in full. Smaller values compare more for large solids,
+more slowly. Chosen."""
+PITCHES_PER_SIDE: Final = 4
+"""Number of cell sizes (pitches), 1.25 % apart, that are tried on either side of the one that is
+estimated to give the requested number of modules. Larger values find cells that fit better, more
+slowly. Chosen."""
 WIDE_STEPS: Final = range(-16, 17, 2)
 """Cell sizes that are tried if none near the estimate gives about the requested number of modules,
 as numbers of steps of 1.25 % from the estimated size. A wider range comes nearer to the number for
@@ -199,7 +200,7 @@ class Chooser:
 
     def _most(self, cells: int) -> int:
         work = self._ladder.work(0, self._ladder.pitch_for(cells))
-        return int(np.clip(FIT_WORK / max(work, 1.0), MIN_FITS, MAX_FITS))
+        return int(np.clip(MAX_FIT_SAMPLES / max(work, 1.0), MIN_FITS, MAX_FITS))
 
     def _visit(self, turn: int, pitch: float, visited: dict[tuple[int, float], LatticeFit]) -> bool:
         fit = self._ladder.fit(turn, pitch)
@@ -223,12 +224,12 @@ class Chooser:
     def _around(self, turn: int, pitch: float) -> list[float]:
         """Return pitches near one: those that divide the box, then a few to both sides."""
         step = self._ladder.step(pitch)
-        sides = [step + sign * n for n in range(STEPS_TO_SIDES + 1) for sign in (1, -1)]
+        sides = [step + sign * n for n in range(PITCHES_PER_SIDE + 1) for sign in (1, -1)]
         return self._ladder.dividing(turn, pitch) + [self._ladder.pitch_of(s) for s in sides]
 
     def _best(self, fits: Iterable[LatticeFit], cells: int) -> FittedCells | None:
         """Return the cells nearest to the count among those with nearly the best score."""
-        many = self._most(cells) >= THOROUGH_FITS
+        many = self._most(cells) >= THOROUGH_FROM_FITS
         entries = _entries(fits, self._ladder.volume)
         off = np.abs(entries.counts - cells)
         inside = np.flatnonzero(_near(entries.counts, cells))
@@ -279,7 +280,7 @@ class Chooser:
         got = choice.made.count
         # What comes nearer than what was made would belie it.
         limit = max(got + 1, 2 * cells - got) if above else min(got - 1, 2 * cells - got)
-        most = MAX_OFFERS_TRIED if self._most(cells) >= THOROUGH_FITS else 2
+        most = MAX_OFFERS_TRIED if self._most(cells) >= THOROUGH_FROM_FITS else 2
         for count in islice(self._likely(choice, limit, above=above), most):
             held = self._held(count, limit, above=above, most=2)
             if held is not None:

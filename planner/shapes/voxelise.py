@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError, checked_fraction
-from planner.shapes.lattice_fits import MANY_SAMPLES, FittedCells, Grid, Ladder, overlap
+from planner.shapes.lattice_fits import MAX_FULL_EDGE_SAMPLES, FittedCells, Grid, Ladder, overlap
 from planner.shapes.orientations import candidates
 from planner.shapes.shape import MAX_CELLS, Shape
 from planner.shapes.solid import Solid
@@ -82,7 +82,10 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0, upright: bool = False) 
     made = chooser.choose(cells).made
     below, above = chooser.offers(cells)
     fine = ladder.grid(
-        made.turn, made.pitch, ladder.finer(made.turn, made.pitch, 2 * MANY_SAMPLES), exact=True
+        made.turn,
+        made.pitch,
+        ladder.finer(made.turn, made.pitch, 2 * MAX_FULL_EDGE_SAMPLES),
+        exact=True,
     )
     filled_cells = np.argwhere(made.joined.cells)
     at = np.array(made.offset_threshold[:3]) * (fine.size // fine.split)

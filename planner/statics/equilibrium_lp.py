@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Columns = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 """A sparse matrix by columns: where each starts, rows and values."""
-MIN_SCALE: Final = 1e-9
-"""Load factor (the unknown that the linear program for the equilibrium maximises) up to which the
-configuration has no equilibrium: rounding. Chosen."""
+MIN_RECIPROCAL_TORQUE: Final = 1e-9
+"""Minimum of s, the reciprocal of the largest hinge torque, in 1/(w·p), that counts as an
+equilibrium; less is rounding. Larger values deny equilibria of large torque. Chosen."""
 MIN_COMMON_RAYS: Final = 0.8
 """Minimum fraction of the contact force directions in the last solution that must occur again for
 the next linear program to start from that solution. Larger values start anew more often. Chosen."""
@@ -68,7 +68,7 @@ class Program:
             self._once_more()
         scaled = np.array(self._highs.getSolution().col_value)
         self._basis = _Basis.found(self._highs.getBasis(), keys)
-        if scaled[-1] <= MIN_SCALE:
+        if scaled[-1] <= MIN_RECIPROCAL_TORQUE:
             return np.zeros(len(keys))
         return np.maximum(scaled[:-1], 0.0) / scaled[-1]
 

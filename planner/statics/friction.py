@@ -37,11 +37,11 @@ DIRECTION_SPREADS_RAD: Final = (0.2, 0.8)
 """Friction acts opposite to slipping, but the drift of a chain on a table is only estimated.
 Angles, rad, to either side within which friction may point; the second is used if there is no
 equilibrium with the first. Larger ones find more equilibria, also false ones. Chosen."""
-SMOOTHING_SHARE: Final = 2e-3
-"""Coulomb friction acts at full strength however little a corner slips on the table. To estimate
-where the chain drifts, friction is reduced in proportion for displacements below this fraction of
-the largest displacement of a module. Smaller values are more exact and converge more slowly.
-Chosen."""
+REDUCED_FRICTION_SHARE: Final = 2e-3
+"""Displacement of a corner on the table, as a fraction of the largest displacement of a module,
+below which friction is reduced in proportion to estimate where the chain drifts; Coulomb friction
+acts at full strength however little a corner slips. Smaller values are more exact and converge more
+slowly. Chosen."""
 MAX_DRIFT_ITERATIONS: Final = 100
 """Maximum number of iterations that estimate the drift of a whole chain on the table. Larger values
 are more exact if the estimate converges slowly, and take more time. Chosen."""
@@ -133,7 +133,7 @@ def drifting(
     moves = np.zeros((len(ends), 2, 3))
     moves[:, 0, 0] = moves[:, 1, 1] = 1.0
     moves[:, 0, 2], moves[:, 1, 2] = middle[1] - ends[:, 1], ends[:, 0] - middle[0]
-    least = SMOOTHING_SHARE * max(_farthest(friction, positions), 1e-9)
+    least = REDUCED_FRICTION_SHARE * max(_farthest(friction, positions), 1e-9)
     twist = np.zeros(3)
     for _ in range(
         MAX_DRIFT_ITERATIONS

@@ -30,9 +30,9 @@ BOUND_RTOL: Final = 1e-3
 computes again, relative to the latter. Larger values accept bounds that are less surely true.
 Chosen."""
 IN_BETWEENS_RTOL: Final = 1e-2
-"""The proof of clearance between frames halves intervals until it succeeds; a certificate states
-how many it has checked. Maximum relative difference from the number computed again, as rounding may
-halve a few more. Larger values accept altered figures. Chosen."""
+"""Maximum relative difference between the number of configurations between frames that a
+certificate states to have checked, and the number computed again, as rounding may halve a few more
+intervals. Larger values accept altered figures. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)

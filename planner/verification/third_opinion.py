@@ -34,9 +34,10 @@ import foldback_check
 from planner.errors import InputError
 from planner.plan.differences import Differences
 
-PARTS_OF_PART: Final = 4
-"""Number of equal steps in which the deviation is measured in a part; `SPREAD` and `REMAINDER` are
-those of 4. Chosen: an odd number of inner moments has one in the middle."""
+STEPS_PER_PART: Final = 4
+"""Number of equal steps of each part of a motion, at whose ends the deviation from a straight part
+is measured; ``SPREAD`` and ``REMAINDER`` hold for 4. Chosen: an odd number of inner moments has one
+in the middle."""
 SPREAD: Final = 1.87
 """Largest sum of the absolute Lagrange polynomials of the three inner ones of five equidistant
 nodes, rounded up."""
@@ -169,11 +170,11 @@ class Vertices:
         rest = self._remainder(np.abs(last - first))
         parts = max(1, math.ceil((2.0 * rest / tolerance) ** 0.2))
         while True:
-            seen = self.at(first, last, parts * PARTS_OF_PART)
+            seen = self.at(first, last, parts * STEPS_PER_PART)
             shown = SPREAD * largest_deviation(seen)
             deviation = shown + rest / parts**5
             if deviation <= tolerance:
-                return Division(seen[::PARTS_OF_PART], deviation)
+                return Division(seen[::STEPS_PER_PART], deviation)
             needed = math.sqrt(shown / (tolerance - rest / parts**5))
             parts = max(parts + 1, math.ceil(parts * needed * 1.01))
 
@@ -189,9 +190,9 @@ class Vertices:
 
 def largest_deviation(seen: Doubles) -> float:
     """Return how far vertices (4 n + 1, V, 3) are from straight motion in each four steps."""
-    ends = seen[::PARTS_OF_PART]
-    share = np.arange(1, PARTS_OF_PART)[:, None, None] / PARTS_OF_PART
-    inner = seen[:-1].reshape(len(ends) - 1, PARTS_OF_PART, -1, 3)[:, 1:]
+    ends = seen[::STEPS_PER_PART]
+    share = np.arange(1, STEPS_PER_PART)[:, None, None] / STEPS_PER_PART
+    inner = seen[:-1].reshape(len(ends) - 1, STEPS_PER_PART, -1, 3)[:, 1:]
     straight = ends[:-1, None] + share * np.diff(ends, axis=0)[:, None]
     return float(np.linalg.norm(inner - straight, axis=-1).max())
 

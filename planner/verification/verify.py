@@ -62,7 +62,7 @@ class Verification:
         reason: Check of the reason of a failed explosion; None for others, and if the check was
             not possible.
         replay: Replay of the exported model with the plan's angles in plain MuJoCo.
-        opinion: What another program found; None if none was asked.
+        opinion: Result of another program; None if none was asked.
         checked: Checks that were made, in plain English.
         problems: Contradictions of the plan, in plain English; empty if it is verified.
         notes: Checks that were not possible, and the reasons.
@@ -179,20 +179,8 @@ def _verified(
     if not certificate.verified:
         found.problems.append(certificate.verdict)
     if module_size is None:
-        simulated = playback is not None and playback.simulated
-        alone = ", except simulated torques and the largest error between frames"
         told = ToldFigures(plan, npz["certificate"], record, playback, earlier=earlier)
-        found.look(
-            f"the certificate's figures were computed again and match{alone if simulated else ''}",
-            told.differences(certificate, found.notes),
-        )
-        if certificate.verified and npz["certificate"].get("clearance_bound"):
-            found.look(
-                "an independent checker proves the clearance from plan.npz alone",
-                _unproved(directory),
-            )
-        if certificate.verified and plan.certificate.margins is not None:
-            found.look("the margins were proved again", _unproved_margins(plan))
+        _check_figures(directory, told, certificate, found)
     opinion = _opinion(directory, npz, certificate, found) if third_opinion else None
     reason = _reason(directory, plan, found)
     model = _text(directory / MODEL)
@@ -208,6 +196,25 @@ def _verified(
         problems=tuple(found.problems),
         notes=tuple(found.notes),
     )
+
+
+def _check_figures(
+    directory: FilePath, told: ToldFigures, certificate: Certificate, found: _Findings
+) -> None:
+    """Compare the reported figures with a certificate computed again; prove its bounds again."""
+    simulated = told.playback is not None and told.playback.simulated
+    alone = ", except simulated torques and the largest error between frames"
+    found.look(
+        f"the certificate's figures were computed again and match{alone if simulated else ''}",
+        told.differences(certificate, found.notes),
+    )
+    if certificate.verified and told.certificate.get("clearance_bound"):
+        found.look(
+            "an independent checker proves the clearance from plan.npz alone",
+            _unproved(directory),
+        )
+    if certificate.verified and told.plan.certificate.margins is not None:
+        found.look("the margins were proved again", _unproved_margins(told.plan))
 
 
 def _unproved(directory: FilePath) -> Differences:

@@ -112,7 +112,7 @@ def tour_of(store: FoldSource, found: Found, *, draft: bool = False) -> dict[str
     """Return the tour of a fold as plain values; None while it runs, or without frames.
 
     Args:
-        store: Where the fold is from.
+        store: Store of the fold.
         found: The fold.
         draft: True for a draft even if its owner has stored a tour.
     """

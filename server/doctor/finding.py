@@ -20,7 +20,7 @@ class Finding:
         name: Name of the check.
         verdict: ``problem`` keeps the service from working, ``warning`` does not.
         found: Short description of the finding.
-        remedy: What to do about it; None if all is well.
+        remedy: Advice that solves it; None if there is no problem.
     """
 
     name: str

@@ -46,7 +46,7 @@ class TaughtClass:
 
     Attributes:
         fold_id: Its fold.
-        code: What followers join it with.
+        code: Code with which followers join it.
         key: Secret with which its leader comes back.
         leader: Connection of its leader; None while it is lost.
         lost_at: Time at which the leader was lost last, in s of the event loop.

@@ -34,9 +34,9 @@ SETTLING_RANGE_S: Final = (0.5, 3.0)
 new estimate; in between it is a quarter of the remaining time. Larger values make the display
 steadier and less up to date. Chosen."""
 PACE_PRIOR: Final = 0.2
-"""The pace of a running fold is estimated as if it had already run at the typical pace for this
-fraction of the typical duration; then what is measured counts. A larger value makes the remaining
-time steadier, but it follows an unusually slow or fast fold later. Chosen."""
+"""Fraction of a fold's typical duration for which it counts as having run at the typical pace,
+before its own pace is measured. A larger value makes the remaining time steadier, but it follows an
+unusually slow or fast fold later. Chosen."""
 MIN_REMAINING_S: Final = 0.1
 """Smallest remaining time that is reported for a running fold, in s, as 0 means that the fold takes
 longer than usual. A larger value overestimates the end. Chosen."""

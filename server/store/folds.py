@@ -57,8 +57,8 @@ SLICE_END_S: Final = 1.0
 """Time that a fold is assumed to take to pause for another one after its time slice, in s: a check
 of the queue and the end of a step. A larger value makes estimated waiting times longer. Chosen."""
 CANCELLATION_MEMORY_S: Final = 3600.0
-"""Gallery folds go before all others in the queue, but not those of a visitor who has cancelled one
-within this time, in s. With a smaller value visitors who start and cancel gallery folds again and
+"""Time, in s, for which gallery folds of a visitor who has cancelled one no longer go before all
+others in the queue. With a smaller value visitors who start and cancel gallery folds again and
 again delay others more. Chosen."""
 DAY_S: Final = 86400.0
 """Number of seconds in a day."""

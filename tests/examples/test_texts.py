@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from docs.make_texts import READERS, ROOT, all_texts, is_for_people
+from docs.make_texts import READERS, ROOT, all_texts
 
 
 @pytest.mark.parametrize(
@@ -28,11 +28,6 @@ def test_reader_finds_texts_and_no_comments(suffix: str, source: str, texts: lis
     found = {" ".join(words.split()) for _, words in READERS[suffix](source)}
     assert set(texts) <= found
     assert not {"no", "Module.", "code here"} & found
-
-
-def test_is_for_people_leaves_out_keys_and_code() -> None:
-    assert is_for_people("Drop a file here") and is_for_people("Fold")
-    assert not is_for_people("not-verified") and not is_for_people("SELECT a from b")
 
 
 def test_all_texts_name_a_line_that_holds_the_text(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Final
+from typing import Final, cast
 
 import trimesh
 
@@ -19,19 +19,26 @@ from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain, write_path
-from tests.planner.chains import COIL, SQUARE, coil, knotted
+from tests.planner.chains import COIL, SQUARE, coil
 
 SHAPES: Final = FilePath(__file__).parents[2] / "examples" / "shapes"
-HOOK: Final = Path.from_cells(
-    [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1)], name="hook", pitch_m=0.02
+HOOK: Final = write_path(
+    Path.from_cells(
+        [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1)], name="hook", pitch_m=0.02
+    )
 )
-HAIRPIN: Final = Path.from_cells(
-    [*((x, 0, 0) for x in range(4)), *((x, 1, 0) for x in reversed(range(4)))], name="hairpin"
+HAIRPIN: Final = write_path(
+    Path.from_cells(
+        [*((x, 0, 0) for x in range(4)), *((x, 1, 0) for x in reversed(range(4)))], name="hairpin"
+    )
 )
-"""A path through as many cells as ``SQUARE``."""
+"""A path through as many cells as ``FLAT``."""
+FLAT: Final = write_path(SQUARE)
+LONG_COIL: Final = write_chain(coil(24))
 CUBE: Final = json.dumps([[0, 0, 0]]).encode()
 BOX: Final = json.dumps([[x, y, z] for z in range(2) for y in range(2) for x in range(2)]).encode()
 TILE: Final = json.dumps([[x, y, 0] for y in range(3) for x in range(2)]).encode()
+MESH: Final = cast("bytes", trimesh.creation.box((3.0, 2.0, 2.0)).export(file_type="stl"))
 
 
 def _begin(directory: FilePath, request: FoldRequest, data: bytes) -> None:
@@ -46,56 +53,27 @@ class Case:
         data: Content of the file that is folded.
         request: Options of the fold.
         begin: Writes what a fold begins with besides: the plan that is smoothed or refolded.
-        long: True if it takes more than some seconds of processor time.
     """
 
-    data: Callable[[], bytes]
+    data: bytes
     request: FoldRequest = FoldRequest()
     begin: Callable[[FilePath, FoldRequest, bytes], None] = _begin
-    long: bool = False
 
     def fold(self, directory: FilePath, *, workers: int = 1) -> None:
         """Fold it in an empty directory, as ``foldback fold`` does."""
-        self.begin(directory, self.request, self.data())
+        self.begin(directory, self.request, self.data)
         run_stages(directory, workers=workers)
 
 
-def _square() -> bytes:
-    return write_path(SQUARE)
-
-
-def _hook() -> bytes:
-    return write_path(HOOK)
-
-
-def _coil() -> bytes:
-    return write_path(COIL)
-
-
-def _long_coil() -> bytes:
-    return write_chain(coil(48))
-
-
-def _knot() -> bytes:
-    return write_chain(knotted(2))
-
-
-def _shape(name: str) -> Callable[[], bytes]:
-    return (SHAPES / f"{name}.json").read_bytes
-
-
-def _mesh() -> bytes:
-    """Return a block of 3 × 2 × 2 cells as an STL file."""
-    data = trimesh.creation.box((3.0, 2.0, 2.0)).export(file_type="stl")
-    assert isinstance(data, bytes)
-    return data
+def _shape(name: str) -> bytes:
+    return (SHAPES / f"{name}.json").read_bytes()
 
 
 def _folded_square(directory: FilePath) -> Plan:
     """Return the plan of a fold in a directory below another one, which it leaves there."""
     first = directory / "first"
     first.mkdir()
-    Case(data=_square, request=FoldRequest(settings="robots=0")).fold(first)
+    Case(data=FLAT, request=FoldRequest(settings="robots=0")).fold(first)
     return Workspace(first).read_plan()
 
 
@@ -103,8 +81,7 @@ def _begin_refold(directory: FilePath, request: FoldRequest, data: bytes) -> Non
     Workspace(directory).write_request(request, data, start=_folded_square(directory))
 
 
-def _begin_smooth(directory: FilePath, request: FoldRequest, data: bytes) -> None:
-    del data
+def _begin_smooth(directory: FilePath, request: FoldRequest, _: bytes) -> None:
     plan = _folded_square(directory)
     smoothing = FoldRequest.smoothing(plan, seed=request.seed, module_size=request.module_size)
     Workspace(directory).write_request(smoothing, write_chain(plan.chain), recorded=plan)
@@ -113,40 +90,30 @@ def _begin_smooth(directory: FilePath, request: FoldRequest, data: bytes) -> Non
 CASES: Final = {
     "all-at-once": Case(data=_shape("wrench-24"), request=FoldRequest(strategy="simultaneous")),
     "blocks": Case(data=_shape("mallet-24"), request=FoldRequest(strategy="blocks", seed=1)),
-    "peeled": Case(data=_long_coil, request=FoldRequest(strategy="peel")),
+    "peeled": Case(data=LONG_COIL, request=FoldRequest(strategy="peel")),
     "peeled-kinematic": Case(
-        data=_long_coil, request=FoldRequest(strategy="peel", settings="simulated_modules=9")
+        data=LONG_COIL, request=FoldRequest(strategy="peel", settings="simulated_modules=9")
     ),
-    "one-by-one": Case(data=_coil, request=FoldRequest(strategy="one-by-one")),
-    "automatic": Case(data=_coil),
-    "ideal-robot": Case(data=_coil, request=FoldRequest(settings="robots=0")),
-    "tetrahedra": Case(
-        data=lambda: CUBE, request=FoldRequest(module="tetrahedron", as_voxels=True)
+    "one-by-one": Case(data=write_path(COIL), request=FoldRequest(strategy="one-by-one")),
+    "tetrahedra": Case(data=CUBE, request=FoldRequest(module="tetrahedron", as_voxels=True)),
+    "paper": Case(data=HOOK, request=FoldRequest(preset="paper", settings="radial_gain=2")),
+    "direct": Case(data=FLAT, request=FoldRequest(preset="direct")),
+    "refold": Case(data=HAIRPIN, request=FoldRequest(refold=True), begin=_begin_refold),
+    "smooth": Case(data=FLAT, begin=_begin_smooth),
+    "prefer-time": Case(
+        data=HOOK, request=FoldRequest(prefer="time", strategy="simultaneous", settings="robots=0")
     ),
-    "paper": Case(data=_square, request=FoldRequest(preset="paper", settings="radial_gain=0.4")),
-    "direct": Case(data=_square, request=FoldRequest(preset="direct")),
-    "refold": Case(
-        data=lambda: write_path(HAIRPIN), request=FoldRequest(refold=True), begin=_begin_refold
-    ),
-    "smooth": Case(data=_square, begin=_begin_smooth),
-    "prefer-time": Case(data=_hook, request=FoldRequest(prefer="time", strategy="simultaneous")),
-    "mesh": Case(data=_mesh, request=FoldRequest(filename="block.stl", modules=12)),
-    "knot": Case(data=_knot, request=FoldRequest(strategy="peel"), long=True),
-    "too-large": Case(
-        data=_square, request=FoldRequest(module_size=1.0, strategy="simultaneous"), long=True
-    ),
+    "mesh": Case(data=MESH, request=FoldRequest(filename="block.stl", modules=12)),
     "table-free": Case(
-        data=lambda: TILE,
-        request=FoldRequest(world="table", as_voxels=True, settings="table_friction=0.1"),
+        data=TILE, request=FoldRequest(world="table", as_voxels=True, settings="table_friction=0.1")
     ),
     "table-clamped": Case(
-        data=lambda: TILE,
+        data=TILE,
         request=FoldRequest(
             world="table", as_voxels=True, settings="table_friction=0.1,table_base=clamped"
         ),
     ),
     "table-stuck": Case(
-        data=lambda: BOX,
-        request=FoldRequest(world="table", as_voxels=True, settings="table_torque=0.5"),
+        data=BOX, request=FoldRequest(world="table", as_voxels=True, settings="table_torque=0.5")
     ),
 }

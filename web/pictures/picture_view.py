@@ -23,14 +23,15 @@ MAX_SHORT_FORM_LENGTH: Final = 64
 MAX_ELEVATION_RAD: Final = 1.56
 """Largest elevation of the camera, in rad; at π/2 it would look straight down, where the upward
 direction of the picture is undefined. ``js/player/camera_rig.js`` has the same. Chosen."""
-MAX_ZOOM: Final = 40.0
+MAX_DISTANCE_SCALE: Final = 40.0
 """Largest distance of the camera from the chain, as a multiple of the default one. A larger value
-permits views in which the chain is only a dot. ``js/player/camera_rig.js`` has the same. Chosen."""
-MIN_ZOOM: Final = 0.02
+permits views in which the chain is only a dot. ``FARTHEST`` in ``js/player/camera_rig.js`` is the
+same. Chosen."""
+MIN_DISTANCE_SCALE: Final = 0.02
 """Smallest distance of the camera from the chain, as a multiple of the default one. A smaller value
-permits closer views, and views from inside of modules. ``js/player/camera_rig.js`` has the same.
-Chosen."""
-MIN_FOLLOW_ZOOM: Final = 1.08
+permits closer views, and views from inside of modules. ``MIN_DEPTH`` in ``js/player/camera_rig.js``
+is the same. Chosen."""
+MIN_FOLLOW_DISTANCE_SCALE: Final = 1.08
 """Smallest distance of a camera that follows the chain, as a multiple of the distance at which the
 chain touches the picture's edge. A larger value shows the chain smaller. Chosen."""
 
@@ -66,7 +67,7 @@ class PictureView:
             frame=max(0, int(frame) - 1),
             azimuth_rad=float(np.deg2rad(float(azimuth))) if azimuth else None,
             elevation_rad=float(np.deg2rad(float(elevation))) if elevation else None,
-            zoom=min(MAX_ZOOM, max(MIN_ZOOM, float(zoom))),
+            zoom=min(MAX_DISTANCE_SCALE, max(MIN_DISTANCE_SCALE, float(zoom))),
             aside=(float(aside[0]), float(aside[1])) if aside else None,
         )
 
@@ -86,7 +87,7 @@ class PictureView:
         target, distance = base.target, self.zoom * base.distance
         if self.aside is None:
             needed = distance_needed(points, base, radius=radius, aspect=aspect)
-            distance = max(distance, MIN_FOLLOW_ZOOM * needed)
+            distance = max(distance, MIN_FOLLOW_DISTANCE_SCALE * needed)
         else:
             out = (base.position - base.target) / base.distance
             right = np.array([-np.sin(base.azimuth_rad), np.cos(base.azimuth_rad), 0.0])

@@ -34,10 +34,10 @@ from planner.pipeline.fold_layout import result
 from web.timeline.cache import Cache
 from web.timeline.columns import encode
 
-MAX_STRETCH_NUMBERS: Final = 2**18
+MAX_PLOT_ANSWER_NUMBERS: Final = 2**18
 """Maximum count of numbers in one answer with the data of a fold's plots. A larger value needs
 fewer requests, and each one takes longer. Chosen."""
-MAX_STRETCH_FRAMES: Final = 128
+MAX_PLOT_ANSWER_FRAMES: Final = 128
 """Maximum number of frames in one answer with the data of a fold's plots. A larger value needs
 fewer requests, and each one takes longer. Chosen."""
 ERROR_SAMPLES: Final = 48
@@ -210,7 +210,7 @@ def _rows(timeline: Timeline, forces: TableForces | None) -> int:
     numbers = 3 * len(timeline.chain) + len(timeline.chain.folded_rad)
     if forces is not None:
         numbers += len(timeline.chain)
-    return max(1, min(MAX_STRETCH_FRAMES, MAX_STRETCH_NUMBERS // numbers))
+    return max(1, min(MAX_PLOT_ANSWER_FRAMES, MAX_PLOT_ANSWER_NUMBERS // numbers))
 
 
 def _reference(directory: Path, timeline: Timeline) -> Motion | None:

@@ -6,12 +6,9 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques, motion_of
 from planner.chain.module import TETRAHEDRON
-from planner.chain.rotations import wxyz_from_matrix
 from planner.simulation.model import Material
-from planner.simulation.reduced import State
-from planner.simulation.segments import Segments
 from planner.simulation.tree import Tree
-from tests.planner.chains import coil, line, random_angles, random_state
+from tests.planner.chains import coil, random_angles
 
 
 def tetrahedra(modules: int) -> Chain:
@@ -51,30 +48,3 @@ def test_frames_that_are_not_finite_or_too_few_have_no_torques() -> None:
     np.testing.assert_allclose(found[[0, 2]], 0.0, atol=1e-12)
     few = motion_of(np.array([0.0, 1, 1, 2]), np.zeros((4, 3)), np.arange(4), from_rest=True)
     assert np.isnan(few).all()
-
-
-STEP = 1e-6
-
-
-def poses_after(chain: Chain, state: State, seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    later = state.copy()
-    later.advance(seconds)
-    poses = chain.poses(later.angles, later.position, wxyz_from_matrix(later.rotation))
-    return poses.positions, poses.rotations
-
-
-@pytest.mark.parametrize("modules", [3, 4, 10, 25])
-def test_velocities_are_the_derivatives_of_poses(modules: int) -> None:
-    chain = line(modules)
-    segments = Segments(chain, Material())
-    state = random_state(chain, modules, most=1.5)
-    segments.place(state)
-    before, after = poses_after(chain, state, -STEP), poses_after(chain, state, STEP)
-    np.testing.assert_allclose(
-        segments.velocities, (after[0] - before[0]) / (2 * STEP), atol=1e-7 * modules
-    )
-    # dR/dt = [ω]× R
-    rate = (after[1] - before[1]) / (2 * STEP)
-    cross = np.einsum("nij,nkj->nik", rate, segments.rotations)
-    spins = np.stack([cross[:, 2, 1], cross[:, 0, 2], cross[:, 1, 0]], axis=1)
-    np.testing.assert_allclose(segments.spins, spins, atol=1e-7 * modules)

@@ -8,11 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from planner.chain.chain import Chain
-from planner.chain.honeycomb import (
-    TETRAHEDRA_PER_RING,
-    dodecahedron_pairs,
-    ring_pairs,
-)
+from planner.chain.honeycomb import TETRAHEDRA_PER_RING, dodecahedron_pairs, ring_pairs
 from planner.chain.module import TETRAHEDRON
 from planner.chain.trail import Trail, hinge_axes
 from planner.clearance.clearance import closest
@@ -38,18 +34,6 @@ def folded_corners(chain: Chain) -> NDArray[np.float64]:
 
 def box(*sides: int) -> Ints:
     return np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, 3)
-
-
-def test_tetrahedron_of_the_honeycomb_is_the_module() -> None:
-    assert TETRAHEDRA_PER_RING * TETRAHEDRON.volume == pytest.approx(8.0)  # as a cube of side 2
-    own = sorted(np.linalg.norm(a - b) for a in TETRAHEDRON.vertices for b in TETRAHEDRON.vertices)
-    for pair in ring_pairs(ONE):
-        found = corners(pair)
-        np.testing.assert_allclose(
-            sorted(np.linalg.norm(a - b) for a in found for b in found), own, atol=1e-12
-        )
-        assert ConvexHull(found).volume == pytest.approx(TETRAHEDRON.volume)
-        assert np.linalg.norm(np.diff(pair, axis=0)) == 1.0
 
 
 @pytest.mark.parametrize(

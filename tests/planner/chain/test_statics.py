@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from planner.chain.statics import hinge_frames, static_torque
+from planner.chain.statics import static_torque
 from planner.simulation.model import Material, tree_spec
 from tests.planner.chains import line, random_angles
 
@@ -38,21 +38,3 @@ def test_torque_in_the_worst_direction_agrees_with_mujoco(modules: int) -> None:
             torques[axis] = data.qfrc_bias[dofs]
         worst = float(np.linalg.norm(torques, axis=0).max())
         assert static_torque(chain, angles) == pytest.approx(worst, rel=1e-9)
-
-
-def test_hinge_frames_agree_with_mujoco() -> None:
-    chain = line(7)
-    angles = random_angles(chain, np.random.default_rng(1))
-    model = tree_spec(chain, Material()).compile()
-    data = mujoco.MjData(model)
-    for name, angle in zip(chain.joint_names, angles, strict=True):
-        data.joint(name).qpos[0] = angle
-    mujoco.mj_forward(model, data)
-    poses = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    axes, anchors = hinge_frames(chain, angles, poses)
-    for k, name in enumerate(chain.joint_names):
-        joint = model.joint(name).id
-        # Before the root a hinge is drawn the other way round; its angle is the same.
-        along = axes[k // 2, k % 2] @ data.xaxis[joint]
-        assert abs(along) == pytest.approx(1.0)
-        np.testing.assert_allclose(data.xanchor[joint], anchors[k // 2], atol=1e-12)

@@ -9,18 +9,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.pathfinding.blocks import (
-    FACES,
-    Tree,
-    block_cycle,
-    block_path,
-    halved,
-    joint_options,
-)
+from planner.pathfinding.blocks import FACES, Tree, block_cycle, block_path, halved, joint_options
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import STEPS, spread, spreads_of_cuts, surface
 from planner.pathfinding.loose_blocks import block_corners, loose_block_path
 from planner.shapes.shape import Shape
+from tests.conftest import examples
 
 Ints = NDArray[np.int64]
 TREES: tuple[Tree, ...] = ("bfs", "dfs", "random")
@@ -94,6 +88,7 @@ def test_block_cycle_is_not_knotted() -> None:
 
 @pytest.mark.slow
 @given(coarse=connected_sets(most=8), seed=st.integers(0, 9))
+@examples(one_of=3)
 def test_spreads_of_cuts_are_those_of_their_paths(coarse: Ints, seed: int) -> None:
     cycle = block_cycle(coarse, np.random.default_rng(seed))
     cuts = [spread(np.roll(cycle, -k, axis=0)) for k in range(len(cycle))]

@@ -59,11 +59,11 @@ def test_separate_parts_are_dropped_on_request_only() -> None:
 def test_mesh_is_filled_with_tetrahedra() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=3)
     data = mesh.export(file_type="stl")
-    few, many = prepared(data, modules=120), prepared(data, modules=600)
+    few, many = prepared(data, modules=72), prepared(data, modules=300)
     assert few.iou is not None
     assert many.iou is not None
     assert 0.3 < few.iou < many.iou < 1.0
-    assert abs(len(many.chain) - 600) < 100
+    assert abs(len(many.chain) - 300) < 60
     report = many.report()
     assert report["module"] == "tetrahedron"
     assert len(report["positions"]) == len(report["wxyzs"]) == len(many.chain)

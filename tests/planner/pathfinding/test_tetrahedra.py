@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,32 +14,17 @@ from planner.clearance.margins import largest_size
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.pathfinding.tetrahedra import find_trails
-from planner.pipeline.fold import fold
 from planner.plan.shape_files import write_chain
 from planner.readers import read
 from planner.readers.angle_strings import read_angle_string
 from planner.shapes.shape import Shape
-from planner.verification.verify import verify
 
 RING = "- - - + - - - + - - -"
-
-
-@pytest.fixture(scope="module")
-def folded_ring(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("ring")
-    fold(read_angle_string(RING, name="ring"), directory=directory)
-    return directory
 
 
 def cube(side: int) -> Chain:
     cells = np.array(list(product(range(side), repeat=3)))
     return Chain.from_trail(find_trails(Shape.from_cells(cells)).trails[0])
-
-
-def test_ring_folds_and_is_verified(folded_ring: Path) -> None:
-    found = verify(folded_ring)
-    assert found.verified, found.problems
-    assert found.certificate.min_clearance > 0.0
 
 
 def test_linked_tetrahedra_are_checked_too() -> None:

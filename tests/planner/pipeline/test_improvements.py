@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path as FilePath
 
 import pytest
 
@@ -15,12 +14,6 @@ from planner.pipeline.preference import PREFERENCES, PlanFigures, Preference
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import Explode, next_step
-from planner.pipeline.stages import run_stages
-from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
-from planner.verification.verify import verify
-from tests.planner.folds import asked, same_motion, timeless
-from tests.planner.peels import snake
 
 ALL = ("simultaneous", "blocks", "peel")
 FIGURES = PlanFigures(
@@ -149,29 +142,3 @@ def test_preference_is_refused_where_there_is_one_plan() -> None:
         assert told.value.where == "prefer"
     for prefer in PREFERENCES:
         FoldRequest(prefer=prefer, strategy="peel").check()
-
-
-@pytest.mark.long
-def test_quickest_plan_is_the_same_for_any_number_of_workers(tmp_path: FilePath) -> None:
-    chain = snake((2, 2, 4))
-    plans: list[Plan] = []
-    for name, prefer, workers in (("plain", "computing", 1), ("1", "time", 1), ("2", "time", 2)):
-        place = asked(tmp_path / name, write_chain(chain), prefer=prefer)
-        run_stages(place, workers=workers)
-        plans.append(Plan.load(place / "plan.npz"))
-    plain, one, two = plans
-    assert [a.get("chosen", False) for a in plain.attempts] == [False]
-    figures = [a["figures"] for a in one.attempts if a["verdict"].startswith("verified")]
-    assert len(figures) > 3
-    assert one.certificate.fold_time_s == min(f["fold_time_s"] for f in figures)
-    assert one.certificate.fold_time_s < 0.95 * plain.certificate.fold_time_s
-    (chosen,) = (a for a in one.attempts if a.get("chosen"))
-    assert chosen["figures"]["clearance_bound"] == one.certificate.clearance_bound
-    assert (one.smoothing is not None) == ("smooths" in chosen)
-    assert timeless(one.attempts) == timeless(two.attempts)
-    same_motion(one.motion, two.motion)
-    assert {p.name for p in (tmp_path / "1").iterdir()} == {
-        p.name for p in (tmp_path / "2").iterdir()
-    }
-    verdict = verify(tmp_path / "1")
-    assert verdict.verified, verdict

@@ -26,10 +26,7 @@ def test_count_with_a_preference_is_the_number_of_plans_in_the_end(
     assert len(tried) > 3
     for number in range(1, len(tried) + 1):
         begun = Attempt(trial=tried[number - 1].trial, status="begun")
-        assert count_plans([*tried[: number - 1], begun], portfolio) == (
-            number,
-            len(tried),
-        )
+        assert count_plans([*tried[: number - 1], begun], portfolio) == (number, len(tried))
 
 
 def test_count_after_a_refused_plan_goes_on() -> None:

@@ -45,25 +45,19 @@ def test_read_of_stored_chains_equals_a_search(
     assert not (stored / PREPARED).exists()
 
 
-@pytest.mark.parametrize(
-    "key",
-    [
+def test_load_with_another_key_or_of_a_damaged_file_returns_none(tmp_path: Path) -> None:
+    previewed().prepared().save(tmp_path, KEY)
+    for key in (
         key_of(CELLS + b"\n", "bar.csv", OPTIONS, 3),
         key_of(CELLS, "other.csv", OPTIONS, 3),
         key_of(CELLS, "bar.csv", replace(OPTIONS, ends="surface"), 3),
         key_of(CELLS, "bar.csv", OPTIONS, 4),
-    ],
-)
-def test_load_with_another_key_returns_none(tmp_path: Path, key: str) -> None:
-    previewed().prepared().save(tmp_path, KEY)
-    assert PreparedChains.load(tmp_path, key) is None
+    ):
+        assert PreparedChains.load(tmp_path, key) is None
     assert PreparedChains.load(tmp_path, KEY) is not None
-
-
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"key": "KEY"}', '{"key": "KEY", "chains": [1]}'])
-def test_load_of_a_damaged_file_returns_none(tmp_path: Path, text: str) -> None:
-    (tmp_path / PREPARED).write_text(text.replace("KEY", KEY))
-    assert PreparedChains.load(tmp_path, KEY) is None
+    for text in ("", "{", "[]", '{"key": "KEY"}', '{"key": "KEY", "chains": [1]}'):
+        (tmp_path / PREPARED).write_text(text.replace("KEY", KEY))
+        assert PreparedChains.load(tmp_path, KEY) is None, text
 
 
 def test_searches_that_the_clock_may_end_are_not_repeatable() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -16,6 +15,7 @@ from planner.certificate.certificate import Place, certify
 from planner.certificate.measure import write_figures
 from planner.certificate.metrics import Figures
 from planner.chain.chain import Chain
+from planner.chain.path import Path
 from planner.errors import InputError
 from planner.exports import export_named
 from planner.motion.motion import PHASES, Motion
@@ -23,39 +23,39 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import Parameters
 from planner.parameters.playback import PlaybackParameters
-from planner.pipeline.fold import refold
+from planner.pipeline.fold import fold, refold
 from planner.pipeline.manifest import write_manifest
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
+from planner.plan.shape_files import write_path
 from planner.playback.playback import Playback, play_back
 from planner.playback.unfolding import check_fits
-from planner.progress import STAGES
-from planner.readers import read
 from planner.verification.verify import verify
-from tests.planner.chains import line
-from tests.planner.conftest import SHAPES, Folded
-from tests.planner.folds import refuse, same_motion
+from tests.planner.chains import COIL, SQUARE, line
+from tests.planner.folds import refuse
 from tests.planner.plans import changed
 
 UNFOLDING = PHASES.index("unfolding")
 
 
-def shape(name: str) -> Any:
-    return read((SHAPES / f"{name}.json").read_bytes())
+HAIRPIN = Path.from_cells(
+    [*((x, 0, 0) for x in range(4)), *((x, 1, 0) for x in reversed(range(4)))], name="hairpin"
+)
 
 
 @pytest.fixture(scope="module")
-def wrench(folded: Callable[..., Folded]) -> Folded:
-    return folded("wrench-24")
+def first() -> Plan:
+    """The plan of a square, whose end a refold begins with."""
+    return fold(SQUARE)
 
 
 @pytest.fixture(scope="module")
-def made(wrench: Folded, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
-    """The directory of a wrench that becomes a mallet. Look, don't touch."""
+def made(first: Plan, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """The directory of a square that becomes a hairpin. Look, don't touch."""
     directory = tmp_path_factory.mktemp("refold")
-    refold(wrench.plan, shape("mallet-24"), directory=directory)
+    refold(first, HAIRPIN, directory=directory)
     return directory
 
 
@@ -76,22 +76,21 @@ def straight(plan: Plan) -> int:
 
 
 @pytest.mark.slow
-def test_refold_is_verified_from_shape_to_shape(plan: Plan, made: FilePath, wrench: Folded) -> None:
+def test_refold_is_verified_from_shape_to_shape(plan: Plan, made: FilePath, first: Plan) -> None:
     assert plan.certificate.verdict == "verified (simulated)"
-    assert (plan.start.name, plan.chain.name) == ("wrench-24", "mallet-24")
+    assert (plan.start.name, plan.chain.name) == ("square", "hairpin")
     assert plan.summary()["refold"] == {
-        "start": "wrench-24",
+        "start": "square",
         "straight_frame": straight(plan),
         "straight_s": plan.time_s[straight(plan)],
         "frames": len(plan.time_s),
     }
     json.dumps(plan.summary(), allow_nan=False)
     angles = plan.joint_angles_rad
-    np.testing.assert_allclose(angles[0], wrench.chain.folded_rad, atol=1e-9, rtol=0)
+    np.testing.assert_allclose(angles[0], first.chain.folded_rad, atol=1e-9, rtol=0)
     np.testing.assert_allclose(angles[-1], plan.chain.folded_rad, atol=1e-9, rtol=0)
-    first = plan.chain.poses(angles[0], plan.root_position[0], plan.root_wxyz[0]).positions
-    for cells in (wrench.chain.folded_poses.positions, np.round(first)):
-        np.testing.assert_allclose(first, cells, atol=1e-9, rtol=0)
+    cells = plan.chain.poses(angles[0], plan.root_position[0], plan.root_wxyz[0]).positions
+    np.testing.assert_allclose(cells, first.chain.folded_poses.positions, atol=1e-9, rtol=0)
     timeline = Timeline.open(made / "timeline.zarr")
     assert timeline.status == "complete"
     np.testing.assert_array_equal(timeline.frames().phase, plan.phase)
@@ -118,14 +117,14 @@ def test_refold_is_straight_in_between_and_nothing_jumps(plan: Plan, made: FileP
         assert speeds[k - 1] <= np.median(speeds)
 
 
-def test_first_half_is_the_other_plan_backwards(plan: Plan, wrench: Folded) -> None:
-    there = wrench.plan.joint_angles_rad
+def test_first_half_is_the_other_plan_backwards(plan: Plan, first: Plan) -> None:
+    there = first.joint_angles_rad
     back = plan.joint_angles_rad[: straight(plan)]
     # Each configuration on the way back is near to one of the way there.
     near = [np.abs(there - angles).max(axis=1).min() for angles in back]
     assert max(near) < 0.03
     assert plan.certificate.min_clearance == pytest.approx(
-        min(wrench.plan.certificate.min_clearance or 0.0, 0.05)
+        min(first.certificate.min_clearance or 0.0, 0.05)
     )
 
 
@@ -142,11 +141,11 @@ def test_refold_floats_without_momentum(plan: Plan) -> None:
 
 
 def test_errors_torques_and_time_are_of_both_halves(
-    plan: Plan, made: FilePath, wrench: Folded, tmp_path: FilePath
+    plan: Plan, made: FilePath, first: Plan, tmp_path: FilePath
 ) -> None:
     assert np.isfinite(plan.max_error_rad).all()
     assert plan.max_error_rad[: straight(plan)].max() > 0.0
-    alone, both = wrench.plan.certificate, plan.certificate
+    alone, both = first.certificate, plan.certificate
     assert both.peak_torque_nm > 0.9 * alone.peak_torque_nm
     assert (both.fold_time_s or 0.0) > 1.35 * (alone.fold_time_s or np.inf)
     peaks = Figures.load(made / "figures.zarr").peak_torque_nm
@@ -187,12 +186,12 @@ def test_verify_finds_another_start_or_motion_of_a_refold(copy: FilePath, plan: 
         angles[row] = values
         return tampered(joint_angles_rad=angles)
 
-    assert "does not start folded as mallet-24" in tampered(start=plan.chain)
+    assert "does not start folded as hairpin" in tampered(start=plan.chain)
     assert tampered(start=None)
-    assert "do not have the same modules" in tampered(start=line(24 + 1))
+    assert "do not have the same modules" in tampered(start=line(9))
     assert "does not become straight" in with_row(k, 0.01)
     for row in (k // 2, k + k // 2):
-        problems = with_row(row, np.tile([np.pi / 2, 0.0], 22))
+        problems = with_row(row, np.tile([np.pi / 2, 0.0], 6))
         assert "in the plan, modules" in problems
         assert "MuJoCo finds an overlap" in problems
     phase = plan.phase.copy()
@@ -218,8 +217,8 @@ def test_certify_refuses_simulations_that_start_elsewhere_or_miss_straight(
     moved = frames.root_position.copy()
     moved[0, 1] += 0.01
     late = np.vstack([frames.joint_angles_rad[1:2], frames.joint_angles_rad[1:]])
-    assert "does not start folded as wrench-24" in verdict(root_position=moved)
-    assert "does not start folded as wrench-24" in verdict(joint_angles_rad=late)
+    assert "does not start folded as square" in verdict(root_position=moved)
+    assert "does not start folded as square" in verdict(joint_angles_rad=late)
     angles = frames.joint_angles_rad.copy()
     angles[straight(plan)] = 0.05
     assert "from straight" in verdict(joint_angles_rad=angles)
@@ -227,44 +226,34 @@ def test_certify_refuses_simulations_that_start_elsewhere_or_miss_straight(
 
 
 @pytest.mark.slow
-def test_refold_of_a_refold(plan: Plan, wrench: Folded) -> None:
+def test_refold_of_a_refold(plan: Plan, first: Plan) -> None:
     way = plan.unfolding()
-    assert way.chain.name == "mallet-24"
+    assert way.chain.name == "hairpin"
     assert way.time_s[0] == 0.0
     assert len(way.folding_rad) == len(plan.time_s) - straight(plan)
     np.testing.assert_allclose(way.folding_rad[0], 0.0, atol=1e-9)
-    back = refold(plan, shape("wrench-24"))
+    back = refold(plan, SQUARE)
     assert back.verified
-    np.testing.assert_allclose(back.joint_angles_rad[-1], wrench.chain.folded_rad, atol=1e-9)
+    np.testing.assert_allclose(back.joint_angles_rad[-1], first.chain.folded_rad, atol=1e-9)
 
 
-def test_refold_is_refused_before_anything_is_computed(wrench: Folded, tmp_path: FilePath) -> None:
-    with pytest.raises(InputError, match="got a shape of 64 cubes, expected one of 24") as refused:
-        refold(wrench.plan, shape("mallet-64"), directory=tmp_path)
+def test_refold_is_refused_before_anything_is_computed(first: Plan, tmp_path: FilePath) -> None:
+    with pytest.raises(InputError, match="got a shape of 12 cubes, expected one of 8") as refused:
+        refold(first, COIL, directory=tmp_path)
     assert refused.value.code == "refold-differs"
     assert not (tmp_path / "timeline.zarr").exists()
-    with pytest.raises(InputError, match="24 tetrahedra"):
-        check_fits(wrench.chain, "tetrahedron", 24)
+    with pytest.raises(InputError, match="8 tetrahedra"):
+        check_fits(first.chain, "tetrahedron", 8)
     with pytest.raises(InputError, match="does not start straight and end folded") as refused:
-        replace(wrench.plan, motion=wrench.plan.motion[:-3]).unfolding()
+        replace(first, motion=first.motion[:-3]).unfolding()
     assert refused.value.code == "refold-not-folded"
 
 
-def test_refold_keeps_the_pitch_of_its_chain(wrench: Folded, tmp_path: FilePath) -> None:
-    larger = replace(wrench.plan, chain=replace(wrench.chain, pitch_m=0.05))
+def test_refold_keeps_the_pitch_of_its_chain(first: Plan, tmp_path: FilePath) -> None:
+    larger = replace(first, chain=replace(first.chain, pitch_m=0.05))
     Workspace(tmp_path).write_start(larger)
-    Workspace(tmp_path).write_request(
-        FoldRequest(refold=True), (SHAPES / "mallet-24.json").read_bytes()
-    )
+    Workspace(tmp_path).write_request(FoldRequest(refold=True), write_path(HAIRPIN))
     assert run_stage("read", tmp_path)["pitch_m"] == 0.05
-
-
-@pytest.mark.slow
-def test_stages_of_a_refold_run_again_give_the_same_plan(copy: FilePath, plan: Plan) -> None:
-    for stage in STAGES[STAGES.index("play_back") :]:
-        run_stage(stage, copy)
-    same_motion(Plan.load(copy / "plan.npz").motion, plan.motion)
-    np.testing.assert_array_equal(Timeline.open(copy / "timeline.zarr").frames().phase, plan.phase)
 
 
 @pytest.mark.slow
@@ -284,8 +273,8 @@ def test_other_paths_are_tried_for_an_overlap_in_the_second_half_only(
             run_stage(stage, copy)
 
 
-def test_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, plan: Plan) -> None:
-    way = wrench.plan.unfolding()
+def test_long_chain_is_refolded_by_kinematics(first: Plan, made: FilePath, plan: Plan) -> None:
+    way = first.unfolding()
     told: list[Motion] = []
     found = play_back(
         plan.chain,
@@ -299,7 +288,7 @@ def test_long_chain_is_refolded_by_kinematics(wrench: Folded, made: FilePath, pl
     count = int((frames.phase == UNFOLDING).sum())
     np.testing.assert_array_equal(frames.joint_angles_rad[: count + 1], way.folding_rad[::-1])
     assert (np.diff(frames.time_s) > 0.0).all()
-    certificate = certify(plan.chain, None, found, Parameters(), start=wrench.chain)
+    certificate = certify(plan.chain, None, found, Parameters(), start=first.chain)
     assert certificate.verdict == "verified (kinematics only)"
     centres = plan.chain.poses(
         frames.joint_angles_rad, frames.root_position, frames.root_wxyz

@@ -1,15 +1,13 @@
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from typing import Any
 
 import pytest
 
-from planner.chain.path import Path
 from planner.errors import InputError
 from planner.parameters.parameters import preset
 from planner.parameters.published import PaperExplosionParameters
-from planner.parameters.setting import Setting
 from planner.parameters.settings import (
     SETTINGS,
     read_settings,
@@ -19,23 +17,22 @@ from planner.parameters.settings import (
 )
 from planner.pipeline.fold import fold, refold
 from planner.pipeline.request import FoldRequest
+from tests.case import case
+from tests.planner.chains import SQUARE
 
 PAPER = preset("paper")
 
 
-@pytest.mark.parametrize("setting", SETTINGS, ids=lambda setting: setting.name)
-def test_each_setting_changes_its_parameter_alone(setting: Setting) -> None:
-    least, most = setting.range
-    value = least if least != value_of(setting, PAPER) else most
-    changed = with_settings(PAPER, read_settings(f"{setting.name}={value}"))
-    assert value_of(setting, changed) == value != value_of(setting, PAPER)
-    differing = {
-        field.name
-        for field in fields(PaperExplosionParameters)
-        if getattr(changed.explosion, field.name) != getattr(PAPER.explosion, field.name)
-    }
+def test_each_setting_changes_its_parameter_alone() -> None:
     names = {field.name for field in fields(PaperExplosionParameters)}
-    assert differing == {setting.name} & names
+    for setting in SETTINGS:
+        with case(setting.name):
+            least, most = setting.range
+            value = least if least != value_of(setting, PAPER) else most
+            changed = with_settings(PAPER, read_settings(f"{setting.name}={value}"))
+            assert value_of(setting, changed) == value != value_of(setting, PAPER)
+            ours, theirs = (asdict(parameters.explosion) for parameters in (PAPER, changed))
+            assert {name for name in names if ours[name] != theirs[name]} == {setting.name} & names
 
 
 def test_settings_text_is_canonical() -> None:
@@ -86,52 +83,35 @@ def test_read_settings_refuses_other_names_and_values(text: str, told: str) -> N
     assert told in refused.value.detail
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "told"),
-    [
-        *(
-            ("direct", text, f"{text.partition('=')[0]} for the preset direct, which does not use")
-            for text in ("radial_gain=0.2", "threshold=0.1", "steps_per_snapshot=7", "spring=2")
-        ),
-        # Motors may not turn past their target.
-        ("paper", "motor_gain=100,step_s=0.02", "motor_gain · step_s = 2, expected at most 1"),
-    ],
-)
-def test_preset_refuses_settings_that_it_does_not_use_or_that_do_not_fit(
-    name: str, text: str, told: str
-) -> None:
-    with pytest.raises(InputError, match=told):
-        with_settings(preset(name), read_settings(text))
+def test_preset_refuses_settings_that_it_does_not_use_or_that_do_not_fit() -> None:
+    for text in ("radial_gain=0.2", "threshold=0.1", "steps_per_snapshot=7", "spring=2"):
+        told = f"{text.partition('=')[0]} for the preset direct, which does not use"
+        with pytest.raises(InputError, match=told):
+            with_settings(preset("direct"), read_settings(text))
+    # Motors may not turn past their target.
+    with pytest.raises(InputError, match="motor_gain · step_s = 2, expected at most 1"):
+        with_settings(PAPER, read_settings("motor_gain=100,step_s=0.02"))
 
 
-@pytest.mark.parametrize(
-    ("name", "given", "kept"),
-    [
+def test_settings_equal_to_the_preset_leave_the_request_as_it_is() -> None:
+    for name, given, kept in (
         ("paper", "damping=.10, step_s=0.005, radial_gain=0.1", "step_s=0.005"),
         ("paper", "motor_max_force=none", ""),
         ("direct", "step_s=0.005,damping=0.1", "step_s=0.005"),
-        ("default", "", ""),
-    ],
-)
-def test_settings_equal_to_the_preset_leave_the_request_as_it_is(
-    name: str, given: str, kept: str
-) -> None:
-    assert FoldRequest(preset=name, settings=given).canonical() == FoldRequest(
-        preset=name, settings=kept
-    )
+    ):
+        asked = FoldRequest(preset=name, settings=given)
+        assert asked.canonical() == FoldRequest(preset=name, settings=kept)
 
 
 @pytest.mark.slow
 def test_fold_and_refold_take_settings() -> None:
-    cells = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0), (3, 1, 0), (3, 2, 0), (3, 3, 0), (4, 3, 0)]
-    loud = "radial_gain=20,snapshot_interval=5"
-    path, turned = Path.from_cells(cells), Path.from_cells([(y, x, z) for x, y, z in cells])
-    plan = fold(path, preset="paper", settings=loud)
-    assert plan.parameters["explosion"]["radial_gain"] == 20
-    back = refold(plan, turned, preset="paper", settings=loud)
-    assert back.parameters["explosion"]["snapshot_interval"] == 5
+    few = "simulated_modules=2"
+    plan = fold(SQUARE, settings=few)
+    for made in (plan, refold(plan, SQUARE, settings=few)):
+        assert made.parameters["playback"]["dynamic_up_to"] == 2
+        assert made.certificate.verdict == "verified (kinematics only)"
     with pytest.raises(InputError, match="radial_gain for the preset default") as refused:
-        fold(path, settings=loud)
+        fold(SQUARE, settings="radial_gain=20")
     assert refused.value.code == "bad-settings"
 
 

@@ -14,6 +14,8 @@ from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attribu
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
+from planner.plan.shape_files import write_path
+from tests.planner.chains import SQUARE
 from tests.planner.folds import asked
 from tests.planner.peels import snake
 
@@ -54,7 +56,6 @@ def bent(chain: Chain) -> list[int]:
 @pytest.mark.parametrize(
     ("phase", "share", "named"),
     [
-        ("explosion", 0.8, True),
         ("explosion", 0.3, True),  # slight bends count where there are no others
         ("explosion", 1e-3, False),
         ("playback", 0.0, True),
@@ -100,8 +101,7 @@ def test_settle_keeps_the_explosion_that_came_farthest(
 
 
 def test_history_names_the_attempt_under_way(tmp_path: FilePath) -> None:
-    asked(tmp_path)
-    run_stage("read", tmp_path)
+    run_stage("read", asked(tmp_path, write_path(SQUARE)))
     seen: list[object] = []
 
     def look() -> bool:

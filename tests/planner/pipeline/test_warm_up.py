@@ -6,6 +6,7 @@ import sys
 from contextlib import nullcontext, suppress
 from functools import partial
 from pathlib import Path as FilePath
+from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -127,15 +128,19 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
     def noted(name: str) -> None:
         monkeypatch.setattr(module, name, lambda *_, **__: here.append(name))  # pyright: ignore[reportUnknownLambdaType]
 
-    rest = ["retime", "smooth_plan", "_many_contacts", "_explode_as_published", "_peel"]
+    first, rest = ["warm_up_clearance", "warm_up_motions"], ["retime", "smooth_plan"]
+    rest += ["table_certificate", "_many_contacts", "_explode_as_published", "_peel"]
     rest.append("warm_up_paths")
-    for name in rest:
+    for name in first + rest:
         noted(name)
+    plan = SimpleNamespace(chain=None, motion=None)
+    monkeypatch.setattr(module, "fold", lambda *_, **__: plan)  # pyright: ignore[reportUnknownLambdaType]
     monkeypatch.setattr(module, "beside", start)
     monkeypatch.setattr(module, "motions_beside", partial(start, "motions"))
     monkeypatch.setattr(module, "cores", lambda: 2)
     warm_up(soon=True, directory=tmp_path)
-    assert (beside, here, list(tmp_path.iterdir())) == ([], rest, [])  # and no lock was taken
+    assert (beside, here) == ([], first + rest)
+    assert not list(tmp_path.iterdir())  # and no lock was taken
     here.clear()
     new_kernel, chains = njit(lambda: 0), module.warm_up_chains
 
@@ -145,15 +150,7 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
 
     monkeypatch.setattr(module, "warm_up_chains", chains_by_new_kernel)
     warm_up(soon=True, directory=tmp_path)
-    assert (beside, here) == (["motions", "all"], [])
-
-
-def test_warm_up_from_the_shell_compiles_everything(monkeypatch: pytest.MonkeyPatch) -> None:
-    options: list[dict[str, object]] = []
-    monkeypatch.setattr(sys, "argv", ["warm_up"])
-    monkeypatch.setattr(module, "warm_up", lambda *_, **given: options.append(given))  # pyright: ignore[reportUnknownLambdaType, reportUnknownArgumentType]
-    module.main()
-    assert options == [{}]  # not ``soon``
+    assert (beside, here) == (["motions", "all"], first)
 
 
 @pytest.mark.long

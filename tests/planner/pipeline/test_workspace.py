@@ -21,10 +21,11 @@ from planner.motion.timeline import Timeline, TimelineWriter
 from planner.parameters.explosion import ExplosionParameters
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.fold_layout import folder, numbers, result
-from planner.pipeline.stages import next_stage, run_stage, run_stages
+from planner.pipeline.stages import next_stage, run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from tests.planner.chains import COIL
+from planner.plan.shape_files import write_path
+from tests.planner.chains import COIL, SQUARE
 from tests.planner.folds import asked
 
 pytestmark = pytest.mark.slow
@@ -67,50 +68,38 @@ def sticking(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("planner.explosion.strategies.explode", once)
 
 
-def test_refused_plan_is_shown_when_all_later_attempts_stick(
+def test_refused_plan_is_shown_though_later_attempts_stick_and_stages_run_twice(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    refusing(monkeypatch, -0.0004)
-    sticking(monkeypatch)
-    directory = asked(tmp_path, strategy="simultaneous")
-    summary = run_stages(directory)
-    assert (summary["status"], summary["stuck"]) == ("failed", None)
-    assert "overlap" in summary["reason"]
-    assert summary["certificate"]["min_clearance"] == -0.0004
-    plan = Plan.load(directory / "plan.npz")
-    assert len(plan.time_s) > 10
-    assert [a["status"] for a in plan.attempts][:2] == ["straight", "stalled"]
-    frames = summary["explosion"]["frames"] + len(plan.time_s)
-    assert len(Timeline.open(directory / "timeline.zarr")) == frames
-    assert not (directory / "attempts").exists()
-
-
-@pytest.mark.parametrize("doubled", [4, pytest.param(6, marks=pytest.mark.long)])
-def test_stage_that_is_run_twice_changes_nothing(
-    doubled: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As after a kill between its last file and the note of its end."""
     refusing(monkeypatch, -0.001)
     sticking(monkeypatch)
-    directory = asked(tmp_path, strategy="simultaneous")
+    directory = asked(tmp_path, write_path(SQUARE), strategy="simultaneous")
     stage: str | None = "read"
     number, result = 0, {}
     while stage is not None:
         result = run_stage(stage, directory)
-        if number == doubled:
+        if number in (4, 6):
             result = run_stage(stage, directory)
         stage = next_stage(stage, result)
         number += 1
     assert number == 8
+    assert (result["status"], result["stuck"]) == ("failed", None)
+    assert "overlap" in result["reason"]
     assert result["certificate"]["min_clearance"] == -0.001
-    assert len(Plan.load(directory / "plan.npz").time_s) > 10
+    plan = Plan.load(directory / "plan.npz")
+    assert len(plan.time_s) > 10
+    assert [a["status"] for a in plan.attempts][:2] == ["straight", "stalled"]
+    frames = result["explosion"]["frames"] + len(plan.time_s)
+    assert len(Timeline.open(directory / "timeline.zarr")) == frames
+    assert not (directory / "attempts").exists()
 
 
 def test_refused_plan_is_kept_when_a_later_attempt_is_cancelled(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refusing(monkeypatch, -0.001)
-    directory = asked(tmp_path)
+    directory = asked(tmp_path, write_path(SQUARE))
     for stage in ("read", "explode", "play_back", "certify"):
         run_stage(stage, directory)
     frames = len(Timeline.open(result(directory, "timeline.zarr")))

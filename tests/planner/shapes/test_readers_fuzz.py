@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import random
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -73,7 +73,7 @@ def mutated(data: bytes, rng: random.Random, spice: Sequence[bytes]) -> bytes:
 def test_mutated_files_are_read_or_refused(kind: str) -> None:
     rng = random.Random(kind)
     outcomes: dict[str, int] = {}
-    for _ in range(300):
+    for _ in range(200):
         data = mutated(FILES[kind], rng, TEXT_SPICE if kind in TEXT else SPICE)
         try:
             found = read(data, filename=f"a.{kind.partition('_')[0]}")
@@ -92,13 +92,12 @@ def test_mutated_files_are_read_or_refused(kind: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["stl", "glb"])
-def test_mutated_meshes_are_voxelised_or_refused(kind: str) -> None:
-    rng = random.Random(f"voxels of {kind}")
+def test_mutated_meshes_are_voxelised_or_refused() -> None:
+    rng = random.Random("voxels of stl")
     made = 0
     while made < 3:
         try:
-            found = read(mutated(FILES[kind], rng, SPICE))
+            found = read(mutated(FILES["stl"], rng, SPICE))
             if not isinstance(found, Solid):
                 continue
             made += 1
@@ -110,21 +109,10 @@ def test_mutated_meshes_are_voxelised_or_refused(kind: str) -> None:
             assert 0 <= voxels.iou <= 1
 
 
-WRITERS: tuple[Callable[[random.Random], bytes], ...] = (
-    lambda rng: b"ply\n" + rng.randbytes(60),
-    lambda rng: b"glTF" + rng.randbytes(60),
-    lambda rng: b"VOX " + rng.randbytes(60),
-    lambda rng: b"PK\x03\x04" + rng.randbytes(60),
-    lambda rng: b"OFF\n" + rng.randbytes(60),
-    lambda rng: b"#binvox" + rng.randbytes(60),
-    lambda rng: b"solid facet" + rng.randbytes(200),
-    lambda rng: b"v 0 0 0\nf " + rng.randbytes(60),
-)
-
-
-@pytest.mark.parametrize("writer", WRITERS)
-def test_noise_after_a_signature_is_refused(writer: Callable[[random.Random], bytes]) -> None:
+def test_noise_after_a_signature_is_refused() -> None:
     rng = random.Random(1)
-    for _ in range(300):
-        with pytest.raises(InputError):
-            read(writer(rng), filename="a.stl")
+    texts = (b"ply\n", b"OFF\n", b"#binvox", b"solid facet", b"v 0 0 0\nf ")
+    for signature in (*texts, b"glTF", b"VOX ", b"PK\x03\x04"):
+        for _ in range(100):
+            with pytest.raises(InputError):
+                read(signature + rng.randbytes(100), filename="a.stl")

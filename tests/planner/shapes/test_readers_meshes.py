@@ -6,6 +6,7 @@ import struct
 import subprocess
 import sys
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -66,11 +67,12 @@ def test_parts_of_a_scene_are_placed_by_its_nodes(kind: str) -> None:
     np.testing.assert_allclose(solid.extents, upright(kind, scene.extents), rtol=1e-4)
 
 
+TRIANGLES = b"f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+POINTS = TETRAHEDRON_OBJ.removesuffix(TRIANGLES)
 OBJ_WAYS = {
     "quads": b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
     b"f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n",
-    "from the end": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf -4 -2 -3\nf -4 -3 -1\nf -3 -2 -1\n"
-    b"f -2 -4 -1\n",
+    "from the end": POINTS + b"f -4 -2 -3\nf -4 -3 -1\nf -3 -2 -1\nf -2 -4 -1\n",
     "from the end of what is there so far": b"".join(
         b"v %d 0 0\nv %d 0 0\nv %d 1 0\nv %d 0 1\n" % (x, x + 1, x, x)
         + b"f -4 -2 -3\nf -4 -3 -1\nf -3 -2 -1\nf -2 -4 -1\n"
@@ -80,22 +82,26 @@ OBJ_WAYS = {
     b"v 0 0 1\nv 2 0 1\nv 1 2 1\nv 1 0 1\nv 0.5 1 1\n"
     b"f 5 3 2 4 1\nf 6 9 7 8 10\nf 1 4 9 6 6\nf 4 2 7 9 9\nf 2 3 8 7 7\nf 3 5 10 8 8\n"
     b"f 5 1 6 10 10\n",
-    "with a material and normals": b"mtllib http://example.com/secret.mtl\nvn 0 0 1\nvt 0 0\n"
-    + TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"usemtl x\nf 1/1/1 3/1/1 2/1/1").replace(
-        b"f 2 3 4", b"f 2//1 3//1 4//1"
-    ),
-    "with colours": TETRAHEDRON_OBJ.replace(b"v 0 0 1", b"v 0 0 1 0.5 0.5 0.5"),
+    "materials, normals, groups": b"mtllib http://example.com/secret.mtl\nvn 0 0 1\nvt 0 0\n"
+    + POINTS
+    + b"g v\nusemtl x\nf 1/1/1 3/1/1 2/1/1\ns off\nf 1/2 2//3 4\nf 2//1 3//1 4//1\nf 3 1/7 4",
+    "colours": TETRAHEDRON_OBJ.replace(b"v 0 0 1", b"v 0 0 1 0.5 0.5 0.5"),
     "cut after a space": TETRAHEDRON_OBJ.rstrip() + b" ",
     "continued lines": TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"f 1 \\\r\n3 2"),
+    "tabs and indents": TETRAHEDRON_OBJ.replace(b"v 1", b"\tv\t1e0").replace(b"f 1", b"  f\t1"),
+    "remarks": b"# f 1 1 1\n" + TETRAHEDRON_OBJ.replace(b"v 1 0 0", b"v 1 0 0 # here"),
+}
+VOLUMES = {
+    "quads": 1.0,
+    "from the end of what is there so far": 1 / 3,
+    "polygons of five corners": 2.0,
 }
 
 
 def test_variants_of_obj_files_are_read() -> None:
     for way, data in OBJ_WAYS.items():
-        volume = {"quads": 1.0, "from the end of what is there so far": 1 / 3}.get(way, 1 / 6)
-        volume = 2.0 if way == "polygons of five corners" else volume
         with case(way):
-            assert volume_in(data) == pytest.approx(volume)
+            assert volume_in(data) == pytest.approx(VOLUMES.get(way, 1 / 6))
 
 
 def stl_text(*facets: bytes) -> bytes:
@@ -135,23 +141,6 @@ def test_text_that_trimesh_reads_as_another_mesh_is_refused(data: bytes, code: s
     assert refusal_of(data, filename="a.stl").code == code
 
 
-def ply(order: str, polygons: list[list[int]], points: list[list[float]]) -> bytes:
-    mark = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}[order]
-    head = (
-        f"ply\nformat {order} 1.0\ncomment TextureFile /etc/passwd\nelement vertex {len(points)}\n"
-        "property double x\nproperty double y\nproperty double z\nproperty uchar red\n"
-        f"element face {len(polygons)}\nproperty list uchar int vertex_indices\n"
-        "property uchar flags\nelement edge 0\nproperty int vertex1\nend_header\n"
-    )
-    if not mark:
-        rows = [" ".join(map(str, [*p, 7])) for p in points]
-        rows += [" ".join(map(str, [len(r), *r, 0])) for r in polygons]
-        return (head + "\n".join(rows) + "\n").encode()
-    body = b"".join(struct.pack(mark + "3dB", *p, 7) for p in points)
-    body += b"".join(struct.pack(f"{mark}B{len(r)}iB", len(r), *r, 0) for r in polygons)
-    return head.encode() + body
-
-
 OTHER_PROPERTIES = {
     "property uchar red": ([200], "B"),
     "property float quality": ([0.5], "f"),
@@ -179,8 +168,9 @@ def test_ply_with_other_properties_and_elements_is_read(
     beyond: int,
 ) -> None:
     """Properties before and after, further elements, and words that the header says nothing of."""
-    points = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
-    sides = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    points = [(x, y, z) for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)]
+    sides = [(0, 1, 3), (0, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4)]
+    sides.append((1, 5, 7, 3))
     before, after, left, right = around
     one = {"x": 0, "y": 1, "z": 2}
     vertex = (
@@ -191,7 +181,7 @@ def test_ply_with_other_properties_and_elements_is_read(
     )
     face = (
         [*left, "property list uchar int vertex_indices", *right],
-        [([3, *side], "B3i") for side in sides],
+        [([len(side), *side], f"B{len(side)}i") for side in sides],
         (left, right),
         "face",
     )
@@ -214,7 +204,9 @@ def test_ply_with_other_properties_and_elements_is_read(
                 body += " ".join(map(str, words)).encode() + b"\n"
     order = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[mark]
     lines = ["ply", f"format {order} 1.0", *head, "end_header", ""]
-    assert volume_in("\n".join(lines).encode() + body) == pytest.approx(1 / 6)
+    if not (mark or beyond):  # the lines of text may end anywhere
+        body = b"\n".join(body.split())
+    assert volume_in("\n".join(lines).encode() + body) == pytest.approx(6)
 
 
 def test_flat_meshes_are_refused_with_their_size() -> None:
@@ -223,22 +215,6 @@ def test_flat_meshes_are_refused_with_their_size() -> None:
     assert "a mesh of 3 × 3 × 3 whose one triangle encloses no volume" in one.detail
     two = refusal_of(b"v 0 0 0\nv 3 0 0\nv 0 3 0\nv 3 3 0\nf 1 2 3\nf 2 3 4\n")
     assert "3 × 3 × 0 whose 2 flat triangles enclose no volume" in two.detail
-
-
-@pytest.mark.parametrize("order", ["ascii", "binary_little_endian", "binary_big_endian"])
-def test_ply_of_every_order_with_mixed_polygons_is_read(order: str) -> None:
-    points = [[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)]
-    sides = [[0, 1, 3], [0, 3, 2]]
-    sides += [[4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    data = ply(order, sides, points)
-    assert volume_in(data) == pytest.approx(6)
-    if order == "ascii":  # its lines may end anywhere
-        head, _, body = data.partition(b"end_header\n")
-        words = body.split()
-        for count in (1, 5, 1000):
-            lines = [b" ".join(words[i : i + count]) for i in range(0, len(words), count)]
-            again = head + b"end_header\n" + b"\n".join(lines)
-            assert volume_in(again) == pytest.approx(6), count
 
 
 def test_off_with_comments_and_colours_is_read() -> None:
@@ -285,39 +261,6 @@ def test_references_to_other_files_are_refused(key: str) -> None:
         text += b" " * (-len(text) % 4)
         glb = b"glTF" + struct.pack("<IIII", 2, 20 + len(text), len(text), 0x4E4F534A) + text
         assert refusal_of(glb).code == "outside-reference", uri
-
-
-@pytest.mark.parametrize(
-    ("change", "code"),
-    [
-        (lambda d: d["accessors"][0].update(count=10**12), "too-many-triangles"),
-        (lambda d: d["accessors"][1].update(count=10**12), "truncated"),
-        (lambda d: d["accessors"][0].update(count=-3), "damaged"),
-        (lambda d: d["accessors"][0].update(sparse={}), "unsupported"),
-        (lambda d: d["accessors"][0].update(byteOffset=-4), "damaged"),
-        (lambda d: d["accessors"][0].update(bufferView=77), "damaged"),
-        (lambda d: d["bufferViews"][0].update(byteLength=8), "truncated"),
-        (lambda d: d["bufferViews"][1].update(byteOffset=10**9), "truncated"),
-        (lambda d: d.update(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]), "damaged"),
-        (lambda d: d.update(nodes=[{"mesh": 0}] * 20_000, scenes=[{"nodes": [0]}]), None),
-        (lambda d: d.update(nodes=[{}] * 200_000), "too-large"),
-        (lambda d: d.update(nodes=[{"mesh": 0, "scale": [1e300] * 3}]), "too-far"),
-        (lambda d: d.update(nodes=[{"mesh": 0, "matrix": [1.0] * 5}]), "damaged"),
-        (lambda d: d.update(extensionsRequired=["KHR_draco_mesh_compression"]), "unsupported"),
-        (lambda d: d.update(meshes=[]), "damaged"),
-        (lambda d: d.update(buffers=[{"uri": "data:;base64,%%%"}]), "damaged"),
-    ],
-)
-def test_invalid_scenes_are_refused(change, code: str | None) -> None:  # type: ignore[no-untyped-def]
-    document = gltf_document()
-    change(document)
-    data = json.dumps(document).encode()
-    if code is None:
-        assert isinstance(read(data), Solid)
-    elif code == "too-far":
-        assert refusal_of(data).code in ("too-far", "not-finite", "damaged")
-    else:
-        assert refusal_of(data).code in (code, "too-many-cells")
 
 
 def changed_primitive(document: dict, **values: object) -> None:
@@ -452,17 +395,30 @@ def mesh_that_nodes_repeat(document: dict) -> None:
     document["scenes"] = [{"nodes": list(range(5_000))}]
 
 
-@pytest.mark.parametrize(
-    ("change", "code"),
-    [
-        (corner_of_another_part, "bad-index"),
-        (points_that_many_parts_share, "too-large"),
-        (mesh_that_nodes_repeat, "too-many-triangles"),
-    ],
-)
-def test_scenes_are_refused_before_their_parts_are_made(
-    change: Callable[[dict], None], code: str
-) -> None:
+INVALID: list[tuple[Callable[[dict[str, Any]], object], str]] = [
+    (lambda d: d["accessors"][0].update(count=10**12), "too-many-triangles"),
+    (lambda d: d["accessors"][1].update(count=10**12), "truncated"),
+    (lambda d: d["accessors"][0].update(count=-3), "damaged"),
+    (lambda d: d["accessors"][0].update(sparse={}), "unsupported"),
+    (lambda d: d["accessors"][0].update(byteOffset=-4), "damaged"),
+    (lambda d: d["accessors"][0].update(bufferView=77), "damaged"),
+    (lambda d: d["bufferViews"][0].update(byteLength=8), "truncated"),
+    (lambda d: d["bufferViews"][1].update(byteOffset=10**9), "truncated"),
+    (lambda d: d.update(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]), "damaged"),
+    (lambda d: d.update(nodes=[{}] * 200_000), "too-large"),
+    (lambda d: d.update(nodes=[{"mesh": 0, "scale": [1e300] * 3}]), "too-far"),
+    (lambda d: d.update(nodes=[{"mesh": 0, "matrix": [1.0] * 5}]), "damaged"),
+    (lambda d: d.update(extensionsRequired=["KHR_draco_mesh_compression"]), "unsupported"),
+    (lambda d: d.update(meshes=[]), "damaged"),
+    (lambda d: d.update(buffers=[{"uri": "data:;base64,%%%"}]), "damaged"),
+    (corner_of_another_part, "bad-index"),
+    (points_that_many_parts_share, "too-large"),
+    (mesh_that_nodes_repeat, "too-many-triangles"),
+]
+
+
+@pytest.mark.parametrize(("change", "code"), INVALID)
+def test_invalid_scenes_are_refused(change: Callable[[dict], object], code: str) -> None:
     document = gltf_document()
     change(document)
     assert refusal_of(json.dumps(document).encode()).code == code

@@ -73,15 +73,6 @@ def test_torque_of_a_dragged_tail_agrees_with_joint_wrenches() -> None:
     assert 3.0 < torques[1] / torques[0] < 4.0
 
 
-def test_friction_is_opposed_to_the_motion() -> None:
-    chain = line(5)
-    at = standing(chain)
-    there = Balance(chain).solve(*at, friction=dragged(chain, 0.2), clamped=0)
-    back = Balance(chain).solve(*at, friction=dragged(chain, 0.2, step=-STEP), clamped=0)
-    assert there.torque == pytest.approx(back.torque)
-    assert np.allclose(there.forces[:, 1].sum(), -back.forces[:, 1].sum())
-
-
 def test_corner_at_rest_is_held_within_the_friction_cone() -> None:
     chain = line(4)
     positions, rotations, angles = standing(chain)

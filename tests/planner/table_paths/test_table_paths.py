@@ -70,37 +70,22 @@ def has_path(cells: Ints) -> bool:
     return any(goes_on([k]) for k in range(len(cells)))
 
 
-@pytest.mark.parametrize("sides", [(3, 3, 3), (5, 3, 2), (1, 1, 6)])
-def test_boxes_have_paths_that_keep_all_rules(sides: tuple[int, int, int]) -> None:
-    check(table_paths(box(*sides)), box(*sides))
-    assert len(table_paths(box(4, 4, 2), most=5)) == 5
-
-
-def test_tower_is_laid_down() -> None:
-    path = table_paths(box(1, 1, 6))[0]
-    assert path.down != "-z" and (path.cells[:, 2] == 0).all()
-    with pytest.raises(InputError, match="only one cell touches the floor") as error:
-        table_paths(box(1, 1, 6), turned=False)
-    assert error.value.code == "no-path"
+def test_boxes_have_paths_that_keep_all_rules() -> None:
+    for sides in ((3, 3, 3), (5, 3, 2)):
+        check(table_paths(box(*sides), most=4), box(*sides))
+    assert len(table_paths(box(3, 3, 2), most=5)) == 5
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        "cup",
-        *(pytest.param(n, marks=pytest.mark.long) for n in ("mallet-64", "table", "chair")),
-    ],
-)
+@pytest.mark.parametrize("name", ["cup", pytest.param("chair", marks=pytest.mark.long)])
 def test_shapes_of_the_gallery_have_paths(name: str) -> None:
     cells = shape(name)
-    check(table_paths(cells, most=4), cells)
+    check(table_paths(cells, most=2), cells)
 
 
 def test_seed_decides_the_paths() -> None:
-    cells = shape("letter-f")
     one, same, other = (
-        [path.cells.tolist() for path in table_paths(cells, seed=seed)] for seed in (3, 3, 4)
+        table_paths(box(5, 4, 2), seed=seed, most=1)[0].cells.tolist() for seed in (3, 3, 4)
     )
     assert one == same
     assert one != other
@@ -114,53 +99,43 @@ def test_stable_overhang_has_a_path() -> None:
     assert path.parts.overhang > 0
 
 
-def test_unstable_overhang_is_refused() -> None:
-    tipping = front("######", "##....", "##....")
-    with pytest.raises(InputError, match="centre of mass") as error:
-        table_paths(tipping, turned=False)
-    assert error.value.code == "not-stable"
+TEE = front("###########", "....###....")
+PLUS = np.array([(1, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0), (1, 2, 0)])
 
 
-def test_beam_that_tips_over_on_the_way_is_refused() -> None:
-    tee = front("###########", "....###....")
-    deep = np.concatenate([tee, tee + (0, 1, 0)])
-    with pytest.raises(InputError, match=r"the first \d+ cells tip over") as error:
-        table_paths(deep, turned=False)
-    assert error.value.code == "not-stable"
-    wide = front("###########", "..#######..")
-    deep = np.concatenate([wide, wide + (0, 1, 0)])
-    check(table_paths(deep, turned=False), deep)
+@pytest.mark.parametrize(
+    ("cells", "code", "words"),
+    [
+        (front("######", "##....", "##...."), "not-stable", "centre of mass"),
+        (np.concatenate([TEE, TEE + (0, 1, 0)]), "not-stable", "cells tip over"),
+        (front("####", "#..#", "#..#"), "overhang", "2 cells with nothing below"),
+        (front("#..#", "#..#", "####"), "parts", "layer 1"),
+        (front("###", "###"), "hairpins-only", "turns back directly above itself"),
+        (PLUS, "no-path", "chessboard"),
+        (box(1, 1, 6), "no-path", "only one cell touches the floor"),
+    ],
+)
+def test_shape_without_a_path_is_refused_with_the_reason(
+    cells: Ints, code: str, words: str
+) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        table_paths(cells, turned=False)
+    assert error.value.code == code
+    if code == "overhang":
+        (reason,) = why_none(cells, turned=False)
+        assert set(reason.cells) == {(1, 0, 2), (2, 0, 2)}
 
 
-def test_standing_arch_is_refused_with_its_hanging_cells() -> None:
+def test_shapes_are_laid_down_where_they_have_no_path_standing() -> None:
     arch = front("####", "#..#", "#..#")
-    with pytest.raises(InputError) as error:
-        table_paths(arch, turned=False)
-    assert error.value.code == "overhang"
-    (reason,) = why_none(arch, turned=False)
-    assert set(reason.cells) == {(1, 0, 2), (2, 0, 2)}
-    check(table_paths(arch), arch)  # lying on its back it has
-
-
-def test_separate_towers_are_refused_as_parts() -> None:
-    (reason,) = why_none(front("#..#", "#..#", "####"), turned=False)
-    assert reason.code == "parts"
-    assert "layer 1" in reason.detail
-
-
-def test_shape_with_hairpins_only_is_refused() -> None:
-    with pytest.raises(InputError, match="turns back directly above itself") as error:
-        table_paths(front("###", "###"), turned=False)
-    assert error.value.code == "hairpins-only"
+    check(table_paths(arch), arch)
+    assert why_none(front("###", "###")) == ()
+    path = table_paths(box(1, 1, 6))[0]
+    assert path.down != "-z" and (path.cells[:, 2] == 0).all()
     assert why_none(shape("wrench-24"))[0].code == "hairpins-only"
-    assert why_none(front("###", "###")) == ()  # lying it has one
 
 
-def test_parity_of_the_shape_or_of_a_layer_is_refused() -> None:
-    plus = np.array([(1, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0), (1, 2, 0)])
-    with pytest.raises(InputError, match="chessboard") as error:
-        table_paths(plus)
-    assert error.value.code == "no-path"
+def test_parity_of_a_layer_is_a_reason() -> None:
     comb = np.concatenate([box(5, 1, 1), 2 * box(3, 1, 1) + (0, 1, 0)])
     (side,) = sides_of(np.concatenate([comb, comb + (0, 0, 1)]).astype(np.int64), turned=False)
     reason = ruled_out(side)

@@ -16,7 +16,7 @@ from planner.readers.gallery import Gallery
 from web.pictures.camera import View
 from web.pictures.caption import FAILED_RGB, Caption, write_caption
 from web.pictures.lighting import THEMES
-from web.pictures.picture_view import MIN_FOLLOW_ZOOM, PictureView
+from web.pictures.picture_view import MIN_FOLLOW_DISTANCE_SCALE, PictureView
 from web.pictures.social_picture import SOCIAL_PICTURE_PX, Moment, social_picture
 
 POINTS = np.array([[0.0, 0, 0], [5, 0, 0], [5, 3, 0], [5, 3, 2]])
@@ -73,7 +73,7 @@ def test_camera_that_follows_cuts_nothing_off() -> None:
         view, base = camera(replace(usual, zoom=0.05)), camera(usual)
         assert view.azimuth_rad == azimuth
         assert view.elevation_rad < np.pi / 2
-        assert base.distance / (2 * MIN_FOLLOW_ZOOM) < view.distance < base.distance
+        assert base.distance / (2 * MIN_FOLLOW_DISTANCE_SCALE) < view.distance < base.distance
 
 
 def test_camera_beside_the_chain_keeps_its_distance() -> None:
