@@ -96,10 +96,10 @@ def test_lock_tells_of_dead_workers_of_this_machine_at_once(
     for each in (living, identity):
         beat(leases, each.name)
     assert leases.expired(()) == set()
-    identity.close()  # as the kernel does it when the process ends
+    identity.lock.close()  # as the kernel does it when the process ends
     assert leases.expired(()) == {identity.name}
     assert identities.dead([living.name, identity.name, "another/machine/0"]) == {identity.name}
-    living.close()
+    living.lock.close()
 
 
 def test_preparing_is_that_of_workers_until_one_is_ready(leases: Leases, clock: Clock) -> None:
@@ -148,14 +148,14 @@ while True:
 def test_probe_for_dead_workers_takes_no_name(tmp_path: Path) -> None:
     identities = WorkerIdentities(Settings(data_dir=tmp_path))
     identity = identities.take()
-    identity.close()
+    identity.lock.close()
     probe = [sys.executable, "-c", PROBE, str(tmp_path), identity.name]
     with subprocess.Popen(probe, stdout=subprocess.PIPE) as probing:
         try:
             assert probing.stdout.readline() == b"begun\n"
             for _ in range(300):
                 taken = identities.take()
-                taken.close()
+                taken.lock.close()
                 assert taken.name == identity.name
         finally:
             probing.kill()
