@@ -20,7 +20,7 @@ not those of the stored results."""
 MIN_SET_CELLS, MAX_SET_CELLS = 94, 300
 """Smallest and largest number of cells of a set."""
 FEASIBLE_SETS_PER_KIND = 25
-"""Number of sets of each of the four kinds."""
+"""Number of sets of each of the four kinds; the stored results are for this number."""
 NEIGHBOUR_WEIGHTS = {"loose": 1.0, "dense": 4.0, "packed": 20.0}
 """Weight of a step of a random walk, by kind of set: the base whose exponent is the number of the
 new cell's neighbours on the walk. Larger values make denser sets."""

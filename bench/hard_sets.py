@@ -18,7 +18,7 @@ HARD_SETS_SEED = 300
 """First entry of the seeds that all sets are drawn from. Other values draw other sets, which are
 not those of the stored results."""
 HARD_SETS_PER_KIND = 12
-"""Number of sets of each of the four kinds."""
+"""Number of sets of each of the four kinds; the stored results are for this number."""
 
 
 def hard_sets() -> Iterator[FeasibleSet]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, Page, Response, sync_playwright
 
 from bench.command import playing
 from bench.page import PLAY
 from bench.tables import Section
-from tests.browser.conftest import FLAGS, bytes_fetched
+from tests.browser.conftest import FLAGS
 from tests.planner import peels
 from tests.tools import CHROMIUM
 from tests.web.long_folds import fold, write
@@ -37,7 +37,7 @@ COMPUTE = """(count) => {
   timeline.snapshot(first);
   const begun = performance.now();
   for (let k = 0; k < count; k++) {
-    player.state.shown = timeline.peek(first + 0.7 * k);
+    player.shown = timeline.peek(first + 0.7 * k);
     player.aim();
     const colours = player.colours();
     player.stage.modules(player.shown, colours);
@@ -116,3 +116,15 @@ def _played(browser: Browser, address: str, size: tuple[int, int]) -> dict[str, 
         "opened, kB": opened,
         "heap, MB": heap,
     }
+
+
+def bytes_fetched(page: Page) -> list[int]:
+    """Sizes of the batches and scene bundles that a page fetches; grows as it does."""
+    fetched: list[int] = []
+
+    def count(response: Response) -> None:
+        if "/batch?" in response.url or response.url.endswith("/bundle"):
+            fetched.append(int(response.headers["content-length"]))
+
+    page.on("response", count)
+    return fetched

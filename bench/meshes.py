@@ -28,7 +28,7 @@ MAX_LARGE_MESH_S = 3.0
 """Maximum wall time from the large mesh's file to a path, process and imports included, s.
 Chosen."""
 MAX_LARGE_MESH_MIB = 500.0
-"""Maximum memory of that process, MiB. Chosen."""
+"""Maximum memory of the process that turns the large mesh into a path, MiB. Chosen."""
 
 Mesh = trimesh.Trimesh
 

@@ -30,7 +30,7 @@ SHAPE = "wrench-160"
 LARGE = (10, 10, 10)
 """Sides of the box whose fold is played to measure frame rates, in cells."""
 LARGE_FRAMES = 600
-"""Number of frames of that fold."""
+"""Number of frames of the fold of 1000 modules that is played. More frames take longer to fetch."""
 WINDOWS = ((1280, 720), (640, 400))
 """Widths and heights of the browser windows, in CSS pixels. The first one is used for scrubbing."""
 SCRUBS = 120
@@ -321,7 +321,7 @@ def _opened(
     page.locator("#sketch.gone").wait_for(state="attached", timeout=90_000)
     page.wait_for_function("() => window.foldback.timeline.complete", timeout=60_000)
     page.wait_for_timeout(1500)
-    page.evaluate(WARM)  # until the page knows how quick the machine's 3D graphics are
+    page.evaluate(WARM)  # so that the page has measured the speed of the 3D graphics
     page.wait_for_timeout(2500)
     return page
 

@@ -32,7 +32,7 @@ class Client:
     Args:
         base_url: Address of the service.
         token: Secret of the folds' owner: 24 to 200 characters. A new one if omitted.
-        retries: When to repeat a request if the service is busy or cannot be reached.
+        retries: Policy for repeating a request if the service is busy or cannot be reached.
         timeout_s: Maximum time without data of an answer.
         verify: Check of the ``https`` certificate, as for httpx.
 

@@ -18,7 +18,7 @@ class InputError(PlannerError):
 
     Attributes:
         code: Short stable word for programs, for example ``not-adjacent``.
-        where: Where in the input it was found ("line 4", "cells 41 and 42"), or None.
+        where: Place in the input ("line 4", "cells 41 and 42"), or None.
         detail: One plain sentence: what was found, what was expected, what to do.
     """
 

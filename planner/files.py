@@ -44,7 +44,7 @@ def remove_temporary(directory: FilePath, *, before: float) -> None:
     """Remove what killed processes have left half written in a directory and in its folders.
 
     Args:
-        directory: Where to look, and in its folders; not deeper.
+        directory: Directory that is searched, with its folders, but not deeper.
         before: Seconds since 1970; what was written later may still be in the making.
     """
     for pattern in (f".*{TEMPORARY_SUFFIX}", f"*/.*{TEMPORARY_SUFFIX}", *EARLIER_TEMPORARY):

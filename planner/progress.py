@@ -32,8 +32,8 @@ class Progress:
         pushes: Consecutive pulses without progress; several mean that the explosion may be stalled.
         plan: Number of the plan that is computed, from 1; 0 where it is not counted.
         plans: About how many plans are computed in all; 0 where that is not known.
-        directory: Of the fold, with its timeline; None where it is not told. One that ``fold`` was
-            not given is removed after the last stage, ``export``, has told that it is done.
+        directory: Directory of the fold, with its timeline; None if it is not reported. A temporary
+            one of ``fold`` is removed after the last stage, ``export``, has reported its end.
     """
 
     stage: str

@@ -81,7 +81,7 @@ from server.pages import (
 from server.pages.problem_page import problem_page
 from server.processes.children import Pool, Reader
 from server.processes.fork_server import ForkServer
-from server.processes.limits import READERS, ChildLimits
+from server.processes.limits import READER_PROCESSES, ChildLimits
 from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.estimates import Estimates
@@ -282,7 +282,7 @@ def _close(context: Context, *, shared: bool) -> None:
     """Close what has been opened, first what uses the rest.
 
     Args:
-        context: What has been opened.
+        context: Objects of the application.
         shared: True if the fork server goes on for other applications.
     """
     own_fork_server = None if shared else context.fork_server
@@ -361,7 +361,7 @@ def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer 
 def _bounded(pool: Pool, what: str, total: int, per_visitor: int) -> Reader:
     quota = Quota(
         what,
-        at_once=READERS,
+        at_once=READER_PROCESSES,
         at_once_per_visitor=1,
         total=total,
         per_visitor=per_visitor,

@@ -1,1 +1,1 @@
-"""Load and faults: what the service holds, and what it survives."""
+"""Load and faults: limits of the service under load, and faults that it must survive."""

@@ -14,13 +14,14 @@ from bench.load.visitors import percentile_ms
 from bench.tables import Section
 
 FOLLOWERS = 100
-"""Number of followers of the class."""
+"""Number of followers of the class; the service sends each view to all of them."""
 LED_S = 60.0
 """Seconds for which the leader sends views. Longer times give steadier percentiles. Chosen."""
 VIEWS_PER_SECOND = 10
-"""Views that the leader sends per second, as while it drags the picture."""
+"""Views that the leader sends per second, as while dragging the picture. More load the service
+more."""
 PAGES_PER_SECOND = 4
-"""Pages that another visitor loads per second meanwhile."""
+"""Pages that another visitor loads per second meanwhile. More measure the percentile better."""
 MAX_VIEW_DELAY_MS = 300
 """Maximum 95th percentile of the delay of a view at a follower, ms. Chosen."""
 MAX_PAGE_DURING_CLASS_MS = 100

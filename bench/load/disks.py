@@ -10,8 +10,8 @@ import time
 from pathlib import Path
 from typing import Final
 
-MIB: Final = 2**20
-"""Bytes of a mebibyte."""
+from server.settings import MIB_BYTES
+
 DISK_MIB: Final = 512
 """Size of the disk, MiB: larger than the data of a run, and quickly filled."""
 RELEASE_TIMEOUT_S: Final = 10.0
@@ -65,7 +65,7 @@ class Disk:
 
     def _mount_image(self) -> bool:
         with open(self._image, "wb") as image:
-            image.truncate(DISK_MIB * MIB)
+            image.truncate(DISK_MIB * MIB_BYTES)
         make = ["mkfs.ext4", "-q", "-m", "0", "-F", str(self._image)]
         try:
             return _tried(*make) and _tried("mount", "-o", "loop", *self._both)
@@ -81,7 +81,7 @@ class Disk:
         """Fill the disk."""
         with open(self._filler, "ab", buffering=0) as file:
             free = shutil.disk_usage(self.path).free
-            while free > MIB:
+            while free > MIB_BYTES:
                 try:
                     os.posix_fallocate(file.fileno(), file.tell(), free)
                     file.seek(0, os.SEEK_END)

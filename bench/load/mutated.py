@@ -22,7 +22,7 @@ from tests.server.service import Service
 OUT: Final = Path("out/load/mutated")
 """Directory of the files that caused an error, and of the log."""
 CONCURRENT_UPLOADS: Final = 4
-"""Number of uploads in flight at the same time."""
+"""Number of uploads in flight at the same time. More load the readers more."""
 UPLOAD_TIMEOUT_S: Final = 60.0
 """Seconds after which an upload counts as not answered. Chosen."""
 MAX_MUTATED_GROWTH_MB: Final = 50.0

@@ -18,8 +18,9 @@ import httpx
 import psutil
 
 from bench.load.clocks import Clock
-from bench.load.disks import MIB, Disk
+from bench.load.disks import Disk
 from bench.load.loopback import checked
+from server.settings import MIB_BYTES
 from tests.server.service import Service
 
 MARK: Final = "FOLDBACK_LOAD_SITE"
@@ -72,7 +73,7 @@ class Site:
         self._mark = secrets.token_hex(8)
         self._settings: dict[str, object] = {
             "lease_s": 2,
-            "min_free_disk_bytes": 4 * MIB,
+            "min_free_disk_bytes": 4 * MIB_BYTES,
             "largest_queue": 1000,
             "largest_queue_of_visitor": 1000,
             **setup.settings,

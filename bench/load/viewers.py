@@ -21,7 +21,7 @@ from tests.server.service import SNAKE, Service
 MAX_VIEWERS_GROWTH_MB = 50
 """Maximum growth of the resident memory of the web process, MB. Chosen."""
 CONCURRENT_VIEWERS = 25
-"""Number of viewers that are connected at the same time."""
+"""Number of viewers that are connected at the same time. More take more memory."""
 VIEWERS_PER_ROBOT = 10
 """One in this many viewers also drives a robot. Larger values connect fewer robots."""
 

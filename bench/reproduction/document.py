@@ -8,7 +8,7 @@ from typing import Any, Final
 PICTURES: Final = "../web/paper"
 """Directory of the stills, relative to the document."""
 STILL_WIDTH_PX: Final = 200
-"""Width of a still, px."""
+"""Width of a still in the document, px. Larger stills put fewer side by side."""
 INTRODUCTION: Final = """\
 # The paper's experiments, run again
 

@@ -79,7 +79,7 @@ KINDS: Final = ("snake", "assembly", "block", "exact", "random")
 """Kinds of paths."""
 RELATIVE_COSTS: Final = {"one-by-one": 1, "peel": 2, "auto": 4, "direct": 32, "paper": 64}
 """Approximate relative cost of a run by method; expensive runs come later."""
-MAX_MODULES: Final = {
+MAX_MODULES_OF_METHOD: Final = {
     "direct": 144,
     "paper": 512,
     "simultaneous": 1152,
@@ -106,7 +106,7 @@ def cases(largest: int) -> list[Case]:
         for method in METHODS
         for kind in KINDS
         for seed in range(_seeds(method, modules))
-        if modules <= min(largest, MAX_MODULES.get(method, largest))
+        if modules <= min(largest, MAX_MODULES_OF_METHOD.get(method, largest))
     ]
     return sorted(
         found, key=lambda case: case.modules * RELATIVE_COSTS.get(case.method, 8) * (1 + case.seed)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from planner.certificate.certificate import MOVING_SPEED_SHARE, Certificate, torque_unit_nm
 from planner.certificate.metrics import (
     CLEARANCE_REACH_PITCH,
-    FRAMES_A_CHUNK,
+    FIGURE_FRAMES_PER_CHUNK,
     Curves,
     Figures,
     Floats,
@@ -182,8 +182,8 @@ def _curves(
 
 def _read_chunks(timeline: Timeline) -> Iterator[Motion]:
     """Yield all frames, each chunk read once."""
-    for start in range(0, max(1, len(timeline)), FRAMES_A_CHUNK):
-        yield timeline.frames(start, min(start + FRAMES_A_CHUNK, len(timeline)))
+    for start in range(0, max(1, len(timeline)), FIGURE_FRAMES_PER_CHUNK):
+        yield timeline.frames(start, min(start + FIGURE_FRAMES_PER_CHUNK, len(timeline)))
 
 
 def _of_frames(chain: Chain, around: Motion, here: slice, torque: Array, size: float) -> Figures:

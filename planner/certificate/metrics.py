@@ -27,10 +27,10 @@ FIGURES_FORMAT: Final = "foldback-figures/1"
 CLEARANCE_REACH_PITCH: Final = 1.0
 """Maximum clearance of a module that is stored for plots, in pitches; larger ones are cut to it.
 Larger values compute more pairs of modules, more slowly. Chosen."""
-FRAMES_A_CHUNK: Final = 128
+FIGURE_FRAMES_PER_CHUNK: Final = 128
 """Number of frames in one zarr chunk of figures with a value for each module or hinge. Larger
 values make fewer files, of which a viewer loads more at once. Chosen."""
-FRAMES_A_CURVE: Final = 8192
+FRAMES_PER_CURVE_CHUNK: Final = 8192
 """Number of frames in one zarr chunk of figures with one value for each frame. Larger values make
 fewer and larger files. Chosen."""
 
@@ -125,13 +125,13 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
             for name in _BY_MODULE if isinstance(part, Figures) else ():
                 values = getattr(part, name)
                 if name not in arrays:
-                    arrays[name] = _array(group, name, frames, values, FRAMES_A_CHUNK)
+                    arrays[name] = _array(group, name, frames, values, FIGURE_FRAMES_PER_CHUNK)
                 arrays[name][start : start + len(part)] = values
             curves.append(part)
             start += len(part)
         for field in fields(Curves):
             values = np.concatenate([getattr(part, field.name) for part in curves])
-            arrays[field.name] = _array(group, field.name, frames, values, FRAMES_A_CURVE)
+            arrays[field.name] = _array(group, field.name, frames, values, FRAMES_PER_CURVE_CHUNK)
             arrays[field.name][:] = values
         checksums = checksums_of(aside, arrays)
         group.attrs.put(

@@ -36,7 +36,7 @@ FULL_SIZE: Final = 1.0
 module size without collisions."""
 END_FRAMES: Final = 64
 """Number of frames at the end of a motion that are proved first. Chosen."""
-STEP: Final = 0.95
+REDUCTION_FACTOR: Final = 0.95
 """Factor by which a value that is not proved is reduced, below the one at which the modules that it
 fails for touch. Larger values find larger margins and need more sweeps. Chosen."""
 MAX_STEPS: Final = 12
@@ -49,7 +49,7 @@ MAX_ANGLE_RAD: Final = 0.5
 MAX_SUM_RAD: Final = 0.5
 """Largest sum of the errors of all hinges, in radians, that is tried as a margin. Lemma 12 needs
 less than 1. Chosen."""
-MAX_MODULES: Final = 2000
+MAX_MARGIN_MODULES: Final = 2000
 """Largest number of modules of a chain whose margins are computed. Larger values compute margins of
 longer chains, in time that grows with the square of the number. Chosen."""
 SPARE_PITCH: Final = 1e-4
@@ -120,7 +120,7 @@ def margins(
         cancelled: Polled between tasks.
     """
     search = _Search.of(chain, motion, closest, cancelled)
-    if search is None or len(chain) > MAX_MODULES:
+    if search is None or len(chain) > MAX_MARGIN_MODULES:
         return None
     kinds = _Kinds.of(chain, motion, size, FAILURE_PROBABILITY)
     (larger,) = search.largest(kinds.larger, (FULL_SIZE - size,))
@@ -296,7 +296,7 @@ class _Search:
             most: Largest value of each kind that is tried.
         """
         found = [
-            Margin(value=STEP * value, limited_by=self.closest)
+            Margin(value=REDUCTION_FACTOR * value, limited_by=self.closest)
             for value in self._touching(self.closest, errors, most)
         ]
         motions = _proof_motions(self.chain, self.motion)
@@ -320,11 +320,12 @@ class _Search:
             failing = [touch <= one.value for touch, one in zip(touching, found, strict=True)]
             for k, margin in enumerate(found):
                 if failing[k] and touching[k] > 0.0:
-                    found[k] = Margin(value=STEP * touching[k], limited_by=place)
+                    found[k] = Margin(value=REDUCTION_FACTOR * touching[k], limited_by=place)
                 elif not any(failing) or touching[k] == 0.0:
                     # Bounds over an interval are what fails, and not the modules.
                     found[k] = Margin(
-                        value=STEP ** max(1, steps // 2) * margin.value, limited_by=place
+                        value=REDUCTION_FACTOR ** max(1, steps // 2) * margin.value,
+                        limited_by=place,
                     )
         return found
 

@@ -36,7 +36,7 @@ class Key:
         angles_rad: (J,) hinge angles.
         position: (3,) centre of the root module in pitches.
         wxyz: (4,) its orientation.
-        time_s: When the plan is there.
+        time_s: Time of the configuration in the plan.
     """
 
     name: str

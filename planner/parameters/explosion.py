@@ -40,7 +40,7 @@ class ExplosionParameters:
         loose_rad: The chain counts as loose when every hinge is bent less than this.
         snapshot_rad: Rotation of a hinge since the last snapshot at which the next one is taken.
         snapshot_distance: Displacement of a module since the last snapshot that does so, too.
-        finish_rad: When every hinge is bent less than this, the chain is straightened by
+        finish_rad: Bend of all hinges below which the chain is straightened by
             kinematics if the motion is free of collisions.
         verify_size: Module size at which that motion and the snapshots are checked. Contacts must
             not be deeper than it allows.
@@ -112,7 +112,7 @@ class PeelingParameters:
         retire_height: Smallest distance from the core at which they may do so.
         snapshot_rad: Rotation of a hinge since the last snapshot at which the next one is taken.
         snapshot_distance: Displacement of a module of the window that does so, too.
-        finish_rad: When every hinge is bent less than this, the last window is straightened by
+        finish_rad: Bend of all hinges below which the last window is straightened by
             kinematics if the motion is free of collisions.
         verify_size: Module size at which that motion, the joints of the tail and the snapshots are
             checked.

@@ -47,7 +47,7 @@ MAX_TIGHTENINGS: Final = 40
 """Maximum number of rounds in which a polygon with too many crossings for a knot test
 (``undecided``) is shortened before the test is repeated. Larger values decide more chains, more
 slowly. Chosen."""
-PROJECTIONS: Final = 24
+RANDOM_PROJECTIONS: Final = 24
 """Number of random projections of a polygon, of which the knot test uses the one with the fewest
 crossings. Larger values find fewer crossings, more slowly. Chosen."""
 MAX_PRESENTED_CROSSINGS: Final = 1200
@@ -233,7 +233,7 @@ def best_view(points: Array, rng: np.random.Generator) -> tuple[Array, Array, ND
         ``planner.kernels.knots.crossings``.
     """
     best: tuple[Array, Array, NDArray[np.int64]] | None = None
-    for _ in range(PROJECTIONS if len(points) < 500 else 2):
+    for _ in range(RANDOM_PROJECTIONS if len(points) < 500 else 2):
         turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         if np.linalg.det(turn) < 0:
             turn[:, 0] *= -1

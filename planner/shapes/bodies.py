@@ -31,7 +31,7 @@ Chosen."""
 MAX_CONTAINERS: Final = 1000
 """Maximum number of a mesh's bodies, the largest first, that are tested for containing others, to
 find cavities. Larger values find more cavities in meshes of many bodies, more slowly. Chosen."""
-MAX_TESTS: Final = 10_000_000
+MAX_POINT_TESTS: Final = 10_000_000
 """Maximum number of tests of a point against a triangle when cavities of a mesh are searched, about
 two seconds. Beyond it bodies keep the orientation in the file, so larger values find more cavities,
 more slowly. Chosen."""
@@ -279,7 +279,7 @@ def _containers(mesh: _Bodies, said: Floats) -> Ints:
     """
     inside = np.zeros(len(mesh.volumes), dtype=np.int64)
     sizes = np.abs(mesh.volumes)
-    tests = MAX_TESTS
+    tests = MAX_POINT_TESTS
     for outer in np.argsort(-sizes, kind="stable")[:MAX_CONTAINERS].tolist():
         within = (mesh.low >= mesh.low[outer]).all(axis=1)
         within &= (mesh.high <= mesh.high[outer]).all(axis=1)

@@ -22,7 +22,7 @@ from planner.shapes.inside import Sampling, grid_of, sample
 from planner.shapes.mesh_repair import welded
 from planner.shapes.solid import Solid, signed_volume
 
-OFFSETS: Final = 4
+OFFSETS_PER_AXIS: Final = 4
 """Number of offsets of the lattice of cells, along each axis and within one cell, that are tried to
 fit cells to a solid. Larger values fit better, at cubic cost. Chosen."""
 THRESHOLD_LEVELS: Final = 64
@@ -281,7 +281,7 @@ class Ladder:
         )
         if self._apart:
             sampling = _largest_body(sampling)
-        split = min(OFFSETS, self.size(turn, pitch))
+        split = min(OFFSETS_PER_AXIS, self.size(turn, pitch))
         grid = Grid(
             parts=block_sums(sampling.inside.view(np.uint8), size // split),
             split=split,

@@ -62,7 +62,7 @@ class Verification:
         reason: Check of the reason of a failed explosion; None for others, and if the check was
             not possible.
         replay: Replay of the exported model with the plan's angles in plain MuJoCo.
-        opinion: What another program found; None if none was asked.
+        opinion: Result of another program; None if none was asked.
         checked: Checks that were made, in plain English.
         problems: Contradictions of the plan, in plain English; empty if it is verified.
         notes: Checks that were not possible, and the reasons.

@@ -55,7 +55,7 @@ class Wanted:
 
     Attributes:
         plan: The plan's file.
-        changed_ns: When it was written.
+        changed_ns: Time of its last change, ns since 1970.
         size: Its bytes.
         max_speed: Bound of every joint's speed, in rad/s.
         max_acceleration: Bound of every joint's acceleration, in rad/s².

@@ -13,13 +13,11 @@ import re
 import secrets
 from collections.abc import Generator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from server.errors import NoSuch, TooMany
 from server.limits.quota import OPEN_RETRY_S, Quota
-
-if TYPE_CHECKING:
-    from server.settings import Settings
+from server.settings import Settings
 
 CODE_LETTERS: Final = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"
 """Characters of a code: those that people do not confuse, as codes are read aloud."""
@@ -46,7 +44,7 @@ class TaughtClass:
 
     Attributes:
         fold_id: Its fold.
-        code: What followers join it with.
+        code: Code with which followers join it.
         key: Secret with which its leader comes back.
         leader: Connection of its leader; None while it is lost.
         lost_at: Time at which the leader was lost last, in s of the event loop.

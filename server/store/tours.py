@@ -24,7 +24,7 @@ def write_beside(
         store: The rows.
         fold_id: The fold.
         owner: Its owner.
-        kind: What it is.
+        kind: Table: tours, or values of modules.
         told: Its plain values; None to remove it.
 
     Returns:

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import re
 import time
 from collections.abc import Callable, Generator, Iterator
@@ -17,7 +16,6 @@ from playwright.sync_api import (
     Browser,
     Error,
     Page,
-    Response,
     expect,
     sync_playwright,
 )
@@ -25,8 +23,6 @@ from playwright.sync_api import (
 from tests.server.service import Service, bearer
 from tests.tools import CHROMIUM
 
-ARTIFACTS = Path(__file__).parents[2] / "artifacts"
-"""Folder for screenshots of all pages at the end of their tests, if somebody has made it."""
 PATIENCE_MS = 90_000
 expect.set_options(timeout=PATIENCE_MS)
 OF_WINDOWS = (
@@ -172,10 +168,7 @@ def visits(service: Service) -> Generator[Visit]:
         return page
 
     yield open_page
-    test = re.sub(r"\W+", "-", os.environ["PYTEST_CURRENT_TEST"].partition("::")[2])
-    for number, (page, view, again) in enumerate(opened):
-        if ARTIFACTS.is_dir() and not page.is_closed():
-            page.screenshot(path=ARTIFACTS / f"{test}-{number}.png")
+    for page, view, again in opened:
         page.remove_listener("pageerror", note)
         if again and page.url.startswith(site) and not page.is_closed():
             OPEN.put_back(page, view=view)
@@ -264,17 +257,18 @@ def cancel_fold(page: Page, service: Service) -> None:
     assert answer.is_success, answer.text
 
 
-SEEK = """(frame) => {
-  const scrub = document.getElementById("scrub");
-  scrub.value = frame;
-  scrub.dispatchEvent(new Event("input", { bubbles: true }));
-}"""
+def keep_as_mine(page: Page, fold: dict[str, Any]) -> None:
+    """Have a page's browser remember that a fold is its own."""
+    told = [f"foldback:owner:{fold['id']}", fold["owner_token"]]
+    page.evaluate("([key, token]) => localStorage.setItem(key, token)", told)
 
 
 def seek(page: Page, frame: int) -> None:
     """Scrub with the slider, and wait until the player is there."""
-    expect(page.locator("#scrub")).to_be_enabled()
-    page.evaluate(SEEK, frame)
+    scrub = page.locator("#scrub")
+    expect(scrub).to_be_enabled()
+    # Filled in it would get the focus, and with it the keys.
+    scrub.evaluate("(s, to) => { s.value = to; s.dispatchEvent(new Event('input')); }", frame)
     at_frame(page, frame)
 
 
@@ -325,15 +319,3 @@ def shot(page: Page) -> np.ndarray:
     """The same at once, whatever moves."""
     png = page.locator("main.stage").screenshot(mask=[page.locator("#legend")], mask_color="#000")
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(float)
-
-
-def bytes_fetched(page: Page) -> list[int]:
-    """Sizes of the batches and scene bundles that a page fetches; grows as it does."""
-    fetched: list[int] = []
-
-    def count(response: Response) -> None:
-        if "/batch?" in response.url or response.url.endswith("/bundle"):
-            fetched.append(int(response.headers["content-length"]))
-
-    page.on("response", count)
-    return fetched

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from planner.certificate.metrics import Figures
-from tests.browser.conftest import Visit, picture, seek, with_view
+from tests.browser.conftest import Visit, picture, seek, shot, until, with_view
 from tests.server.service import Service
 
 pytestmark = pytest.mark.long
@@ -29,13 +29,25 @@ AT_REST = """() => new Promise((done) => {
 })"""
 
 
+SLOW = """if (self !== top) {
+  const next = requestAnimationFrame.bind(window);
+  let wait = 0;
+  window.requestAnimationFrame = (then) => wait ? setTimeout(() => next(then), wait) : next(then);
+  const every = setInterval;
+  let beats = true;
+  window.setInterval = (then, ms) => every(() => { if (beats) then(); }, ms);
+  window.tire = () => { wait = 400; beats = false; };
+}"""
+"""A view that, once tired, takes long for a picture and paints none that nobody asked for."""
 SMALL = {"width": 480, "height": 480}
 """Window size in pixels that software rendering paints quickly."""
 
 
-def test_colours_show_each_figure(visit: Visit, service: Service, wrench: str) -> None:
+def test_view_shows_figures_and_the_path_and_rests(
+    visit: Visit, service: Service, wrench: str
+) -> None:
     figures = Figures.load(service.directory(wrench) / "figures.zarr")
-    page = with_view(visit(f"/folds/{wrench}", **SMALL))
+    page = with_view(visit(f"/folds/{wrench}", script=SLOW, **SMALL))
     seek(page, int(np.nanargmax(figures.peak_torque_nm)))
     menu = page.locator("#colour-by")
     expect(menu.locator("option[disabled]")).to_have_count(0)
@@ -46,29 +58,9 @@ def test_colours_show_each_figure(visit: Visit, service: Service, wrench: str) -
     seen = picture(page)
     assert np.abs(seen - before).max() > 20  # from some red to some of another colour
     assert (seen[..., 0] - seen[..., 1:].max(axis=-1)).max() < 60  # not what only some people see
-    menu.select_option("chain")
-    page.wait_for_url(re.compile("colour=chain"))  # the address follows a moment later
-    page.reload()
-    expect(menu).to_have_value("chain")  # it is kept
 
-
-def test_resting_view_paints_nothing_until_it_is_moved(visit: Visit, wrench: str) -> None:
-    page = with_view(visit(f"/folds/{wrench}", **SMALL))
-    (view,) = (frame for frame in page.frames if "view" in frame.url)
-    expect(view.get_by_role("application", name="3D view")).to_have_attribute(
-        "data-engine", re.compile("three")
-    )
-    view.evaluate(COUNT_PICTURES)
-    view.wait_for_function(AT_REST)
-    before = view.evaluate("pictures")
-    page.locator("#view").hover()
-    page.mouse.wheel(0, 200)
-    view.wait_for_function("(before) => pictures > before + 3", arg=before)
-
-
-def test_path_is_drawn_through_the_modules(visit: Visit, wrench: str) -> None:
-    page = with_view(visit(f"/folds/{wrench}", **SMALL))
     seek(page, 0)
+    menu.select_option("error")
     before = picture(page)
     page.locator("#through").click()
     expect(page.locator("#through")).to_have_attribute("aria-pressed", "true")
@@ -77,3 +69,43 @@ def test_path_is_drawn_through_the_modules(visit: Visit, wrench: str) -> None:
     assert yellow.max() > 60 > (before[..., :2].min(axis=-1) - before[..., 2]).max()
     page.locator("#through").click()
     assert np.abs(picture(page) - before).mean() < 1.0
+
+    (view,) = (frame for frame in page.frames if "view" in frame.url)
+    view.evaluate(COUNT_PICTURES)
+    view.wait_for_function(AT_REST)
+    painted = view.evaluate("pictures")
+    page.locator("#view").hover()
+    page.mouse.wheel(0, 200)
+    view.wait_for_function("(before) => pictures > before + 3", arg=painted)
+
+    # It wakes for the next frame on a slow machine too.
+    seek(page, 0)
+    folded = picture(page)
+    page.add_style_tag(content="#sketch { display: none }")  # it would stand in for the view
+    page.locator("#follow").click()  # a camera that moves would have it paint on
+    view.evaluate("() => tire()")
+    view.wait_for_function(AT_REST)
+    page.locator("#jump").select_option("straight")
+    until(page, lambda: bool(np.abs(shot(page) - folded).max() > 50))
+
+
+HELD = """if (self !== top) {
+  const next = requestAnimationFrame.bind(window);
+  let held = [];
+  window.requestAnimationFrame = (then) => (held ? held.push(then) : next(then));
+  window.release = () => { const all = held; held = null; all.forEach(next); };
+}"""
+"""The view of a browser that takes its time for pictures."""
+PASSED = "async () => { for (let k = 0; k < 40; k++) await new Promise(requestAnimationFrame); }"
+
+
+def test_drawing_stays_until_the_3d_view_has_painted(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}", width=390, height=520, has_touch=True, script=HELD)
+    page.wait_for_function("() => window.foldback.player.stage.open")
+    expect(page.locator("#keys")).to_be_hidden()  # no keyboard is there
+    page.keyboard.press("End")
+    page.evaluate(PASSED)
+    expect(page.locator("#sketch")).not_to_have_class(re.compile("gone"))
+    page.frames[1].evaluate("() => release()")
+    page.locator("#sketch.gone").wait_for(state="attached")
+    assert (picture(page).mean(axis=-1) > 90).sum() > 500

@@ -1,81 +1,41 @@
-"""A service below a path of a host, behind a real proxy that has other things beside it."""
+"""A service below a path of a host: its pages and their scripts ask for nothing beside it."""
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import time
-from collections.abc import Iterator
-from contextlib import closing
 
 import httpx
 import pytest
 from playwright.sync_api import Browser, expect
-from websockets.sync.client import connect
 
 from foldback_client import Client
 from tests.browser.conftest import LOOK
-from tests.deploy.proxy import free_ports
-from tests.server.service import PATIENCE_S, Service
-from tests.tools import CADDY
+from tests.server.service import Service
 
-pytestmark = pytest.mark.long
 BASE = "/fold"
-CADDYFILE = """{{
-  admin off
-}}
-http://127.0.0.1:{port} {{
-  handle {base}/* {{
-    reverse_proxy {upstream}
-  }}
-  respond "not foldback" 404
-}}
-"""
 ADDRESSES = """() => [...document.querySelectorAll("[href], [src], [action], [data-timeline]")]
   .map((each) => each.getAttribute("href") ?? each.getAttribute("src")
     ?? each.getAttribute("action") ?? each.dataset.timeline)
   .filter((address) => address.startsWith("/"))"""
 
 
-@pytest.fixture(scope="module")
-def below(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of a service below a path of a proxy."""
-    place = tmp_path_factory.mktemp("below")
-    service = Service(place / "data", base_path=BASE, workers=0, finished_folds=True).start()
-    (port,) = free_ports(1)
-    file = place / "Caddyfile"
-    upstream = f"127.0.0.1:{service.http.base_url.port}"
-    file.write_text(CADDYFILE.format(port=port, base=BASE, upstream=upstream))
-    command = [CADDY.get(), "run", "--config", str(file), "--adapter", "caddyfile"]
-    environment = {"PATH": os.environ["PATH"], "HOME": str(place)}
-    with open(place / "caddy.log", "w") as log:
-        proxy = subprocess.Popen(command, env=environment, stderr=log, stdout=log)
-    host = f"http://127.0.0.1:{port}"
-    deadline = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            if httpx.get(f"{host}{BASE}/health").is_success:
-                break
-        except httpx.TransportError:
-            assert time.monotonic() < deadline, (place / "caddy.log").read_text()
-        time.sleep(0.05)
-    yield host + BASE
-    proxy.terminate()
-    proxy.wait(PATIENCE_S)
-    assert service.stop() == 0
-
-
-@pytest.fixture(scope="module")
-def fold(below: str) -> str:
-    """The id of a finished fold."""
-    with Client(below) as client:
-        return min(client.folds(), key=lambda each: each.refresh().id).id
-
-
+@pytest.mark.long
 def test_pages_below_a_path_ask_for_nothing_beside_it(
-    below: str, fold: str, browser: Browser
+    browser: Browser, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
+    data = tmp_path_factory.mktemp("below") / "data"
+    service = Service(data, base_path=BASE, workers=0, finished_folds=True).start()
+    try:
+        walk(f"{service.http.base_url}{BASE}", browser)
+    finally:
+        assert service.stop() == 0
+
+
+def walk(below: str, browser: Browser) -> None:
+    """Open all pages, and have those with a fold play it."""
+    with Client(below) as client:
+        fold = min(each.refresh().id for each in client.folds())
+        assert client.get(fold).verified
     page = browser.new_page(**LOOK)
     wrong: list[str] = []
     page.on("pageerror", lambda error: wrong.append(str(error)))
@@ -101,19 +61,3 @@ def test_pages_below_a_path_ask_for_nothing_beside_it(
     )
     assert wrong == []
     page.close()
-
-
-def test_redirects_sockets_and_programs_work_below_a_path(below: str, fold: str) -> None:
-    with httpx.Client() as http:
-        assert http.get(f"{below}/what-folds").headers["location"] == f"{BASE}/benchmarks"
-        assert http.get(f"{below}/gallery/").headers["location"] == f"{below}/gallery"
-        assert http.get(below.removesuffix(BASE) + "/gallery").text == "not foldback"
-        described = http.get(f"{below}/oembed", params={"url": f"{below}/folds/{fold}"}).json()
-        assert described["thumbnail_url"] == f"{below}/folds/{fold}/picture.png"
-        icons = http.get(f"{below}/manifest.webmanifest").json()["icons"]
-        assert all(http.get(f"{below}/{icon['src']}").is_success for icon in icons)
-        assert http.get(f"{below}/api/openapi.json").json()["servers"] == [{"url": BASE}]
-    with Client(below) as client:
-        assert client.get(fold).verified
-    with closing(connect(f"ws{below.removeprefix('http')}/api/folds/{fold}/play")) as robot:
-        assert robot.recv(timeout=PATIENCE_S)

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import re
 
-from playwright.sync_api import FrameLocator, Page, WebSocketRoute, expect
+from playwright.sync_api import Page, WebSocketRoute, expect
 
 from bench.service.kiosk import faster
 from tests.browser.conftest import Visit, seek
-from tests.server.service import Service
+from tests.server.service import STAIRS, Service
 
 TARGET_PX = 64
 SPEED = 6
-
-
-def _shown(page: Page) -> FrameLocator:
-    return page.frame_locator("iframe:not(.coming)")
 
 
 def _kept(page: Page) -> dict[str, int]:
@@ -29,19 +25,17 @@ def _kept(page: Page) -> dict[str, int]:
 def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
     visit: Visit, service: Service, wrench: str
 ) -> None:
-    other = service.fold(shape="wrench-24", seed="6")["id"]
+    other = service.fold(STAIRS)["id"]
     service.wait_over(other)
     for folds, status in (("nothing", 404), ("a/b", 422), (",".join(["a"] * 51), 422)):
         assert service.http.get("/kiosk", params={"folds": folds}).status_code == status
     page = visit(f"/kiosk?kiosk=10&folds={wrench},{other}", view=False, script=faster(SPEED))
-    shown = _shown(page)
+    shown = page.frame_locator("iframe:not(.coming)")
     expect(shown.locator(".tour-caption")).to_contain_text("The chain is straight")
-    first, second = (
-        f"iframe[src='/embed/{each}?kiosk=10']:not(.coming)" for each in (wrench, other)
-    )
+    frame = "iframe[src='/embed/{}?kiosk=10']:not(.coming)"
+    first, second = frame.format(wrench), frame.format(other)
     if page.locator(second).count():  # on a busy machine the first one may come too late
         first, second = second, first
-    assert page.locator(first).is_visible()
     kept = _kept(page)
     assert shown.locator("a:visible").count() == 0
     assert page.locator("a:visible").count() == 0
@@ -80,8 +74,6 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     leader.locator("#lead").click()
     link = leader.locator(".class-code input").input_value()
     assert re.search(r"/c/[0-9A-Z]{12}$", link)
-    width = "image => image.decode().then(() => image.naturalWidth)"
-    assert leader.locator(".class-code img").evaluate(width) > 100
 
     follower = visit(f"/c/{link.rpartition('/')[2]}", view=False)
     words, back = follower.locator(".class-ways span"), follower.locator(".class-ways .primary")
@@ -94,7 +86,6 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     azimuth = leader.evaluate("() => foldback.player.rig.choice.azimuth")
     turned = "(to) => Math.abs(foldback.player.rig.choice.azimuth - to) < 1e-3"
     follower.wait_for_function(turned, arg=azimuth)
-    expect(back).to_be_hidden()
 
     seek(follower, 5)
     expect(words).to_have_text("You look around")

@@ -10,15 +10,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from planner.certificate.metrics import Figures
-from planner.motion.motion import Motion
-from planner.motion.timeline import Timeline
-from tests.browser.conftest import Visit, at_frame, seek, shown_frame, visits
-from tests.browser.test_accessibility import findings
+from tests.browser.conftest import at_frame, seek, shown_frame, visits
 from tests.server.service import Service
 
 GROUND = "() => getComputedStyle(document.body).backgroundColor"
-TURNED_RAD = 0.05
-"""Angle that playhead.js treats as a visible turn, in rad."""
 
 
 @pytest.fixture(scope="module")
@@ -34,13 +29,6 @@ def figures(service: Service, wrench: str) -> Figures:
     return Figures.load(service.directory(wrench) / "figures.zarr")
 
 
-@pytest.fixture(scope="module")
-def frames(service: Service, wrench: str) -> Motion:
-    frames = Timeline.open(service.directory(wrench) / "timeline.zarr").frames()
-    assert not frames.is_windowed
-    return frames
-
-
 def test_frame_is_typed(page: Page) -> None:
     seek(page, 4)
     page.locator("#r-frame").click()
@@ -49,17 +37,7 @@ def test_frame_is_typed(page: Page) -> None:
     page.keyboard.type("31")  # over what was there
     page.keyboard.press("Enter")
     at_frame(page, 30)
-    # The keyboard is the page's again: space plays.
-    expect(page.locator("body")).to_be_focused()
-    page.keyboard.press("Space")
-    page.wait_for_function("() => foldback.player.is.playing")
-    page.keyboard.press("Space")
-    seek(page, 30)
-    page.locator("#r-frame").focus()
-    page.keyboard.press("Enter")
-    expect(field).to_be_focused()
-    page.keyboard.press("Escape")
-    expect(page.locator("#r-frame")).to_be_focused()
+    expect(page.locator("body")).to_be_focused()  # the keyboard is the page's again
     page.keyboard.press("g")
     field.fill("99999")
     page.keyboard.press("Enter")
@@ -70,32 +48,18 @@ def test_frame_is_typed(page: Page) -> None:
     assert shown_frame(page) == 30
 
 
-def test_keys_step_by_time_and_to_visible_changes(page: Page, frames: Motion) -> None:
+def test_keys_step_and_are_listed_and_single_letters_are_turned_off(page: Page) -> None:
     seek(page, 30)
-    times = frames.time_s
-    for key, seconds in (("Shift+ArrowRight", 0.1), (".", 1.0), (",", -1.0)):
-        before = page.evaluate("() => window.foldback.player.shown.time_s")
-        page.keyboard.press(key)
-        after = page.evaluate("() => window.foldback.player.shown.time_s")
-        expected = float(np.clip(before + seconds, times[0], times[-1]))
-        assert after == pytest.approx(expected, abs=1e-6)
+    page.keyboard.press(".")  # a second
+    assert shown_frame(page) > 31
     seek(page, 30)
-    turned = np.abs(frames.joint_angles_rad - frames.joint_angles_rad[30]).max(axis=1) > TURNED_RAD
-    changed = turned | (frames.phase != frames.phase[30])
-    page.keyboard.press("n")
-    at_frame(page, 31 + int(np.flatnonzero(changed[31:])[0]))
-    seek(page, 30)
-    page.keyboard.press("p")
-    before = np.flatnonzero(changed[:30])
-    at_frame(page, int(before[-1]) if len(before) else 0)
+    page.keyboard.press("n")  # to the next visible change
+    assert shown_frame(page) > 30
     expect(page.locator("#keys-said")).to_have_text(page.locator("#r-frame").inner_text())
     page.keyboard.press(">")
     expect(page.locator("#speed")).to_have_value("2")
     page.keyboard.press("[")
     expect(page.locator("#speed")).to_have_value("1")
-
-
-def test_keys_are_listed_and_single_letters_turned_off(page: Page) -> None:
     seek(page, 30)
     page.keyboard.press("?")
     dialog = page.locator("#keys-dialog")
@@ -103,9 +67,6 @@ def test_keys_are_listed_and_single_letters_turned_off(page: Page) -> None:
     assert dialog.locator("dt").count() >= 15
     page.keyboard.press("ArrowRight")  # nothing behind it moves
     at_frame(page, 30)
-    page.keyboard.press("Escape")
-    expect(dialog).to_be_hidden()
-    page.locator("#keys").click()
     page.locator("#keys-off").check()
     dialog.get_by_role("button", name="Close").click()
     page.keyboard.press("n")
@@ -146,10 +107,6 @@ def test_range_is_looped_and_linked(page: Page) -> None:
     page.locator("#share").click()
     expect(page.locator("#share-link")).to_have_value(re.compile(rf"&from=22&to={to}$"))
     page.keyboard.press("Escape")
-    page.wait_for_url(re.compile(rf"&from=22&to={to}$"))
-    page.reload()
-    expect(begin).to_have_attribute("aria-valuenow", "22")
-    expect(page.locator("#range-to")).to_have_attribute("aria-valuenow", str(to))
     page.keyboard.press("x")
     page.keyboard.press("l")
     expect(page.locator("#range")).to_be_hidden()
@@ -167,34 +124,13 @@ def test_module_is_chosen_by_number_and_along_the_chain(page: Page) -> None:
     page.keyboard.press("ArrowUp")
     expect(heading).to_have_text(re.compile("^Module 8 of "))
     expect(page.locator("#panel-module [role=status]")).to_have_text(re.compile("^Module 8 of "))
-    for wrong in ("25", "0", "-1", "x"):
-        field.fill(wrong)
-        page.keyboard.press("Enter")
-        assert "from 1 to 24" in field.evaluate("(f) => f.validationMessage")
+    field.fill("25")
+    page.keyboard.press("Enter")
+    assert "from 1 to 24" in field.evaluate("(f) => f.validationMessage")
     page.get_by_role("button", name="Previous module").click()
     expect(heading).to_have_text(re.compile("^Module 7 of "))
-    expect(field).to_have_value("7")
     page.get_by_role("button", name="Clear").click()
     expect(page.locator("#panel-module")).to_contain_text("type its number")
-
-
-def test_plots_are_read_and_scrubbed_by_keyboard(page: Page, figures: Figures) -> None:
-    if not page.locator("#tab-plots").is_visible():
-        page.locator("#details").click()
-    page.locator("#tab-plots").click()
-    seek(page, 40)
-    plot = page.get_by_role("slider", name="Least clearance")
-    plot.focus()
-    page.keyboard.press("PageUp")
-    page.keyboard.press("ArrowLeft")
-    at_frame(page, 49)
-    least = f"{float(f'{figures.min_clearance[49]:.2g}'):g} pitch"
-    expect(plot).to_have_attribute("aria-valuetext", f"Frame 50, least clearance {least}")
-    with page.expect_download() as download:
-        page.get_by_role("link", name="Least clearance as CSV").click()
-    table = np.genfromtxt(download.value.path(), delimiter=",", names=True)
-    assert table.dtype.names == ("frame", "min_clearance")
-    np.testing.assert_allclose(table["min_clearance"], figures.min_clearance, rtol=1e-6)
 
 
 def test_plots_show_figures_and_seek(page: Page, figures: Figures) -> None:
@@ -204,8 +140,19 @@ def test_plots_show_figures_and_seek(page: Page, figures: Figures) -> None:
     plots = page.locator(".plot")
     expect(plots).to_have_count(4)
     seek(page, 40)
-    least = plots.filter(has_text="Least clearance").locator("b")
-    expect(least).to_have_text(f"{float(f'{figures.min_clearance[40]:.2g}'):g} pitch")
+    plot = page.get_by_role("slider", name="Least clearance")
+    plot.focus()
+    page.keyboard.press("PageUp")
+    page.keyboard.press("ArrowLeft")
+    at_frame(page, 49)
+    least = f"{float(f'{figures.min_clearance[49]:.2g}'):g} pitch"
+    expect(plot).to_have_attribute("aria-valuetext", f"Frame 50, least clearance {least}")
+    expect(plots.filter(has_text="Least clearance").locator("b")).to_have_text(least)
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Least clearance as CSV").click()
+    table = np.genfromtxt(download.value.path(), delimiter=",", names=True)
+    np.testing.assert_allclose(table["min_clearance"], figures.min_clearance, rtol=1e-6)
+
     box = plots.nth(0).locator("svg").bounding_box()
     page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 20)
     assert shown_frame(page) == pytest.approx(0.75 * (len(figures) - 1), abs=3)
@@ -221,13 +168,14 @@ def test_plots_show_figures_and_seek(page: Page, figures: Figures) -> None:
     expect(large).to_have_attribute("aria-valuenow", str(before))
     page.keyboard.press("Escape")
     expect(large).to_have_count(0)
-    expect(plots).to_have_count(4)
     expect(larger).to_be_focused()
 
 
-def test_jumps_seek_the_worst_frames(page: Page, figures: Figures) -> None:
+def test_slider_seeks_a_share_and_jumps_the_worst_frames(page: Page, figures: Figures) -> None:
     page.locator("#jump option[value=straight]").wait_for(state="attached")
     page.wait_for_function("() => !document.querySelector('#colour-by option[disabled]')")
+    page.locator("#folded").fill("50")
+    expect(page.locator("#r-folded")).to_have_text("50 %")
     for where, worst in (
         ("max_error_rad", np.nanargmax(figures.max_error_rad)),
         ("min_clearance", np.nanargmin(figures.min_clearance)),
@@ -237,43 +185,29 @@ def test_jumps_seek_the_worst_frames(page: Page, figures: Figures) -> None:
         expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {worst + 1} of"))
 
 
-def test_folded_slider_seeks_by_share(page: Page, frames: Motion) -> None:
-    first = int(np.flatnonzero(frames.phase == 1)[0])
-    page.locator("#jump").select_option("straight")
-    expect(page.locator("#r-frame")).to_have_text(re.compile(f"Frame {first + 1} of"))
-    expect(page.locator("#r-folded")).to_have_text("0 %")
-    slider = page.locator("#folded")
-    slider.evaluate("(s) => { s.value = 50; s.dispatchEvent(new Event('input')); }")
-    middle = shown_frame(page)
-    assert first < middle < len(frames) - 1
-    goal = np.abs(frames.joint_angles_rad[-1])
-    reached = np.clip(frames.joint_angles_rad * np.sign(frames.joint_angles_rad[-1]), 0, goal)
-    share = reached.sum(axis=1) / goal.sum()
-    assert share[middle] == pytest.approx(0.5, abs=0.01)
-    expect(page.locator("#r-folded")).to_have_text("50 %")
-
-
 def test_module_panel_names_the_nearest_module(page: Page, figures: Figures) -> None:
     frame = len(figures) - 1
     seek(page, frame)
     page.evaluate("() => window.foldback.player.send({ do: 'select', module: 5 })")
-    nearest = page.locator("#panel-module [data-of=nearest]")
-    expect(nearest).to_contain_text(f"Module {figures.nearest[frame, 5] + 1}, ")
+    nearest, number = page.locator("#panel-module [data-of=nearest]"), figures.nearest[frame, 5] + 1
+    expect(nearest).to_contain_text(f"Module {number}, ")
     expect(nearest).to_contain_text(f"{figures.clearance[frame, 5]:.2g} pitch")
     nearest.locator("button").click()
-    number = figures.nearest[frame, 5] + 1
     expect(page.locator("#panel-module h2")).to_contain_text(f"Module {number} of ")
 
 
-def test_folded_slider_and_bar_fit_a_phone(page: Page) -> None:
+WHOLE = """text => text.scrollWidth <= text.clientWidth && text.scrollHeight <= text.clientHeight
+  && text.getBoundingClientRect().right <= innerWidth"""
+"""JavaScript function that returns true if no part of a text is cut off."""
+
+
+def test_verdict_and_bar_fit_a_phone(page: Page) -> None:
     page.set_viewport_size({"width": 360, "height": 844})
     if page.locator("#drawer").is_visible():
         page.locator("#drawer-close").click()
-    slider = page.locator("#folded")
-    slider.fill("50")
-    expect(page.locator("#r-folded")).to_have_text("50 %")
     for name in ("#folded", "#jump", "#details", "#speed", "#keys", "#full"):
         expect(page.locator(name)).to_be_in_viewport(ratio=1)
+    assert page.locator("#verdict").evaluate(WHOLE)
     bar = page.locator("#bar").bounding_box()
     assert bar["height"] <= 171  # as high as without the slider
 
@@ -290,21 +224,7 @@ def test_theme_is_kept_and_set_before_the_first_paint(page: Page) -> None:
     stands = "() => document.querySelector('head script:not([src])').type"
     assert page.evaluate(stands) == ""
     assert page.evaluate("() => document.documentElement.dataset.theme") == "light"
-    switch = page.get_by_role("button", name="Theme: light")
-    switch.click()
-    switch = page.get_by_role("button", name="Theme: dark")
-    switch.click()
+    for theme in ("light", "dark"):
+        page.get_by_role("button", name=f"Theme: {theme}").click()
     expect(page.get_by_role("button", name="Theme: system")).to_be_visible()
     assert page.evaluate(GROUND) == dark
-
-
-@pytest.mark.long
-def test_player_is_accessible(visit: Visit, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}#frame=31&module=7&from=21&to=61", view=False)
-    expect(page.locator("#range")).to_be_visible()
-    assert findings(page) == {}
-    page.locator("#tab-plots").click()
-    expect(page.locator(".plot")).to_have_count(4)
-    assert findings(page) == {}
-    page.locator("#keys").click()
-    assert findings(page) == {}

@@ -7,8 +7,9 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.conftest import WIDTH, Visit, choose, opened_fold
-from tests.server.service import Service, owner
+from tests.browser.conftest import WIDTH, Visit, keep_as_mine, opened_fold
+from tests.browser.test_accessibility import findings
+from tests.server.service import Service
 
 pytestmark = pytest.mark.long
 
@@ -16,34 +17,13 @@ pytestmark = pytest.mark.long
 def test_escape_closes_the_details_and_restores_focus(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}")
     page.locator("#details").click()
-    page.locator("#tab-properties").click()
-    expect(page.locator("#drawer")).to_be_visible()
-    page.keyboard.press("Escape")
-    expect(page.locator("#drawer")).to_be_hidden()
-    expect(page.locator("#details")).to_be_focused()
-    expect(page.locator("#details")).to_have_attribute("aria-expanded", "false")
-    page.locator("#details").click()
     page.locator("#sketch.gone").wait_for(state="attached")
     view = page.locator("#view").bounding_box()
     page.mouse.click(view["x"] + 20, view["y"] + 60)  # the focus is in the view now
     page.keyboard.press("Escape")
     expect(page.locator("#drawer")).to_be_hidden()
     expect(page.locator("#details")).to_be_focused()
-
-
-def test_messages_are_sentences(visit: Visit) -> None:
-    page = visit("/")
-    choose(page, "bad.json", b"[[0, 0, 0], [1, 0")
-    message = page.locator("#drop-message[data-tone=bad]")
-    expect(message).to_contain_text(re.compile("[a-z]"))
-    assert message.inner_text()[0].isupper()
-    page.locator("details.options > summary").click()
-    page.locator("#seed").evaluate("seed => { seed.value = 99999999999; }")
-    page.locator("[data-shape=wrench-24]").click()
-    expect(message).to_have_text(
-        "Expected a whole number from 0 to 4294967295, but found the seed 99999999999."
-    )
-    expect(message).to_be_in_viewport()
+    expect(page.locator("#details")).to_have_attribute("aria-expanded", "false")
 
 
 NOTE_COVERS = """addEventListener("DOMContentLoaded", () => {
@@ -68,43 +48,20 @@ def test_failed_baseline_offers_the_default_preset(visit: Visit) -> None:
     page.reload()
     page.locator("#sketch.gone").wait_for(state="attached")
     assert page.evaluate("window.covers.every((hidden) => hidden)")
-    page.locator("#details").click()
-    page.locator("#tab-properties").click()
-    expect(page.locator("#panel-properties")).to_contain_text("Direct servoing")
-    label, value = (page.locator(f"#panel-properties .{part}").first for part in ("above", "below"))
-    expect(label).to_have_text("Verdict")
-    assert label.bounding_box()["y"] < value.bounding_box()["y"]  # type: ignore[index]
-    page.locator("#drawer-close").click()
     before = page.url
     page.locator("#again", has_text="Try with the default preset").click()
     page.wait_for_url(lambda url: "/folds/" in url and url != before)
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
 
 
-def test_cancelled_fold_without_frames_offers_to_fold_again(visit: Visit, service: Service) -> None:
-    ahead = service.fold(shape="mallet-192", seed="4")
-    fold = service.fold(shape="wrench-24", seed="4")
-    for accepted in (fold, ahead):
-        address = f"/api/folds/{accepted['id']}/cancel"
-        assert service.http.post(address, headers=owner(accepted)).status_code == 202
-    assert service.wait_over(fold["id"])["progress"]["frames"] == 0
-    page = visit(f"/folds/{fold['id']}")
-    expect(page.locator("#cover-other")).to_have_text("Start another")
-    page.locator("#cover-button", has_text="Fold again").click()
-    page.wait_for_url(lambda url: "/folds/" in url and fold["id"] not in url)
-    expect(page.locator("#name")).to_have_text("Small wrench")
-    expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
-
-
 def test_cancelling_is_shown_until_it_is_done(visit: Visit, service: Service) -> None:
-    page = visit("/shapes/new", width=390, height=844)
+    page = visit("/shapes/new")
     fold = service.fold(shape="mallet-192", seed="11", preset="paper")
-    page.evaluate(
-        "([key, token]) => localStorage.setItem(key, token)",
-        [f"foldback:owner:{fold['id']}", fold["owner_token"]],
-    )
+    keep_as_mine(page, fold)
     page.goto(f"/folds/{fold['id']}")
     page.locator("#cancel").wait_for()
+    assert findings(page) == {}
+    page.set_viewport_size({"width": 390, "height": 844})
     page.evaluate(
         """window.said = [];
         const verdict = document.getElementById("verdict");
@@ -118,17 +75,17 @@ def test_cancelling_is_shown_until_it_is_done(visit: Visit, service: Service) ->
     assert set(page.evaluate("window.said")) == {"Cancelling…", "Cancelled before it finished"}
     expect(page.get_by_role("button", name="Fold again")).to_be_visible()
     expect(page.locator("#stuck")).to_be_hidden()
-    assert page.locator("#jump option[value=stuck]").get_attribute("hidden") is not None
     assert page.evaluate(WIDTH) <= 390
 
 
-def test_benchmarks_are_shown(visit: Visit) -> None:
-    page = visit("/", width=390, height=844, view=False)
-    page.locator(".foot a[href='/benchmarks']").click()
-    expect(page.locator("h1")).to_have_text("Benchmarks")
-    shown = page.locator(".telling-picture img")
-    page.wait_for_function("() => document.querySelector('.telling-picture img').complete")
-    assert shown.evaluate("(image) => image.naturalWidth") > 700
-    box = shown.bounding_box()
-    assert box and box["width"] >= 780  # its words are large enough; a phone scrolls it
-    assert page.evaluate(WIDTH) <= 390
+def test_typed_chain_folds_and_names_a_wrong_character(visit: Visit) -> None:
+    page = visit("/", view=False)
+    page.locator("#type").click()
+    expect(page.locator("#angles")).to_be_focused()
+    page.locator("#angles").fill("0 - x +")
+    page.locator("#typed").click()
+    expect(page.locator("#drop-message")).to_contain_text("Character 5")
+    page.locator("#angles").fill("- - - + - - - + - - -")
+    page.keyboard.press("Enter")
+    opened_fold(page)
+    expect(page.locator("#verdict")).to_have_text(re.compile(r"^Verified .* · 12 modules$"))

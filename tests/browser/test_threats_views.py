@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import re
 from pathlib import Path
-from urllib.parse import quote, urljoin
+from urllib.parse import quote
 
 import msgspec
 import pytest
@@ -14,7 +14,6 @@ import zstandard
 from playwright.sync_api import Frame, Page, expect
 from viser import _messages as messages
 
-from bench.command import playing
 from tests.browser.conftest import Visit
 from tests.server.files.test_preview import stl
 from tests.server.service import Service
@@ -112,6 +111,7 @@ def keeping(visit: Visit, address: str = "/health") -> Page:
     return page
 
 
+ELSEWHERE = ("/embed/{0}", "/compare?a={0}&b={0}", "preview")
 HOSTILE = f"playbackPath={quote(recording())}"
 
 
@@ -173,46 +173,19 @@ def test_view_opened_directly_is_harmless(visit: Visit, address: str) -> None:
 
 @pytest.mark.parametrize(
     "address",
-    [
-        "/folds/{0}",
-        pytest.param("/embed/{0}", marks=pytest.mark.long),
-        pytest.param("/compare?a={0}&b={0}", marks=pytest.mark.long),
-    ],
+    ["/folds/{0}", *(pytest.param(each, marks=pytest.mark.long) for each in ELSEWHERE)],
 )
-def test_view_in_fold_pages_is_harmless(visit: Visit, wrench: str, address: str) -> None:
+def test_view_in_fold_pages_is_harmless(
+    visit: Visit, service: Service, wrench: str, address: str
+) -> None:
+    if address == "preview":
+        files = {"file": ("brick.stl", stl())}
+        address = service.http.post("/api/shapes/preview", files=files).json()["links"]["page"]
     page = keeping(visit)
     said = hostile(page, address.format(wrench))
     frames = framed(page)
     assert len(frames) == (2 if "compare" in address else 1)
     harmless(frames, said)
-
-
-@pytest.mark.long
-def test_view_in_a_preview_is_harmless(visit: Visit, service: Service) -> None:
-    told = service.http.post("/api/shapes/preview", files={"file": ("brick.stl", stl())}).json()
-    page = keeping(visit)
-    said = hostile(page, told["links"]["page"])
-    frames = framed(page)
-    assert len(frames) == 1
-    harmless(frames, said)
-
-
-def test_pages_without_a_view_are_harmless(visit: Visit) -> None:
-    page = keeping(visit)
-    for address in ("/", "/shapes/new", "/gallery"):
-        said = hostile(page, address)
-        expect(page.locator("iframe")).to_have_count(0)
-        harmless([], said)
-
-
-@pytest.mark.long
-def test_view_of_a_played_directory_is_harmless(
-    visit: Visit, service: Service, wrench: str
-) -> None:
-    with playing(service.directory(wrench)) as address:
-        page = keeping(visit, urljoin(address, "/health"))
-        said = hostile(page, address)
-        harmless(framed(page), said)
 
 
 def test_view_in_a_downloaded_page_is_harmless(
@@ -228,6 +201,7 @@ def test_view_in_a_downloaded_page_is_harmless(
     harmless(frames, said)
 
 
+@pytest.mark.long
 def test_view_plays_nothing_when_its_query_stays(visit: Visit) -> None:
     script = "History.prototype.replaceState = () => { throw new DOMException('no'); }"
     page = visit("about:blank", script=script, **SMALL)

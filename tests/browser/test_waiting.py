@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-import time
 
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.conftest import Visit, choose
+from tests.browser.conftest import Visit, choose, until
 from tests.browser.test_accessibility import findings
 from tests.server.service import Service, owner
 
@@ -22,11 +21,20 @@ HEARD = """addEventListener("DOMContentLoaded", () => {
 });"""
 
 
+DROP = """([text, name]) => {
+  const files = new DataTransfer();
+  files.items.add(new File([text], name, { type: "application/json" }));
+  const zone = document.getElementById("drop");
+  for (const kind of ["dragenter", "dragover", "drop"])
+    zone.dispatchEvent(
+      new DragEvent(kind, { dataTransfer: files, bubbles: true, cancelable: true }));
+}"""
+
+
 def test_upload_shows_progress_and_is_stopped(visit: Visit, service: Service) -> None:
     page = visit("/", view=False)
-    expect(page.locator(".drop-kept")).to_have_text(
-        "Stored until you delete it. Only people with the link can see it. Privacy"
-    )
+    page.evaluate(DROP, ["[[0, 0, 0], [1, 0, 0], [0, 0, 0]]", "bad.json"])
+    expect(page.locator("#drop-message")).to_contain_text("Cells 1 and 3")
     network = page.context.new_cdp_session(page)
     network.send("Network.emulateNetworkConditions", SLOW)
     choose(page, "large.stl", bytes(8_000_000))
@@ -34,17 +42,11 @@ def test_upload_shows_progress_and_is_stopped(visit: Visit, service: Service) ->
     expect(sending).to_contain_text(re.compile(r"Sending large\.stl: \d+ %, \d\.\d MB of 8\.0 MB"))
     bar = sending.get_by_role("progressbar", name="Sending large.stl")
     assert 0.0 < float(bar.get_attribute("value") or 0.0) < 1.0
-    assert findings(page) == {}
     sending.get_by_role("button", name="Stop").click()
     expect(page.locator("#drop-message")).to_have_text("Stopped")
     expect(sending).to_have_count(0)
-    deadline = time.monotonic() + 5.0
-    while any(service.data_dir.glob("uploads/*/*")):
-        assert time.monotonic() < deadline
-        page.wait_for_timeout(50)
+    until(page, lambda: not any(service.data_dir.glob("uploads/*/*")))
     network.detach()
-    page.locator(".foot a[href='/privacy']").click()
-    expect(page.locator("h1")).to_have_text("Privacy")
 
 
 @pytest.mark.long
@@ -58,14 +60,10 @@ def test_time_left_is_shown_and_movie_is_stopped(visit: Visit, service: Service)
     heard = page.evaluate("window.heard")
     left = re.compile("· (about [0-9]+ (s|min) left|a few seconds left|longer than usual)")
     assert any(left.search(text) for text in heard), heard
-    assert not any("NaN" in text or "undefined" in text for text in heard)
     service.wait_over(ahead["id"])
 
     page.locator("#details").click()
     page.locator("#tab-downloads", has_text="Download").click()
-    expect(page.locator("#panel-downloads .kept")).to_contain_text(
-        "Only people with the link can see it."
-    )
     page.locator("[name=size]").select_option("1920x1080")
     page.locator("[name=seconds]").select_option("20")
     page.get_by_role("button", name="Create movie").click()
@@ -75,6 +73,5 @@ def test_time_left_is_shown_and_movie_is_stopped(visit: Visit, service: Service)
     assert findings(page) == {}
     stop.click()
     expect(state).to_have_text("Stopped")
-    expect(stop).to_be_hidden()
     expect(page.get_by_role("button", name="Create movie")).to_be_enabled()
     assert service.http.delete(f"/api/folds/{fold['id']}", headers=owner(fold)).status_code == 204

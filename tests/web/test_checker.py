@@ -13,7 +13,7 @@ import foldback_check
 from bench.clearance.forgeries import certainly_false
 from planner.certificate.measure import clearances_of
 from planner.chain.chain import Chain
-from planner.chain.module import CUBE, TETRAHEDRON
+from planner.chain.module import MODULES
 from tests.planner.peels import snake
 from tests.planner.verification.forged_plans import (
     FALSE,
@@ -29,7 +29,6 @@ from tests.web.node import JavaScriptChecker
 
 STORED = Path(__file__).parents[1] / "planner" / "certificate" / "earlier_plans"
 PLANS = {name: STORED / f"{name}.npz" for name in ("ring-12-frames", "box-8-windows")}
-MODULES = {"cube": CUBE, "tetrahedron": TETRAHEDRON}
 SEED = 20
 BETWEEN = np.linspace(0.0, 1.0, 6)
 

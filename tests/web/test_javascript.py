@@ -12,7 +12,6 @@ import os
 import re
 import subprocess
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -22,7 +21,7 @@ import pytest
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
+from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path as CellPath
 from planner.chain.rotations import matrix_from_wxyz
@@ -33,7 +32,7 @@ from tests.web import long_folds
 from tests.web.conftest import SNAKE
 from tests.web.node import NODE
 from web.pictures.camera import distance_needed, framing
-from web.pictures.colours import error_colours, error_scale, module_errors
+from web.pictures.colours import error_colours, error_scale
 from web.static_files import STATIC, scripts_of
 from web.timeline.columns import encode
 from web.timeline.frame_batch import batch_of
@@ -62,23 +61,13 @@ LONG_CHAINS = {
         TETRAHEDRON, np.deg2rad(np.resize([90.0, -90.0, 0.0, 40.0], 300)), name="long"
     ),
 }
-FILMS = (
-    *("wrench-24", "tetra-ring", "direct-mallet-24", "direct-mallet-64", "letter-l"),
-    *("tetra-cube-2", "box-4x4x4", "wrench-80", "mallet-24", "tetra-bar"),
-)
-SHIPPED = ("mallet-24", "wrench-80", "tetra-letter-f", "fish", "refold")
+FILMS = (*("wrench-24", "tetra-ring", "direct-mallet-64", "letter-l", "box-4x4x4", "tetra-bar"),)
+SHIPPED = ("mallet-24", "tetra-letter-f", "refold")
 """Recorded cubes, tetrahedra and a refold, whose drawn poses are compared."""
 FILES = sorted((Path(__file__).parent / "js").glob("*.test.js"))
 Vectors = Mapping[str, Any]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
-    """One test of a script: where it is, its name, and what it said when it failed."""
-
-    file: str
-    name: str
-    failure: str | None
+Cases = list[ElementTree.Element]
+"""Tests of scripts: each with its file, its name and what it said when it failed."""
 
 
 def text(message: bytes) -> str:
@@ -89,6 +78,10 @@ def packed(header: Mapping[str, Any] | None = None, /, **arrays: NDArray[Any]) -
     return text(encode(header or {}, {k: np.asarray(v, "<f8") for k, v in arrays.items()}))
 
 
+def posed(poses: Poses, **more: NDArray[Any]) -> str:
+    return packed(positions=poses.positions, wxyzs=poses.wxyzs, **more)
+
+
 def kinematics() -> list[Vectors]:
     found: list[Vectors] = []
     for name, chain in CHAINS.items():
@@ -97,13 +90,8 @@ def kinematics() -> list[Vectors]:
         position = rng.uniform(-3, 3, 3)
         wxyz = rng.normal(size=4)
         wxyz /= np.linalg.norm(wxyz)
-        poses = chain.poses(angles, position, wxyz)
-        given = packed(
-            angles=angles,
-            position=position,
-            wxyz=wxyz,
-            positions=poses.positions,
-            wxyzs=poses.wxyzs,
+        given = posed(
+            chain.poses(angles, position, wxyz), angles=angles, position=position, wxyz=wxyz
         )
         found.append({"name": name, "bundle": text(bundle_of(chain)), "given": given})
     return found
@@ -130,16 +118,8 @@ def picking() -> list[Vectors]:
             modules.append(int(inside[first[0]].argmax()) if len(first) else None)
         assert len(set(modules)) > 3
         assert None in modules
-        found.append(
-            {
-                "name": name,
-                "bundle": text(bundle_of(chain)),
-                "given": packed(positions=poses.positions, wxyzs=poses.wxyzs),
-                "origin": origin.tolist(),
-                "ways": ways.tolist(),
-                "modules": modules,
-            }
-        )
+        told = {"name": name, "bundle": text(bundle_of(chain)), "given": posed(poses)}
+        found.append(told | {"origin": origin.tolist(), "ways": ways.tolist(), "modules": modules})
     return found
 
 
@@ -152,16 +132,10 @@ def windows() -> list[Vectors]:
         told = windows_of(columns, chain.folded_rad)
         angles, errors = told.angles(chain), told.joint_errors(chain)
         frames: list[Vectors] = []
-        for frame in (
-            0.0,
-            1.0,
-            len(told) / 5,
-            len(told) / 3 + 0.25,
-            0.75 * len(told),
-            len(told) - 1.0,
-        ):
+        count = len(told)
+        for frame in (0.0, 1.0, count / 5, count / 3 + 0.25, 0.75 * count, count - 1.0):
             low, share = int(frame), frame % 1
-            high = min(low + 1, len(told) - 1)
+            high = min(low + 1, count - 1)
             q, at, turn = (
                 v[low] + share * (v[high] - v[low])
                 for v in (angles, told.anchor_position, told.anchor_wxyz)
@@ -169,25 +143,11 @@ def windows() -> list[Vectors]:
             poses = forward_kinematics(
                 chain.module, q, root_position=at, root_wxyz=turn / np.linalg.norm(turn)
             )
-            frames.append(
-                {
-                    "frame": frame,
-                    "poses": packed(
-                        positions=poses.positions, wxyzs=poses.wxyzs, angles=q, errors=errors[low]
-                    ),
-                }
-            )
+            frames.append({"frame": frame, "poses": posed(poses, angles=q, errors=errors[low])})
         header = {"start": 0, "stop": len(windows), "stride": 1}
-        found.append(
-            {
-                "name": name,
-                "bundle": text(bundle_of(chain, 40)),
-                "batch": text(
-                    encode(header, columns, planes=PLANE_COLUMNS, short=SINGLE_BYTE_COLUMNS)
-                ),
-                "frames": frames,
-            }
-        )
+        batch = encode(header, columns, planes=PLANE_COLUMNS, short=SINGLE_BYTE_COLUMNS)
+        bundle = text(bundle_of(chain, 40))
+        found.append({"name": name, "bundle": bundle, "batch": text(batch), "frames": frames})
     return found
 
 
@@ -230,29 +190,23 @@ def paths() -> list[Vectors]:
 def camera() -> list[Vectors]:
     found: list[Vectors] = []
     for stretch in ((1.0, 1.0, 1.0), (40.0, 0.3, 0.2), (0.2, 3.0, 25.0)):
-        for count in (300, 5000):
-            for aspect in (1.7, 0.5):
-                rng = np.random.default_rng(5)
-                points = rng.normal(size=(count, 3)) * stretch + [1.0, -2.0, 0.5]
-                view = framing(points, radius=0.9, aspect=aspect)
-                found.append(
-                    {
-                        "name": f"{count} points stretched by {stretch}, {aspect} wide",
-                        "points": packed(points=points),
-                        "seeing": {
-                            "radius": 0.9,
-                            "aspect": aspect,
-                            "field": float(np.deg2rad(32.0)),
-                            "home": float(np.deg2rad(-62.0)),
-                            "elevation": float(np.deg2rad(24.0)),
-                        },
-                        "azimuth": view.azimuth_rad,
-                        "target": list(view.target),
-                        "distance": view.distance,
-                        "needed": distance_needed(points, view, radius=0.9, aspect=aspect),
-                        "position": list(view.position),
-                    }
-                )
+        for count, aspect in ((300, 1.7), (5000, 0.5)):
+            points = np.random.default_rng(5).normal(size=(count, 3)) * stretch + [1.0, -2.0, 0.5]
+            seeing = {"radius": 0.9, "aspect": aspect}
+            view = framing(points, **seeing)
+            field, home, elevation = np.deg2rad([32.0, -62.0, 24.0]).tolist()
+            found.append(
+                {
+                    "name": f"{count} points stretched by {stretch}, {aspect} wide",
+                    "points": packed(points=points),
+                    "seeing": seeing | {"field": field, "home": home, "elevation": elevation},
+                    "azimuth": view.azimuth_rad,
+                    "target": list(view.target),
+                    "distance": view.distance,
+                    "needed": distance_needed(points, view, **seeing),
+                    "position": list(view.position),
+                }
+            )
     return found
 
 
@@ -260,13 +214,9 @@ def stored(name: str) -> Vectors:
     """A recording of the paper's page with its scene bundle, and the poses that are drawn of it."""
     place = STATIC.parent / "paper" / name
     chain = chain_from_attributes(json.loads((place / "chain.json").read_bytes()))
-    drawn = chain.folded_poses
-    return {
-        "name": name,
-        "bundle": text(bundle_of(chain)),
-        "batch": text((place / "batch").read_bytes()),
-        "drawn": packed(positions=drawn.positions, wxyzs=drawn.wxyzs),
-    }
+    batch = text((place / "batch").read_bytes())
+    drawn = posed(chain.folded_poses)
+    return {"name": name, "bundle": text(bundle_of(chain)), "batch": batch, "drawn": drawn}
 
 
 def columns() -> Vectors:
@@ -303,17 +253,12 @@ def quantities() -> list[Vectors]:
     plain = (0.0, 1.0, 12.0, 99.96, 999.96, 1234.5678, 30000.0, 999_999.0, 1e7, 12345.5, 501.0)
     ties = (0.125, 2.5, 0.375, 1.25e-3, 112.5, 1125.0)
     small = (3.4e-5, 2.5e-5, 1.9e-6, 13e-6, 9.996e-7, 1.28e-12, 9.99e-13, 4e-13, 1e-30, 1e-4)
-    random = 10.0 ** np.random.default_rng(8).uniform(-13.0, 7.0, 200)
+    random = 10.0 ** np.random.default_rng(8).uniform(-13.0, 7.0, 100)
     values = [*plain, *ties, *small, *random.tolist()]
     return [
-        {
-            "value": value,
-            "digits": digits,
-            "si": si(value, "N·m", digits),
-            "number": number(value, digits),
-        }
-        for value in (*values, *(-value for value in values if value))
-        for digits in (2, 3)
+        {"value": v, "digits": n, "si": si(v, "N·m", n), "number": number(v, n)}
+        for v in (*values, *(-value for value in values if value))
+        for n in (2, 3)
     ]
 
 
@@ -336,98 +281,71 @@ def timeline(path: Path) -> Vectors:
     """A short fold, as its page gets it, and what Python says of three of its frames."""
     timeline = TimelineView(path)
     chain = timeline.chain
-    frames = timeline.frames(0, len(timeline))
-    module = chain.module
-    errors = module_errors(
-        frames.joint_error_rad,
-        len(chain),
-        hinges=module.hinges_per_joint,
-        rigid_links=module.rigid_links,
-    )
-    scale = timeline.outline()["error_scale_rad"]
+    frames: list[Vectors] = []
+    for k in (0, len(timeline) * 3 // 5, len(timeline) - 1):
+        shown = timeline.snapshot(k)
+        errors = shown.module_error_rad
+        frames.append(
+            {
+                "frame": k,
+                "time_s": shown.time_s,
+                "angles": shown.joint_angles_rad.tolist(),
+                "poses": packed(positions=shown.positions, wxyzs=shown.wxyzs),
+                "colours": error_colours(errors, timeline.error_scale_rad).ravel().tolist(),
+                "errors": [None if np.isnan(v) else float(v) for v in errors],
+            }
+        )
     return {
         "bundle": text(bundle_of(chain)),
         "batch": text(batch_of(timeline)),
         "cells": np.rint(chain.folded_poses.positions).astype(int).tolist(),
         "joints": list(chain.joint_names),
-        "frames": [
-            {
-                "frame": k,
-                "time_s": float(frames.time_s[k]),
-                "angles": frames.joint_angles_rad[k].tolist(),
-                "poses": packed(
-                    positions=(
-                        poses := chain.poses(
-                            frames.joint_angles_rad[k], frames.root_position[k], frames.root_wxyz[k]
-                        )
-                    ).positions,
-                    wxyzs=poses.wxyzs,
-                ),
-                "colours": error_colours(errors[k], scale).ravel().tolist(),
-                "errors": [None if np.isnan(v) else float(v) for v in errors[k]],
-            }
-            for k in (0, len(timeline) * 3 // 5, len(timeline) - 1)
-        ],
+        "frames": frames,
     }
 
 
 @pytest.fixture(scope="module")
-def cases(
-    timeline_path: Path, peeled: Path, tmp_path_factory: pytest.TempPathFactory
-) -> list[Case]:
+def cases(timeline_path: Path, peeled: Path, tmp_path_factory: pytest.TempPathFactory) -> Cases:
     """What came out of every test under node: one run for all of them."""
-    vectors = tmp_path_factory.mktemp("javascript") / "vectors.json"
-    vectors.write_text(
-        json.dumps(
-            {
-                "kinematics": kinematics(),
-                "picking": picking(),
-                "windows": windows(),
-                "touching": touching(),
-                "camera": camera(),
-                "films": [stored(name) for name in FILMS],
-                "paths": paths(),
-                "columns": columns(),
-                "colours": colours(),
-                "shipped": [stored(name) for name in SHIPPED],
-                "quantities": quantities(),
-                "module_texts": module_texts(),
-                "timeline": timeline(timeline_path),
-                "peeled": timeline(peeled / "timeline.zarr"),
-            },
-            allow_nan=False,
-        ),
-        encoding="utf-8",
-    )
+    vectors = {
+        "kinematics": kinematics(),
+        "picking": picking(),
+        "windows": windows(),
+        "touching": touching(),
+        "camera": camera(),
+        "films": [stored(name) for name in FILMS],
+        "paths": paths(),
+        "columns": columns(),
+        "colours": colours(),
+        "shipped": [stored(name) for name in SHIPPED],
+        "quantities": quantities(),
+        "module_texts": module_texts(),
+        "timeline": timeline(timeline_path),
+        "peeled": timeline(peeled / "timeline.zarr"),
+    }
+    path = tmp_path_factory.mktemp("javascript") / "vectors.json"
+    path.write_text(json.dumps(vectors, allow_nan=False), encoding="utf-8")
     asked = [NODE, "--test", "--test-isolation=none", "--test-reporter=junit", *FILES]
-    done = subprocess.run(
-        asked,
-        env=os.environ | {"FOLDBACK_VECTORS": str(vectors)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    told = os.environ | {"FOLDBACK_VECTORS": str(path)}
+    done = subprocess.run(asked, env=told, capture_output=True, text=True, check=False)
     assert done.stdout.rstrip().endswith("</testsuites>"), done.stdout + done.stderr
-    return [
-        Case(
-            file=case.attrib.get("file", ""),
-            name=case.attrib["name"],
-            failure=case.findtext("failure"),
-        )
-        for case in ElementTree.fromstring(done.stdout).iter("testcase")
-    ]
+    return list(ElementTree.fromstring(done.stdout).iter("testcase"))
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name.removesuffix(".test.js"))
-def test_scripts(cases: list[Case], file: Path) -> None:
-    told = [case for case in cases if case.file == str(file)]
+def test_scripts(cases: Cases, file: Path) -> None:
+    told = [case for case in cases if case.get("file") == str(file)]
     assert told, cases
-    failed = [f"{case.name}\n{case.failure}" for case in told if case.failure is not None]
+    failed = [
+        f"{case.get('name')}\n{failure}"
+        for case in told
+        if (failure := case.findtext("failure")) is not None
+    ]
     assert not failed, "\n\n".join(failed)
 
 
-def test_every_javascript_test_belongs_to_a_file(cases: list[Case]) -> None:
-    assert [case for case in cases if Path(case.file) not in FILES] == []
+def test_every_javascript_test_belongs_to_a_file(cases: Cases) -> None:
+    assert {case.get("file") for case in cases} == {str(file) for file in FILES}
 
 
 def test_every_script_is_used() -> None:

@@ -1,9 +1,12 @@
-"""The scene of a fold in a viser server; test_show.py compares poses and colours."""
+"""The scene of a fold: in a viser server, and as a browser gets it; test_show.py compares poses."""
 
 from __future__ import annotations
 
+import re
+import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +14,16 @@ import viser
 from viser import _messages as messages
 
 from planner.chain.chain import Chain
+from planner.chain.module import TETRAHEDRON
 from planner.chain.rotations import matrix_from_wxyz
 from web.pictures.camera import framing
 from web.pictures.colours import UNKNOWN_ERROR_RGB
+from web.static_files import STATIC
+from web.timeline.columns import decode
 from web.timeline.view import TimelineView
 from web.viser.recording import look
 from web.viser.scene import Scene
+from web.viser.scene_bundle import bundle_of, viser_scene
 
 
 @pytest.fixture
@@ -57,3 +64,68 @@ def test_scene_marks_both_ends_above_the_ground_and_moves_all_cameras(
     assert np.allclose(position.position, view.position)
     assert np.allclose(target.look_at, view.target)
     assert not position.initial
+
+
+def refused(header: dict[str, Any]) -> set[str]:
+    """Types of a scene's messages that the view does not hand on to viser's client."""
+    bridge = (STATIC / "js/viewer/bridge.js").read_text(encoding="utf-8")
+    taken = set(re.findall(r'"(\w+Message)"', bridge.partition("SHOWN")[2].partition("]")[0]))
+    # None of them brings text that could be a script; of a theme the links are left out.
+    assert not [name for name in taken if re.search("Gui|Notification|Html|Label", name)]
+    return {message["type"] for message in header["messages"]} - taken
+
+
+def test_bundle_has_the_nodes_properties_and_chain_that_pages_use(chain: Chain) -> None:
+    header, arrays = decode(bundle_of(chain))
+    kinds = {m["type"] for m in header["messages"]}
+    # What the page sends for each frame names these nodes and properties.
+    assert {"BatchedMeshesMessage", "GridMessage", "LineSegmentsMessage"} <= kinds
+    nodes = {m["name"]: m for m in header["messages"] if "props" in m}
+    assert {"/modules", "/ends", "/path", "/ground"} <= nodes.keys()
+    props = nodes["/modules"]["props"]
+    for name in ("batched_positions", "batched_wxyzs", "batched_colors"):
+        assert props[name]["column"] in arrays
+    assert {"opacity", "cast_shadow", "receive_shadow"} <= props.keys()
+    assert "points" in nodes["/path"]["props"]
+    assert refused(header) == set()
+    told = header["chain"]
+    assert told["modules"] == 16
+    assert told["hinge_names"] == list(chain.module.hinge_names)
+    assert np.allclose(arrays["folded_rad"], chain.folded_rad)
+    assert np.allclose(arrays["folded_positions"], chain.folded_poses.positions)
+
+
+def test_viser_has_the_messages_that_pages_make() -> None:
+    for name, fields in {
+        "SceneNodeUpdateMessage": {"name", "updates", "owner"},
+        "SetPositionMessage": {"name", "position", "owner"},
+        "SetSceneNodeVisibilityMessage": {"name", "visible", "owner"},
+        "RemoveSceneNodeMessage": {"name", "owner"},
+        "SetCameraPositionMessage": {"position", "initial"},
+        "SetCameraLookAtMessage": {"look_at", "initial"},
+        "ViewerCameraMessage": {"position", "look_at"},
+    }.items():
+        kind = getattr(messages, name)
+        assert fields <= set(kind.__dataclass_fields__), name
+
+
+def test_chains_of_one_kind_and_length_differ_only_in_shape() -> None:
+    one, two = (
+        Chain.from_angles(TETRAHEDRON, np.deg2rad(angles), name=name)
+        for angles, name in (([90.0, 90.0], "a"), ([-90.0, 90.0], "b"))
+    )
+    first, second = decode(bundle_of(one)), decode(bundle_of(two))
+    assert first[0]["messages"] == second[0]["messages"]
+    assert (first[0]["chain"]["name"], second[0]["chain"]["name"]) == ("a", "b")
+    assert not np.allclose(first[1]["folded_rad"], second[1]["folded_rad"])
+
+
+def test_scenes_do_not_wait_for_each_other_and_leave_no_server(chain: Chain) -> None:
+    before = threading.active_count()
+    with viser_scene(chain):
+        other = Chain.from_angles(TETRAHEDRON, np.deg2rad([90.0] * 5), name="d")
+        made = threading.Thread(target=bundle_of, args=(other,), daemon=True)
+        made.start()
+        made.join(20.0)
+        assert not made.is_alive()
+    assert threading.active_count() <= before

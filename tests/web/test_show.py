@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -102,12 +101,10 @@ def test_clicked_module_is_described(shown: Shown) -> None:
     shown.frame = 199
     shown._select(6)
     assert colours(shown)[6].tolist() == linear(SELECTED_RGB)
-    assert "**Module 7** of 16" in shown._controls.module.content
-    assert "joint_6_z: " in shown._controls.module.content
-    assert f"error {ERROR_AT_END} rad" in shown._controls.module.content
-    shown._select(0)
-    assert "without a joint of its own" in shown._controls.module.content
-    shown._select(0)  # once more lets go of it
+    told = shown._controls.module.content
+    for text in ("**Module 7** of 16", "joint_6_z: ", f"error {ERROR_AT_END} rad"):
+        assert text in told
+    shown._select(6)  # once more lets go of it
     assert shown._controls.module.content == "Click on a module."
 
 
@@ -150,17 +147,10 @@ def test_unusable_addresses_and_places_without_a_timeline_are_refused(
 
 
 def test_notebook_gets_an_escaped_iframe(shown: Shown) -> None:
-    found: list[tuple[str, dict[str, str | None]]] = []
-
-    class Reader(HTMLParser):
-        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-            found.append((tag, dict(attrs)))
-
-    Reader().feed(shown._repr_html_())
+    assert f'<iframe src="http://127.0.0.1:{shown.server.get_port()}"' in shown._repr_html_()
     shown.url = 'http://x/"><script>alert(1)</script>'
-    Reader().feed(shown._repr_html_())
-    assert [tag for tag, _ in found] == ["iframe", "iframe"]
-    assert found[0][1]["src"] == f"http://127.0.0.1:{shown.server.get_port()}"
+    assert "<script" not in shown._repr_html_()
+    assert 'x/">' not in shown._repr_html_()
 
 
 def test_newest_frame_is_followed_until_another_is_chosen(
@@ -197,14 +187,9 @@ def test_newest_frame_is_followed_until_another_is_chosen(
         live(Progress(stage="export", fraction=1.0, directory=str(path)))
 
 
-@pytest.fixture(scope="module")
-def folded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Path]:
-    directory = tmp_path_factory.mktemp("folded")
-    return fold(snake((2, 2, 3)), directory=directory), directory
-
-
-def test_plan_is_posed_as_its_timeline(folded: tuple[Plan, Path]) -> None:
-    plan, directory = folded
+def test_plan_is_posed_as_its_timeline(tmp_path: Path) -> None:
+    directory = tmp_path / "folded"
+    plan = fold(snake((2, 2, 3)), directory=directory)
     with show(plan, port=0) as shown, show(directory, port=0) as whole:
         first = int(np.argmax(Timeline.open(directory / "timeline.zarr").frames().phase))
         assert whole._playhead.last == first + shown._playhead.last
@@ -235,16 +220,11 @@ def test_windows_are_posed_as_their_timeline(peeled: Path) -> None:
         assert np.allclose(one.positions, other.positions, atol=1e-5)
         assert np.allclose(one.module_error_rad, other.module_error_rad, equal_nan=True)
         assert (one.phase, one.framed, one.time_s) == (other.phase, other.framed, other.time_s)
-
-
-def test_plan_of_windows_has_joint_errors(peeled: Path) -> None:
-    plan, view = Workspace(peeled).read_plan(), TimelineView(peeled / "timeline.zarr")
+    plan = Workspace(peeled).read_plan()
     moments = MotionMoments(plan.chain, plan.motion)
-    first = len(view) - len(moments)
-    frames = range(0, len(moments), 5)
-    errors = [moments.snapshot(k).module_error_rad for k in frames]
-    recorded = [view.snapshot(first + k).module_error_rad for k in frames]
-    assert np.array_equal(errors, recorded, equal_nan=True) and np.nanmax(errors) > 0.0
+    for frame in range(-len(moments), 0, 5):
+        one, other = moments.snapshot(len(moments) + frame), view.snapshot(len(view) + frame)
+        assert np.array_equal(one.module_error_rad, other.module_error_rad, equal_nan=True)
 
 
 def test_live_fold_is_followed_and_kept_without_its_folder() -> None:

@@ -1,6 +1,6 @@
-"""Moves the time of day of a process by what a file says, from one moment to the next.
+"""Shift the time of day of a process by the offset in a file, which can change at any moment.
 
-Clocks that measure durations are left alone, as they are when somebody sets a machine's clock.
+Clocks that measure durations do not change, as when the clock of a machine is set.
 """
 
 import mmap

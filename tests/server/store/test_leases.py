@@ -95,7 +95,7 @@ def test_lock_tells_of_dead_workers_of_this_machine_at_once(
     identity = WorkerIdentities(Settings(data_dir=tmp_path)).take()
     beat(leases, identity.name)
     assert leases.expired(()) == set()
-    identity.close()
+    identity.lock.close()
     assert len(leases.expired(())) == 1
 
 
@@ -170,11 +170,11 @@ def process(code: str, *arguments: str) -> Iterator[tuple[subprocess.Popen[str],
 def test_probe_for_dead_workers_takes_no_name(tmp_path: Path) -> None:
     identities = WorkerIdentities(Settings(data_dir=tmp_path))
     identity = identities.take()
-    identity.close()
+    identity.lock.close()
     with process(PROBE, str(tmp_path), identity.name), process(PROBE, str(tmp_path), identity.name):
         for _ in range(300):
             taken = identities.take()
-            taken.close()
+            taken.lock.close()
             assert taken.name == identity.name
 
 
@@ -187,4 +187,4 @@ def test_killed_worker_is_dead_at_once(tmp_path: Path) -> None:
         worker.kill()
         worker.wait()
         assert identities.dead([name, mine.name]) == {name}
-    mine.close()
+    mine.lock.close()

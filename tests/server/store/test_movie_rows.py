@@ -14,7 +14,7 @@ import pytest
 from server.errors import TooMany, Unavailable
 from server.jobs import movie_runner, progress
 from server.jobs.movie_runner import MovieJobs
-from server.jobs.movies import Movies, MovieState, NoSuchMovieError
+from server.jobs.movies import Movies, NoSuchMovieError
 from server.jobs.queue import MAX_LOSSES, MovieClaim
 from server.limits.networks import visitor_at
 from server.settings import Settings
@@ -48,7 +48,7 @@ class Process:
 
     def ask(
         self, movie: Movie, visitor: str, *, owner: Owner | None = None, of_owner: bool = False
-    ) -> tuple[MovieState, bool]:
+    ) -> tuple[MovieRow, bool]:
         owner = owner or new_owner()
         return self.movies.ask("a1", movie, visitor, owner=owner, of_owner=of_owner)
 
@@ -237,7 +237,7 @@ def test_movie_requested_by_stranger_and_owner_is_the_owners(
     stranger = new_owner()
     state = here.movies.state
 
-    def not_yet(fold_id: str, movie_id: str) -> MovieState:
+    def not_yet(fold_id: str, movie_id: str) -> MovieRow:
         monkeypatch.setattr(here.movies, "state", state)
         assert there.ask(MOVIES[0], "a stranger", owner=stranger)[1]
         raise NoSuchMovieError(movie_id)

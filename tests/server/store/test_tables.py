@@ -147,9 +147,8 @@ def test_first_schema_is_migrated_with_all_its_rows(
             # What is left of a cancelled one was not counted, and is to be swept.
             assert (row.bytes, row.derived_bytes) == (row.status == "cancelled", 0)
             assert row.pinned is False
-        assert store.counts() == dict.fromkeys(STATUSES, 1)
         assert [row.shape for row in store.list_public()] == ["mallet-64"]
-        assert len(store.list_owned(OWNER)) == len(STATUSES)
+        assert sorted(row.status for row in store.list_owned(OWNER)) == sorted(STATUSES)
         with store.reading() as session:
             unfinished = FoldRow.status.in_(RUNNING_STATUSES)
             found = set(session.scalars(sa.select(FoldRow.status).where(unfinished)))

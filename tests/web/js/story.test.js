@@ -150,10 +150,15 @@ test("a finished fold has no story", () => {
   assert.deepEqual([story.telling, playhead.is.playing], [false, false]);
 });
 
-test("the story does not start on a page without autoplay", () => {
+test("the address says whether the motion plays", () => {
   const { send, pass, playhead, story } = told();
-  Object.assign(globalThis, { addEventListener() {}, location: { hash: "", search: "?autoplay=0" } });
-  new Place({ player: { on() {}, send }, view: () => null, colour() {}, path() {} }, false).go();
+  const go = (search) => {
+    Object.assign(globalThis, { addEventListener() {}, location: { hash: "", search } });
+    new Place({ player: { on() {}, send }, view: () => null, colour() {}, path() {} }, false).go();
+  };
+  go("?autoplay=0");
   assert.equal(pass(3), 0);
   assert.ok(!playhead.is.playing && !story.telling);
+  go("?autoplay=1");
+  assert.ok(pass(1) > 0);
 });

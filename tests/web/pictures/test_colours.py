@@ -24,17 +24,13 @@ def redness(colours: np.ndarray) -> np.ndarray:
     return colours[..., 0] - colours[..., 1:].mean(axis=-1)
 
 
-@given(st.floats(0.0, 1.0))
-def test_srgb_and_linear_undo_one_another(value: float) -> None:
-    there = linear_from_srgb(np.array(value))
-    assert srgb_from_linear(there) == pytest.approx(value, abs=1e-6)
-
-
 def test_linear_light_of_known_greys() -> None:
     # 18 % grey is 118 in sRGB; black and white stay.
     assert linear_from_srgb(np.array([0.0, 118 / 255, 1.0])) == pytest.approx(
         [0.0, 0.181, 1.0], abs=1e-3
     )
+    values = np.linspace(0.0, 1.0, 50)
+    assert srgb_from_linear(linear_from_srgb(values)) == pytest.approx(values, abs=1e-6)
     assert instance_colours(np.array([[0, 118, 255]], np.uint8)).tolist() == [[0, 46, 255]]
 
 

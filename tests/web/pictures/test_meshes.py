@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 
 from planner.chain.chain import Chain
-from planner.chain.module import CUBE, MODULES, TETRAHEDRON, Module
+from planner.chain.module import CUBE, MODULES, Module
 from planner.chain.path import Path
 from web.pictures.camera import FIELD_OF_VIEW_RAD
-from web.pictures.meshes import DISPLAYED_MODULE_SIZE, MODULE_BEVEL, module_mesh, stud_mesh
+from web.pictures.meshes import DISPLAYED_MODULE_SIZE, module_mesh, stud_mesh
 from web.pictures.module_faces import module_faces
 from web.pictures.sketch import sketch_outline
 from web.pictures.table_top import MIN_TABLE_SIDE_PITCH, TABLE_MARGIN_PITCH, TableTop, disc_mesh
 
 CHAIN = Chain.from_path(Path.from_cells([(x, 0, 0) for x in range(12)] + [(11, 1, 0), (11, 1, 1)]))
 TABLE = TableTop.under(CHAIN, CHAIN.folded_poses.positions)
-both_modules = pytest.mark.parametrize("module", [CUBE, TETRAHEDRON], ids=lambda m: m.name)
 
 
 def volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
@@ -40,22 +39,10 @@ def test_meshes_are_closed_and_turn_outwards() -> None:
     for mesh in (module_mesh(CUBE), stud_mesh(), TABLE.mesh()):
         assert_closed(mesh.vertices, mesh.faces)
         assert volume(mesh.vertices, mesh.faces) > 0
+    assert np.abs(module_mesh(CUBE).vertices).max() == pytest.approx(DISPLAYED_MODULE_SIZE / 2)
 
 
-def test_cube_leaves_a_gap_and_all_edges_and_corners_are_cut() -> None:
-    mesh = module_mesh(CUBE)
-    side = DISPLAYED_MODULE_SIZE
-    assert np.abs(mesh.vertices).max() == pytest.approx(side / 2)
-    assert len(mesh.vertices) == 24  # four for each face
-    # Each edge loses a prism with legs of the bevel, each corner a bit more.
-    least, most = (side**3 - edges * MODULE_BEVEL**2 / 2 for edges in (12 * side, 11 * 0.8))
-    assert least <= volume(mesh.vertices, mesh.faces) < most
-    corners = mesh.vertices[None] - side * CUBE.vertices[:, None]
-    nearest = np.linalg.norm(corners, axis=-1).min(axis=1)
-    assert nearest == pytest.approx(MODULE_BEVEL * np.sqrt(2))
-
-
-@both_modules
+@pytest.mark.parametrize("module", MODULES.values(), ids=MODULES)
 def test_faces_of_a_module_close_to_its_mesh_and_bevels_turn_aside(module: Module) -> None:
     pieces = module_faces(module)
     assert len(pieces) == {"cube": 6, "tetrahedron": 4}[module.name]
@@ -74,9 +61,8 @@ def test_faces_of_a_module_close_to_its_mesh_and_bevels_turn_aside(module: Modul
         assert piece.middle @ piece.normal == pytest.approx(height)
 
 
-@pytest.mark.parametrize("name", sorted(MODULES))
-def test_drawn_hull_is_closed_and_turns_outwards(name: str) -> None:
-    module = MODULES[name]
+@pytest.mark.parametrize("module", MODULES.values(), ids=MODULES)
+def test_drawn_hull_is_closed_and_turns_outwards(module: Module) -> None:
     outline = sketch_outline(module, 2)
     assert outline["modules"] == 2
     assert outline["field_of_view_rad"] == pytest.approx(FIELD_OF_VIEW_RAD)
@@ -98,8 +84,6 @@ def test_table_is_below_all_modules_and_larger_than_the_motion() -> None:
     mesh = TABLE.mesh()
     full = TABLE.thickness * TABLE.sides[0] * TABLE.sides[1]
     assert 0.85 * full < volume(mesh.vertices, mesh.faces) < full
-    heights = (TABLE.height - TABLE.thickness, TABLE.height)
-    assert (mesh.vertices[:, 2].min(), mesh.vertices[:, 2].max()) == pytest.approx(heights)
     disc = disc_mesh()
     a, b, c = (disc.vertices[disc.faces[:, k]] for k in range(3))
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.chain.module import CUBE, MODULES, Module
+from planner.chain.module import CUBE, MODULES, TETRAHEDRON, Module
 from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD
 from web.pictures.colours import MAX_ERROR_RGB, NO_ERROR_RGB, STALLED_RGB
 from web.pictures.still import still
+from web.pictures.visible import MAX_FULLY_DRAWN_MODULES, visible_modules
 
 POSITIONS = np.array([(x, 0.0, 0.0) for x in range(6)])
 UPRIGHT = np.tile([1.0, 0.0, 0.0, 0.0], (6, 1))
@@ -22,7 +23,7 @@ def pixels(colours: np.ndarray, **how: object) -> np.ndarray:
     return np.asarray(picture).astype(int)
 
 
-@pytest.mark.parametrize("module", [CUBE, MODULES["tetrahedron"]])
+@pytest.mark.parametrize("module", MODULES.values())
 def test_only_modules_are_drawn_and_none_is_cut_off(module: Module) -> None:
     drawn = pixels(np.tile(np.array(NO_ERROR_RGB, np.uint8), (6, 1)), module=module)
     alpha = drawn[..., 3]
@@ -36,17 +37,16 @@ def test_colours_are_those_of_the_modules_and_a_part_is_seen_larger() -> None:
     colours[2], colours[3] = STALLED_RGB, MAX_ERROR_RGB
     whole = pixels(colours)
     near = pixels(colours, around=POSITIONS[2:4])
-    orange, red = (
-        [
-            int(((p[..., 3] == 255) & (p[..., 0] - p[..., 2] > 60) & test(p)).sum())
+    for least, most in ((0.4, 1.0), (0.0, 0.3)):  # of green in orange, and in red
+        few, many = (
+            (
+                (p[..., 3] == 255)
+                & (p[..., 0] - p[..., 2] > 60)
+                & (p[..., 1] >= least * p[..., 0])
+                & (p[..., 1] <= most * p[..., 0])
+            ).sum()
             for p in (whole, near)
-        ]
-        for test in (
-            lambda p: p[..., 1] > 0.4 * p[..., 0],
-            lambda p: p[..., 1] < 0.3 * p[..., 0],
         )
-    )
-    for few, many in (orange, red):
         assert 20 < few < many / 2
 
 
@@ -61,3 +61,22 @@ def test_what_is_flat_is_not_seen_by_its_edge() -> None:
     alpha = np.asarray(still(CUBE, wall, upright, grey, size=(240, 150)))[..., 3]
     rows, columns = np.nonzero(alpha)
     assert min(np.ptp(rows), np.ptp(columns)) > 75
+
+
+BOX = np.stack(np.meshgrid(*[np.arange(20.0)] * 3), axis=-1).reshape(-1, 3)
+
+
+def test_of_a_large_box_the_surface_is_drawn() -> None:
+    drawn = visible_modules(BOX, CUBE, target=BOX.mean(axis=0))
+    surface = ((BOX == 0) | (BOX == 19)).any(axis=1)
+    assert np.array_equal(drawn, np.flatnonzero(surface))
+    # Of fewer all are drawn.
+    assert len(visible_modules(BOX[:1000], CUBE, target=BOX[0])) == 1000
+
+
+def test_of_a_long_rod_the_nearest_are_drawn() -> None:
+    rod = np.arange(10_000.0)[:, None] * [1.0, 0.0, 0.0]
+    drawn = visible_modules(rod, TETRAHEDRON, target=np.array([5000.0, 0, 0]))
+    assert len(drawn) == MAX_FULLY_DRAWN_MODULES
+    assert (np.diff(drawn) == 1).all()
+    assert abs(drawn.mean() - 5000) < 1

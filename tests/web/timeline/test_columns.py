@@ -41,15 +41,12 @@ def test_steps_are_precise_to_half_a_step_and_save_space() -> None:
 def test_short_numbers_keep_nan() -> None:
     values = np.array([[np.nan, 0.0, 1.0], [-2.7e-5, 3.14159, 1e-30]])
     _, found = decode(encode({}, {"a": values}, short=frozenset({"a"})))
-    assert np.array_equal(np.isnan(found["a"]), np.isnan(values))
-    known = ~np.isnan(values)
-    assert np.allclose(found["a"][known], values[known], rtol=1 / 256)
+    assert np.allclose(found["a"], values, rtol=1 / 256, equal_nan=True)
 
 
 def test_empty_columns_are_encoded() -> None:
-    columns = {"a": np.zeros((0, 4)), "b": np.zeros((0, 4))}
-    _, found = decode(encode({}, columns, steps={"b": 0.1}))
-    assert found["a"].shape == found["b"].shape == (0, 4)
+    _, found = decode(encode({}, {"a": np.zeros((0, 4))}, steps={"a": 0.1}))
+    assert found["a"].shape == (0, 4)
 
 
 @pytest.mark.parametrize("odd", [np.nan, np.inf, 1e9])

@@ -1,9 +1,6 @@
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -57,61 +54,6 @@ def test_batch_has_a_stride_and_a_largest_size_and_ends_with_the_timeline(
     assert found["joint_angles_rad"].shape[0] == 0
 
 
-def test_batch_of_a_timeline_begun_anew_has_another_id(
-    growing: tuple[Path, TimelineWriter, Callable[[int], None]],
-) -> None:
-    path, _, add = growing
-    timeline = TimelineView(path)
-    first, _ = decode(batch_of(timeline))
-    add(5)
-    timeline.refresh(at_once=True)
-    more, _ = decode(batch_of(timeline, 10))
-    assert more["id"] == first["id"]
-    assert (more["start"], more["stop"], more["status"]) == (10, 15, "growing")
-    with TimelineWriter.create(path, timeline.chain) as writer:
-        writer.append(Timeline.open(path).frames(0, 0))
-    timeline.refresh(at_once=True)
-    assert timeline.id != first["id"]
-
-
-def test_no_batch_mixes_two_timelines(
-    growing: tuple[Path, TimelineWriter, Callable[[int], None]], chain: Chain
-) -> None:
-    path, _, _ = growing
-    timeline = TimelineView(path)
-    frames, over = Timeline.open(path).frames(), threading.Event()
-
-    def writes() -> None:
-        """Begins anew with other times, and another number of frames."""
-        for edition in range(1, 11):
-            with TimelineWriter.create(path, chain) as writer:
-                some = frames[: 10 - edition % 2 * 7]
-                writer.append(replace(some, time_s=np.full(len(some), float(edition))))
-        over.set()
-
-    def looks() -> None:
-        while not over.is_set():
-            timeline.refresh(at_once=True)
-
-    with ThreadPoolExecutor(2) as pool:
-        done = [pool.submit(writes), pool.submit(looks)]
-        whole = 0
-        while not over.is_set():
-            try:
-                header, found = decode(cached_batch(timeline))
-            except TimelineError:
-                continue
-            whole += 1
-            assert len(found["time_s"]) == header["stop"] == header["total"]
-            assert len(set(found["time_s"].tolist())) <= 1
-            assert np.allclose(np.linalg.norm(found["root_wxyz"], axis=1), 1.0)
-        for one in done:
-            one.result()
-    assert whole
-    timeline.refresh(at_once=True)
-    assert decode(cached_batch(timeline))[0]["total"] == 10
-
-
 def test_batch_mixes_no_frames_of_a_timeline_replaced_meanwhile(
     growing: tuple[Path, TimelineWriter, Callable[[int], None]],
     chain: Chain,
@@ -152,10 +94,13 @@ def test_batch_is_made_anew_when_its_timeline_grows(
 ) -> None:
     path, writer, add = growing
     timeline = TimelineView(path)
-    assert decode(cached_batch(timeline))[0]["total"] == 10
+    first, _ = decode(cached_batch(timeline))
+    assert first["total"] == 10
     add(5)
     timeline.refresh(at_once=True)
-    assert decode(cached_batch(timeline))[0]["total"] == 15
+    more, _ = decode(cached_batch(timeline, 10))
+    assert (more["start"], more["stop"], more["status"]) == (10, 15, "growing")
+    assert more["id"] == first["id"]
     writer.close()
     timeline.refresh(at_once=True)
     assert decode(cached_batch(timeline))[0]["status"] == "complete"
@@ -166,6 +111,10 @@ def test_batch_is_made_anew_when_its_timeline_grows(
     assert np.array_equal(
         decode(cached_batch(timeline))[1]["time_s"], Timeline.open(path).frames().time_s
     )
+    with TimelineWriter.create(path, timeline.chain) as writer:
+        writer.append(some)
+    timeline.refresh(at_once=True)
+    assert decode(cached_batch(timeline))[0]["id"] != first["id"]
 
 
 CHAIN = peels.snake((4, 4, 6))
@@ -174,22 +123,17 @@ OFF = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True, off=1e-3)
 
 
 @pytest.fixture(scope="module")
-def long_film(tmp_path_factory: pytest.TempPathFactory) -> TimelineView:
-    return TimelineView(
-        long_folds.write(tmp_path_factory.mktemp("long") / "timeline.zarr", CHAIN, LONG)
-    )
+def films(tmp_path_factory: pytest.TempPathFactory) -> list[TimelineView]:
+    """Timelines of a long fold: not simulated, and simulated."""
+    place = tmp_path_factory.mktemp("long")
+    return [
+        TimelineView(long_folds.write(place / f"{k}.zarr", CHAIN, motion))
+        for k, motion in enumerate((LONG, OFF))
+    ]
 
 
-@pytest.fixture(scope="module")
-def off_film(tmp_path_factory: pytest.TempPathFactory) -> TimelineView:
-    """The same, simulated."""
-    return TimelineView(
-        long_folds.write(tmp_path_factory.mktemp("off") / "timeline.zarr", CHAIN, OFF)
-    )
-
-
-def test_long_fold_is_sent_as_windows(long_film: TimelineView) -> None:
-    header, found = decode(batch_of(long_film, 30, 90, 4))
+def test_long_fold_is_sent_as_windows(films: list[TimelineView]) -> None:
+    header, found = decode(batch_of(films[0], 30, 90, 4))
     assert (header["start"], header["stop"], header["total"]) == (30, 90, len(LONG))
     told = windows_of(found, CHAIN.folded_rad)
     expected = LONG[30:90:4]
@@ -200,9 +144,8 @@ def test_long_fold_is_sent_as_windows(long_film: TimelineView) -> None:
     assert set(header["outline"]["errors"]) == {None}
 
 
-def test_errors_of_a_simulated_long_fold_are_sent(
-    off_film: TimelineView, long_film: TimelineView
-) -> None:
+def test_errors_of_a_simulated_long_fold_are_sent(films: list[TimelineView]) -> None:
+    long_film, off_film = films
     header, found = decode(batch_of(off_film))
     told = windows_of(found, CHAIN.folded_rad)
     assert np.array_equal(told.recorded, OFF.phase == PHASES.index("playback"))
@@ -214,23 +157,22 @@ def test_errors_of_a_simulated_long_fold_are_sent(
     assert unpacked_bytes(off_film) == pytest.approx(kinematic + 4 * len(OFF.angles_rad), rel=0.1)
 
 
-@pytest.mark.parametrize("stride", [1, 3])
-def test_long_batch_has_a_largest_size(off_film: TimelineView, stride: int) -> None:
+def test_long_batch_has_a_largest_size(films: list[TimelineView]) -> None:
     seen: list[float] = []
     start = 0
     while start < len(LONG):
-        header, found = decode(batch_of(off_film, start, stride=stride, largest=12000))
+        header, found = decode(batch_of(films[1], start, stride=3, largest=12000))
         assert header["start"] == start < header["stop"]
         held = 4 * len(found["steps"]) + 4 * len(found.get("errors_rad", ()))
         assert 80 * len(found["time_s"]) + held <= 12000
         seen += found["time_s"].tolist()
-        start = header["stop"] + -header["stop"] % stride
-    assert seen == LONG.time_s[::stride].tolist()
-    assert len(decode(batch_of(off_film, 10, largest=1))[1]["time_s"]) == 1
+        start = header["stop"] + -header["stop"] % 3
+    assert seen == LONG.time_s[::3].tolist()
+    assert len(decode(batch_of(films[1], 10, largest=1))[1]["time_s"]) == 1
 
 
-def test_long_fold_is_thinned(off_film: TimelineView) -> None:
-    header, found = decode(thinned(off_film, 10))
+def test_long_fold_is_thinned(films: list[TimelineView]) -> None:
+    header, found = decode(thinned(films[1], 10))
     assert header["total"] == len(found["time_s"]) == len(range(0, len(LONG), 10)) + 1
     assert found["time_s"][-1] == LONG.time_s[-1]
     last = windows_of(found, CHAIN.folded_rad)[-1:]

@@ -31,28 +31,22 @@ def fold(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory
 
 
-def test_curves_are_those_of_the_figures(fold: Path) -> None:
+def test_curves_and_stretches_are_those_of_the_figures(fold: Path) -> None:
     header, arrays = decode(curves_of(fold))
     figures = Figures.load(fold / "figures.zarr")
     assert header["frames"] == len(figures)
     assert header["torque_at_some_frames"] is False
     assert np.allclose(arrays["min_clearance"], figures.min_clearance)
     assert header["largest"]["torque"] == pytest.approx(np.nanmax(figures.peak_torque_nm))
-
-
-def test_stretches_hold_the_figures_of_every_module(fold: Path) -> None:
-    header, _ = decode(curves_of(fold))
-    rows, total = header["rows"], header["frames"]
-    found = [decode(stretch_of(fold, k))[1] for k in range(-(-total // rows))]
-    figures = Figures.load(fold / "figures.zarr")
     for name, whole in (("clearance", figures.clearance), ("nearest", figures.nearest)):
-        assert np.array_equal(np.concatenate([f[name] for f in found]), whole)
+        assert np.array_equal(stretched(fold, name), whole)
 
 
-def position_errors(fold: Path) -> np.ndarray:
+def stretched(fold: Path, name: str) -> np.ndarray:
+    """A figure of every module, put together from all stretches."""
     header, _ = decode(curves_of(fold))
     parts = range(-(-header["frames"] // header["rows"]))
-    return np.concatenate([decode(stretch_of(fold, k))[1]["position_error"] for k in parts])
+    return np.concatenate([decode(stretch_of(fold, k))[1][name] for k in parts])
 
 
 @pytest.mark.parametrize("kind", ["fold", "peeled"])
@@ -63,7 +57,7 @@ def test_position_errors_are_those_of_the_joint_errors(
     plan = Plan.load(fold / "plan.npz")
     timeline = Timeline.open(fold / "timeline.zarr")
     first = len(timeline) - len(plan.time_s)
-    errors = position_errors(fold)
+    errors = stretched(fold, "position_error")
     assert np.isnan(errors[:first]).all()
     frame = int(np.nanargmax(np.nanmax(errors[first:], axis=1)))
     played = timeline.frames(first + frame, first + frame + 1)

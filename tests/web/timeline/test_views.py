@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from web.timeline import views
+from web.timeline.cache import Cache
 from web.timeline.view import TimelineView
 from web.timeline.views import TimelineViews
 
@@ -15,28 +16,22 @@ def copies(timeline: Path, place: Path, count: int) -> list[Path]:
     return [Path(shutil.copytree(timeline, place / f"{k}.zarr")) for k in range(count)]
 
 
-@pytest.fixture
-def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The paths of the timelines that were opened, in turn."""
-    found: list[str] = []
+def test_views_stay_open_within_the_memory_limit(
+    timeline_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
 
     def counting(path: str) -> TimelineView:
-        found.append(path)
+        opened.append(Path(path).stem)
         return TimelineView(path)
 
     monkeypatch.setattr(views, "TimelineView", counting)
-    return found
-
-
-def test_views_stay_open_within_the_memory_limit(
-    timeline_path: Path, tmp_path: Path, opened: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
     shared, paths = TimelineViews(), copies(timeline_path, tmp_path, 3)
     monkeypatch.setattr(views, "MAX_VIEW_CACHE_BYTES", 2 * TimelineView(paths[0]).nbytes)
     for path in (*paths, paths[2], paths[1], paths[0]):
         timeline = shared.get(path)
         assert timeline and timeline.path == str(path)
-    assert [Path(path).stem for path in opened] == ["0", "1", "2", "0"]
+    assert opened == ["0", "1", "2", "0"]
 
 
 def test_slow_timeline_does_not_delay_another(
@@ -74,3 +69,24 @@ def test_missing_timeline_is_looked_for_again(timeline_path: Path, tmp_path: Pat
     assert shared.get(path) is None
     shutil.copytree(timeline_path, path)
     assert shared.get(path) is not None
+
+
+def test_cache_drops_what_was_asked_for_least_recently() -> None:
+    cache: Cache[str] = Cache(10, len)
+    cache.keep("a", "aaaa")
+    cache.keep("b", "bbbb")
+    assert cache.get("a") == "aaaa"
+    cache.keep("c", "cccc")
+    assert [cache.get(key) for key in "abc"] == ["aaaa", None, "cccc"]
+    cache.keep("d", 11 * "d")  # larger than all of it
+    assert [cache.get(key) for key in "acd"] == ["aaaa", "cccc", None]
+    cache.clear()
+    assert cache.get("a") is None
+
+
+def test_cache_counts_a_replaced_value_once() -> None:
+    cache: Cache[str] = Cache(10, len)
+    cache.keep("a", "aaaa")
+    for size in (6, 5, 6):
+        cache.keep("b", size * "b")
+    assert [cache.get(key) for key in "ab"] == ["aaaa", "bbbbbb"]

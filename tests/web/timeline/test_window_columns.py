@@ -41,11 +41,10 @@ def assert_same(found: Motion, windows: Motion) -> None:
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-3])
-@pytest.mark.parametrize("stride", [1, 7, 40])
-def test_windows_are_decoded_as_encoded(stride: int, off: float) -> None:
+def test_windows_are_decoded_as_encoded(off: float) -> None:
     windows = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True, off=off)
-    assert_same(there_and_back(windows[::stride]), windows[::stride])
-    assert_same(there_and_back(windows[:0]), windows[:0])
+    for some in (windows, windows[::40], windows[:0]):
+        assert_same(there_and_back(some), some)
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-3])
@@ -73,12 +72,3 @@ def test_motion_that_was_not_simulated_has_no_error_columns() -> None:
     simulated = window_columns(playback, CHAIN.folded_rad)
     assert simulated.keys() - told.keys() == {"errors_rad", "recorded"}
     assert simulated["recorded"].all()
-
-
-def test_resting_hinges_take_little_space() -> None:
-    windows = long_folds.fold(CHAIN, width=20, step=1.3)
-    one = windows[np.full(200, 30)]
-    still = encode({}, window_columns(one, CHAIN.folded_rad), planes=PLANE_COLUMNS)
-    moving = encode({}, window_columns(windows[:200], CHAIN.folded_rad), planes=PLANE_COLUMNS)
-    assert len(still) < len(moving) / 5
-    assert_same(windows_of(decode(still)[1], CHAIN.folded_rad), dataclasses.replace(one))
