@@ -37,7 +37,7 @@ COMPUTE = """(count) => {
   timeline.snapshot(first);
   const begun = performance.now();
   for (let k = 0; k < count; k++) {
-    player.state.shown = timeline.peek(first + 0.7 * k);
+    player.shown = timeline.peek(first + 0.7 * k);
     player.aim();
     const colours = player.colours();
     player.stage.modules(player.shown, colours);

@@ -16,7 +16,7 @@ def table() -> str:
     """Return the table in Markdown: one setting per line."""
     lines = ["| setting | default | meaning |", "|---|---|---|"]
     for name, field in Settings.model_fields.items():
-        words = (field.description or "").replace("|", "\\|")
+        words = " ".join((field.description or "").split()).replace("|", "\\|")
         lines.append(f"| `FOLDBACK_{name.upper()}` | {default(name, field)} | {words} |")
     return "\n".join(lines) + "\n"
 

@@ -13,7 +13,14 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 from urllib.parse import urlsplit
 
-from pydantic import Field, SecretStr, ValidationInfo, field_validator
+from pydantic import (
+    Field,
+    NonNegativeFloat,
+    PositiveFloat,
+    SecretStr,
+    ValidationInfo,
+    field_validator,
+)
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from planner.files import refuses_writing
@@ -24,350 +31,220 @@ VARIABLE_PREFIX: Final = "FOLDBACK_"
 MIN_TOKEN_LENGTH: Final = 16
 """Minimum length of an operator's access token, in characters; the service does not start with a
 shorter one. With a smaller value tokens could be guessed. Chosen."""
+Count = Annotated[int, Field(ge=1)]
+"""Whole number, at least 1."""
+Names = Annotated[tuple[str, ...], NoDecode]
+"""Names, which a variable separates by commas."""
 
 
 class Settings(BaseSettings):
     """All settings, with defaults for one small machine."""
 
     model_config = SettingsConfigDict(
-        env_prefix=VARIABLE_PREFIX, frozen=True, extra="ignore", allow_inf_nan=False
+        env_prefix=VARIABLE_PREFIX,
+        frozen=True,
+        extra="ignore",
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
     )
 
-    host: str = Field(default="127.0.0.1", description="Address to listen on.")
-    port: int = Field(
-        default=8000, ge=0, le=65535, description="Port to listen on; 0 picks a free one."
-    )
-    base_path: str = Field(
-        default="",
-        pattern=r"^(/[A-Za-z0-9_.~-]+)*$",
-        description="Path of the service behind a proxy, as `/fold`. Default: the root.",
-    )
-    data_dir: Path = Field(default=Path("data"), description="Directory of folds and database.")
-    database_url: str | None = Field(
-        default=None,
-        description="Database address, as postgresql://…. Default: SQLite in data_dir.",
-    )
-    jobs_url: str | None = Field(
-        default=None,
-        description="Not used: the queue is in database_url. Kept so that old settings still work.",
-    )
-    storage_url: str | None = Field(
-        default=None,
-        description="Object store for the files of folds, as s3://bucket/prefix, configured by "
-        "the usual AWS_… variables. Needs pip install 'foldback[storage]'. Default: data_dir.",
-    )
-    cache_bytes: int = Field(
-        default=2048 * MIB_BYTES,
-        ge=MIB_BYTES,
-        description="Disk space for local copies of files from the object store.",
-    )
-    storage_bytes: int | None = Field(
-        default=None,
-        ge=MIB_BYTES,
-        description="Storage for all folds. When it is full, files that can be recreated are "
-        "deleted first, then the folds that have gone unviewed for longest.",
-    )
-    storage_of_visitor_bytes: int | None = Field(
-        default=None,
-        ge=MIB_BYTES,
-        description="Storage for the folds of one visitor, waiting folds included. Exports, "
-        "pictures and movies do not count.",
-    )
-    keep_days: float | None = Field(
-        default=None,
-        gt=0,
-        description="Days after which a fold that is not viewed is deleted. Default: never. "
-        "Gallery folds and pinned folds stay.",
-    )
-    imprint_url: str | None = Field(
-        default=None,
-        description="Address of a page about the operator of the service, as https://…. The page "
-        "`/privacy` links to it.",
-    )
-    origins: Annotated[tuple[str, ...], NoDecode] = Field(
-        default=(),
-        description="Other origins (scheme://host), separated by commas, whose pages may change "
-        "folds of this service.",
-    )
-    allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
-        default=(),
-        description="Host names that requests may use, separated by commas; * allows any name, "
-        "*.example.org all subdomains. This machine's own names are always allowed. Default: no "
-        "others on a loopback address, any name on a public address. Set it on public "
-        "addresses and behind proxies, against DNS rebinding.",
-    )
+    host: str = "127.0.0.1"
+    """Address to listen on."""
+    port: int = Field(default=8000, ge=0, le=65535)
+    """Port to listen on; 0 picks a free one."""
+    base_path: str = Field(default="", pattern=r"^(/[A-Za-z0-9_.~-]+)*$")
+    """Path of the service behind a proxy, as `/fold`. Default: the root."""
+    data_dir: Path = Path("data")
+    """Directory of folds and database."""
+    database_url: str | None = None
+    """Database address, as postgresql://…. Default: SQLite in data_dir."""
+    jobs_url: str | None = None
+    """Not used: the queue is in database_url. Kept so that old settings still work."""
+    storage_url: str | None = None
+    """Object store for the files of folds, as s3://bucket/prefix, configured by the usual AWS_…
+    variables. Needs pip install 'foldback[storage]'. Default: data_dir."""
+    cache_bytes: int = Field(default=2048 * MIB_BYTES, ge=MIB_BYTES)
+    """Disk space for local copies of files from the object store."""
+    storage_bytes: int | None = Field(default=None, ge=MIB_BYTES)
+    """Storage for all folds. When it is full, files that can be recreated are deleted first, then
+    the folds that have gone unviewed for longest."""
+    storage_of_visitor_bytes: int | None = Field(default=None, ge=MIB_BYTES)
+    """Storage for the folds of one visitor, waiting folds included. Exports, pictures and movies do
+    not count."""
+    keep_days: float | None = Field(default=None, gt=0)
+    """Days after which a fold that is not viewed is deleted. Default: never. Gallery folds and
+    pinned folds stay."""
+    imprint_url: str | None = None
+    """Address of a page about the operator of the service, as https://…. The page `/privacy` links
+    to it."""
+    origins: Names = ()
+    """Other origins (scheme://host), separated by commas, whose pages may change folds of this
+    service."""
+    allowed_hosts: Names = ()
+    """Host names that requests may use, separated by commas; * allows any name, *.example.org all
+    subdomains. This machine's own names are always allowed. Default: no others on a loopback
+    address, any name on a public address. Set it on public addresses and behind proxies, against
+    DNS rebinding."""
 
-    log_format: Literal["text", "json"] = Field(
-        default="text", description="Format of log lines: text for people, or JSON."
-    )
-    log_level: Literal["debug", "info", "warning", "error"] = Field(
-        default="info", description="Lowest level of logged messages."
-    )
-    metrics_public: bool = Field(
-        default=False,
-        description="Let anyone read `/metrics`, without the token below.",
-    )
-    metrics_token: SecretStr | None = Field(
-        default=None,
-        description="Token (at least 16 characters) for `/metrics`, sent as `Authorization: "
-        "Bearer …`. Without a token, `/metrics` is closed, even to this machine.",
-    )
-    leave_s: float = Field(
-        default=0.0,
-        ge=0,
-        description="Time between a request to stop and the end of `serve`. Meanwhile `/ready` "
-        "returns 503, so that a load balancer stops sending requests.",
-    )
-    otlp_endpoint: str | None = Field(
-        default=None,
-        description="Address to which workers send OpenTelemetry traces of folds (OTLP over "
-        "HTTP), as http://host:4318/v1/traces; needs the extra `foldback[otel]`.",
-    )
-    trusted_proxies: Annotated[tuple[str, ...], NoDecode] = Field(
-        default=("127.0.0.0/8", "::1"),
-        description="Addresses or networks of proxies, separated by commas. X-Forwarded-For and "
-        "X-Forwarded-Proto are trusted from these proxies and ignored from other senders.",
-    )
+    log_format: Literal["text", "json"] = "text"
+    """Format of log lines: text for people, or JSON."""
+    log_level: Literal["debug", "info", "warning", "error"] = "info"
+    """Lowest level of logged messages."""
+    metrics_public: bool = False
+    """Let anyone read `/metrics`, without the token below."""
+    metrics_token: SecretStr | None = None
+    """Token (at least 16 characters) for `/metrics`, sent as `Authorization: Bearer …`. Without a
+    token, `/metrics` is closed, even to this machine."""
+    leave_s: NonNegativeFloat = 0.0
+    """Time between a request to stop and the end of `serve`. Meanwhile `/ready` returns 503, so
+    that a load balancer stops sending requests."""
+    otlp_endpoint: str | None = None
+    """Address to which workers send OpenTelemetry traces of folds (OTLP over HTTP), as
+    http://host:4318/v1/traces; needs the extra `foldback[otel]`."""
+    trusted_proxies: Names = ("127.0.0.0/8", "::1")
+    """Addresses or networks of proxies, separated by commas. X-Forwarded-For and X-Forwarded-Proto
+    are trusted from these proxies and ignored from other senders."""
 
-    workers: int = Field(default=1, ge=0, le=64, description="Worker processes started by `serve`.")
-    folds_per_worker: int = Field(
-        default=1,
-        ge=1,
-        le=64,
-        description="Folds that a worker computes at once. It also runs as many folds of up to 10 "
-        "s.",
-    )
-    prewarm: bool = Field(
-        default=True,
-        description="Prepare the compiled solvers and the first page at start. `false` saves "
-        "about 500 MB while the service is idle, but the first visitor waits some seconds longer. "
-        "Start each new version once with `true`, which compiles the solvers.",
-    )
-    finished_folds: bool = Field(
-        default=True,
-        description="Add the package's finished folds to a new database. Deleted ones are "
-        "not added again.",
-    )
-    lease_s: float = Field(
-        default=15.0,
-        gt=0,
-        description="Time without a heartbeat after which a worker counts as dead. Other workers "
-        "then take over its folds.",
-    )
-    drain_s: float = Field(
-        default=0.0,
-        ge=0,
-        description="Time for which a stopping worker may finish its folds. Folds that are not "
-        "finished by then go back to the queue.",
-    )
-    largest_queue: int = Field(
-        default=256,
-        ge=1,
-        description="Maximum number of waiting folds. A network may use half of the free places "
-        "if no other network waits, a third if one other network waits, and so on.",
-    )
-    largest_queue_of_visitor: int = Field(
-        default=16, ge=1, description="Maximum number of one visitor's waiting folds."
-    )
-    largest_queue_seconds: float = Field(
-        default=7200.0,
-        gt=0,
-        description="Maximum estimated computing time of all waiting folds, s. Networks share "
-        "it like the places in the queue.",
-    )
-    largest_queue_seconds_of_visitor: float = Field(
-        default=1800.0,
-        gt=0,
-        description="Maximum estimated computing time of one visitor's waiting folds, s. A single "
-        "fold may take longer.",
-    )
+    workers: int = Field(default=1, ge=0, le=64)
+    """Worker processes started by `serve`."""
+    folds_per_worker: int = Field(default=1, ge=1, le=64)
+    """Folds that a worker computes at once. It also runs as many folds of up to 10 s."""
+    prewarm: bool = True
+    """Prepare the compiled solvers and the first page at start. `false` saves about 500 MB while
+    the service is idle, but the first visitor waits some seconds longer. Start each new version
+    once with `true`, which compiles the solvers."""
+    finished_folds: bool = True
+    """Add the package's finished folds to a new database. Deleted ones are not added again."""
+    lease_s: PositiveFloat = 15.0
+    """Time without a heartbeat after which a worker counts as dead. Other workers then take over
+    its folds."""
+    drain_s: NonNegativeFloat = 0.0
+    """Time for which a stopping worker may finish its folds. Folds that are not finished by then go
+    back to the queue."""
+    largest_queue: Count = 256
+    """Maximum number of waiting folds. A network may use half of the free places if no other
+    network waits, a third if one other network waits, and so on."""
+    largest_queue_of_visitor: Count = 16
+    """Maximum number of one visitor's waiting folds."""
+    largest_queue_seconds: PositiveFloat = 7200.0
+    """Maximum estimated computing time of all waiting folds, s. Networks share it like the places
+    in the queue."""
+    largest_queue_seconds_of_visitor: PositiveFloat = 1800.0
+    """Maximum estimated computing time of one visitor's waiting folds, s. A single fold may take
+    longer."""
 
-    slice_seconds: float = Field(
-        default=30.0,
-        gt=0,
-        description="Computing time after which a fold pauses if shorter ones wait, s. It "
-        "triples after each pause.",
-    )
+    slice_seconds: PositiveFloat = 30.0
+    """Computing time after which a fold pauses if shorter ones wait, s. It triples after each
+    pause."""
 
-    max_upload_bytes: int = Field(
-        default=64 * MIB_BYTES, ge=1024, description="Maximum size of an upload."
-    )
-    max_uploads: int = Field(
-        default=24, ge=1, description="Maximum number of uploads that are received or read at once."
-    )
-    max_uploads_of_visitor: int = Field(
-        default=6, ge=1, description="Maximum number of one visitor's uploads at once."
-    )
-    upload_seconds: float = Field(default=120.0, gt=0, description="Maximum duration of an upload.")
-    upload_idle_s: float = Field(
-        default=15.0, gt=0, description="Time without data after which an upload is cancelled."
-    )
-    header_seconds: float = Field(
-        default=20.0, gt=0, description="Maximum time until a new connection has sent its request."
-    )
-    unread_seconds: float = Field(
-        default=60.0,
-        gt=0,
-        description="Time after which a connection is closed if its client reads nothing.",
-    )
-    max_connections: int = Field(
-        default=2000, ge=1, description="Maximum number of open connections."
-    )
-    max_connections_of_visitor: int = Field(
-        default=256,
-        ge=1,
-        description="Maximum number of one visitor's open connections. A trusted proxy may use all "
-        "connections.",
-    )
-    requests_per_second_of_visitor: float = Field(
-        default=100.0,
-        gt=0,
-        description="Maximum average number of one visitor's requests per second. Each request "
-        "allows 40 protocol events, such as chunks or HTTP/2 frames.",
-    )
-    requests_at_once_of_visitor: int = Field(
-        default=2000,
-        ge=1,
-        description="Maximum number of requests that one visitor may send at once after a pause.",
-    )
-    lists_per_second_of_visitor: float = Field(
-        default=5.0,
-        gt=0,
-        description="Maximum average number of lists (`/api/mine`, `/api/folds`, `/gallery`, `/`) "
-        "that one visitor may load per second. After a pause, 20 times as many may be "
-        "loaded at once.",
-    )
-    max_modules: int = Field(
-        default=12_000, ge=3, description="Maximum number of modules of a chain."
-    )
-    min_free_disk_bytes: int = Field(
-        default=64 * MIB_BYTES, ge=0, description="Free disk space below which uploads are refused."
-    )
-    read_seconds: float = Field(default=10.0, gt=0, description="Maximum time to read an upload.")
-    preview_seconds: float = Field(
-        default=10.0,
-        gt=0,
-        description="Maximum time to prepare a preview; up to six times as long if the machine is "
-        "too busy to give it that much processor time.",
-    )
-    preview_search_seconds: float = Field(
-        default=4.0,
-        gt=0,
-        description="Part of `FOLDBACK_PREVIEW_SECONDS` that the search for a path through unsplit "
-        "cells may take.",
-    )
-    files_waiting: int = Field(
-        default=8,
-        ge=1,
-        description="Maximum number of exports and pictures that wait or are being created.",
-    )
-    files_waiting_of_visitor: int = Field(
-        default=3, ge=1, description="Maximum number of one visitor's exports and pictures."
-    )
-    answers_waiting: int = Field(
-        default=12,
-        ge=1,
-        description="Maximum number of large answers (frames, trajectories, motors) that wait "
-        "or are being prepared.",
-    )
-    answers_waiting_of_visitor: int = Field(
-        default=4, ge=1, description="Maximum number of one visitor's large answers."
-    )
-    previews_waiting: int = Field(
-        default=8, ge=1, description="Maximum number of waiting previews."
-    )
-    previews_waiting_of_visitor: int = Field(
-        default=3, ge=1, description="Maximum number of one visitor's waiting previews."
-    )
-    retime_seconds: float = Field(
-        default=60.0, gt=0, description="Maximum time to compute a trajectory or a table of motors."
-    )
-    preview_keep_s: float = Field(
-        default=86400.0, gt=0, description="Time after which an unused preview is deleted."
-    )
-    previews_bytes: int = Field(
-        default=512 * MIB_BYTES, ge=MIB_BYTES, description="Maximum disk space for previews."
-    )
-    previews_of_visitor_bytes: int = Field(
-        default=128 * MIB_BYTES,
-        ge=MIB_BYTES,
-        description="Maximum disk space for one visitor's previews.",
-    )
-    most_previews: int = Field(
-        default=10_000, ge=1, description="Maximum number of stored previews."
-    )
-    most_previews_of_visitor: int = Field(
-        default=1_000, ge=1, description="Maximum number of one visitor's stored previews."
-    )
-    stage_seconds: float = Field(
-        default=1800.0, gt=0, description="Maximum wall time of one stage of a fold."
-    )
-    stage_cpu_seconds: float = Field(
-        default=3600.0, gt=0, description="Maximum CPU time of a fold."
-    )
-    child_memory_bytes: int = Field(
-        default=2048 * MIB_BYTES, ge=128 * MIB_BYTES, description="Maximum memory of a fold."
-    )
-    niceness: int = Field(
-        default=19,
-        ge=0,
-        le=19,
-        description="`nice` value of computing processes; higher values leave more time for pages.",
-    )
+    max_upload_bytes: int = Field(default=64 * MIB_BYTES, ge=1024)
+    """Maximum size of an upload."""
+    max_uploads: Count = 24
+    """Maximum number of uploads that are received or read at once."""
+    max_uploads_of_visitor: Count = 6
+    """Maximum number of one visitor's uploads at once."""
+    upload_seconds: PositiveFloat = 120.0
+    """Maximum duration of an upload."""
+    upload_idle_s: PositiveFloat = 15.0
+    """Time without data after which an upload is cancelled."""
+    header_seconds: PositiveFloat = 20.0
+    """Maximum time until a new connection has sent its request."""
+    unread_seconds: PositiveFloat = 60.0
+    """Time after which a connection is closed if its client reads nothing."""
+    max_connections: Count = 2000
+    """Maximum number of open connections."""
+    max_connections_of_visitor: Count = 256
+    """Maximum number of one visitor's open connections. A trusted proxy may use all connections."""
+    requests_per_second_of_visitor: PositiveFloat = 100.0
+    """Maximum average number of one visitor's requests per second. Each request allows 40 protocol
+    events, such as chunks or HTTP/2 frames."""
+    requests_at_once_of_visitor: Count = 2000
+    """Maximum number of requests that one visitor may send at once after a pause."""
+    lists_per_second_of_visitor: PositiveFloat = 5.0
+    """Maximum average number of lists (`/api/mine`, `/api/folds`, `/gallery`, `/`) that one visitor
+    may load per second. After a pause, 20 times as many may be loaded at once."""
+    max_modules: int = Field(default=12_000, ge=3)
+    """Maximum number of modules of a chain."""
+    min_free_disk_bytes: int = Field(default=64 * MIB_BYTES, ge=0)
+    """Free disk space below which uploads are refused."""
+    read_seconds: PositiveFloat = 10.0
+    """Maximum time to read an upload."""
+    preview_seconds: PositiveFloat = 10.0
+    """Maximum time to prepare a preview; up to six times as long if the machine is too busy to give
+    it that much processor time."""
+    preview_search_seconds: PositiveFloat = 4.0
+    """Part of `FOLDBACK_PREVIEW_SECONDS` that the search for a path through unsplit cells may
+    take."""
+    files_waiting: Count = 8
+    """Maximum number of exports and pictures that wait or are being created."""
+    files_waiting_of_visitor: Count = 3
+    """Maximum number of one visitor's exports and pictures."""
+    answers_waiting: Count = 12
+    """Maximum number of large answers (frames, trajectories, motors) that wait or are being
+    prepared."""
+    answers_waiting_of_visitor: Count = 4
+    """Maximum number of one visitor's large answers."""
+    previews_waiting: Count = 8
+    """Maximum number of waiting previews."""
+    previews_waiting_of_visitor: Count = 3
+    """Maximum number of one visitor's waiting previews."""
+    retime_seconds: PositiveFloat = 60.0
+    """Maximum time to compute a trajectory or a table of motors."""
+    preview_keep_s: PositiveFloat = 86400.0
+    """Time after which an unused preview is deleted."""
+    previews_bytes: int = Field(default=512 * MIB_BYTES, ge=MIB_BYTES)
+    """Maximum disk space for previews."""
+    previews_of_visitor_bytes: int = Field(default=128 * MIB_BYTES, ge=MIB_BYTES)
+    """Maximum disk space for one visitor's previews."""
+    most_previews: Count = 10_000
+    """Maximum number of stored previews."""
+    most_previews_of_visitor: Count = 1_000
+    """Maximum number of one visitor's stored previews."""
+    stage_seconds: PositiveFloat = 1800.0
+    """Maximum wall time of one stage of a fold."""
+    stage_cpu_seconds: PositiveFloat = 3600.0
+    """Maximum CPU time of a fold."""
+    child_memory_bytes: int = Field(default=2048 * MIB_BYTES, ge=128 * MIB_BYTES)
+    """Maximum memory of a fold."""
+    niceness: int = Field(default=19, ge=0, le=19)
+    """`nice` value of computing processes; higher values leave more time for pages."""
 
-    movies_waiting: int = Field(default=6, ge=1, description="Maximum number of waiting movies.")
-    movies_waiting_of_visitor: int = Field(
-        default=2, ge=1, description="Maximum number of one visitor's waiting movies."
-    )
-    movies_of_fold: int = Field(
-        default=12,
-        ge=1,
-        description="Maximum number of stored movies that a fold's owner requested, and of those "
-        "that others requested. The oldest are deleted first.",
-    )
-    movie_seconds: float = Field(default=600.0, gt=0, description="Maximum time to create a movie.")
+    movies_waiting: Count = 6
+    """Maximum number of waiting movies."""
+    movies_waiting_of_visitor: Count = 2
+    """Maximum number of one visitor's waiting movies."""
+    movies_of_fold: Count = 12
+    """Maximum number of stored movies that a fold's owner requested, and of those that others
+    requested. The oldest are deleted first."""
+    movie_seconds: PositiveFloat = 600.0
+    """Maximum time to create a movie."""
 
-    max_streams: int = Field(
-        default=512, ge=1, description="Maximum number of open event streams (`/events`)."
-    )
-    max_streams_of_visitor: int = Field(
-        default=16, ge=1, description="Maximum number of open event streams to one address."
-    )
-    max_waits: int = Field(
-        default=512, ge=1, description="Maximum number of requests that wait for frames (`?wait=`)."
-    )
-    max_waits_of_visitor: int = Field(
-        default=32, ge=1, description="Maximum number of waiting requests from one address."
-    )
-    max_robots: int = Field(
-        default=32, ge=1, description="Maximum number of connected robots (`/play`)."
-    )
-    max_robots_of_visitor: int = Field(
-        default=8, ge=1, description="Maximum number of robots connected from one address."
-    )
-    max_classes: int = Field(
-        default=32, ge=1, description="Maximum number of classes that follow a leader."
-    )
-    max_classes_of_visitor: int = Field(
-        default=4, ge=1, description="Maximum number of classes with leaders at one address."
-    )
-    max_followers: int = Field(
-        default=400, ge=1, description="Maximum number of followers of all classes."
-    )
-    max_followers_of_visitor: int = Field(
-        default=100, ge=1, description="Maximum number of followers at one address."
-    )
-    embed_origins: Annotated[tuple[str, ...], NoDecode] = Field(
-        default=(),
-        description="Sites that may embed folds, as `https://…`, separated by commas; `*` "
-        "allows all.",
-    )
-    frames_per_answer: int = Field(
-        default=2000, ge=1, description="Maximum number of frames in an answer of the API."
-    )
-    numbers_per_answer: int = Field(
-        default=2_000_000, ge=1000, description="Maximum count of numbers in such an answer."
-    )
+    max_streams: Count = 512
+    """Maximum number of open event streams (`/events`)."""
+    max_streams_of_visitor: Count = 16
+    """Maximum number of open event streams to one address."""
+    max_waits: Count = 512
+    """Maximum number of requests that wait for frames (`?wait=`)."""
+    max_waits_of_visitor: Count = 32
+    """Maximum number of waiting requests from one address."""
+    max_robots: Count = 32
+    """Maximum number of connected robots (`/play`)."""
+    max_robots_of_visitor: Count = 8
+    """Maximum number of robots connected from one address."""
+    max_classes: Count = 32
+    """Maximum number of classes that follow a leader."""
+    max_classes_of_visitor: Count = 4
+    """Maximum number of classes with leaders at one address."""
+    max_followers: Count = 400
+    """Maximum number of followers of all classes."""
+    max_followers_of_visitor: Count = 100
+    """Maximum number of followers at one address."""
+    embed_origins: Names = ()
+    """Sites that may embed folds, as `https://…`, separated by commas; `*` allows all."""
+    frames_per_answer: Count = 2000
+    """Maximum number of frames in an answer of the API."""
+    numbers_per_answer: int = Field(default=2_000_000, ge=1000)
+    """Maximum count of numbers in such an answer."""
 
     @field_validator("log_format", "log_level", mode="before")
     @classmethod

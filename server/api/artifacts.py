@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, Response
+from numpy.typing import NDArray
 
 from planner.errors import DamagedError, InputError, TimelineError
 from planner.exports import EXPORTS, export_named, exports_of
 from planner.file_names import CERTIFICATE, MODEL, PLAN, PLAN_TEXT, RECORD, TIMELINE
+from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.context import Context
-from server.api.folds import Here, problems
+from server.api.folds import Here, file_or_problems, problems
 from server.api.schemas import ExportBody, ExportList, FramesBody
 from server.errors import Conflict, NotFound, Unusable
 from server.http.client_address import address_of
 from server.http.downloads import download
 from server.store.folds import FoldRow
 from words.fold import has_motion
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from planner.motion.timeline import Timeline
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
 MAX_UNQUEUED_NUMBERS: Final = 100_000
@@ -97,8 +94,6 @@ def _timeline(context: Context, fold_id: str) -> Timeline:
         Conflict: If it is not there yet.
     """
     # The timeline brings compiled kernels along, which the start of the server need not wait for.
-    from planner.motion.timeline import Timeline
-
     row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
     if row.over:
         check(directory, TIMELINE)
@@ -158,13 +153,11 @@ def get_exports(fold_id: str, context: Here) -> ExportList:
     "/exports/{name}",
     summary="Download a fold in one of these formats",
     response_class=FileResponse,
-    responses={
-        200: {
-            "description": "The file. It is created on the first request.",
-            "content": {export.media_type: {} for export in EXPORTS},
-        },
-        **problems(404, 409, 413, 429, 503, 507),
-    },
+    responses=file_or_problems(
+        "The file. It is created on the first request.",
+        *(export.media_type for export in EXPORTS),
+        problem=(404, 409, 413, 429, 503, 507),
+    ),
 )
 async def get_export(request: Request, fold_id: str, name: str, context: Here) -> FileResponse:
     """Return a file in one of the listed formats."""
@@ -186,10 +179,7 @@ def _file(name: str) -> None:
         f"/{name}",
         summary=f"Download {name}",
         response_class=FileResponse,
-        responses={
-            200: {"description": "The file", "content": {PLAN_MEDIA_TYPES[name]: {}}},
-            **problems(404, 409),
-        },
+        responses=file_or_problems("The file", PLAN_MEDIA_TYPES[name], problem=(404, 409)),
         name=name,
         operation_id=f"get_{name.replace('.', '_')}",
     )

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil
-from typing import TYPE_CHECKING
 
 from fastapi import Request
 
 from planner.readers.gallery import Gallery
+from server.api.finding import Viewing
 from server.api.fold_states import FoldStates
-from server.api.frame_waits import FrameWaits
 from server.errors import TooMany
-from server.files.artifacts import Artifacts
 from server.files.exports import Exports
 from server.files.pictures import Pictures
 from server.files.preview_reports import PreviewReports
@@ -36,24 +34,18 @@ from server.store.folds import Store
 from server.store.leases import Leases
 from server.store.previews import Previews
 
-if TYPE_CHECKING:
-    from web.timeline.views import TimelineViews
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Context:
+class Context(Viewing):
     """Everything with a lifetime that a request may need."""
 
     settings: Settings
     store: Store
-    timelines: TimelineViews
-    waits: FrameWaits
     fork_server: ForkServer | None
     reader: Reader
     previews: Previews
     preview_reports: PreviewReports
     preview_scenes: PreviewScenes
-    artifacts: Artifacts
     pictures: Pictures
     exports: Exports
     movies: Movies

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import re
-from typing import TYPE_CHECKING, Final, Protocol
+from dataclasses import dataclass
+from typing import Final
 
 from fastapi import Request
 
@@ -13,32 +14,32 @@ from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.settings import Settings
 from server.store.estimates import Estimates
+from server.store.fold_files import NoSuchFoldError
 from server.store.shown import FoldSource, Found, id_of_fold
-
-if TYPE_CHECKING:
-    from web.timeline.views import TimelineViews
+from web.timeline.views import TimelineViews
 
 ADDRESS_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 
-class Viewing(Protocol):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Viewing:
     """Services that a fold's pages need: those of the service, or of a viewer of one directory.
 
-    There are no settings where nothing is computed.
+    Attributes:
+        store: Source of folds.
+        timelines: Open timelines.
+        waits: Requests that wait for frames.
+        artifacts: Files that are made on request.
+        settings: None where nothing is computed.
+        estimates: As ``settings``.
     """
 
-    @property
-    def store(self) -> FoldSource: ...
-    @property
-    def timelines(self) -> TimelineViews: ...
-    @property
-    def waits(self) -> FrameWaits: ...
-    @property
-    def artifacts(self) -> Artifacts: ...
-    @property
-    def settings(self) -> Settings | None: ...
-    @property
-    def estimates(self) -> Estimates | None: ...
+    store: FoldSource
+    timelines: TimelineViews
+    waits: FrameWaits
+    artifacts: Artifacts
+    settings: Settings | None
+    estimates: Estimates | None
 
 
 def viewing_of(request: Request) -> Viewing:
@@ -58,6 +59,18 @@ def find_now(request: Request, fold_id: str) -> Found | None:
     if found is None or fold_id == found.row.id:
         return found
     return alternative(found, fold_id.removeprefix(f"{found.row.id}-"))
+
+
+def found_fold(request: Request, fold_id: str) -> Found:
+    """Return the fold of that id.
+
+    Raises:
+        NoSuchFoldError: There is none.
+    """
+    found = find_now(request, fold_id)
+    if found is None:
+        raise NoSuchFoldError(fold_id)
+    return found
 
 
 async def find_fold(request: Request, fold_id: str) -> Found | None:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
@@ -20,17 +20,15 @@ from sqlalchemy.exc import IntegrityError
 from planner.files import settle
 from planner.pipeline.request import FoldRequest
 from planner.plan.packed import unpack
+from planner.readers.gallery import Gallery
 from server.api.source import Source
 from server.api.submit import Submission
 from server.files.uploads import Upload
 from server.processes.scratch import Scratch
+from server.settings import Settings
 from server.store.folds import Store, new_id
 from server.store.owner import Owner
 from server.store.tables import CounterRow, FoldRow
-
-if TYPE_CHECKING:
-    from planner.readers.gallery import Gallery
-    from server.settings import Settings
 
 FINISHED_FOLDS_DIR: Final = Path(str(files("server"))) / "finished"
 SERVICE_VISITOR: Final = "the service itself"
@@ -119,7 +117,6 @@ def _row(fold_id: str, about: dict[str, Any], content_key: str | None) -> FoldRo
         status="verified",
         stage="export",
         created_at=now,
-        started_at=None,
         ended_at=now,
         modules=summary["modules"],
         module=summary["module"],
@@ -128,11 +125,8 @@ def _row(fold_id: str, about: dict[str, Any], content_key: str | None) -> FoldRo
         pinned=True,
         preset=summary["preset"],
         seed=summary["seed"],
-        module_size=None,
         content_key=content_key,
         visitor=SERVICE_VISITOR,
-        progress={},
         summary={**summary, "included": {"version": about["version"]}},
-        error=None,
         refold=about["refold"],
     )

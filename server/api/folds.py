@@ -26,8 +26,8 @@ from server.api.schemas import (
     Shape,
     Shapes,
 )
-from server.api.source import Origin, open_source, origin_in_form, validate
-from server.api.submit import Submission, submit
+from server.api.source import Origin, origin_in_form, validate
+from server.api.submit import fold_origin
 from server.errors import Forbidden, Unusable
 from server.http.client_address import address_of
 from server.http.response_cache import mark
@@ -59,6 +59,12 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     return {status: {"description": "A problem", "content": content} for status in statuses}
 
 
+def file_or_problems(about: str, *kinds: str, problem: tuple[int, ...]) -> dict[int | str, Any]:
+    """Return the answers of a route that sends a file of one of some media types."""
+    content = {kind: dict[str, Any]() for kind in kinds}
+    return {200: {"description": about, "content": content}, **problems(*problem)}
+
+
 @router.post(
     "",
     status_code=202,
@@ -79,17 +85,9 @@ def post_fold(
     """
     request = replace(asked, refold=origin.refold is not None, smooth=origin.smooth is not None)
     validate(request)
-    with (
-        open_source(context, origin, request) as (stream, source),
-        context.uploads.stored(stream, source.request.filename) as upload,
-    ):
-        submission = Submission(
-            upload=upload,
-            source=source,
-            visitor=context.visitor(http),
-            owner=claim.owner,
-        )
-        receipt = submit(context, submission)
+    receipt = fold_origin(
+        context, origin, request, visitor=context.visitor(http), owner=claim.owner
+    )
     return Accepted(
         id=receipt.row.id,
         owner_token=claim.token if receipt.own else None,

@@ -11,14 +11,12 @@ from collections.abc import Collection, Generator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from planner.errors import TimelineError
 from server.errors import TooMany
 from server.limits.quota import Holder, Quota
-
-if TYPE_CHECKING:
-    from web.timeline.view import TimelineView
+from web.timeline.view import TimelineView
 
 FRAME_POLL_S: Final = 0.1
 """Time between two checks for new frames in the motions that long-polling requests wait for, in s.

@@ -16,23 +16,22 @@ from typing import Annotated, Any, Final
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, Response
 
-from planner.errors import DamagedError, TimelineError
 from planner.file_names import TIMELINE
 from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
-from server.api.finding import find_now, viewing_of
+from server.api.finding import found_fold, viewing_of
 from server.api.own_values import values_of
 from server.api.tours import tour_of
 from server.http.client_address import address_of
 from server.http.compression import Asset
 from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from server.http.response_cache import mark
-from server.store.folds import NoSuchFoldError
 from server.store.shown import FoldSource, Found
 from web.timeline.frame_batch import cached_batch
 from web.timeline.metrics import FIGURES, cached_figures
 from web.timeline.view import TimelineView
+from web.timeline.views import unless_replaced
 from web.viser.client import client
 from web.viser.scene_bundle import bundle_of
 from words.fold import RUNNING_STATUSES, ShownFold
@@ -107,12 +106,9 @@ async def _frames(
         shown = timeline or _view(request, fold_id)[1]
         if shown is None:
             return _nothing()
-        try:
+        with unless_replaced():
             return _binary(request, cached_batch(shown, start, stop, stride), shown)
-        except DamagedError:
-            raise
-        except TimelineError:
-            return _nothing()  # it is being replaced just now
+        return _nothing()
 
     return await asyncio.to_thread(answer)
 
@@ -126,19 +122,14 @@ async def figures(
     """Return figures of a finished fold: curves of all frames, or all figures of one part."""
 
     def answer() -> Response:
-        found = find_now(request, fold_id)
-        if found is None:
-            raise NoSuchFoldError(fold_id)
+        found = found_fold(request, fold_id)
         if found.row.status in RUNNING_STATUSES:
             return _nothing()
         check(found.directory, TIMELINE, FIGURES)
         mark(request, found.row)
-        try:
+        with unless_replaced(OSError):
             return _kept(request, cached_figures(found.directory, part))
-        except DamagedError:
-            raise
-        except (TimelineError, OSError):
-            return _nothing()
+        return _nothing()
 
     return await asyncio.to_thread(answer)
 
@@ -159,9 +150,7 @@ def _stored(
     request: Request, fold_id: str, of: Callable[[FoldSource, Found], dict[str, Any] | None]
 ) -> Response:
     """Return what is stored with a fold; 204 where there is nothing."""
-    found = find_now(request, fold_id)
-    if found is None:
-        raise NoSuchFoldError(fold_id)
+    found = found_fold(request, fold_id)
     told = of(viewing_of(request).store, found)
     if told is None:
         return _nothing()
@@ -169,13 +158,10 @@ def _stored(
 
 
 def _bundle(request: Request, row: ShownFold, timeline: TimelineView) -> Response:
-    try:
+    with unless_replaced():
         table = None if row.world == FLOATING else timeline.table()
-    except DamagedError:
-        raise
-    except TimelineError:
-        return _nothing()  # it is being replaced just now
-    return _binary(request, bundle_of(timeline.chain, timeline.stretch, table), timeline)
+        return _binary(request, bundle_of(timeline.chain, timeline.stretch, table), timeline)
+    return _nothing()
 
 
 def _binary(request: Request, data: bytes, timeline: TimelineView) -> Response:
@@ -195,9 +181,7 @@ def _nothing() -> Response:
 
 
 def _view(request: Request, fold_id: str) -> tuple[ShownFold, TimelineView | None]:
-    found = find_now(request, fold_id)
-    if found is None:
-        raise NoSuchFoldError(fold_id)
+    found = found_fold(request, fold_id)
     if found.row.status not in RUNNING_STATUSES:
         check(found.directory, TIMELINE)
     timeline = viewing_of(request).timelines.get(result(found.directory, TIMELINE))

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import asdict
 from secrets import compare_digest
 
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
 from fastapi.security import HTTPAuthorizationCredentials
-from pydantic import BaseModel, Field
 from sqlalchemy.exc import SQLAlchemyError
 
 from server.api.context import Context
 from server.api.folds import Here, problems
 from server.api.owners import Bearer
-from server.api.schemas import PreparingBody
+from server.api.schemas import Body, PreparingBody
 from server.errors import Forbidden
 from server.ops.metrics import METRICS_MEDIA_TYPE
 from server.ops.readiness import Readiness
@@ -35,23 +35,17 @@ def get_ready(request: Request) -> JSONResponse:
     readiness: Readiness = request.app.state.readiness
     found = readiness.state()
     return JSONResponse(
-        {
-            "ready": found.ready,
-            "database": found.database,
-            "disk": found.disk,
-            "storage": found.storage,
-            "workers": found.workers,
-            "reasons": list(found.reasons),
-        },
+        {"ready": found.ready, **asdict(found)},
         status_code=200 if found.ready else 503,
         headers={"Cache-Control": "no-store"},
     )
 
 
-class PreparingState(BaseModel):
+class PreparingState(Body):
     """Compilation of the solvers."""
 
-    preparing: PreparingBody | None = Field(description="Null once a worker is ready to compute.")
+    preparing: PreparingBody | None
+    """Null once a worker is ready to compute."""
 
 
 @router.get("/api/preparing", summary="Progress of compiling the solvers")

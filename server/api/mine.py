@@ -8,12 +8,12 @@ from urllib.parse import urlencode
 
 from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import Response
-from pydantic import BaseModel, Field
 
 from server.api.folds import Here, problems
 from server.api.movies import MovieBody
 from server.api.owners import RequiredOwner, not_owner
 from server.api.schemas import (
+    Body,
     Fold,
     FoldsMade,
     KeyReplaced,
@@ -23,7 +23,6 @@ from server.api.schemas import (
     moment,
 )
 from server.errors import Malformed
-from server.jobs.movies import MovieState
 from server.store.owned import folds_made, hand_over_all
 from server.store.owner import Claim, Owner
 from words.fold import ShownFold, shown_name
@@ -35,15 +34,16 @@ answers larger and slower. Chosen."""
 CURSOR_PATTERN: Final = r"^[0-9]{1,12}(\.[0-9]{1,12})?,[A-Za-z0-9_-]{1,32}$"
 
 
-class MovieMade(BaseModel):
+class MovieMade(Body):
     """A movie that one has asked for."""
 
-    title: str = Field(description="Name of the movie's fold, as shown on pages.")
+    title: str
+    """Name of the movie's fold, as shown on pages."""
     created_at: datetime
     movie: MovieBody
 
 
-class MoviesMade(BaseModel):
+class MoviesMade(Body):
     """Movies of one owner, newest first."""
 
     movies: list[MovieMade]
@@ -128,7 +128,7 @@ def get_my_movies(context: Here, owner: ListingOwner) -> MoviesMade:
             MovieMade(
                 title=ShownFold.of(fold).title,
                 created_at=moment(row.created_at),
-                movie=MovieBody.of(row.fold_id, MovieState.of(row)),
+                movie=MovieBody.of(row),
             )
             for row, fold in context.movies.made(owner)
         ]

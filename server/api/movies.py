@@ -2,68 +2,63 @@
 
 from __future__ import annotations
 
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, cast
 
 from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict
 
 from planner.errors import InputError
 from planner.file_names import TIMELINE
 from planner.verification.integrity import check
-from server.api.folds import Here, problems
+from server.api.folds import Here, file_or_problems, problems
 from server.api.owners import AnyClaim, OptionalOwner, not_owner
-from server.api.schemas import Fault
+from server.api.schemas import Body, Fault
 from server.api.tours import tour_of
 from server.errors import Conflict, Unusable
 from server.http.downloads import download
-from server.jobs.movies import MovieState
+from server.store.tables import MovieRow
 from web.movies.movie import Movie
 
 router = APIRouter(prefix="/api/folds/{fold_id}/movies", tags=["movies"])
 MOVIE_MEDIA_TYPES: Final = {"mp4": "video/mp4", "gif": "image/gif"}
 
 
-class MovieOptions(BaseModel):
+MovieStatus = Literal["queued", "running", "ready", "failed"]
+SHOWN_OPTIONS: Final = ("format", "width", "height", "fps", "seconds")
+"""Options of a movie that its answer states."""
+
+
+class MovieOptions(Body):
     """Options of a movie; each format has defaults."""
 
     model_config = ConfigDict(extra="forbid")
 
     format: Literal["mp4", "gif"] = "mp4"
-    width: int | None = Field(
-        default=None, description=("Width in pixels, even, at most 1920 (GIF: 960).")
-    )
-    height: int | None = Field(default=None, description="Height in pixels, even.")
-    fps: int | None = Field(default=None, description="Frames per second, at most 60 (GIF: 25).")
-    seconds: float | None = Field(
-        default=None, description=("Length in seconds, at most 60 (GIF: 20).")
-    )
-    azimuth_deg: float | None = Field(
-        default=None, description="Viewing direction at the end. Default: chosen from the shape."
-    )
-    elevation_deg: float | None = Field(
-        default=None, description=("Angle of the camera above the ground.")
-    )
-    turn_deg: float | None = Field(
-        default=None, description=("Angle through which the camera circles.")
-    )
+    width: int | None = None
+    """Width in pixels, even, at most 1920 (GIF: 960)."""
+    height: int | None = None
+    """Height in pixels, even."""
+    fps: int | None = None
+    """Frames per second, at most 60 (GIF: 25)."""
+    seconds: float | None = None
+    """Length in seconds, at most 60 (GIF: 20)."""
+    azimuth_deg: float | None = None
+    """Viewing direction at the end. Default: chosen from the shape."""
+    elevation_deg: float | None = None
+    """Angle of the camera above the ground."""
+    turn_deg: float | None = None
+    """Angle through which the camera circles."""
     theme: Literal["light", "dark"] | None = None
-    first_frame: int | None = Field(
-        default=None, description="First frame. Default: the first frame of the playback."
-    )
-    last_frame: int | None = Field(
-        default=None,
-        description=(
-            "Last frame. Default: the last frame. A frame before `first` plays backwards."
-        ),
-    )
-    tour: bool = Field(
-        default=False,
-        description="True: rest at the stops of the fold's tour and show their captions.",
-    )
+    first_frame: int | None = None
+    """First frame. Default: the first frame of the playback."""
+    last_frame: int | None = None
+    """Last frame. Default: the last frame. A frame before `first` plays backwards."""
+    tour: bool = False
+    """True: rest at the stops of the fold's tour and show their captions."""
 
 
-class MovieLinks(BaseModel):
+class MovieLinks(Body):
     """Links of a movie."""
 
     self: str
@@ -71,11 +66,11 @@ class MovieLinks(BaseModel):
     fold: str
 
 
-class MovieBody(BaseModel):
+class MovieBody(Body):
     """A movie as it is now."""
 
     id: str
-    status: Literal["queued", "running", "ready", "failed"]
+    status: MovieStatus
     frames_done: int
     frames_total: int
     format: Literal["mp4", "gif"]
@@ -84,31 +79,25 @@ class MovieBody(BaseModel):
     fps: int
     seconds: float
     problem: Fault | None
-    token: str | None = Field(
-        default=None,
-        description="Token that deletes the movie: the token you sent, or a new one. Only the "
-        "first request for a movie gets it.",
-    )
+    token: str | None = None
+    """Token that deletes the movie: the token you sent, or a new one. Only the first request for a
+    movie gets it."""
     links: MovieLinks
 
     @classmethod
-    def of(cls, fold_id: str, state: MovieState, token: str | None = None) -> MovieBody:
+    def of(cls, row: MovieRow, token: str | None = None) -> MovieBody:
         """Return the API's representation of a movie."""
-        here = f"/api/folds/{fold_id}/movies/{state.id}"
-        movie = state.movie
+        here = f"/api/folds/{row.fold_id}/movies/{row.id}"
+        movie = Movie.of(row.wishes)
         return cls(
-            id=state.id,
-            status=state.status,
-            frames_done=state.frames_done,
+            id=row.id,
+            status=cast("MovieStatus", row.status),
+            frames_done=row.frames_done,
             frames_total=movie.count,
-            format=movie.format,
-            width=movie.width,
-            height=movie.height,
-            fps=movie.fps,
-            seconds=movie.seconds,
-            problem=Fault.model_validate(state.problem) if state.problem else None,
+            **{name: getattr(movie, name) for name in SHOWN_OPTIONS},
+            problem=Fault.model_validate(row.problem) if row.problem else None,
             token=token,
-            links=MovieLinks(self=here, file=f"{here}/file", fold=f"/api/folds/{fold_id}"),
+            links=MovieLinks(self=here, file=f"{here}/file", fold=f"/api/folds/{row.fold_id}"),
         )
 
 
@@ -138,8 +127,8 @@ def post_movie(
         raise Unusable.of(error) from None
     of_owner = context.store.owns(fold_id, claim.owner)
     visitor = context.visitor(request)
-    state, new = context.movies.ask(fold_id, movie, visitor, owner=claim.owner, of_owner=of_owner)
-    body = MovieBody.of(fold_id, state, claim.token if new else None)
+    row, new = context.movies.ask(fold_id, movie, visitor, owner=claim.owner, of_owner=of_owner)
+    body = MovieBody.of(row, claim.token if new else None)
     response.headers["Location"] = body.links.self
     _again(response, body)
     return body
@@ -149,7 +138,7 @@ def post_movie(
 def get_movie(response: Response, fold_id: str, movie_id: str, context: Here) -> MovieBody:
     """Return the status. Repeat after `Retry-After` seconds until it is `ready` or `failed`."""
     context.store.fold(fold_id)
-    body = MovieBody.of(fold_id, context.movies.state(fold_id, movie_id))
+    body = MovieBody.of(context.movies.state(fold_id, movie_id))
     _again(response, body)
     return body
 
@@ -158,13 +147,7 @@ def get_movie(response: Response, fold_id: str, movie_id: str, context: Here) ->
     "/{movie_id}/file",
     summary="Download a movie",
     response_class=FileResponse,
-    responses={
-        200: {
-            "description": "The file",
-            "content": {kind: {} for kind in MOVIE_MEDIA_TYPES.values()},
-        },
-        **problems(404, 409),
-    },
+    responses=file_or_problems("The file", *MOVIE_MEDIA_TYPES.values(), problem=(404, 409)),
 )
 def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     """Return the MP4 or GIF file."""
@@ -185,8 +168,8 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
 def delete_movie(fold_id: str, movie_id: str, context: Here, owner: OptionalOwner) -> Response:
     """Cancel or delete a movie, with its own token or the fold's owner token."""
     context.store.fold(fold_id)
-    state = context.movies.state(fold_id, movie_id)
-    if owner is None or not (owner.owns(state.token_hash) or context.store.owns(fold_id, owner)):
+    row = context.movies.state(fold_id, movie_id)
+    if owner is None or not (owner.owns(row.token_hash) or context.store.owns(fold_id, owner)):
         raise not_owner(
             "This needs the token that the answer to POST contained, or that of the fold's "
             "owner, as 'Authorization: Bearer …'."

@@ -6,12 +6,13 @@ from typing import Any
 
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict
 
 from planner.errors import InputError
 from planner.plan.own_values import checked_values
 from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, problems
 from server.api.owners import RequiredOwner, not_owner
+from server.api.schemas import Body
 from server.api.tours import check_private, frames_of_own
 from server.errors import NotFound, Unusable
 from server.store.folds import NoSuchFoldError
@@ -22,21 +23,25 @@ from server.store.tours import write_beside
 router = APIRouter(prefix="/api/folds/{fold_id}/values", tags=["values"])
 
 
-class ValuesBody(BaseModel):
+class ValuesBody(Body):
     """Numbers for modules in the format `foldback-values/1`."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    format: str = Field(description="`foldback-values/1`")
-    name: str = Field(description="What they are; at most 80 characters.")
-    unit: str = Field(description="Their unit; at most 20 characters.")
-    low: float = Field(description="Least number.")
-    high: float = Field(description="Largest number.")
-    rows: int = Field(description="Number of rows, which are spread evenly over the frames.")
-    data: str = Field(
-        description="Base64 of a byte for each module of each row: 0 to 254 from `low` to `high`, "
-        "255 for none."
-    )
+    format: str
+    """`foldback-values/1`"""
+    name: str
+    """What they are; at most 80 characters."""
+    unit: str
+    """Their unit; at most 20 characters."""
+    low: float
+    """Least number."""
+    high: float
+    """Largest number."""
+    rows: int
+    """Number of rows, which are spread evenly over the frames."""
+    data: str
+    """Base64 of a byte for each module of each row: 0 to 254 from `low` to `high`, 255 for none."""
 
 
 @router.get(

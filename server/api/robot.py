@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections import deque
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
+from typing import Annotated, Any, Final, Literal, cast
 
 import msgspec
 from fastapi import APIRouter, Depends, Query, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import Response, StreamingResponse
+from numpy.typing import NDArray
 
 from planner.errors import DamagedError, InputError
 from planner.file_names import PLAN
@@ -17,7 +18,7 @@ from planner.verification.integrity import check
 from server.api.artifacts import not_there
 from server.api.context import Context
 from server.api.finding import ADDRESS_ID
-from server.api.folds import Here, problems
+from server.api.folds import Here, file_or_problems
 from server.api.robot_clock import MAX_CLOCK_STEP_S, Reason, RobotClock
 from server.api.robot_messages import (
     DECODER,
@@ -52,9 +53,6 @@ from server.files.trajectories import MotorsWanted, Retimed, Wanted
 from server.http.client_address import address_of
 from server.http.streams import Stream
 from server.store.folds import FoldRow, NoSuchFoldError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
 schemas = APIRouter(prefix="/api", tags=["robots"])
@@ -98,6 +96,11 @@ REMEMBERED_TARGETS: Final = 64
 of targets that can be unanswered; with a smaller value a late report would be compared with the
 wrong target. Chosen."""
 
+DOCUMENTED_FORMS: Final = ("application/json", "text/csv")
+"""Media types that the API's description states for trajectories and motors."""
+COMPUTING_PROBLEMS: Final = (404, 409, 413, 422, 429, 503)
+"""HTTP statuses of refusals to compute them."""
+
 Speed = Annotated[float, Query(ge=1e-3, le=1e3, description="Maximum joint speed, rad/s.")]
 Acceleration = Annotated[
     float, Query(ge=1e-3, le=1e4, description="Maximum joint acceleration, rad/s².")
@@ -109,13 +112,9 @@ Form = Literal["csv", "json"]
     "/trajectory",
     summary="Get the plan with time stamps for a robot",
     response_class=Response,
-    responses={
-        200: {
-            "description": "foldback-trajectory/1 or a table",
-            "content": {"application/json": {}, "text/csv": {}},
-        },
-        **problems(404, 409, 413, 422, 429, 503),
-    },
+    responses=file_or_problems(
+        "foldback-trajectory/1 or a table", *DOCUMENTED_FORMS, problem=COMPUTING_PROBLEMS
+    ),
 )
 async def get_trajectory(
     request: Request,
@@ -211,13 +210,11 @@ async def motors_in_query(
     "/motors",
     summary="Get the torques that the plan needs",
     response_class=Response,
-    responses={
-        200: {
-            "description": "One row per joint, and whether the given motors are strong enough",
-            "content": {"application/json": {}, "text/csv": {}},
-        },
-        **problems(404, 409, 413, 422, 429, 503),
-    },
+    responses=file_or_problems(
+        "One row per joint, and whether the given motors are strong enough",
+        *DOCUMENTED_FORMS,
+        problem=COMPUTING_PROBLEMS,
+    ),
 )
 async def get_motors(
     request: Request,
@@ -367,7 +364,7 @@ class _RobotSession:
                 duration_s=trajectory.duration_s,
                 deviation_rad=trajectory.deviation_rad + largest_chord_error(trajectory, between_s),
                 joint_angles_rad=trajectory.path.frames[0].round(6).tolist(),
-                **{name: getattr(ask, name) for name in _ECHOED_SETTINGS},
+                **_echoed(ask),
             )
         )
         works = [asyncio.ensure_future(work) for work in (self._listen(), self._speak())]
@@ -512,14 +509,10 @@ class _RobotSession:
             raise TooSlow("gone", f"The client read nothing for {ROBOT_TIMEOUT_S:g} s.") from None
 
 
-_ECHOED_SETTINGS: Final = (
-    "speed",
-    "max_speed",
-    "max_acceleration",
-    "threshold_rad",
-    "rate_hz",
-    "silence_s",
-)
+def _echoed(ask: Ask) -> dict[str, float]:
+    """Return the options of a robot that the first message repeats."""
+    repeated = set(Ask.__struct_fields__) & set(Begin.__struct_fields__)
+    return {name: getattr(ask, name) for name in repeated}
 
 
 async def _refuse(websocket: WebSocket, code: int, word: str, detail: str) -> None:

@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from typing import Any, Final, Literal, cast, overload
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
+from pydantic_core import CoreSchema
 
 from planner.certificate.figures import FoldSummary
 from planner.certificate.verdict import summary_told_honestly
@@ -44,21 +45,39 @@ SHOWN_COLUMNS: Final = (
 """Columns of a fold's row that the API shows as they are, under the same names."""
 
 
-class ProblemBody(BaseModel):
+class Body(BaseModel):
+    """JSON object of the API; docstrings of its attributes are their descriptions."""
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        found = handler(core_schema)
+        for each in handler.resolve_ref_schema(found).get("properties", {}).values():
+            if "description" in each:
+                each["description"] = " ".join(each["description"].split())
+        return found
+
+
+class ProblemBody(Body):
     """A problem, as RFC 9457 has it."""
 
     type: str
     title: str
     status: int
-    code: str = Field(description="Short name of the problem, for programs; it never changes.")
-    detail: str = Field(
-        description="What the request contained, what was expected, and what to do."
-    )
-    message: str = Field(description="The detail in plain sentences for people.")
-    where: str | None = Field(description="Position in the input, if the problem has one.")
+    code: str
+    """Short name of the problem, for programs; it never changes."""
+    detail: str
+    """What the request contained, what was expected, and what to do."""
+    message: str
+    """The detail in plain sentences for people."""
+    where: str | None
+    """Position in the input, if the problem has one."""
 
 
-class Links(BaseModel):
+class Links(Body):
     """Links to the parts of a fold."""
 
     self: str
@@ -92,7 +111,7 @@ class Links(BaseModel):
         )
 
 
-class ExportBody(BaseModel):
+class ExportBody(Body):
     """A file that a finished fold can be downloaded as."""
 
     name: str
@@ -105,17 +124,11 @@ class ExportBody(BaseModel):
     @classmethod
     def of(cls, fold_id: str, export: Export) -> ExportBody:
         """Return the API's representation of an export."""
-        return cls(
-            name=export.name,
-            label=export.label,
-            hint=export.hint,
-            media_type=export.media_type,
-            filename=export.filename,
-            href=export_href(fold_id, export),
-        )
+        shown = {name: getattr(export, name) for name in cls.model_fields if name != "href"}
+        return cls(**shown, href=export_href(fold_id, export))
 
 
-class ExportList(BaseModel):
+class ExportList(Body):
     """All such files of one fold."""
 
     exports: list[ExportBody]
@@ -126,25 +139,25 @@ def export_href(fold_id: str, export: Export) -> str:
     return f"/api/folds/{fold_id}/exports/{export.name}"
 
 
-class Accepted(BaseModel):
+class Accepted(Body):
     """An accepted fold."""
 
     id: str
-    owner_token: str | None = Field(
-        description="Owner token, required to cancel or delete: the token you sent, or a new one. "
-        "Null for a gallery fold or another client's fold, which you can only view."
-    )
-    existing: bool = Field(
-        description=("True if the same request was made before; the answer is its fold.")
-    )
+    owner_token: str | None
+    """Owner token, required to cancel or delete: the token you sent, or a new one. Null for a
+    gallery fold or another client's fold, which you can only view."""
+    existing: bool
+    """True if the same request was made before; the answer is its fold."""
     links: Links
 
 
-class PreparingBody(BaseModel):
+class PreparingBody(Body):
     """Progress of compiling the solvers, which happens once on each machine."""
 
-    fraction: float = Field(description="Progress, 0 to 1.")
-    remaining_s: int | None = Field(description="Estimated remaining time, s; null at first.")
+    fraction: float
+    """Progress, 0 to 1."""
+    remaining_s: int | None
+    """Estimated remaining time, s; null at first."""
 
     @classmethod
     def of(cls, preparing: Preparing | None) -> PreparingBody | None:
@@ -157,44 +170,41 @@ class PreparingBody(BaseModel):
         )
 
 
-class Progress(BaseModel):
+class Progress(Body):
     """Progress of a fold; the data of the event ``progress``."""
 
     status: Status
     stage: Stage | None
-    fraction: float = Field(description="Progress of the stage, 0 to 1.")
+    fraction: float
+    """Progress of the stage, 0 to 1."""
     steps: int
     steps_per_second: float
-    simulated_s: float = Field(description="Simulated time of the stage, s; 0 if unknown.")
+    simulated_s: float
+    """Simulated time of the stage, s; 0 if unknown."""
     message: str
-    plan: int = Field(
-        description="Number of the current plan, counted from 1; 0 if plans are not counted."
-    )
-    plans: int = Field(
-        description="Estimated number of plans in all, for a fold with a preference; 0 if unknown."
-    )
+    plan: int
+    """Number of the current plan, counted from 1; 0 if plans are not counted."""
+    plans: int
+    """Estimated number of plans in all, for a fold with a preference; 0 if unknown."""
     modules: int
-    queue_position: int = Field(
-        description="Position in the queue: 1 is next, 0 means that the fold is not waiting."
-    )
-    running_before: int = Field(
-        description="Number of running folds that a queued fold waits for; 0 if it does not wait."
-    )
-    paused: bool = Field(description="Paused to let other folds run; it continues automatically.")
-    frames: int = Field(description="Number of frames available so far.")
-    wait_s: float | None = Field(
-        description="Estimated waiting time, s; null if it is not waiting or no worker runs."
-    )
-    remaining_s: int | None = Field(
-        description="Estimated remaining time, s, including the wait, based on similar folds; 0 if "
-        "this fold takes longer than those; null if unknown or finished."
-    )
-    preparing: PreparingBody | None = Field(
-        description="Progress of compiling the solvers, while no worker can compute yet."
-    )
+    queue_position: int
+    """Position in the queue: 1 is next, 0 means that the fold is not waiting."""
+    running_before: int
+    """Number of running folds that a queued fold waits for; 0 if it does not wait."""
+    paused: bool
+    """Paused to let other folds run; it continues automatically."""
+    frames: int
+    """Number of frames available so far."""
+    wait_s: float | None
+    """Estimated waiting time, s; null if it is not waiting or no worker runs."""
+    remaining_s: int | None
+    """Estimated remaining time, s, including the wait, based on similar folds; 0 if this fold takes
+    longer than those; null if unknown or finished."""
+    preparing: PreparingBody | None
+    """Progress of compiling the solvers, while no worker can compute yet."""
 
 
-class Fault(BaseModel):
+class Fault(Body):
     """Reason why a fold has no verified plan."""
 
     code: str
@@ -202,47 +212,45 @@ class Fault(BaseModel):
     where: str | None = None
 
 
-class Fold(BaseModel):
+class Fold(Body):
     """A fold."""
 
     id: str
-    name: str = Field(description="Name from the input or from the owner.")
-    title: str = Field(description="Title shown on pages.")
+    name: str
+    """Name from the input or from the owner."""
+    title: str
+    """Title shown on pages."""
     status: Status
     stage: Stage | None
     created_at: datetime
-    expires_at: datetime | None = Field(
-        description="Expiry time if the fold is not viewed again; null if it does not expire or "
-        "has not finished."
-    )
-    public: bool = Field(description="True for a gallery fold, which everyone can see.")
+    expires_at: datetime | None
+    """Expiry time if the fold is not viewed again; null if it does not expire or has not
+    finished."""
+    public: bool
+    """True for a gallery fold, which everyone can see."""
     modules: int
     module: str
-    shape: str | None = Field(description="Gallery shape of the fold, if any.")
-    refold: str | None = Field(
-        description="For a refold: the shape in which the chain starts; null if it starts straight."
-    )
-    smooths: str | None = Field(
-        description="For a smoothed fold: the id of the fold whose plan was smoothed; otherwise "
-        "null."
-    )
+    shape: str | None
+    """Gallery shape of the fold, if any."""
+    refold: str | None
+    """For a refold: the shape in which the chain starts; null if it starts straight."""
+    smooths: str | None
+    """For a smoothed fold: the id of the fold whose plan was smoothed; otherwise null."""
     preset: str
-    settings: str = Field(
-        description="Settings that differ from the preset's, for example "
-        "`damping=0.05,step_s=0.005`."
-    )
+    settings: str
+    """Settings that differ from the preset's, for example `damping=0.05,step_s=0.005`."""
     seed: int
     module_size: float | None
-    strategy: str = Field(description="Explosion strategy; `auto` chooses by size and path.")
-    prefer: str = Field(
-        description="Goal of the choice among verified plans; `computing` takes the first one."
-    )
-    world: str = Field(description="World: `floating` without gravity, or on a `table`.")
+    strategy: str
+    """Explosion strategy; `auto` chooses by size and path."""
+    prefer: str
+    """Goal of the choice among verified plans; `computing` takes the first one."""
+    world: str
+    """World: `floating` without gravity, or on a `table`."""
     progress: Progress
-    summary: dict[str, Any] = Field(
-        description="Figures of the plan; empty until the fold is over. If the fold failed, "
-        "`stuck` gives the reason and the modules, if known, with `evidence` that can be checked."
-    )
+    summary: dict[str, Any]
+    """Figures of the plan; empty until the fold is over. If the fold failed, `stuck` gives the
+    reason and the modules, if known, with `evidence` that can be checked."""
     error: Fault | None
     links: Links
 
@@ -262,58 +270,53 @@ class Fold(BaseModel):
         )
 
 
-class Folds(BaseModel):
+class Folds(Body):
     """A list of folds, newest first."""
 
     folds: list[Fold]
 
 
-class FoldChanges(BaseModel):
+class FoldChanges(Body):
     """Changes to a fold; omitted fields stay as they are."""
 
     model_config = ConfigDict(extra="forbid")
 
-    name: str | None = Field(
-        default=None,
-        max_length=MAX_FOLD_NAME,
-        description="New name. Characters that cannot be printed are removed.",
-    )
-    owner_token: str | None = Field(
-        default=None,
-        pattern=TOKEN_PATTERN,
-        description="New owner token.",
-    )
+    name: str | None = Field(default=None, max_length=MAX_FOLD_NAME)
+    """New name. Characters that cannot be printed are removed."""
+    owner_token: str | None = Field(default=None, pattern=TOKEN_PATTERN)
+    """New owner token."""
 
 
-class KeyWanted(BaseModel):
+class KeyWanted(Body):
     """The key that replaces another one."""
 
     model_config = ConfigDict(extra="forbid")
 
-    owner_token: str | None = Field(
-        default=None,
-        pattern=TOKEN_PATTERN,
-        description="New key, at least 24 characters. If you choose it yourself, you have it even "
-        "if the answer is lost. Default: a random key.",
-    )
+    owner_token: str | None = Field(default=None, pattern=TOKEN_PATTERN)
+    """New key, at least 24 characters. If you choose it yourself, you have it even if the answer is
+    lost. Default: a random key."""
 
 
-class KeyReplaced(BaseModel):
+class KeyReplaced(Body):
     """The new key, and the number of items that moved to it."""
 
-    owner_token: str = Field(description="The new key; no later answer contains it.")
-    folds: int = Field(description="Number of items moved.")
+    owner_token: str
+    """The new key; no later answer contains it."""
+    folds: int
+    """Number of items moved."""
 
 
-class FoldsMade(BaseModel):
+class FoldsMade(Body):
     """Folds of one owner, newest first."""
 
     folds: list[Fold]
-    next: str | None = Field(description="Link to the next page; null on the last page.")
-    total: int = Field(description="Total number of items.")
+    next: str | None
+    """Link to the next page; null on the last page."""
+    total: int
+    """Total number of items."""
 
 
-class PreviewMade(BaseModel):
+class PreviewMade(Body):
     """A shape that was uploaded and previewed."""
 
     id: str
@@ -321,93 +324,92 @@ class PreviewMade(BaseModel):
     module: str
     modules: int
     created_at: datetime
-    expires_at: datetime = Field(description="Expiry time if the preview is not viewed again.")
+    expires_at: datetime
+    """Expiry time if the preview is not viewed again."""
     page: str
     drawing: str
 
 
-class PreviewsMade(BaseModel):
+class PreviewsMade(Body):
     """Previews, the last viewed one first."""
 
     previews: list[PreviewMade]
 
 
-class Shape(BaseModel):
+class Shape(Body):
     """A shape of the gallery."""
 
     name: str
     title: str
-    module: str = Field(description="`cube` or `tetrahedron`.")
+    module: str
+    """`cube` or `tetrahedron`."""
     modules: int
-    tags: list[str] = Field(description="Kinds of shape.")
+    tags: list[str]
+    """Kinds of shape."""
 
     @classmethod
     def of(cls, shape: GalleryShape) -> Shape:
         """Return the API's representation of an example."""
-        return cls(
-            name=shape.name,
-            title=shape.title,
-            module=shape.module,
-            modules=shape.modules,
-            tags=list(shape.tags),
-        )
+        return cls.model_validate(shape, from_attributes=True)
 
 
-class Shapes(BaseModel):
+class Shapes(Body):
     """The gallery, shortest chain first."""
 
     shapes: list[Shape]
 
 
-class Trouble(BaseModel):
+class Trouble(Body):
     """Problem that prevents a path through the cells."""
 
     code: str
     detail: str
-    cells: list[list[int]] = Field(description="Cells that cause the problem.")
+    cells: list[list[int]]
+    """Cells that cause the problem."""
 
 
-class Repair(BaseModel):
+class Repair(Body):
     """Change of cells after which there is a path."""
 
     detail: str
     add: list[list[int]]
     drop: list[list[int]]
-    doubled: bool = Field(description="True if each cell becomes 2×2×2 modules.")
-    modules: int = Field(
-        description="Number of modules after the repair; request this number if `doubled`."
-    )
+    doubled: bool
+    """True if each cell becomes 2×2×2 modules."""
+    modules: int
+    """Number of modules after the repair; request this number if `doubled`."""
 
 
-class Feasibility(BaseModel):
+class Feasibility(Body):
     """Result of the check for a path through all cells."""
 
-    feasible: bool | None = Field(description="Null if undecided.")
+    feasible: bool | None
+    """Null if undecided."""
     problems: list[Trouble]
-    repairs: list[Repair] = Field(
-        description=("Repairs, smallest first; `repair` applies the first one.")
-    )
+    repairs: list[Repair]
+    """Repairs, smallest first; `repair` applies the first one."""
 
 
-class Knot(BaseModel):
+class Knot(Body):
     """Knot of the folded chain, whose ends are connected far away from it."""
 
     verdict: Literal["unknot", "knotted", "undecided"]
     determinant: int | None
 
 
-class PlacedMesh(BaseModel):
+class PlacedMesh(Body):
     """The solid in the cells' coordinates: the centre of a cell has whole coordinates."""
 
     vertices: list[list[float]]
     faces: list[list[int]]
 
 
-class PreviewLinks(BaseModel):
+class PreviewLinks(Body):
     """Links of a preview."""
 
     page: str
-    folds: str = Field(description="POST the id here, as `preview`, with the same options.")
+    folds: str
+    """POST the id here, as `preview`, with the same options."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -435,54 +437,56 @@ class ExpectedTimes:
         )
 
 
-class Preview(BaseModel):
+class Preview(Body):
     """Cells and path that a fold of the shape would use."""
 
     id: str
-    key: str = Field(description="Key of the options.")
+    key: str
+    """Key of the options."""
     kind: Literal["path", "chain", "voxels", "mesh"]
     name: str
     module: Literal["cube", "tetrahedron"]
     modules: int
     asked: int | None
-    below: int | None = Field(description="The nearest reachable number of modules below.")
-    above: int | None = Field(description="The nearest reachable number of modules above.")
-    iou: float | None = Field(
-        description="Overlap of cells and solid: volume of the intersection ÷ volume of the union."
-    )
-    pitch: float | None = Field(
-        description="Distance between module centres, in the solid's own units."
-    )
+    below: int | None
+    """The nearest reachable number of modules below."""
+    above: int | None
+    """The nearest reachable number of modules above."""
+    iou: float | None
+    """Overlap of cells and solid: volume of the intersection ÷ volume of the union."""
+    pitch: float | None
+    """Distance between module centres, in the solid's own units."""
     method: str
     has_path: bool
-    candidates: int = Field(description="Number of paths that a fold will try in turn.")
-    cells: list[list[int]] = Field(description="Cells, in path order if there is a path.")
+    candidates: int
+    """Number of paths that a fold will try in turn."""
+    cells: list[list[int]]
+    """Cells, in path order if there is a path."""
     feasibility: Feasibility | None
     knot: Knot | None
     notes: list[str]
-    added: list[list[int]] = Field(default=[], description="Cells that a repair for a table added.")
-    as_voxels: bool = Field(
-        description="True if a list of cells was read as a shape; send the same option with the "
-        "fold."
-    )
-    start: list[int] | None = Field(description="The requested start cell.")
-    not_started: str = Field(
-        description="Reason why no path starts in that cell; the path then starts elsewhere. Empty "
-        "if one does."
-    )
-    expected_s: float = Field(description="Estimated time of the fold, s.")
-    expected_as_published_s: float = Field(description="Estimated time with the preset `paper`, s.")
-    expected_preferred_s: float = Field(
-        description="Estimated time if the plan is optimised for time, torque or clearance, s."
-    )
-    positions: list[list[float]] | None = Field(
-        description="Positions of the folded chain's modules; null without a chain."
-    )
-    wxyzs: list[list[float]] | None = Field(
-        description="Orientations of the modules; null for cubes."
-    )
-    line: list[list[float]] | None = Field(description="Line along the folded chain.")
-    mesh: PlacedMesh | None = Field(description="The solid, in the folded chain's coordinates.")
+    added: list[list[int]] = []
+    """Cells that a repair for a table added."""
+    as_voxels: bool
+    """True if a list of cells was read as a shape; send the same option with the fold."""
+    start: list[int] | None
+    """The requested start cell."""
+    not_started: str
+    """Reason why no path starts in that cell; the path then starts elsewhere. Empty if one does."""
+    expected_s: float
+    """Estimated time of the fold, s."""
+    expected_as_published_s: float
+    """Estimated time with the preset `paper`, s."""
+    expected_preferred_s: float
+    """Estimated time if the plan is optimised for time, torque or clearance, s."""
+    positions: list[list[float]] | None
+    """Positions of the folded chain's modules; null without a chain."""
+    wxyzs: list[list[float]] | None
+    """Orientations of the modules; null for cubes."""
+    line: list[list[float]] | None
+    """Line along the folded chain."""
+    mesh: PlacedMesh | None
+    """The solid, in the folded chain's coordinates."""
     links: PreviewLinks
 
     @classmethod
@@ -501,7 +505,7 @@ class Preview(BaseModel):
         return cls.model_validate({**report, **large, **more})
 
 
-class TableChange(BaseModel):
+class TableChange(Body):
     """Options that an offer changes; null options stay as they are."""
 
     modules: int | None = None
@@ -509,47 +513,55 @@ class TableChange(BaseModel):
     repair: bool | None = None
 
 
-class TableOffer(BaseModel):
+class TableOffer(Body):
     """A version of a shape that can fold on a table, with a path that is supported throughout."""
 
-    kind: Literal["repair", "modules", "blocks"] = Field(
-        description="`repair` adds cells, `modules` uses another number of modules, `blocks` makes "
-        "2×2×2 modules of each voxel."
-    )
-    modules: int = Field(description="Number of modules.")
-    change: TableChange = Field(description="Options to send instead of the requested ones.")
-    added: list[list[int]] = Field(description="Cells that the repair adds.")
+    kind: Literal["repair", "modules", "blocks"]
+    """`repair` adds cells, `modules` uses another number of modules, `blocks` makes 2×2×2 modules
+    of each voxel."""
+    modules: int
+    """Number of modules."""
+    change: TableChange
+    """Options to send instead of the requested ones."""
+    added: list[list[int]]
+    """Cells that the repair adds."""
 
 
-class TableOffers(BaseModel):
+class TableOffers(Body):
     """Versions of a shape that can fold on a table, in the order in which they were found."""
 
     offers: list[TableOffer]
 
 
-class FramesBody(BaseModel):
+class FramesBody(Body):
     """A range of frames of a fold. Lengths are in pitches, angles in radians."""
 
-    status: str = Field(description="`growing`, `complete` or `failed`.")
-    total: int = Field(description="Number of frames.")
+    status: str
+    """`growing`, `complete` or `failed`."""
+    total: int
+    """Number of frames."""
     start: int = Field(serialization_alias="from")
     stop: int = Field(serialization_alias="to")
     stride: int
-    next: str | None = Field(
-        description="Link to the next frames, if not all fit into one response."
-    )
-    phases: list[str] = Field(description="Meaning of the numbers in `phase`.")
+    next: str | None
+    """Link to the next frames, if not all fit into one response."""
+    phases: list[str]
+    """Meaning of the numbers in `phase`."""
     joint_names: list[str]
     time_s: list[float]
     phase: list[int]
-    joint_angles_rad: list[list[float]] = Field(description="(F, J) joint angles, rad.")
-    root_position: list[list[float]] = Field(description="(F, 3) position of the root module.")
-    root_wxyz: list[list[float]] = Field(description="(F, 4) orientation of the root module.")
-    max_error_rad: list[float | None] = Field(
-        description="(F,) largest joint error; null in frames without one."
-    )
-    positions: list[list[list[float]]] | None = Field(description="(F, n, 3) with poses=true.")
-    wxyzs: list[list[list[float]]] | None = Field(description="(F, n, 4) with poses=true.")
+    joint_angles_rad: list[list[float]]
+    """(F, J) joint angles, rad."""
+    root_position: list[list[float]]
+    """(F, 3) position of the root module."""
+    root_wxyz: list[list[float]]
+    """(F, 4) orientation of the root module."""
+    max_error_rad: list[float | None]
+    """(F,) largest joint error; null in frames without one."""
+    positions: list[list[list[float]]] | None
+    """(F, n, 3) with poses=true."""
+    wxyzs: list[list[list[float]]] | None
+    """(F, n, 4) with poses=true."""
 
 
 @overload

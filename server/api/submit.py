@@ -15,9 +15,10 @@ from pathlib import Path
 from planner.errors import InputError
 from planner.file_names import PREPARED, REQUEST
 from planner.pipeline.expected_cost import ExpectedCost
+from planner.pipeline.request import FoldRequest
 from server.api.base_folds import BaseFold
 from server.api.context import Context
-from server.api.source import Source
+from server.api.source import Origin, Source, open_source
 from server.errors import Conflict, Unavailable, Unusable, not_stored
 from server.files.uploads import Upload
 from server.limits.disk_space import check_space
@@ -79,6 +80,22 @@ class Receipt:
     row: FoldRow
     own: bool
     existing: bool
+
+
+def fold_origin(
+    context: Context, origin: Origin, request: FoldRequest, *, visitor: str, owner: Owner
+) -> Receipt:
+    """Open the input that an origin names, and submit it.
+
+    Raises:
+        ServiceError: As of ``open_source`` and ``submit``.
+    """
+    with (
+        open_source(context, origin, request) as (stream, source),
+        context.uploads.stored(stream, source.request.filename) as upload,
+    ):
+        submission = Submission(upload=upload, source=source, visitor=visitor, owner=owner)
+        return submit(context, submission)
 
 
 def submit(context: Context, submission: Submission) -> Receipt:
@@ -160,12 +177,8 @@ def _known(context: Context, submission: Submission) -> Receipt | None:
 
 def _check_room(context: Context, visitor: str) -> None:
     settings = context.settings
-    check_room(_waiting(context), Waiting(visitor, 0.0), settings)
+    check_room(context.store.waiting(), Waiting(visitor, 0.0), settings)
     check_space(settings.root, settings.min_free_disk_bytes)
-
-
-def _waiting(context: Context) -> list[Waiting]:
-    return [Waiting(visitor, cost_s) for visitor, cost_s in context.store.waiting()]
 
 
 def _add(context: Context, row: FoldRow, owner: Owner) -> bool:
@@ -181,7 +194,8 @@ def _add(context: Context, row: FoldRow, owner: Owner) -> bool:
     try:
         _check_limits(cost, context.settings)
         with store.admitting:
-            check_room(_waiting(context), Waiting(row.visitor, cost.expected_s), context.settings)
+            wanted = Waiting(row.visitor, cost.expected_s)
+            check_room(store.waiting(), wanted, context.settings)
             added = store.add(row, owner)
     except Exception:
         with contextlib.suppress(Exception):

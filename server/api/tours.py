@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from fastapi.responses import JSONResponse, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from planner.errors import InputError
 from planner.pipeline.fold_layout import stored_moments
@@ -14,6 +14,7 @@ from planner.plan.tour import Tour
 from server.api.artifacts import not_there
 from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, problems
 from server.api.owners import RequiredOwner, not_owner
+from server.api.schemas import Body
 from server.errors import Conflict, Forbidden, Unusable
 from server.store.fold_files import frames_promised
 from server.store.folds import NoSuchFoldError
@@ -26,36 +27,42 @@ from words.tour import draft_tour
 router = APIRouter(prefix="/api/folds/{fold_id}/tour", tags=["tours"])
 
 
-class TourStop(BaseModel):
+class TourStop(Body):
     """One stop of a tour; frames and modules count from 1, as in the address of a page."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    caption: str = Field(description="Plain text of 1 to 300 characters.")
-    frame: int = Field(description="Frame of the timeline.")
-    modules: list[int] | None = Field(default=None, description="1 to 8 highlighted modules.")
-    first: int | None = Field(
-        default=None, alias="from", description="First frame of a loop that plays at the stop."
-    )
-    last: int | None = Field(default=None, alias="to", description="Last frame of that loop.")
-    camera: str | None = Field(
-        default=None, description="Azimuth, elevation and distance, as in the address of a page."
-    )
-    follow: bool | None = Field(
-        default=None, description="False: the camera stays where it is while the chain moves."
-    )
-    colour: str | None = Field(default=None, description="Quantity shown by the colours.")
-    path: bool | None = Field(default=None, description="Transparent modules show the path.")
+    caption: str
+    """Plain text of 1 to 300 characters."""
+    frame: int
+    """Frame of the timeline."""
+    modules: list[int] | None = None
+    """1 to 8 highlighted modules."""
+    first: int | None = Field(default=None, alias="from")
+    """First frame of a loop that plays at the stop."""
+    last: int | None = Field(default=None, alias="to")
+    """Last frame of that loop."""
+    camera: str | None = None
+    """Azimuth, elevation and distance, as in the address of a page."""
+    follow: bool | None = None
+    """False: the camera stays where it is while the chain moves."""
+    colour: str | None = None
+    """Quantity shown by the colours."""
+    path: bool | None = None
+    """Transparent modules show the path."""
 
 
-class TourBody(BaseModel):
+class TourBody(Body):
     """A tour in the format `foldback-tour/1`."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    format: str = Field(description="`foldback-tour/1`")
-    title: str = Field(description="Plain text of 1 to 200 characters.")
-    stops: list[TourStop] = Field(description="1 to 50 stops.")
+    format: str
+    """`foldback-tour/1`"""
+    title: str
+    """Plain text of 1 to 200 characters."""
+    stops: list[TourStop]
+    """1 to 50 stops."""
 
 
 @router.get(

@@ -7,7 +7,6 @@ import signal
 import threading
 import webbrowser
 from collections.abc import AsyncGenerator
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Final, cast
@@ -31,6 +30,7 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.workspace import Workspace
 from planner.plan.own_values import values_in
 from server.api import frames as timelines
+from server.api.finding import Viewing
 from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
@@ -71,18 +71,6 @@ class FolderStore:
         """Return the directory with its files."""
         del fold_id
         return self._directory
-
-
-@dataclass(frozen=True, slots=True)
-class FolderContext:
-    """State that the viewer's routes share."""
-
-    store: FolderStore
-    timelines: TimelineViews
-    waits: FrameWaits
-    artifacts: Artifacts
-    estimates: None = None
-    settings: None = None
 
 
 def row_of(directory: Path) -> ShownFold:
@@ -139,7 +127,14 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
         with TemporaryDirectory(prefix="foldback-") as place:
             artifacts = Artifacts(store, folder=Path(place))
             waits = FrameWaits()
-            app.state.context = FolderContext(store, TimelineViews(), waits, artifacts)
+            app.state.context = Viewing(
+                store=store,
+                timelines=TimelineViews(),
+                waits=waits,
+                artifacts=artifacts,
+                settings=None,
+                estimates=None,
+            )
             yield
             waits.close()
             artifacts.close()

@@ -95,18 +95,14 @@ def server_of(
 
     from server.app import create_app
     from server.http.connections import protocol_of
+    from server.operate.migration import run_migration
     from server.store.object_store import open_storage
-    from server.store.tables import engine_of, migrate
 
     if settings.read_only:
         log.error("%s Restart the service once %s can be written.", READ_ONLY_WORDS, settings.root)
     with starting("service"):
         open_storage(settings)
-        engine = engine_of(settings)
-        try:
-            migrate(engine)
-        finally:
-            engine.dispose()
+        run_migration(settings)
     app = create_app(settings, fork_server=fork_server)
 
     class Server(uvicorn.Server):
@@ -167,20 +163,19 @@ def _allow_files(count: int) -> None:
 def _fold_first(context: Context, name: str) -> str:
     from planner.pipeline.request import FoldRequest
     from server.api.finished import SERVICE_VISITOR
-    from server.api.source import Origin, open_source
-    from server.api.submit import Submission, submit
+    from server.api.source import Origin
+    from server.api.submit import fold_origin
     from server.errors import Unusable
     from server.store.owner import Claim
 
     try:
-        with (
-            open_source(context, Origin(shape=name), FoldRequest()) as (stream, source),
-            context.uploads.stored(stream, source.request.filename) as upload,
-        ):
-            submission = Submission(
-                upload=upload, source=source, visitor=SERVICE_VISITOR, owner=Claim.new().owner
-            )
-            receipt = submit(context, submission)
+        receipt = fold_origin(
+            context,
+            Origin(shape=name),
+            FoldRequest(),
+            visitor=SERVICE_VISITOR,
+            owner=Claim.new().owner,
+        )
     except Unusable as error:
         raise typer.BadParameter(error.detail) from None
     return receipt.row.id

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from server.doctor.drawing import run_python
-from server.doctor.finding import Finding
+from server.doctor.finding import Finding, ok, warning
 from server.settings import Settings
 
 _CONFINE = """
@@ -31,7 +31,6 @@ with tempfile.NamedTemporaryFile() as foreign, tempfile.TemporaryDirectory() as 
 
 def confinement(settings: Settings) -> Finding:
     """Check that processes reading strangers' files reach neither database nor network."""
-    name = "computing processes"
     code, words = run_python(_CONFINE, str(settings.root / "foldback.db"))
     free = words.split()[1:]
     if code or not words.startswith("free"):
@@ -39,12 +38,9 @@ def confinement(settings: Settings) -> Finding:
     elif free:
         found = f"this kernel does not protect foreign {' and '.join(free)}"
     else:
-        words = "isolated from foreign files, signals and sockets by Landlock and seccomp"
-        return Finding(name=name, verdict="ok", found=words)
-    return Finding(
-        name=name,
-        verdict="warning",
-        found=found,
-        remedy="Use Linux 5.19 or newer with Landlock and seccomp (in a container: let it use "
+        return ok("isolated from foreign files, signals and sockets by Landlock and seccomp")
+    return warning(
+        found,
+        "Use Linux 5.19 or newer with Landlock and seccomp (in a container: let it use "
         "them), or run the service as a separate user with the sandbox options of systemd.",
     )

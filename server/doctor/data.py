@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -14,14 +13,14 @@ import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
 
 from planner.files import READ_ONLY_ERRORS
-from server.doctor.finding import Finding
+from server.doctor.finding import Finding, ok, problem, warning
 from server.errors import READ_ONLY_WORDS
 from server.limits.disk_space import free_space
 from server.ops.readiness import check_folder
 from server.settings import Settings
 from server.store.object_store import open_storage
 from server.store.schema_version import Schema
-from server.store.tables import missing_database, reading_engine
+from server.store.tables import missing_database, reading_connection
 
 NETWORK_FILESYSTEMS: Final = frozenset(
     {"nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p", "afs"}
@@ -35,7 +34,7 @@ reports harmless ones. Chosen."""
 
 def directory(settings: Settings) -> Finding:
     """Check that the data directory is writable; state its disk and its free space."""
-    name, root = "data directory", settings.root
+    root = settings.root
     there = _nearest(root)
     try:
         with tempfile.TemporaryDirectory(dir=there, prefix=".probe-") as probe:
@@ -44,14 +43,10 @@ def directory(settings: Settings) -> Finding:
         found = f"{there} cannot be written ({error.strerror})"
         if error.errno in READ_ONLY_ERRORS:
             found += f". {READ_ONLY_WORDS[:-1]}"
-        return Finding(
-            name=name,
-            verdict="problem",
-            found=found,
-            remedy=(
-                "Make it writable for the user that runs foldback, or set FOLDBACK_DATA_DIR to "
-                "another one."
-            ),
+        return problem(
+            found,
+            "Make it writable for the user that runs foldback, or set FOLDBACK_DATA_DIR to "
+            "another one.",
         )
     kind = _kind_of_disk(there)
     free = free_space(there)
@@ -59,27 +54,21 @@ def directory(settings: Settings) -> Finding:
     if root != there:
         found += "; it will be created"
     if free < settings.min_free_disk_bytes:
-        return Finding(
-            name=name,
-            verdict="problem",
-            found=f"{found}, of which {settings.min_free_disk_bytes // 2**20} MiB must stay free",
-            remedy="Free some space (`foldback admin expire --older DAYS`), or use a larger disk.",
+        return problem(
+            f"{found}, of which {settings.min_free_disk_bytes // 2**20} MiB must stay free",
+            "Free some space (`foldback admin expire --older DAYS`), or use a larger disk.",
         )
     if kind in NETWORK_FILESYSTEMS and settings.database_url is None:
-        return Finding(
-            name=name,
-            verdict="warning",
-            found=f"{found}; SQLite is not safe on a network disk",
-            remedy="Use a local disk, or PostgreSQL with FOLDBACK_DATABASE_URL.",
+        return warning(
+            f"{found}; SQLite is not safe on a network disk",
+            "Use a local disk, or PostgreSQL with FOLDBACK_DATABASE_URL.",
         )
     if kind in VOLATILE_FILESYSTEMS:
-        return Finding(
-            name=name,
-            verdict="warning",
-            found=f"{found}; its content is lost after a restart",
-            remedy="Set FOLDBACK_DATA_DIR to a directory on a disk.",
+        return warning(
+            f"{found}; its content is lost after a restart",
+            "Set FOLDBACK_DATA_DIR to a directory on a disk.",
         )
-    return Finding(name=name, verdict="ok", found=found)
+    return ok(found)
 
 
 def _nearest(path: Path) -> Path:
@@ -101,65 +90,45 @@ def _kind_of_disk(path: Path) -> str:
 
 def database(settings: Settings) -> Finding:
     """Check that the database answers, and the version of its tables."""
-    return _asked("database", settings.store_url, "FOLDBACK_DATABASE_URL", _tables)
+    url = settings.store_url
+    if (missing := missing_database(url)) is not None:
+        return ok(f"{missing} will be created")
+    try:
+        with reading_connection(url) as connection:
+            return _tables(url, connection)
+    except (SQLAlchemyError, ModuleNotFoundError) as error:
+        return _unusable(url, error)
 
 
-def _tables(name: str, url: str, connection: sa.Connection) -> Finding:
+def _tables(url: str, connection: sa.Connection) -> Finding:
     schema = Schema.of(connection)
     ahead_s = _ahead_s(connection, schema)
     found = f"{_shown(url)}, tables of version {schema.found}"
     if schema.newer:
-        return Finding(
-            name=name,
-            verdict="problem",
-            found=f"{found}, from a newer foldback; this version supports up to {schema.head}",
-            remedy="Install the newer version again, or restore an older backup.",
+        return problem(
+            f"{found}, from a newer foldback; this version supports up to {schema.head}",
+            "Install the newer version again, or restore an older backup.",
         )
     if schema.found is None:
-        return Finding(
-            name=name, verdict="ok", found=(f"{_shown(url)}, empty; tables will be created")
-        )
+        return ok(f"{_shown(url)}, empty; tables will be created")
     if schema.behind:
-        return Finding(
-            name=name,
-            verdict="warning",
-            found=f"{found}, {schema.behind} behind {schema.head}",
-            remedy="Back it up; `foldback serve` updates it at start.",
+        return warning(
+            f"{found}, {schema.behind} behind {schema.head}",
+            "Back it up; `foldback serve` updates it at start.",
         )
     if ahead_s > MAX_CLOCK_DIFFERENCE_S:
-        return Finding(
-            name=name,
-            verdict="warning",
-            found=f"{found}; its clock and this machine's are {ahead_s:.0f} s apart",
-            remedy="Synchronise both clocks with NTP.",
+        return warning(
+            f"{found}; its clock and this machine's are {ahead_s:.0f} s apart",
+            "Synchronise both clocks with NTP.",
         )
-    return Finding(name=name, verdict="ok", found=found)
-
-
-def _asked(
-    name: str, url: str, setting: str, look: Callable[[str, str, sa.Connection], Finding]
-) -> Finding:
-    """Return the finding of a look into a database, or that it is missing or unusable."""
-    if (missing := missing_database(url)) is not None:
-        return Finding(name=name, verdict="ok", found=f"{missing} will be created")
-    try:
-        engine = reading_engine(url)
-    except (SQLAlchemyError, ModuleNotFoundError) as error:
-        return _unusable(name, url, setting, error)
-    try:
-        with engine.connect() as connection:
-            return look(name, url, connection)
-    except SQLAlchemyError as error:
-        return _unusable(name, url, setting, error)
-    finally:
-        engine.dispose()
+    return ok(found)
 
 
 def storage(settings: Settings) -> Finding:
     """Check that files of folds can be written, read, listed and deleted."""
     place = settings.storage_url or str(settings.folds_dir)
     if settings.storage_url is None and not settings.folds_dir.exists():
-        return Finding(name="storage", verdict="ok", found=f"{place} will be created")
+        return ok(f"{place} will be created")
     try:
         _check_storage(settings)
     except Exception as error:  # each kind of storage has its own kinds of error
@@ -168,15 +137,8 @@ def storage(settings: Settings) -> Finding:
         else:
             remedy = "Check FOLDBACK_STORAGE_URL, the AWS_… variables and the bucket's policy."
         words = str(error).partition("\n")[0][:200]
-        return Finding(
-            name="storage",
-            verdict="problem",
-            found=f"{place} cannot be used ({type(error).__name__}: {words})",
-            remedy=remedy,
-        )
-    return Finding(
-        name="storage", verdict="ok", found=f"{place}; a probe was written, read and deleted"
-    )
+        return problem(f"{place} cannot be used ({type(error).__name__}: {words})", remedy)
+    return ok(f"{place}; a probe was written, read and deleted")
 
 
 def _check_storage(settings: Settings) -> None:
@@ -206,13 +168,11 @@ def _shown(url: str) -> str:
     return sa.make_url(url).render_as_string(hide_password=True)
 
 
-def _unusable(name: str, url: str, setting: str, error: Exception) -> Finding:
+def _unusable(url: str, error: Exception) -> Finding:
     said = getattr(error, "orig", None) or error
     words = str(said).strip().partition("\n")[0][:200]
     if "not a database" in words or "malformed" in words:
         remedy = "Move it away and restore a backup; without a backup, a new one is created."
     else:
-        remedy = f"Start it, or check {setting}."
-    return Finding(
-        name=name, verdict="problem", found=f"{_shown(url)} cannot be used ({words})", remedy=remedy
-    )
+        remedy = "Start it, or check FOLDBACK_DATABASE_URL."
+    return problem(f"{_shown(url)} cannot be used ({words})", remedy)

@@ -10,7 +10,7 @@ import subprocess
 import sys
 from typing import Final
 
-from server.doctor.finding import Finding
+from server.doctor.finding import Finding, ok, problem, warning
 from server.processes.movie_task import GL_SETTING, NO_FFMPEG, NO_GL, backends
 from server.settings import Settings
 
@@ -48,13 +48,11 @@ def gl(settings: Settings) -> Finding:
     for backend in tried:
         code, words = run_python(_DRAW, backend, environment={GL_SETTING: backend})
         if code == 0:
-            return Finding(name="OpenGL", verdict="ok", found=f"{backend} draws without a screen")
+            return ok(f"{backend} draws without a screen")
         said.append(f"{backend}: {words}")
-    return Finding(
-        name="OpenGL",
-        verdict="warning",
-        found=f"no movies: {'; '.join(said) or f'it is switched off by {GL_SETTING}'}",
-        remedy=f"{NO_GL[0].upper()}{NO_GL[1:]}." if tried else f"Unset {GL_SETTING}.",
+    return warning(
+        f"no movies: {'; '.join(said) or f'it is switched off by {GL_SETTING}'}",
+        f"{NO_GL[0].upper()}{NO_GL[1:]}." if tried else f"Unset {GL_SETTING}.",
     )
 
 
@@ -63,12 +61,9 @@ def encoder(settings: Settings) -> Finding:
     del settings
     code, words = run_python(_ENCODE)
     if code == 0 and words.endswith(" with x264"):
-        return Finding(name="encoder", verdict="ok", found=words)
-    return Finding(
-        name="encoder",
-        verdict="warning",
-        found=f"movies are GIF only: {words}",
-        remedy=f"Unset IMAGEIO_FFMPEG_EXE if it is set. {NO_FFMPEG}.",
+        return ok(words)
+    return warning(
+        f"movies are GIF only: {words}", f"Unset IMAGEIO_FFMPEG_EXE if it is set. {NO_FFMPEG}."
     )
 
 
@@ -77,15 +72,8 @@ def kernels(settings: Settings) -> Finding:
     del settings
     code, words = run_python(_COMPILE)
     if code == 0:
-        return Finding(
-            name="kernels", verdict="ok", found=(f"compiled kernels are stored in {words}")
-        )
-    return Finding(
-        name="kernels",
-        verdict="problem",
-        found=f"they cannot be used ({words})",
-        remedy="Set NUMBA_CACHE_DIR to a writable directory.",
-    )
+        return ok(f"compiled kernels are stored in {words}")
+    return problem(f"they cannot be used ({words})", "Set NUMBA_CACHE_DIR to a writable directory.")
 
 
 def run_python(

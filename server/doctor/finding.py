@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from server.settings import Settings
@@ -17,13 +17,13 @@ class Finding:
     """One line of the doctor.
 
     Attributes:
-        name: Name of the check.
+        name: Name of the check, which ``examine`` adds.
         verdict: ``problem`` keeps the service from working, ``warning`` does not.
         found: Short description of the finding.
         remedy: Advice that solves it; None if there is no problem.
     """
 
-    name: str
+    name: str = ""
     verdict: Verdict
     found: str
     remedy: str | None = None
@@ -35,19 +35,29 @@ class Finding:
         return words if self.remedy is None else f"{words}. {self.remedy}"
 
 
+def ok(found: str) -> Finding:
+    """Return the finding that all is well."""
+    return Finding(verdict="ok", found=found)
+
+
+def warning(found: str, remedy: str) -> Finding:
+    """Return the finding of something that the service works without."""
+    return Finding(verdict="warning", found=found, remedy=remedy)
+
+
+def problem(found: str, remedy: str) -> Finding:
+    """Return the finding of something that keeps the service from working."""
+    return Finding(verdict="problem", found=found, remedy=remedy)
+
+
 def examine(checks: Sequence[tuple[str, Check]], settings: Settings) -> list[Finding]:
     """Run checks; one that raises is a problem and does not stop the others."""
     found: list[Finding] = []
     for name, check in checks:
         try:
-            found.append(check(settings))
+            finding = check(settings)
         except Exception as error:
-            found.append(
-                Finding(
-                    name=name,
-                    verdict="problem",
-                    found=f"the check itself failed ({type(error).__name__}: {error})",
-                    remedy="Please report this.",
-                )
-            )
+            words = f"the check itself failed ({type(error).__name__}: {error})"
+            finding = problem(words, "Please report this.")
+        found.append(replace(finding, name=name))
     return found

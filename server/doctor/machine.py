@@ -19,7 +19,7 @@ from typing import Final
 import psutil
 from packaging.requirements import Requirement
 
-from server.doctor.finding import Finding
+from server.doctor.finding import Finding, ok, problem, warning
 from server.http.security import LOOPBACK
 from server.processes.limits import INTERACTIVE_CHILDREN
 from server.settings import Settings, unknown_names, unknown_words
@@ -45,7 +45,6 @@ a busy service. Chosen."""
 def python(settings: Settings) -> Finding:
     """Check the interpreter and the packages that foldback needs."""
     del settings
-    name = "python"
     wrong: list[str] = []
     count = 0
     for line in requires("foldback") or ():
@@ -62,42 +61,31 @@ def python(settings: Settings) -> Finding:
             wrong.append(f"{needed.name} is {found}, expected {needed.specifier}")
     here = f"Python {platform.python_version()}, foldback {version('foldback')}"
     if sys.version_info < MIN_PYTHON:
-        remedy = "Install Python 3.11 or newer."
-        return Finding(name=name, verdict="problem", found=here, remedy=remedy)
+        return problem(here, "Install Python 3.11 or newer.")
     if wrong:
-        return Finding(
-            name=name,
-            verdict="problem",
-            found=f"{here}; {'; '.join(wrong)}",
-            remedy="Reinstall foldback into an environment of its own.",
+        return problem(
+            f"{here}; {'; '.join(wrong)}", "Reinstall foldback into an environment of its own."
         )
     where = Path(str(distribution("foldback").locate_file(""))).resolve()
-    return Finding(
-        name=name,
-        verdict="ok",
-        found=f"{here} in {where}; {count} packages have the right versions",
-    )
+    return ok(f"{here} in {where}; {count} packages have the right versions")
 
 
 def variables(settings: Settings) -> Finding:
     """Check that each variable that looks like a setting is one."""
     unknown = unknown_names(os.environ)
     if not unknown:
-        words = f"{len(settings.model_fields_set)} set, all others at their defaults"
-        return Finding(name="settings", verdict="ok", found=words)
-    return Finding(
-        name="settings",
-        verdict="warning",
-        found="; ".join(unknown_words(name, nearest) for name, nearest in unknown.items()),
-        remedy="Correct the name, or unset it; docs/operations.md lists all settings.",
+        return ok(f"{len(settings.model_fields_set)} set, all others at their defaults")
+    return warning(
+        "; ".join(unknown_words(name, nearest) for name, nearest in unknown.items()),
+        "Correct the name, or unset it; docs/operations.md lists all settings.",
     )
 
 
 def port(settings: Settings) -> Finding:
     """Check that ``serve`` can listen on its address."""
-    name, place = "port", f"{settings.host}:{settings.port}"
+    place = f"{settings.host}:{settings.port}"
     if settings.port == 0:
-        return Finding(name=name, verdict="ok", found="a free port is picked (port 0)")
+        return ok("a free port is picked (port 0)")
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     try:
         with socket.socket(family) as listener:
@@ -107,21 +95,16 @@ def port(settings: Settings) -> Finding:
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
             if _foldback_answers(settings):
-                words = f"foldback already answers at {place}"
-                return Finding(name=name, verdict="ok", found=words)
-            return Finding(
-                name=name,
-                verdict="problem",
-                found=f"another program listens at {place}",
-                remedy="Set FOLDBACK_PORT to a free port, or stop that program.",
+                return ok(f"foldback already answers at {place}")
+            return problem(
+                f"another program listens at {place}",
+                "Set FOLDBACK_PORT to a free port, or stop that program.",
             )
-        return Finding(
-            name=name,
-            verdict="problem",
-            found=f"cannot listen at {place} ({error.strerror})",
-            remedy="Set FOLDBACK_HOST to an address of this machine and FOLDBACK_PORT above 1023.",
+        return problem(
+            f"cannot listen at {place} ({error.strerror})",
+            "Set FOLDBACK_HOST to an address of this machine and FOLDBACK_PORT above 1023.",
         )
-    return Finding(name=name, verdict="ok", found=f"{place} is free")
+    return ok(f"{place} is free")
 
 
 def _foldback_answers(settings: Settings) -> bool:
@@ -155,12 +138,11 @@ def files(settings: Settings) -> Finding:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     needed = settings.max_streams + settings.max_robots + OTHER_OPEN_FILES
     if soft == resource.RLIM_INFINITY or soft >= needed:
-        return Finding(name="open files", verdict="ok", found=f"{_count(soft)} can be open")
-    return Finding(
-        name="open files",
-        verdict="problem" if soft < OTHER_OPEN_FILES else "warning",
-        found=f"{soft} can be open (limit {_count(hard)}), but up to {needed} are needed",
-        remedy=f"Raise it: `ulimit -n {max(needed, 4096)}`, or LimitNOFILE= in a systemd unit.",
+        return ok(f"{_count(soft)} can be open")
+    judged = problem if soft < OTHER_OPEN_FILES else warning
+    return judged(
+        f"{soft} can be open (limit {_count(hard)}), but up to {needed} are needed",
+        f"Raise it: `ulimit -n {max(needed, 4096)}`, or LimitNOFILE= in a systemd unit.",
     )
 
 
@@ -178,13 +160,11 @@ def memory(settings: Settings) -> Finding:
         f"{_mib(there)} for {folds} folds at once of up to {_mib(settings.child_memory_bytes)} each"
     )
     if there >= needed:
-        return Finding(name="memory", verdict="ok", found=found)
-    return Finding(
-        name="memory",
-        verdict="warning",
-        found=f"{found}, plus {_mib(besides)} for pages and for {INTERACTIVE_CHILDREN} processes "
+        return ok(found)
+    return warning(
+        f"{found}, plus {_mib(besides)} for pages and for {INTERACTIVE_CHILDREN} processes "
         "that read uploads, prepare previews, retime plans and draw pictures",
-        remedy="Lower FOLDBACK_CHILD_MEMORY_BYTES, FOLDBACK_WORKERS or FOLDBACK_FOLDS_PER_WORKER.",
+        "Lower FOLDBACK_CHILD_MEMORY_BYTES, FOLDBACK_WORKERS or FOLDBACK_FOLDS_PER_WORKER.",
     )
 
 
@@ -205,25 +185,19 @@ def _mib(size: int) -> str:
 
 def names(settings: Settings) -> Finding:
     """Check that foreign host names cannot be pointed at the service."""
-    name, host = "allowed hosts", settings.host
+    host = settings.host
     if settings.allowed_hosts:
-        words = ", ".join(settings.allowed_hosts)
         if "*" in settings.allowed_hosts:
-            return Finding(
-                name=name,
-                verdict="warning",
-                found="the service accepts requests for any host name (*)",
-                remedy="Set FOLDBACK_ALLOWED_HOSTS to the service's host names.",
+            return warning(
+                "the service accepts requests for any host name (*)",
+                "Set FOLDBACK_ALLOWED_HOSTS to the service's host names.",
             )
-        return Finding(name=name, verdict="ok", found=words)
+        return ok(", ".join(settings.allowed_hosts))
     if host in LOOPBACK or host.startswith("127."):
-        return Finding(name=name, verdict="ok", found=f"only this machine's own names, on {host}")
-    return Finding(
-        name=name,
-        verdict="warning",
-        found=f"other machines can reach {host}, and the service accepts requests for any host "
-        "name",
-        remedy="Set FOLDBACK_ALLOWED_HOSTS to the service's host names, against DNS rebinding.",
+        return ok(f"only this machine's own names, on {host}")
+    return warning(
+        f"other machines can reach {host}, and the service accepts requests for any host name",
+        "Set FOLDBACK_ALLOWED_HOSTS to the service's host names, against DNS rebinding.",
     )
 
 
@@ -236,13 +210,11 @@ def clock(settings: Settings) -> Finding:
     now = time.time()
     shown = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(now))
     if now < past - 60.0:
-        return Finding(
-            name="clock",
-            verdict="warning",
-            found=f"it shows {shown}, but some files were written {_hours(past - now)} after that",
-            remedy="Set the clock and synchronise it with NTP, because folds expire by it.",
+        return warning(
+            f"it shows {shown}, but some files were written {_hours(past - now)} after that",
+            "Set the clock and synchronise it with NTP, because folds expire by it.",
         )
-    return Finding(name="clock", verdict="ok", found=shown)
+    return ok(shown)
 
 
 def _hours(seconds: float) -> str:

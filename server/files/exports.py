@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 from zipfile import BadZipFile
 
 from planner.errors import InputError
+from planner.exports import Export
 from planner.file_names import PLAN
 from planner.motion.angle_steps import unpacked_bytes
 from planner.readers.limits import megabytes
@@ -15,9 +16,6 @@ from planner.verification.integrity import check
 from server.errors import NotFound, TooLarge
 from server.files.artifacts import Artifacts
 from server.store.folds import Store
-
-if TYPE_CHECKING:
-    from planner.exports import Export
 
 MAX_EXPORTED_PLAN_BYTES: Final = 64 * 2**20
 """Maximum unpacked size of a plan that the service exports to other formats, in bytes; larger plans

@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections import OrderedDict
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from threading import Lock
 from typing import Any, Final
 
 import numpy as np
 
 from server.processes.children import Pool
 from server.processes.scratch import CHAIN, MOMENT_FILE, PICTURE, Scratch
+from web.timeline.cache import Cache
 from web.timeline.view import TimelineView
 
 MAX_PICTURE_BYTES: Final = 8 * 2**20
@@ -56,26 +55,9 @@ def moment_of(
     return {"caption": dict(caption), "view": view, "frame": frame}
 
 
-class RecentPictures:
-    """The latest pictures of views, each under its key. Safe to use from many threads."""
-
-    def __init__(self) -> None:
-        self._lock = Lock()
-        self._pictures: OrderedDict[Hashable, bytes] = OrderedDict()
-
-    def get(self, key: Hashable) -> bytes | None:
-        """Return the picture of a key, if it is still here."""
-        with self._lock:
-            if key in self._pictures:
-                self._pictures.move_to_end(key)
-            return self._pictures.get(key)
-
-    def put(self, key: Hashable, picture: bytes) -> None:
-        """Store a picture in place of the one that was used longest ago."""
-        with self._lock:
-            self._pictures[key] = picture
-            while len(self._pictures) > MAX_CACHED_PICTURES:
-                self._pictures.popitem(last=False)
+def recent_pictures() -> Cache[bytes]:
+    """Return a cache of the latest pictures of views, each under its key."""
+    return Cache(MAX_CACHED_PICTURES, lambda _: 1)
 
 
 class Pictures:
@@ -89,7 +71,7 @@ class Pictures:
     def __init__(self, pool: Pool, scratch: Scratch) -> None:
         self._pool = pool
         self._scratch = scratch
-        self.recent = RecentPictures()
+        self.recent = recent_pictures()
 
     def close(self) -> None:
         """End the children."""

@@ -62,11 +62,6 @@ class Uploads:
         self._place = self._held.enter_context(scratch.directory())
         tempfile.tempdir = str(self._place)
 
-    @property
-    def place(self) -> Path:
-        """The directory of this process."""
-        return self._place
-
     def close(self) -> None:
         """Remove the remaining files and release the directory."""
         if tempfile.tempdir == str(self._place):

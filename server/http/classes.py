@@ -13,13 +13,11 @@ import re
 import secrets
 from collections.abc import Generator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from server.errors import NoSuch, TooMany
 from server.limits.quota import OPEN_RETRY_S, Quota
-
-if TYPE_CHECKING:
-    from server.settings import Settings
+from server.settings import Settings
 
 CODE_LETTERS: Final = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"
 """Characters of a code: those that people do not confuse, as codes are read aloud."""

@@ -7,7 +7,7 @@ import logging
 import socket
 from functools import partial
 from ipaddress import ip_address, ip_network
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import Any, Final, cast
 
 import h11
 from uvicorn.protocols.http.flow_control import service_unavailable
@@ -25,9 +25,7 @@ from server.http.request_rate import EXEMPT_PATH
 from server.http.websocket_protocol import BoundedWebSocket
 from server.limits.networks import visitor_at
 from server.limits.quota import Permit, Quota
-
-if TYPE_CHECKING:
-    from server.settings import Settings
+from server.settings import Settings
 
 CONNECTION_POLL_S: Final = 2.0
 """Maximum time between two checks if a connection has exceeded a time limit, in s. With a larger

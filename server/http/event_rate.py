@@ -12,12 +12,10 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from server.limits.token_buckets import TokenBuckets
-
-if TYPE_CHECKING:
-    from server.settings import Settings
+from server.settings import Settings
 
 SLICE_EVENTS: Final = 64
 """Maximum number of protocol events (HTTP requests and chunks, websocket frames) of one connection

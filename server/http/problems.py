@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import logging
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any, Final
@@ -23,6 +24,7 @@ from sqlalchemy.exc import (
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from planner.errors import DamagedError, InputError
 from planner.parameters.option import options_of
@@ -71,6 +73,11 @@ STATUS_HEADERS: Final[Mapping[int, Mapping[str, str]]] = {
 }
 """Header fields that an error response must have, by its HTTP status (RFC 9110, sections 15.5.2 and
 15.5.22)."""
+HANDLED_ERRORS: Final = (
+    *(ServiceError, DamagedError, StorageError, HTTPException),
+    *(RequestValidationError, SQLAlchemyError, OSError),
+)
+"""Errors that a route may end with; each other one is a fault of the service."""
 PROBLEM_CODES: Final = {404: "not-found", 408: "too-slow", 413: "too-large"}
 
 
@@ -135,6 +142,28 @@ def response_of(error: ServiceError) -> JSONResponse:
     return Problem.of(error).response()
 
 
+class Guard:
+    """Middleware that answers some requests and websockets with a refusal.
+
+    Args:
+        app: Inner ASGI application.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle one request."""
+        asks = scope["type"] in ("http", "websocket")
+        refusal = self.refusal(scope) if asks else None
+        answer = self._app if refusal is None else response_of(refusal)
+        await answer(scope, receive, send)
+
+    def refusal(self, scope: Scope) -> ServiceError | None:
+        """Return the reason why a request is refused; None if it is not."""
+        raise NotImplementedError
+
+
 def answer_of(
     request: HTTPConnection, problem: Problem, page: Callable[[Problem], Response]
 ) -> Response:
@@ -177,85 +206,66 @@ def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
         page: Makes a page of one, for people who asked for a page.
     """
 
-    def answer(request: Request, problem: Problem) -> Response:
-        return answer_of(request, problem, page)
-
     async def on_error(request: Request, error: Exception) -> Response:
-        assert isinstance(error, ServiceError)
-        return answer(request, Problem.of(error))
-
-    async def on_no_such(request: Request, error: Exception) -> Response:
-        assert isinstance(error, NoSuch)
-        return response_of(error)  # pages say it themselves; what else asks downloads files
-
-    async def on_damage(request: Request, error: Exception) -> Response:
-        assert isinstance(error, DamagedError)
-        log.error("%s: %s", request.url.path, error)
-        return answer(request, Problem.of(errors.Damaged.of(error)))
-
-    async def on_storage(request: Request, error: Exception) -> Response:
-        log.error("%s", error)
-        return response_of(
-            Unavailable(
-                "storage",
-                "The storage of the service does not answer right now; try again in a moment.",
-                retry_after_s=STORAGE_RETRY_S,
-            )
-        )
-
-    async def on_http(request: Request, error: Exception) -> Response:
-        assert isinstance(error, HTTPException)
-        if (trouble := of_trouble(error.__cause__)) is not None:  # while a form came in
-            log.error("%s: %r", trouble.code, error.__cause__)
-            return answer(request, Problem.of(trouble))
-        phrase = HTTPStatus(error.status_code).phrase
-        code = PROBLEM_CODES.get(error.status_code, phrase.lower().replace(" ", "-"))
-        headers = error.headers or {}
-        problem = Problem(
-            status=error.status_code, code=code, detail=str(error.detail), headers=headers
-        )
-        return answer(request, problem)
-
-    async def on_validation(request: Request, error: Exception) -> Response:
-        assert isinstance(error, RequestValidationError)
-        first = error.errors()[0]
-        if (refusal := _refusal(first)) is not None:
-            return answer(request, Problem.of(Unusable.of(refusal)))
-        where = ".".join(str(part) for part in first["loc"])
-        return answer(request, Problem.of(Unusable("bad-request", f"{first['msg']}.", where=where)))
-
-    async def on_trouble(request: Request, error: Exception) -> Response:
-        trouble = of_trouble(error)
-        if trouble is None:
-            raise error
-        log.error("%s: %r", trouble.code, error)
-        return answer(request, Problem.of(trouble))
+        problem = _problem_of(error, request.url.path)
+        if isinstance(error, NoSuch | StorageError):
+            return problem.response()  # pages say it themselves; what else asks downloads files
+        return answer_of(request, problem, page)
 
     async def on_anything(request: Request, error: Exception) -> Response:
         words = "An error occurred inside the service. Nothing was lost. Try again."
         headers = request_id_of(request.scope)
-        return answer(request, Problem(status=500, code="internal", detail=words, headers=headers))
+        problem = Problem(status=500, code="internal", detail=words, headers=headers)
+        return answer_of(request, problem, page)
 
-    app.add_exception_handler(ServiceError, on_error)
-    app.add_exception_handler(NoSuch, on_no_such)
-    app.add_exception_handler(DamagedError, on_damage)
-    app.add_exception_handler(StorageError, on_storage)
-    app.add_exception_handler(HTTPException, on_http)
-    app.add_exception_handler(RequestValidationError, on_validation)
-    app.add_exception_handler(SQLAlchemyError, on_trouble)
-    app.add_exception_handler(OSError, on_trouble)
+    for kind in HANDLED_ERRORS:
+        app.add_exception_handler(kind, on_error)
     app.add_exception_handler(Exception, on_anything)
 
 
-def _refusal(error: Any) -> InputError | None:
-    """Return the planner's error about a parameter, worded as on the command line."""
+def _problem_of(error: Exception, path: str) -> Problem:
+    """Return the problem of one of ``HANDLED_ERRORS``, and log faults of the service.
+
+    Raises:
+        Exception: It is an error of the database or the disk that should not occur.
+    """
+    match error:
+        case ServiceError():
+            return Problem.of(error)
+        case DamagedError():
+            log.error("%s: %s", path, error)
+            return Problem.of(errors.Damaged.of(error))
+        case StorageError():
+            log.error("%s", error)
+            detail = "The storage of the service does not answer right now; try again in a moment."
+            return Problem.of(Unavailable("storage", detail, retry_after_s=STORAGE_RETRY_S))
+        case RequestValidationError():
+            return Problem.of(_refusal(error.errors()[0]))
+        case HTTPException() if of_trouble(error.__cause__) is None:
+            phrase = HTTPStatus(error.status_code).phrase
+            return Problem(
+                status=error.status_code,
+                code=PROBLEM_CODES.get(error.status_code, phrase.lower().replace(" ", "-")),
+                detail=str(error.detail),
+                headers=error.headers or {},
+            )
+        case _:
+            # Where a form came in, the framework has wrapped it.
+            cause = error.__cause__ if isinstance(error, HTTPException) else error
+            if (trouble := of_trouble(cause)) is None:
+                raise error
+            log.error("%s: %r", trouble.code, cause)
+            return Problem.of(trouble)
+
+
+def _refusal(error: Any) -> Unusable:
+    """Return the refusal of a parameter; an option's is worded as on the command line."""
     place, name = error["loc"][0], str(error["loc"][-1])
-    if place != "body" or name not in options_of(FoldRequest):
-        return None
-    try:
-        FoldRequest.of(**{name: error["input"]}).check()
-    except InputError as refusal:
-        return refusal
-    except TypeError:  # not even a text
-        return None
-    return None
+    if place == "body" and name in options_of(FoldRequest):
+        try:
+            with suppress(TypeError):  # not even a text
+                FoldRequest.of(**{name: error["input"]}).check()
+        except InputError as refusal:
+            return Unusable.of(refusal)
+    where = ".".join(str(part) for part in error["loc"])
+    return Unusable("bad-request", f"{error['msg']}.", where=where)

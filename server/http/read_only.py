@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
 
 from starlette.requests import HTTPConnection
 from starlette.responses import Response
@@ -11,10 +10,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from server.errors import read_only
 from server.http.problems import Problem, answer_of
-
-READING_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
-"""HTTP methods that change nothing, and that a read-only service therefore answers (RFC 9110,
-section 9.2.1)."""
+from server.http.security import SAFE_METHODS
 
 
 class ReadOnly:
@@ -31,7 +27,7 @@ class ReadOnly:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle one request."""
-        if scope["type"] != "http" or scope["method"] in READING_METHODS:
+        if scope["type"] != "http" or scope["method"] in SAFE_METHODS:
             await self._app(scope, receive, send)
             return
         problem = Problem.of(read_only())

@@ -6,11 +6,11 @@ from math import ceil
 from typing import Final
 
 from starlette.requests import HTTPConnection
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Scope
 
-from server.errors import TooMany
+from server.errors import ServiceError, TooMany
 from server.http.client_address import address_of
-from server.http.problems import response_of
+from server.http.problems import Guard
 from server.limits.fair_threads import CURRENT_VISITOR
 from server.limits.token_buckets import TokenBuckets
 
@@ -18,7 +18,7 @@ EXEMPT_PATH: Final = "/health"
 """Path of the health check, which monitoring requests; it has no rate limit."""
 
 
-class RequestRate:
+class RequestRate(Guard):
     """Refuses the requests of a visitor that come faster than they may.
 
     Args:
@@ -28,25 +28,22 @@ class RequestRate:
     """
 
     def __init__(self, app: ASGIApp, *, rate: float, burst: int) -> None:
-        self._app = app
+        super().__init__(app)
         self._rate = rate
         self._buckets = TokenBuckets(rate, burst)
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handle one request."""
-        if scope["type"] not in ("http", "websocket") or scope["path"] == EXEMPT_PATH:
-            await self._app(scope, receive, send)
-            return
+    def refusal(self, scope: Scope) -> ServiceError | None:
+        """Return the refusal of one request too many."""
+        if scope["path"] == EXEMPT_PATH:
+            return None
         visitor = address_of(HTTPConnection(scope))
         CURRENT_VISITOR.set(visitor)
-        wait_s = self._buckets.take(visitor)
+        wait_s = ceil(self._buckets.take(visitor))
         if not wait_s:
-            await self._app(scope, receive, send)
-        else:
-            refusal = TooMany(
-                "too-many-requests",
-                f"got more than {self._rate:g} requests per second from your address; try again in "
-                f"{ceil(wait_s)} s.",
-                retry_after_s=ceil(wait_s),
-            )
-            await response_of(refusal)(scope, receive, send)
+            return None
+        return TooMany(
+            "too-many-requests",
+            f"got more than {self._rate:g} requests per second from your address; try again in "
+            f"{wait_s} s.",
+            retry_after_s=wait_s,
+        )

@@ -13,8 +13,8 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from planner.readers.limits import megabytes
-from server.errors import Forbidden, Malformed
-from server.http.problems import response_of
+from server.errors import Forbidden, Malformed, ServiceError
+from server.http.problems import Guard
 
 PAGE_POLICY: Final = "; ".join(
     (
@@ -87,7 +87,7 @@ class SecurityHeaders:
         await self._app(scope, receive, send_with_headers)
 
 
-class AllowedHosts:
+class AllowedHosts(Guard):
     """Refuses requests under names that are not the service's own.
 
     Without it a page of another site could have its name point here (DNS rebinding), and would then
@@ -96,52 +96,41 @@ class AllowedHosts:
     """
 
     def __init__(self, app: ASGIApp, *, hosts: Iterable[str]) -> None:
-        self._app = app
+        super().__init__(app)
         self._hosts = frozenset(host.lower() for host in hosts)
         self._any = "*" in self._hosts
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handle one request."""
-        if scope["type"] in ("http", "websocket"):
-            host = host_name(Headers(scope=scope).get("host", ""))
-            own, _ = scope.get("server") or (None, None)
-            if not self._any and host != own and not self._allowed(host):
-                await self._refuse(host, scope, receive, send)
-                return
-        await self._app(scope, receive, send)
+    def refusal(self, scope: Scope) -> ServiceError | None:
+        """Return the refusal of a foreign name."""
+        host = host_name(Headers(scope=scope).get("host", ""))
+        own, _ = scope.get("server") or (None, None)
+        if self._any or host == own or self._allowed(host):
+            return None
+        return Malformed(
+            "unknown-host",
+            f"got the host {host[:100]!r}, expected a name of this service; its operator can add "
+            "names with FOLDBACK_ALLOWED_HOSTS.",
+        )
 
     def _allowed(self, host: str) -> bool:
         return host in self._hosts or any(
             allowed.startswith("*.") and host.endswith(allowed[1:]) for allowed in self._hosts
         )
 
-    async def _refuse(self, host: str, scope: Scope, receive: Receive, send: Send) -> None:
-        refusal = Malformed(
-            "unknown-host",
-            f"got the host {host[:100]!r}, expected a name of this service; its operator can add "
-            "names with FOLDBACK_ALLOWED_HOSTS.",
-        )
-        await response_of(refusal)(scope, receive, send)
 
-
-class PrintingAddresses:
+class PrintingAddresses(Guard):
     """Refuses paths and queries with characters that do not print, which no link of ours has.
 
     Databases and file systems choke on some of them, logs are garbled by others.
     """
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handle one request."""
+    def refusal(self, scope: Scope) -> ServiceError | None:
+        """Return the refusal of an address that cannot be printed."""
         if scope["type"] == "http" and CONTROL_CHARACTERS.search(scope["path"] + _query(scope)):
-            refusal = Malformed(
+            return Malformed(
                 "bad-address", "got an address with characters that cannot be printed."
             )
-            await response_of(refusal)(scope, receive, send)
-            return
-        await self._app(scope, receive, send)
+        return None
 
 
 def _query(scope: Scope) -> str:
@@ -169,29 +158,25 @@ def hosts_of(host: str, allowed: Iterable[str] = ()) -> tuple[str, ...]:
     return (*LOOPBACK, host, *allowed)
 
 
-class SameOrigin:
+class SameOrigin(Guard):
     """Refuses websockets and changes that come from pages of other sites.
 
     Programs other than browsers send no Origin and are let through: they act for nobody else.
     """
 
     def __init__(self, app: ASGIApp, origins: Iterable[str] = ()) -> None:
-        self._app = app
+        super().__init__(app)
         self._origins = frozenset(origins)
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handle one request."""
-        acts = scope["type"] == "websocket" or (
-            scope["type"] == "http" and scope["method"] not in SAFE_METHODS
+    def refusal(self, scope: Scope) -> ServiceError | None:
+        """Return the refusal of a page of another site."""
+        acts = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
+        if not acts or self._allowed(Headers(scope=scope)):
+            return None
+        return Forbidden(
+            "foreign-origin",
+            "Pages of other sites are not allowed to change anything on this service.",
         )
-        if acts and not self._allowed(Headers(scope=scope)):
-            refusal = Forbidden(
-                "foreign-origin",
-                "Pages of other sites are not allowed to change anything on this service.",
-            )
-            await response_of(refusal)(scope, receive, send)
-            return
-        await self._app(scope, receive, send)
 
     def _allowed(self, headers: Headers) -> bool:
         origin = headers.get("origin")

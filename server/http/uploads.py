@@ -11,7 +11,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from server.errors import ServiceError, not_stored
 from server.http.client_address import address_of
 from server.http.problems import response_of
-from server.http.security import SAFE_METHODS, forget
+from server.http.security import SAFE_METHODS, announced, forget
 from server.limits.disk_space import check_space
 from server.limits.quota import Quota
 from server.settings import Settings
@@ -59,10 +59,8 @@ class UploadsAtOnce:
 
     def _check_room(self, scope: Scope) -> None:
         """Refuse an upload that would not fit on the disk before any of it is read."""
-        length = Headers(scope=scope).get("content-length", "")
-        coming = int(length) if length.isdecimal() and len(length) < 16 else 0
         settings = self._settings
-        needed = min(coming, settings.max_upload_bytes)
+        needed = min(announced(Headers(scope=scope)), settings.max_upload_bytes)
         try:
             check_space(settings.uploads_dir, settings.min_free_disk_bytes, needed=needed)
         except OSError as error:

@@ -241,9 +241,7 @@ class Execution:
             return Outcome(status="failed", error=told, repeatable=False)
         except Exception as error:
             self._check_stopping()
-            log.exception(
-                "fold %s failed in stage %s", self._fold_id, stage, extra={"fold": self._fold_id}
-            )
+            log.exception("fold %s failed in stage %s", self._fold_id, stage)
             return internal_failure(error, stage)
 
     def _concluded(self, outcome: Outcome, stage: str, files: int) -> Outcome:
@@ -251,11 +249,7 @@ class Execution:
         outcome = replace(outcome, files=files)
         self._check_stopping()
         self._close()
-        log.info(
-            "fold %s: %s in stage %s",
-            *(self._fold_id, outcome.status, stage),
-            extra={"fold": self._fold_id},
-        )
+        log.info("fold %s: %s in stage %s", self._fold_id, outcome.status, stage)
         if outcome.status == "verified" or outcome.summary:
             return outcome
         return replace(outcome, summary=self._last_state())
@@ -424,7 +418,7 @@ class Execution:
 
             return Workspace(self._store.folders.place(self._fold_id)).settle()
         except Exception:
-            log.exception("fold %s cannot be read", self._fold_id, extra={"fold": self._fold_id})
+            log.exception("fold %s cannot be read", self._fold_id)
             return {}
 
     def _release_child(self) -> None:

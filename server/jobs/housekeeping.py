@@ -161,8 +161,7 @@ class Housekeeping:
             StorageError: If the storage does not answer.
         """
         filled = sa.select(FoldRow.id).where(FoldRow.derived_bytes > 0).order_by(FoldRow.seen_at)
-        with self._store.reading() as session:
-            names = session.scalars(filled).all()
+        names = self._store.scalars(filled)
         freed = 0
         before = time.time() - MIN_DERIVED_AGE_S
         for fold_id in names:
@@ -192,8 +191,7 @@ class Housekeeping:
             .where(finished, MovieRow.created_at < time.time() - MIN_DERIVED_AGE_S)
             .order_by(MovieRow.of_owner, FoldRow.seen_at, MovieRow.created_at)
         )
-        with self._store.reading() as session:
-            jobs = session.scalars(oldest).all()
+        jobs = self._store.scalars(oldest)
         for job in jobs:
             if lacking <= 0:
                 return
@@ -219,8 +217,7 @@ class Housekeeping:
                 later.status.in_(("verified", "failed")),
             ),
         )
-        with self._store.reading() as session:
-            rows = session.execute(failed).all()
+        rows = self._store.rows(failed)
         return sum(_forget(self._store, fold_id, seen) for fold_id, seen in rows)
 
     def _expire(self) -> int:
@@ -238,8 +235,7 @@ class Housekeeping:
                 .group_by(FoldRow.visitor)
                 .having(size > settings.storage_of_visitor_bytes)
             )
-            with self._store.reading() as session:
-                visitors = session.scalars(beyond).all()
+            visitors = self._store.scalars(beyond)
             for visitor in visitors:
                 gone += self._forget_until(
                     settings.storage_of_visitor_bytes, FoldRow.visitor == visitor
@@ -262,8 +258,7 @@ class Housekeeping:
         Returns:
             Number of folds that were forgotten.
         """
-        with self._store.reading() as session:
-            total = int(session.scalar(sa.select(sa.func.sum(FoldRow.bytes)).where(*whose)) or 0)
+        total = int(self._store.scalar(sa.select(sa.func.sum(FoldRow.bytes)).where(*whose)) or 0)
         gone = 0
         unused_since = self._clock() - MIN_UNUSED_S
         while total > limit:
@@ -278,13 +273,12 @@ class Housekeeping:
 
     def _unused(self, since: float, *which: sa.ColumnElement[bool]) -> Sequence[_Unused]:
         """Return folds without access since then, the longest unused first."""
-        with self._store.reading() as session:
-            return session.execute(
-                sa.select(FoldRow.id, FoldRow.seen_at, FoldRow.bytes)
-                .where(*which, FoldRow.seen_at < since)
-                .order_by(FoldRow.seen_at)
-                .limit(DELETION_BATCH_ROWS)
-            ).all()
+        return self._store.rows(
+            sa.select(FoldRow.id, FoldRow.seen_at, FoldRow.bytes)
+            .where(*which, FoldRow.seen_at < since)
+            .order_by(FoldRow.seen_at)
+            .limit(DELETION_BATCH_ROWS)
+        )
 
     def sweep_orphans(self) -> None:
         """Remove half-written files, and files of folds that have no row; a part of all at a time.
@@ -347,8 +341,7 @@ def limit_cancelled(store: Store, visitor: str) -> None:
         .order_by(FoldRow.seen_at.desc())
         .limit(MAX_CANCELLED_FOLDS + DELETION_BATCH_ROWS)
     )
-    with store.reading() as session:
-        rows = session.execute(newest_first).all()
+    rows = store.rows(newest_first)
     total = 0
     for k, row in enumerate(rows):
         if k >= MAX_CANCELLED_FOLDS:
@@ -391,23 +384,20 @@ def _remove_files(store: Store, fold_id: str) -> None:
 
 def _count_derived_apart(store: Store) -> None:
     """Count derived files apart if an earlier version has counted them as the folds' own, once."""
-    with store.reading() as session:
-        done = session.get(CounterRow, COUNTED_FLAG) is not None
+    done = store.get(CounterRow, COUNTED_FLAG) is not None
     if done or store.folders.storage is not None:
         return
     uncounted = (FoldRow.derived_bytes == 0, FoldRow.status.in_(sorted(ENDED)))
-    with store.reading() as session:
-        names = session.scalars(sa.select(FoldRow.id).where(*uncounted)).all()
+    names = store.scalars(sa.select(FoldRow.id).where(*uncounted))
     for fold_id in names:
         place = store.folders.place(fold_id)
         if not (made := size_of(place / EXPORTS_DIR)):
             continue
         own = size_of(place, but=DERIVED_DIRS)
-        with store.changing() as session:
-            session.execute(
-                sa.update(FoldRow)
-                .where(FoldRow.id == fold_id, *uncounted)
-                .values(bytes=own, derived_bytes=made)
-            )
+        store.change(
+            sa.update(FoldRow)
+            .where(FoldRow.id == fold_id, *uncounted)
+            .values(bytes=own, derived_bytes=made)
+        )
     with suppress(IntegrityError), store.changing() as session:  # another worker was quicker
         session.add(CounterRow(name=COUNTED_FLAG, value=1))

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import sqlalchemy as sa
-from sqlalchemy.orm import Session
 
 from planner.errors import DamagedError, InputError
 from planner.file_names import TIMELINE
@@ -49,27 +48,26 @@ class MovieJobs:
     def make(self, claim: MovieClaim) -> None:
         """Make one movie. Errors are stored in its row; none is raised."""
         fold_id, movie_id, job = claim.fold_id, claim.movie_id, claim.job
-        about = {"fold": fold_id, "movie": movie_id}
         if claim.losses >= MAX_LOSSES:
-            self._fail(job, INTERRUPTED["code"], INTERRUPTED["detail"], None, about)
+            self._fail(job, INTERRUPTED["code"], INTERRUPTED["detail"], None)
             return
         try:
-            self._make(fold_id, job, about)
+            self._make(fold_id, job)
         except (InputError, ChildError) as error:
             where = error.where if isinstance(error, InputError) else None
-            self._fail(job, error.code, error.detail, where, about)
+            self._fail(job, error.code, error.detail, where)
         except DamagedError as error:
             damaged = Damaged.of(error)
-            self._fail(job, damaged.code, damaged.detail, str(error.path), about)
+            self._fail(job, damaged.code, damaged.detail, str(error.path))
         except NoSuchFoldError:
-            log.info("a movie's fold was deleted", extra=about)
+            log.info("a movie's fold was deleted")
         except Exception as error:
-            log.exception("movie %s of fold %s failed", movie_id, fold_id, extra=about)
+            log.exception("movie %s of fold %s failed", movie_id, fold_id)
             words = f"an error occurred inside the service ({type(error).__name__}); try again."
-            self._fail(job, "internal", words, None, about)
+            self._fail(job, "internal", words, None)
         self._clear_up(fold_id, job)
 
-    def _make(self, fold_id: str, job: str, about: dict[str, str]) -> None:
+    def _make(self, fold_id: str, job: str) -> None:
         row = retry_until_available(lambda: self._row(job))
         if row is None or row.status not in UNFINISHED_MOVIE_STATUSES:
             return  # nobody wants it any more, or it was made before
@@ -96,50 +94,42 @@ class MovieJobs:
                 cancelled=progress.cancelled,
             )
             if whole and self._kept(fold_id, job, movie, place / MOVIE_FILE):
-                log.info("created a movie of %d pictures", movie.count, extra=about)
+                log.info("created a movie of %d pictures", movie.count)
 
     def _report(self, job: str, fields: dict[str, Any] | None) -> bool:
         """Store the number of drawn pictures; False if the movie is no longer wanted."""
         if fields is None:
-            with self._store.reading() as session:
-                return session.scalar(_making(job)) is not None
-        with self._store.changing() as session:
-            return _update(session, job, status="running", frames_done=int(fields["steps"]))
+            return self._store.scalar(_making(job)) is not None
+        return self._update(job, status="running", frames_done=int(fields["steps"]))
 
     def _row(self, job: str) -> MovieRow | None:
-        with self._store.reading() as session:
-            return session.scalar(sa.select(MovieRow).where(MovieRow.job == job))
+        return self._store.scalar(sa.select(MovieRow).where(MovieRow.job == job))
 
     def _kept(self, fold_id: str, job: str, movie: Movie, path: Path) -> bool:
         """Publish a finished movie; False if it is no longer wanted."""
-        size = path.stat().st_size
+        ready = {"status": "ready", "frames_done": movie.count, "bytes": path.stat().st_size}
 
         def keep() -> bool:
-            with self._store.reading() as session:
-                if session.scalar(_making(job)) is None:
-                    return False
+            if self._store.scalar(_making(job)) is None:
+                return False
             self._store.folders.keep_movie(fold_id, movie_file(job), path)
             return True
 
-        def ready() -> bool:
-            with self._store.changing() as session:
-                return _update(
-                    session, job, status="ready", frames_done=movie.count, bytes=size, problem=None
-                )
+        return retry_until_available(keep) and retry_until_available(
+            lambda: self._update(job, problem=None, **ready)
+        )
 
-        return retry_until_available(keep) and retry_until_available(ready)
-
-    def _fail(
-        self, job: str, code: str, detail: str, where: str | None, about: dict[str, str]
-    ) -> None:
-        log.warning("a movie failed: %s", detail, extra=about)
+    def _fail(self, job: str, code: str, detail: str, where: str | None) -> None:
+        log.warning("a movie failed: %s", detail)
         problem = {"code": code, "detail": detail, "where": where}
+        retry_until_available(lambda: self._update(job, status="failed", problem=problem))
 
-        def fail() -> None:
-            with self._store.changing() as session:
-                _update(session, job, status="failed", problem=problem)
-
-        retry_until_available(fail)
+    def _update(self, job: str, **values: Any) -> bool:
+        """Change the row of a running movie; False if there is none."""
+        changed = sa.update(MovieRow).where(
+            MovieRow.job == job, MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES)
+        )
+        return bool(self._store.change(changed.values(**values)))
 
     def _clear_up(self, fold_id: str, job: str) -> None:
         """Remove the files of a movie, or of a fold, that was deleted meanwhile."""
@@ -162,11 +152,3 @@ def _making(job: str) -> sa.Select[str]:
     return sa.select(MovieRow.id).where(
         MovieRow.job == job, MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES)
     )
-
-
-def _update(session: Session, job: str, **values: Any) -> bool:
-    """Change the row of a running movie; False if there is none."""
-    changed = sa.update(MovieRow).where(
-        MovieRow.job == job, MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES)
-    )
-    return session.scalar(changed.values(**values).returning(MovieRow.id)) is not None

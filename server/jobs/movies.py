@@ -9,9 +9,9 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Final, Literal, Self, cast
+from typing import Final
 
 import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
@@ -31,7 +31,6 @@ from server.store.owner import Owner, owned_by
 from server.store.tables import UNFINISHED_MOVIE_STATUSES, FoldRow, MovieRow, movie_file
 from web.movies.movie import Movie
 
-Status = Literal["queued", "running", "ready", "failed"]
 MOVIE_RETRY_S: Final = 10
 """Value of the ``Retry-After`` header, in s, if a movie is requested while its fold is unfinished
 or while too many movies wait. A smaller value brings more requests that are refused again.
@@ -57,30 +56,6 @@ class NoSuchMovieError(NoSuch):
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MovieState:
-    """A movie as it is now."""
-
-    id: str
-    movie: Movie
-    token_hash: str
-    status: Status
-    frames_done: int
-    problem: dict[str, Any] | None = None
-
-    @classmethod
-    def of(cls, row: MovieRow) -> Self:
-        """Return the state in a row."""
-        return cls(
-            id=row.id,
-            movie=Movie.of(row.wishes),
-            token_hash=row.token_hash,
-            status=cast("Status", row.status),
-            frames_done=row.frames_done,
-            problem=row.problem,
-        )
-
-
 class Movies:
     """The service's end of movies. Safe to use from many threads, and in many processes."""
 
@@ -96,7 +71,7 @@ class Movies:
         *,
         owner: Owner,
         of_owner: bool = False,
-    ) -> tuple[MovieState, bool]:
+    ) -> tuple[MovieRow, bool]:
         """Request a movie, unless it exists or is being made. A failed one is tried again.
 
         Args:
@@ -151,15 +126,20 @@ class Movies:
             if of_owner:
                 self._take_over(fold_id, movie.key)
             return self.state(fold_id, movie.key), False
-        return MovieState.of(wanted), True
+        return wanted, True
 
-    def state(self, fold_id: str, movie_id: str) -> MovieState:
-        """Return the state of a movie.
+    def state(self, fold_id: str, movie_id: str) -> MovieRow:
+        """Return the row of a movie.
 
         Raises:
             NoSuchMovieError: When there is no such movie.
         """
-        return MovieState.of(self._row(fold_id, movie_id))
+        if not (movie_id.isascii() and movie_id.isalnum() and len(movie_id) <= 32):
+            raise NoSuchMovieError(movie_id)
+        row = self._store.get(MovieRow, (fold_id, movie_id))
+        if row is None:
+            raise NoSuchMovieError(movie_id)
+        return row
 
     def made(self, owner: Owner) -> list[tuple[MovieRow, FoldRow]]:
         """Return the movies that an owner has requested, each with its fold, newest first."""
@@ -181,7 +161,7 @@ class Movies:
             NoSuchMovieError: When there is no such movie.
             StorageError: When the storage does not answer.
         """
-        row = self._row(fold_id, movie_id)
+        row = self.state(fold_id, movie_id)
         if row.status != "ready":
             return None
         path = self._store.folders.movie(fold_id, row.file)
@@ -196,19 +176,10 @@ class Movies:
             NoSuchMovieError: When there is no such movie.
             StorageError: When the storage does not answer; the movie is forgotten all the same.
         """
-        row = self._row(fold_id, movie_id)
+        row = self.state(fold_id, movie_id)
         with self._store.changing() as session:
             gone = self._delete(session, MovieRow.job == row.job)
         self._clear(gone)
-
-    def _row(self, fold_id: str, movie_id: str) -> MovieRow:
-        if not (movie_id.isascii() and movie_id.isalnum() and len(movie_id) <= 32):
-            raise NoSuchMovieError(movie_id)
-        with self._store.reading() as session:
-            row = session.get(MovieRow, (fold_id, movie_id))
-        if row is None:
-            raise NoSuchMovieError(movie_id)
-        return row
 
     def _add(self, wanted: MovieRow) -> None:
         with self._store.changing() as session:
@@ -267,12 +238,11 @@ class Movies:
         check_space(settings.root, settings.min_free_disk_bytes)
 
     def _lose(self, job: str, while_it_is: tuple[str, ...]) -> None:
-        with self._store.changing() as session:
-            session.execute(
-                sa.update(MovieRow)
-                .where(MovieRow.job == job, MovieRow.status.in_(while_it_is))
-                .values(status="failed", problem={**INTERRUPTED, "where": None}, bytes=0)
-            )
+        self._store.change(
+            sa.update(MovieRow)
+            .where(MovieRow.job == job, MovieRow.status.in_(while_it_is))
+            .values(status="failed", problem={**INTERRUPTED, "where": None}, bytes=0)
+        )
 
     def _take_over(self, fold_id: str, movie_id: str) -> None:
         """Hand a movie to the owner; the visitor who requested it can no longer delete it."""

@@ -91,8 +91,7 @@ class Queue:
 
     def has_work(self) -> bool:
         """Return True if a job waits: one query, for those who ask again and again."""
-        with self._store.reading() as session:
-            return bool(session.scalar(_HAS_WORK))
+        return bool(self._store.scalar(_HAS_WORK))
 
     def claim(self, lane: Lane, worker: str) -> Claim | None:
         """Claim the next job of a lane for a worker; None if none waits."""
@@ -136,8 +135,7 @@ class Queue:
             .where(*_held_by(claim))
             .values(checkpoint={"stage": stage, "files": files}, losses=0)
         )
-        with self._store.changing() as session:
-            return bool(rows_of(session.execute(kept)))
+        return bool(self._store.change(kept))
 
     def hand_back(self, claim: Claim) -> None:
         """Put a job back into the queue that its execution does not finish."""
@@ -149,16 +147,14 @@ class Queue:
 
     def release(self, claim: FoldClaim) -> None:
         """Store that nothing is left to do for a fold that has ended."""
-        with self._store.changing() as session:
-            session.execute(sa.update(FoldRow).where(*_held_by(claim)).values(worker=None))
+        self._store.change(sa.update(FoldRow).where(*_held_by(claim)).values(worker=None))
 
     def holders(self) -> set[str]:
         """Return the names of the workers that have jobs."""
-        with self._store.reading() as session:
-            held = [
-                *session.scalars(sa.select(FoldRow.worker).where(FoldRow.worker.is_not(None))),
-                *session.scalars(sa.select(MovieRow.worker).where(MovieRow.status == "running")),
-            ]
+        held = [
+            *self._store.scalars(sa.select(FoldRow.worker).where(FoldRow.worker.is_not(None))),
+            *self._store.scalars(sa.select(MovieRow.worker).where(MovieRow.status == "running")),
+        ]
         return {name.rpartition(":")[0] for name in held if name}
 
     def hand_back_all(self, worker: str, *, lost: bool) -> list[tuple[str, int]]:

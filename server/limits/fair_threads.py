@@ -52,7 +52,7 @@ class FairThreads(ThreadPoolExecutor):
         def work(permit: Permit) -> None:
             with permit:
                 if made.set_running_or_notify_cancel():
-                    _complete(made, lambda: fn(*args, **kwargs))
+                    complete(made, lambda: fn(*args, **kwargs))
 
         def begin(permit: Permit) -> None:
             try:
@@ -64,7 +64,8 @@ class FairThreads(ThreadPoolExecutor):
         return made
 
 
-def _complete(made: Future[Any], call: Callable[[], Any]) -> None:
+def complete(made: Future[Any], call: Callable[[], Any]) -> None:
+    """Give a future the result of a call, or its error."""
     try:
         made.set_result(call())
     except BaseException as error:

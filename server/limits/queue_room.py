@@ -6,8 +6,7 @@ Room is counted twice: in folds, and in seconds that computing them is expected 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from server.errors import TooMany
 from server.limits.fair_queue import admits, network_of
@@ -18,8 +17,7 @@ QUEUE_RETRY_S: Final = 30
 smaller value brings more requests that are refused again. Chosen."""
 
 
-@dataclass(frozen=True, slots=True)
-class Waiting:
+class Waiting(NamedTuple):
     """A fold that is queued or running, as far as others need to know.
 
     Attributes:

@@ -76,10 +76,6 @@ class Permit:
         """Give the permit back; a second call does nothing."""
         self._quota.leave(self)
 
-    def keep(self) -> None:
-        """Exclude the permit from displacement from now on."""
-        self._quota.keep(self)
-
     def __enter__(self) -> Permit:
         return self
 
@@ -200,11 +196,6 @@ class Quota:
             if permit.held:
                 self._remove(permit)
                 self._admit()
-
-    def keep(self, permit: Permit) -> None:
-        """Exclude a permit from displacement."""
-        with self._lock:
-            self._forget_displaceable(permit)
 
     def _check(self, newcomer: Permit) -> Permit | None:
         """Return the permit that a newcomer displaces, None if there is room.

@@ -12,6 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Final, TypeVar
 
 from server.errors import ServiceError, TooMany, Unavailable
+from server.limits.fair_threads import complete
 from server.limits.quota import Holder, Permit, Quota
 
 PENDING_RETRY_S: Final = 3
@@ -47,10 +48,6 @@ class SingleFlight:
         self._threads = ThreadPoolExecutor(at_once, thread_name_prefix=what.replace(" ", "-"))
         self._making: dict[Hashable, tuple[Future[Any], asyncio.Future[Any]]] = {}
 
-    def __len__(self) -> int:
-        """Return the number of results that are computed or wait for it."""
-        return len(self._making)
-
     def close(self) -> None:
         """Start no further computation."""
         for made, _ in self._making.values():
@@ -78,16 +75,12 @@ class SingleFlight:
                 self._threads.submit(work, permit)
 
         def work(permit: Permit) -> None:
-            if not made.set_running_or_notify_cancel():
-                return
-            try:
-                try:
-                    thing = make()
-                finally:
-                    permit.leave()
-                made.set_result(thing)
-            except BaseException as error:
-                made.set_exception(error)
+            if made.set_running_or_notify_cancel():
+                complete(made, lambda: made_within(permit))
+
+        def made_within(permit: Permit) -> Thing:
+            with permit:
+                return make()
 
         def done(making: asyncio.Future[Thing]) -> None:
             del self._making[key]

@@ -24,7 +24,7 @@ from psycopg.pq import Conninfo
 from planner.files import temporary_path
 from server.operate.errors import AdminError
 from server.settings import VARIABLE_PREFIX
-from server.store.tables import read_only_engine, reading_engine
+from server.store.tables import read_only_engine, reading_connection
 
 SECRET_PREFIXES: Final = (VARIABLE_PREFIX, "AWS_", "PG")
 """Beginnings of the names of variables that PostgreSQL's programs do not inherit from this process:
@@ -72,7 +72,7 @@ class Database:
         """Return True if the database holds no tables, or does not exist."""
         if self.is_sqlite:
             return not self.path.exists()
-        with self._connection() as connection:
+        with reading_connection(self.url) as connection:
             return not self._tables(connection)
 
     def check_unused(self) -> None:
@@ -88,7 +88,7 @@ class Database:
                 "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database() "
                 "AND pid <> pg_backend_pid() AND backend_type = 'client backend'"
             )
-            with self._connection() as connection:
+            with reading_connection(self.url) as connection:
                 used = bool(connection.exec_driver_sql(query).scalar())
         if used:
             raise AdminError("the database is in use; stop all web processes and workers first.")
@@ -103,7 +103,7 @@ class Database:
         if self.is_sqlite:
             self._restore_sqlite(source)
             return
-        with self._connection() as connection:
+        with reading_connection(self.url) as connection:
             for name in self._tables(connection):
                 connection.exec_driver_sql(f"DROP TABLE {name} CASCADE")
             connection.commit()
@@ -130,15 +130,6 @@ class Database:
                 found = connection.driver_connection
                 assert isinstance(found, sqlite3.Connection)
                 yield found
-        finally:
-            engine.dispose()
-
-    @contextmanager
-    def _connection(self) -> Generator[sa.Connection]:
-        engine = reading_engine(self.url)
-        try:
-            with engine.connect() as connection:
-                yield connection
         finally:
             engine.dispose()
 

@@ -72,8 +72,7 @@ class AdminTasks:
             used = sa.func.coalesce(FoldRow.seen_at, FoldRow.created_at)
             before = time.time() - older_days * DAY_S
             query = query.where(used < before, FoldRow.created_at < before)
-        with self._store.reading() as session:
-            return session.scalars(query).all()
+        return self._store.scalars(query)
 
     def damaged(self) -> Generator[tuple[FoldRow, list[str]]]:
         """Yield each fold that is over and has damaged files, with their names."""
@@ -91,8 +90,7 @@ class AdminTasks:
 
     def workers(self) -> Sequence[WorkerRow]:
         """Return the workers. One that has just died is listed for the duration of a lease."""
-        with self._store.reading() as session:
-            return session.scalars(sa.select(WorkerRow).order_by(WorkerRow.name)).all()
+        return self._store.scalars(sa.select(WorkerRow).order_by(WorkerRow.name))
 
     def pin(self, fold_id: str, *, pinned: bool) -> None:
         """Pin a fold, so that it does not expire, or unpin it.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from server.settings import Settings
 from server.store.schema_version import Schema
-from server.store.tables import engine_of, migrate, missing_database, reading_engine
+from server.store.tables import engine_of, migrate, missing_database, reading_connection
 
 
 def schema_of(settings: Settings) -> Schema:
@@ -16,12 +16,8 @@ def schema_of(settings: Settings) -> Schema:
     """
     if missing_database(settings.store_url):
         return Schema.of(None)
-    engine = reading_engine(settings.store_url)
-    try:
-        with engine.connect() as connection:
-            schema = Schema.of(connection)
-    finally:
-        engine.dispose()
+    with reading_connection(settings.store_url) as connection:
+        schema = Schema.of(connection)
     schema.check()
     return schema
 

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from planner.files import temporary_path
 from server.operate.manifest import is_file_name
@@ -21,35 +21,8 @@ Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
 
-class StoredFiles(Protocol):
-    """Files by their names in a backup: ``folds/<id>/…`` and ``movies/<id>/…``.
-
-    Attributes:
-        kind: ``directory`` or ``objects``; the two lay out files differently.
-    """
-
-    kind: str
-
-    def names(self) -> Iterator[str]:
-        """Yield the names of all files."""
-        ...
-
-    def save(self, name: str, target: Path) -> bool:
-        """Copy a file to an existing empty one; return False if it has been deleted meanwhile."""
-        ...
-
-    def replace(self, names: Iterable[str], opened: Callable[[str], BufferedReader]) -> None:
-        """Replace all files.
-
-        Args:
-            names: Names of the new files.
-            opened: Opens a new file by its name.
-        """
-        ...
-
-
 class DirectoryFiles:
-    """Files in the directory of folds."""
+    """Files in the directory of folds, by their names in a backup: ``folds/<id>/…``."""
 
     kind = "directory"
 
@@ -76,7 +49,12 @@ class DirectoryFiles:
         return True
 
     def replace(self, names: Iterable[str], opened: Callable[[str], BufferedReader]) -> None:
-        """Replace all files; they are complete before the present ones are deleted."""
+        """Replace all files; they are complete before the present ones are deleted.
+
+        Args:
+            names: Names of the new files.
+            opened: Opens a new file by its name.
+        """
         aside = temporary_path(self._folds / "restored")
         aside.mkdir(mode=0o700)
         try:
@@ -97,7 +75,7 @@ class DirectoryFiles:
 
 
 class ObjectFiles:
-    """Files in an object store."""
+    """Files in an object store: ``folds/<id>/…`` and ``movies/<id>/…``."""
 
     kind = "objects"
 
@@ -124,6 +102,10 @@ class ObjectFiles:
         for key in ("folds", "movies"):
             self._storage.remove(key)
         at_once(upload, names)
+
+
+StoredFiles = DirectoryFiles | ObjectFiles
+"""Files of a service; the two kinds lay out files differently."""
 
 
 @contextmanager

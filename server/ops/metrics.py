@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
 from typing import Final
 
@@ -103,36 +103,33 @@ class _Rows(Collector):
         yield _gauge("database_up", "1 if the database answers, else 0.", found is not None)
         if found is None:
             return
-        folds = _by("folds", "Folds by status.", "status")
-        for status, count in sorted(found.folds.items()):
-            folds.add_metric([status], count)
-        yield folds
-        movies = _by("movies", "Movies by status.", "status")
-        for status, count in sorted(found.movies.items()):
-            movies.add_metric([status], count)
-        yield movies
+        yield _counts("folds", "Folds by status.", "status", found.folds)
+        yield _counts("movies", "Movies by status.", "status", found.movies)
         yield _gauge("queue_length", "Folds that wait for a worker.", found.folds["queued"])
         words = "Waiting time of the fold that waits longest, s."
         yield _gauge("queue_oldest_seconds", words, found.oldest_queued_s)
         yield _gauge("workers", "Live workers.", found.workers)
         yield _gauge("storage_bytes", "Size of the files of all folds.", found.storage_bytes)
         words = "Computing time of folds that ended within the last hour, s."
-        seconds = _by("fold_seconds_lately", words, "quantile")
-        for quantile in QUANTILES if found.computed_s else ():
-            at = min(int(quantile * len(found.computed_s)), len(found.computed_s) - 1)
-            seconds.add_metric([f"{quantile:g}"], found.computed_s[at])
-        yield seconds
+        last = len(found.computed_s) - 1
+        seconds = {
+            f"{quantile:g}": found.computed_s[min(int(quantile * (last + 1)), last)]
+            for quantile in QUANTILES
+            if found.computed_s
+        }
+        yield _counts("fold_seconds_lately", words, "quantile", seconds)
         words = "Folds that ended within the last hour, at most 500."
         yield _gauge("folds_ended_lately", words, len(found.computed_s))
-        failures = _by("failures_lately", "Failed folds among these, by code.", "code")
-        for code, count in sorted(found.failures.items()):
-            failures.add_metric([code], count)
-        yield failures
+        words = "Failed folds among these, by code."
+        yield _counts("failures_lately", words, "code", found.failures)
 
 
 def _gauge(name: str, words: str, value: float) -> GaugeMetricFamily:
     return GaugeMetricFamily(f"foldback_{name}", words, value=value)
 
 
-def _by(name: str, words: str, label: str) -> GaugeMetricFamily:
-    return GaugeMetricFamily(f"foldback_{name}", words, labels=[label])
+def _counts(name: str, words: str, label: str, counts: Mapping[str, float]) -> GaugeMetricFamily:
+    family = GaugeMetricFamily(f"foldback_{name}", words, labels=[label])
+    for value, count in sorted(counts.items()):
+        family.add_metric([value], count)
+    return family

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from planner.readers.gallery import Gallery
+from server.store.folds import FoldRow, Store
 from words.fold import ShownFold, shown_name
 from words.gallery import (
     CARD_STATUS_LABELS,
@@ -18,12 +21,6 @@ from words.gallery import (
     module_count,
     rest_of,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from planner.readers.gallery import Gallery
-    from server.store.folds import FoldRow, Store
 
 TETRAHEDRA_TAG: Final = "tetrahedra"
 """Tag of gallery shapes whose chains consist of tetrahedra. The list of tags omits it, as the

@@ -5,20 +5,18 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Coroutine
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import Any, Final, cast
 
 import segno
 from fastapi import APIRouter, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse, Response
 
+from server.api.context import Context
 from server.api.finding import ADDRESS_ID
 from server.http.base_path import BASE_PATH
 from server.http.classes import TaughtClass, is_view
 from server.http.client_address import address_of
 from server.store.folds import NoSuchFoldError
-
-if TYPE_CHECKING:
-    from server.api.context import Context
 
 router = APIRouter(include_in_schema=False)
 MAX_CLASS_S: Final = 8 * 3600.0

@@ -22,7 +22,7 @@ from server.http.response_cache import mark
 from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import origin_of, page, script_json
 from server.pages.privacy import visibility
-from server.pages.problem_page import not_found_page
+from server.pages.problem_page import no_such_page
 from server.store.estimates import expected_of_cost
 from server.store.shown import Found
 from web.pictures.isometric import isometric_svg
@@ -47,10 +47,7 @@ async def fold_page(request: Request, fold_id: str) -> Response:
 def _fold_page(request: Request, fold_id: str) -> Response:
     found = find_now(request, fold_id)
     if found is None:
-        return not_found_page(
-            *NO_FOLD,
-            service=viewing_of(request).settings is not None,
-        )
+        return no_such_page(request, NO_FOLD)
     mark(request, found.row)
     facts = _facts(request, found)
     over = found.row.status not in RUNNING_STATUSES

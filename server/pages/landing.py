@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from functools import cache
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import HTMLResponse, Response
 
 from planner.chain.chain import Chain
+from planner.readers.gallery import Gallery
 from server.api.context import context_of, in_list_rate
 from server.errors import READ_ONLY_WORDS
 from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
@@ -24,9 +25,6 @@ from web.pictures.isometric import isometric_svg
 from web.pictures.shipped import shipped_pictures
 from web.static_files import STATIC
 from web.viser.scene_bundle import bundle_of
-
-if TYPE_CHECKING:
-    from planner.readers.gallery import Gallery
 
 router = APIRouter(include_in_schema=False)
 

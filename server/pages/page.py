@@ -122,6 +122,19 @@ def templates() -> Environment:
     )
 
 
+def drawing(svg: str, cache_control: str) -> Response:
+    """Return a drawing, in which no script may run; an empty one is not found."""
+    if not svg:
+        return not_found()
+    headers = {"Cache-Control": cache_control, "Content-Security-Policy": "default-src 'none'"}
+    return Response(svg, media_type="image/svg+xml", headers=headers)
+
+
+def not_found() -> Response:
+    """Return the answer that there is no such file."""
+    return Response("not found", status_code=404, media_type="text/plain")
+
+
 def origin_of(request: Request) -> str:
     """Return the address at which visitors see the service: scheme, host and base path."""
     return str(request.base_url).rstrip("/") + BASE_PATH.get()

@@ -14,7 +14,7 @@ from fastapi.responses import HTMLResponse, Response
 from planner.motion.timeline import chain_from_attributes
 from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from server.http.security import INDEXED_HEADERS
-from server.pages.page import origin_of, page
+from server.pages.page import not_found, origin_of, page
 from web.static_files import STATIC
 from web.viser.scene_bundle import bundle_of
 
@@ -57,7 +57,7 @@ async def part_of_experiment(request: Request, name: str, part: str) -> Response
     """Return a film, its scene bundle, or a still picture."""
     found = (await asyncio.to_thread(paper_files)).get((name, part))
     if found is None:
-        return Response("not found", status_code=404, media_type="text/plain")
+        return not_found()
     kind = PICTURE_MEDIA_TYPE if found.suffix == ".webp" else BINARY_MEDIA_TYPE
     return revalidated(request, await asyncio.to_thread(paper_data, found), kind, INDEXED_HEADERS)
 

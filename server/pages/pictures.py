@@ -25,6 +25,7 @@ from server.files.pictures import moment_of
 from server.http.client_address import address_of
 from server.http.security import INDEXED_HEADERS
 from server.pages.fold import drawing_in
+from server.pages.page import drawing, not_found
 from server.processes.children import ChildError
 from server.store.fold_files import EXPORTS_DIR
 from server.store.shown import Found
@@ -61,13 +62,7 @@ async def drawing_of_fold(request: Request, fold_id: str) -> Response:
         return drawing_in(directory), row.over
 
     svg, over = await asyncio.to_thread(drawn)
-    if not svg:
-        return _no_picture()
-    headers = {
-        "Cache-Control": "private, max-age=3600" if over else "no-store",
-        "Content-Security-Policy": "default-src 'none'",
-    }
-    return Response(svg, media_type="image/svg+xml", headers=headers)
+    return drawing(svg, "private, max-age=3600" if over else "no-store")
 
 
 @router.get("/folds/{fold_id}/picture.png")
@@ -81,13 +76,11 @@ async def picture_of_fold(
     """Return a picture of 1200×630 pixels: the folded shape, or the view in ``view``."""
     found = await find_fold(request, fold_id)
     if found is None:
-        return _no_picture()
+        return not_found()
     if view is not None:
         return await _picture_of_view(request, found, view)
-    path, over = (
-        found.directory / EXPORTS_DIR / file_of(found.row.title, found.row.status),
-        found.row.status not in RUNNING_STATUSES,
-    )
+    path = found.directory / EXPORTS_DIR / file_of(found.row.title, found.row.status)
+    over = found.row.status not in RUNNING_STATUSES
     data = None
     if over:
         await asyncio.to_thread(check, found.directory, CHAIN)
@@ -100,11 +93,7 @@ async def picture_of_fold(
             lambda: _picture_of(context, found, path, keep=over),
             visitor=address_of(request),
         )
-    if data is None:
-        return _no_picture()
-    # While it computes, another of the candidates may take the place of this one.
-    max_age_s = FINAL_PICTURE_AGE_S if over else RUNNING_PICTURE_AGE_S
-    return picture_answer(data, max_age_s, listed=found.row.public, private=not found.row.public)
+    return not_found() if data is None else picture_answer(data, listed=found.row.public, over=over)
 
 
 async def _picture_of_view(request: Request, found: Found, view: str) -> Response:
@@ -131,20 +120,13 @@ async def _picture_of_view(request: Request, found: Found, view: str) -> Respons
         except (InputError, ChildError, OSError, TimelineError):
             return None
         if over:
-            recent.put(key, made)
+            recent.keep(key, made)
         return made
 
     data = recent.get(key) if over else None
     if data is None:
         data = await context.artifacts.get_or_make(key, drawn, visitor=address_of(request))
-    if data is None:
-        return _no_picture()
-    return picture_answer(
-        data,
-        FINAL_PICTURE_AGE_S if over else RUNNING_PICTURE_AGE_S,
-        listed=row.public,
-        private=not row.public,
-    )
+    return not_found() if data is None else picture_answer(data, listed=row.public, over=over)
 
 
 def caption_of(title: str, status: str) -> dict[str, str]:
@@ -159,32 +141,24 @@ def file_of(title: str, status: str) -> str:
     return f"{CARD_PREFIX}-{digest}.png"
 
 
-def picture_answer(
-    data: bytes,
-    max_age_s: int = FINAL_PICTURE_AGE_S,
-    *,
-    listed: bool = False,
-    private: bool = False,
-) -> Response:
+def picture_answer(data: bytes, *, listed: bool, over: bool = True) -> Response:
     """Return a picture that other sites may show.
 
     Args:
         data: The PNG file.
-        max_age_s: Seconds that caches may hold it.
-        listed: True if search engines may index it.
-        private: True if only browsers may hold it, and ask each time; shared caches must not.
+        listed: True if search engines may index it and caches hold it; otherwise only browsers may,
+            which ask each time.
+        over: False while another candidate may take the place of this one.
     """
     headers = {
-        "Cache-Control": "private, no-cache" if private else f"public, max-age={max_age_s}",
+        "Cache-Control": "private, no-cache",
         "Content-Security-Policy": "default-src 'none'",
         "Cross-Origin-Resource-Policy": "cross-origin",  # it is made to be shown elsewhere
-        **(INDEXED_HEADERS if listed else {}),
     }
+    if listed:
+        max_age_s = FINAL_PICTURE_AGE_S if over else RUNNING_PICTURE_AGE_S
+        headers |= {"Cache-Control": f"public, max-age={max_age_s}", **INDEXED_HEADERS}
     return Response(data, media_type="image/png", headers=headers)
-
-
-def _no_picture() -> Response:
-    return Response("not found", status_code=404, media_type="text/plain")
 
 
 def _stored_picture(path: Path) -> bytes | None:

@@ -15,7 +15,7 @@ from server.api.context import context_of
 from server.files.preview_reports import OPTIONS_KEY, cells_of_repair, read_report
 from server.http.client_address import address_of
 from server.http.downloads import BINARY_MEDIA_TYPE
-from server.pages.page import page, script_addresses, script_json
+from server.pages.page import drawing, page, script_addresses, script_json
 from server.pages.problem_page import not_found_page
 from server.store.previews import NoSuchPreviewError, Previews
 from web.pictures.preview_drawing import preview_svg
@@ -34,9 +34,7 @@ async def preview_page(request: Request, preview_id: str) -> Response:
     try:
         filename = (await asyncio.to_thread(context.previews.row, preview_id)).filename
     except NoSuchPreviewError:
-        return not_found_page(
-            *NO_PREVIEW,
-        )
+        return not_found_page(*NO_PREVIEW)
     name = shown_name((filename or "shape").rpartition(".")[0] or filename or "shape")
     facts: dict[str, object] = {
         "id": preview_id,
@@ -62,13 +60,7 @@ async def drawing_of_preview(
     """Return a drawing of the preview with the options of that key, without texts of users."""
     previews = context_of(request).previews
     svg = await asyncio.to_thread(_drawing, previews, preview_id, key, repair=repair)
-    if svg is None:
-        return Response("not found", status_code=404, media_type="text/plain")
-    headers = {
-        "Cache-Control": SCENE_CACHE_CONTROL,
-        "Content-Security-Policy": "default-src 'none'",
-    }
-    return Response(svg, media_type="image/svg+xml", headers=headers)
+    return drawing(svg or "", SCENE_CACHE_CONTROL)
 
 
 @router.get("/previews/{preview_id}/scene/{key}")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
+from fastapi import Request
 from fastapi.responses import Response
 
+from server.api.finding import viewing_of
 from server.http.problems import Problem
 from server.pages.page import page
 from web.pictures.isometric import isometric_svg
@@ -35,6 +37,11 @@ def not_found_page(
     return page(
         "message.html", status_code, heading=heading, text=text, drawing=drawing, service=service
     )
+
+
+def no_such_page(request: Request, words: tuple[str, str]) -> Response:
+    """Return the page with a heading and a text, of a service or of a viewer of one directory."""
+    return not_found_page(*words, service=viewing_of(request).settings is not None)
 
 
 def problem_page(problem: Problem) -> Response:

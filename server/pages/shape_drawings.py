@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from functools import cache
-from typing import TYPE_CHECKING
 
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
@@ -13,13 +12,12 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.errors import InputError, PlannerError
 from planner.readers import read
+from planner.readers.gallery import Gallery, GalleryShape
 from server.api.context import context_of
 from server.http.security import INDEXED_HEADERS
+from server.pages.page import drawing
 from web.pictures.isometric_modules import chain_svg
 from web.pictures.shipped import shipped_pictures
-
-if TYPE_CHECKING:
-    from planner.readers.gallery import Gallery, GalleryShape
 
 router = APIRouter(include_in_schema=False)
 
@@ -28,14 +26,10 @@ router = APIRouter(include_in_schema=False)
 async def drawing_of_shape(request: Request, name: str) -> Response:
     """Return the drawing of a gallery shape."""
     svg = await asyncio.to_thread(drawing_of, context_of(request).gallery, name, 160)
-    if svg is None:
-        return Response("not found", status_code=404, media_type="text/plain")
-    headers = {
-        "Cache-Control": "public, max-age=3600",
-        "Content-Security-Policy": "default-src 'none'",
-        **INDEXED_HEADERS,
-    }
-    return Response(svg, media_type="image/svg+xml", headers=headers)
+    answer = drawing(svg or "", "public, max-age=3600")
+    if svg is not None:
+        answer.headers.update(INDEXED_HEADERS)
+    return answer
 
 
 def drawing_of(gallery: Gallery, name: str, size: int) -> str | None:

@@ -19,7 +19,7 @@ from planner.file_names import PLAN, TIMELINE
 from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
-from server.api.finding import find_fold, viewing_of
+from server.api.finding import find_fold, found_fold, viewing_of
 from server.api.frames import view_page
 from server.api.own_values import values_of
 from server.api.tours import tour_of
@@ -28,12 +28,12 @@ from server.http.client_address import address_of
 from server.http.downloads import download
 from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import page, policy_of_pages, rendered, script_json
-from server.pages.problem_page import not_found_page
-from server.store.folds import NoSuchFoldError
+from server.pages.problem_page import no_such_page
 from server.store.shown import FoldSource, Found
 from web.pictures.table_top import TableTop
 from web.timeline.metrics import FIGURES, curves_of, table_forces
 from web.timeline.view import TimelineView
+from web.timeline.views import unless_replaced
 from web.viser.client import client
 from web.viser.recording import recording_of
 from web.viser.standalone import Render, standalone_html, standalone_scripts
@@ -60,10 +60,7 @@ async def embedded(request: Request, fold_id: str) -> Response:
     """Return a fold for a frame in another page, with a link to the whole page."""
     found = await find_fold(request, fold_id)
     if found is None:
-        answer = not_found_page(
-            *NO_FOLD,
-            service=viewing_of(request).settings is not None,
-        )
+        answer = no_such_page(request, NO_FOLD)
     else:
         # Who may see the one need not have the link of the other.
         facts = await asyncio.to_thread(fold_facts, replace(found, recorded=None))
@@ -82,10 +79,7 @@ async def compare(
     """Return the page that plays two folds side by side."""
     sides = [await find_fold(request, fold_id) for fold_id in (a, b)]
     if None in sides:
-        return not_found_page(
-            *NO_PAIR,
-            service=viewing_of(request).settings is not None,
-        )
+        return no_such_page(request, NO_PAIR)
     facts = [await asyncio.to_thread(fold_facts, side) for side in sides if side is not None]
     return page(
         "compare.html", sides=facts, facts_json=script_json(facts), details=False, comparing=True
@@ -147,12 +141,9 @@ def standalone_page(
     kept: dict[str, Any],
 ) -> bytes:
     """Return a fold's page that plays without a server: see ``standalone_html``."""
-    try:
+    curves = forces = None
+    with unless_replaced(OSError):
         curves, forces = curves_of(found.directory), table_forces(found.directory)
-    except DamagedError:
-        raise
-    except (TimelineError, OSError):
-        curves = forces = None
     plan = found.directory / PLAN
     check(found.directory, PLAN)
     return standalone_html(
@@ -189,9 +180,7 @@ def _page(**values: object) -> str:
 
 
 async def _finished(request: Request, fold_id: str) -> Found:
-    found = await find_fold(request, fold_id)
-    if found is None:
-        raise NoSuchFoldError(fold_id)
+    found = await asyncio.to_thread(found_fold, request, fold_id)
     if found.row.status not in RUNNING_STATUSES:
         await asyncio.to_thread(check, found.directory, TIMELINE, FIGURES)
     timelines = viewing_of(request).timelines

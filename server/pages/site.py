@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from markupsafe import Markup
 
@@ -27,6 +27,7 @@ from server.pages.page import rendered
 from server.pages.paper import paper_data, paper_files, paper_values
 from server.pages.share import standalone_page
 from server.pages.static import ELEMENT
+from server.store.shown import Found
 from web.static_files import STATIC, code_of
 from web.timeline.view import TimelineView
 from web.viser.client import client
@@ -40,9 +41,6 @@ from web.viser.standalone import (
 )
 from words.fold import ShownFold
 from words.gallery import CARD_STATUS_LABELS, MODULE_PLURALS, method_of
-
-if TYPE_CHECKING:
-    from server.store.shown import Found
 
 SCRIPTS_FILE: Final = "static/foldback.js"
 """File with the scripts of all pages."""

@@ -14,6 +14,7 @@ from fastapi.responses import JSONResponse, Response
 
 from server.http.compression import Asset
 from server.http.security import INDEXED_HEADERS
+from server.pages.page import not_found
 from web.static_files import STATIC, VERSIONED, code_of, scripts_version
 
 router = APIRouter(include_in_schema=False)
@@ -98,7 +99,7 @@ async def static_file(request: Request, name: str) -> Response:
         headers |= ELEMENT_HEADERS
     found = _static(name) if name in _paths() else None
     if found is None:
-        return Response("not found", status_code=404, media_type="text/plain")
+        return not_found()
     return found.response(request, headers)
 
 

@@ -11,9 +11,10 @@ import resource
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import asdict
 from fcntl import LOCK_EX, flock
 from functools import partial
 from importlib import import_module
@@ -25,10 +26,11 @@ from setproctitle import setproctitle
 
 from planner.errors import InputError
 from planner.files import settle
-from planner.progress import Progress, Report
+from planner.progress import Cancelled, Progress, Report
 from server.processes.confined import confine, confine_thread
 from server.processes.landlock import Allowed, no_new_rights
 from server.processes.limits import memory_words
+from server.processes.scratch import request_in
 
 LOW_PRIORITY_KINDS: Final = ("stages", "movies", "retimer")
 """Kinds of computing processes that run with the configured niceness (a low priority), as no page
@@ -50,7 +52,8 @@ at their start, so that the first task does not wait."""
 MESH_LIBRARY: Final = "trimesh"
 """Library that the planner imports with the first mesh. Processes that read meshes import it at
 their start, so that the first upload does not wait."""
-Task = Callable[[str, Path, Callable[[Progress], None], Callable[[], bool]], dict[str, Any]]
+Task = Callable[[str, Path, Report, Cancelled], dict[str, Any]]
+Work = Callable[[Path, Cancelled], dict[str, Any]]
 
 
 class _Parent:
@@ -91,17 +94,7 @@ class _Parent:
 
     def progress(self, progress: Progress) -> None:
         """Send progress."""
-        self.tell(
-            "progress",
-            stage=progress.stage,
-            fraction=progress.fraction,
-            steps=progress.steps,
-            steps_per_second=progress.steps_per_second,
-            simulated_s=progress.simulated_s,
-            message=progress.message,
-            plan=progress.plan,
-            plans=progress.plans,
-        )
+        self.tell("progress", **asdict(progress))
 
     def _listen(self) -> None:
         for line in sys.stdin.buffer:
@@ -184,12 +177,7 @@ def _stages(progress: Report, directory: Path | None, *, warm: bool) -> Task:
     if warm:
         warm_up(progress, soon=True, directory=directory)
 
-    def run(
-        stage: str,
-        directory: Path,
-        progress: Callable[[Progress], None],
-        cancelled: Callable[[], bool],
-    ) -> dict[str, Any]:
+    def run(stage: str, directory: Path, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
         os.chdir(directory)  # libraries that write logs beside them shall do so there
         # A child of a worker that was killed may still be ending: one at a time in a directory.
         with open(directory / ".lock", "w") as lock:
@@ -208,6 +196,26 @@ def _load(*names: str) -> None:
         import_module(name)
 
 
+def _confined(works: Mapping[str, Work], *, beside: Collection[str] = ()) -> Task:
+    """Return a task whose works each run in a thread that touches their own directory alone.
+
+    One process works for many visitors.
+
+    Args:
+        works: Works by their names.
+        beside: Those that read or write beside their directory, too.
+    """
+
+    def run(task: str, directory: Path, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+        del progress
+        place = directory.parent if task in beside else directory
+        with ThreadPoolExecutor(1) as thread:
+            thread.submit(confine_thread, place).result()
+            return thread.submit(works[task], directory, cancelled).result()
+
+    return run
+
+
 def _reader(*, warm: bool) -> Task:
     from server.processes.read_task import check, offers, preview, warm_up
 
@@ -215,21 +223,12 @@ def _reader(*, warm: bool) -> Task:
     if warm:
         warm_up()
 
-    def read(
-        task: str,
-        directory: Path,
-        progress: Callable[[Progress], None],
-        cancelled: Callable[[], bool],
-    ) -> dict[str, Any]:
-        place = directory if task == "check" else directory.parent
-        # One process reads many uploads: each in a thread that gets to see that one only.
-        with ThreadPoolExecutor(1) as thread:
-            thread.submit(confine_thread, place).result()
-            if task == "offers":
-                return thread.submit(offers, directory, cancelled).result()
-            return thread.submit({"check": check, "preview": preview}[task], directory).result()
-
-    return read
+    works: dict[str, Work] = {
+        "check": lambda directory, _: check(directory),
+        "preview": lambda directory, _: preview(directory),
+        "offers": offers,
+    }
+    return _confined(works, beside=("preview", "offers"))
 
 
 def _preparer(*, warm: bool) -> Task:
@@ -259,12 +258,9 @@ def _movies(*, warm: bool) -> Task:
     _load("mujoco", "zarr.codecs")
 
     def run_movie(
-        task: str,
-        directory: Path,
-        progress: Callable[[Progress], None],
-        cancelled: Callable[[], bool],
+        task: str, directory: Path, progress: Report, cancelled: Cancelled
     ) -> dict[str, Any]:
-        request = json.loads((directory / "request.json").read_bytes())
+        request = request_in(directory)
         movie = Movie.of(request["movie"])
         try:
             whole = make_movie(
@@ -298,18 +294,12 @@ def _retimer(*, warm: bool) -> Task:
     if warm:
         warm_up()
 
-    def work_out(
-        task: str,
-        directory: Path,
-        progress: Callable[[Progress], None],
-        cancelled: Callable[[], bool],
-    ) -> dict[str, Any]:
-        with ThreadPoolExecutor(1) as thread:
-            thread.submit(confine_thread, directory).result()
-            works = {"retime": retime, "clearance": clearance, "motors": motors}
-            return thread.submit(works[task], directory).result()
-
-    return work_out
+    works: dict[str, Work] = {
+        "retime": lambda directory, _: retime(directory),
+        "clearance": lambda directory, _: clearance(directory),
+        "motors": lambda directory, _: motors(directory),
+    }
+    return _confined(works)
 
 
 def _pictures(*, warm: bool) -> Task:
@@ -318,23 +308,13 @@ def _pictures(*, warm: bool) -> Task:
 
     warm_up()
 
-    def run(
-        task: str,
-        directory: Path,
-        progress: Callable[[Progress], None],
-        cancelled: Callable[[], bool],
-    ) -> dict[str, Any]:
-        with ThreadPoolExecutor(1) as thread:
-            thread.submit(confine_thread, directory).result()
-            return thread.submit(draw, directory).result()
-
-    return run
+    return _confined({"picture": lambda directory, _: draw(directory)})
 
 
 def _work(kind: str, directory: Path, folders: Sequence[str]) -> Allowed:
     """Load the libraries that a child's requests need."""
     if kind == "movies":
-        timeline = json.loads((directory / "request.json").read_bytes())["timeline"]
+        timeline = request_in(directory)["timeline"]
         return Allowed(readable=(Path(timeline),), writable=(directory,))
     return Allowed(writable=tuple(map(Path, folders)) or (directory,))
 

@@ -11,7 +11,6 @@ import tempfile
 import threading
 import time
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -51,20 +50,7 @@ Confinement by the kernel applies to the calling thread only; with a smaller val
 the start fail. Chosen."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Held:
-    """Access that the kernel denies a confined process.
-
-    Attributes:
-        files: True if all files but the permitted ones are denied.
-        sockets: True if sockets are denied.
-    """
-
-    files: bool
-    sockets: bool
-
-
-def confine(work: Allowed, *, drawing: bool = False) -> Held:
+def confine(work: Allowed, *, drawing: bool = False) -> None:
     """Confine this process to its work and its programs; applies to threads that start later.
 
     What the kernel can't hold stays as it is: ``foldback doctor`` tells it.
@@ -76,12 +62,10 @@ def confine(work: Allowed, *, drawing: bool = False) -> Held:
     _keep_temporary_files(work.writable[0])
     _keep_no_kernels()
     end_threads()
-    files, sockets = landlock.version() > 0, False
-    if files:
+    if landlock.version():
         landlock.restrict(_with_programs(work, drawing=drawing))
     with suppress(OSError):  # a kernel without it, or a container that forbids it
-        sockets = seccomp.refuse_calls()
-    return Held(files=files, sockets=sockets)
+        seccomp.refuse_calls()
 
 
 def confine_thread(place: Path) -> None:

@@ -22,6 +22,7 @@ from planner.pipeline.request import FoldRequest, PreviewRequest
 from planner.playback.unfolding import check_fits
 from planner.readers import read
 from planner.shapes.shape import Shape
+from server.processes.scratch import request_in
 
 MAX_STORED_CELLS: Final = 4000
 """Maximum number of cells of an upload that are stored for the first drawing on a fold's page;
@@ -46,7 +47,7 @@ def check(directory: Path) -> dict[str, Any]:
     Raises:
         InputError: The input cannot become a fold.
     """
-    request = FoldRequest.from_json(_request(directory))
+    request = FoldRequest.from_json(request_in(directory))
     if request.smooth:
         return _smoothed(directory, request)
     data = (directory / "input").read_bytes()
@@ -114,7 +115,7 @@ def preview(directory: Path) -> dict[str, Any]:
     from planner.pipeline.prepare import prepare_in_any_order
     from planner.plan.prepared import key_of
 
-    about = _request(directory)
+    about = request_in(directory)
     request = PreviewRequest.from_json(about)
     request.check()
     data = (directory.parent / "input").read_bytes()
@@ -146,7 +147,7 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
     """
     from planner.table_paths.offers import table_offers
 
-    about = _request(directory)
+    about = request_in(directory)
     request = PreviewRequest.from_json(about)
     request.check()
     data = (directory.parent / "input").read_bytes()
@@ -166,11 +167,6 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
     if not made and not cancelled():
         write_json(directory / "offers.json", {"offers": []})
     return {"offers": len(made)}
-
-
-def _request(directory: Path) -> dict[str, Any]:
-    """Return the values in a directory's ``request.json``."""
-    return json.loads((directory / "request.json").read_bytes())
 
 
 def _note(directory: Path, cells: NDArray[Any]) -> None:

@@ -16,7 +16,7 @@ from planner.robot.motors import Build, motor_table
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.retiming import retimed
 from planner.robot.trajectory import Trajectory
-from server.processes.scratch import MOTORS_FILE, PLAN
+from server.processes.scratch import MOTORS_FILE, PLAN, request_in
 
 MAX_CLEARANCE_CPU_S: Final = 5.0
 """Maximum processor time for proving the clearance between modules along an exported trajectory, in
@@ -46,7 +46,7 @@ def retime(directory: Path) -> dict[str, Any]:
     Raises:
         InputError: When the plan cannot be retimed.
     """
-    plan, trajectory = _retimed(directory, _request(directory))
+    plan, trajectory = _retimed(directory, request_in(directory))
     trajectory.save(directory)
     return {"name": plan.chain.name, "verified": plan.verified}
 
@@ -59,7 +59,7 @@ def clearance(directory: Path) -> dict[str, Any]:
     Raises:
         InputError: When the plan cannot be retimed, or the rate is none.
     """
-    request = _request(directory)
+    request = request_in(directory)
     plan, trajectory = _retimed(directory, request)
     size, rate_hz = plan.certificate.module_size, request["rate_hz"]
     end = time.process_time() + MAX_CLEARANCE_CPU_S
@@ -85,7 +85,7 @@ def motors(directory: Path) -> dict[str, Any]:
     Raises:
         InputError: When the plan cannot be retimed, or the motors cannot be built.
     """
-    request = _request(directory)
+    request = request_in(directory)
     plan, trajectory = _retimed(directory, request)
     chain, pitch_m = plan.chain, request["pitch_m"]
     build = Build(
@@ -98,10 +98,6 @@ def motors(directory: Path) -> dict[str, Any]:
     text = table.as_csv() if request["form"] == "csv" else json.dumps(table.as_dict())
     (directory / MOTORS_FILE).write_text(text)
     return {}
-
-
-def _request(directory: Path) -> dict[str, Any]:
-    return json.loads((directory / "request.json").read_bytes())
 
 
 def _retimed(directory: Path, request: dict[str, Any]) -> tuple[Plan, Trajectory]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import tempfile
@@ -9,7 +10,9 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from fcntl import LOCK_EX, LOCK_NB, flock
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+
+from planner.file_names import REQUEST
 
 PLAN: Final = "plan.npz"
 """Name of the copied plan in the scratch directory of a task that retimes it for a robot."""
@@ -80,3 +83,8 @@ def _locked(path: Path, *, at_once: bool = False) -> Generator[None]:
         yield
     finally:
         os.close(handle)
+
+
+def request_in(directory: Path) -> dict[str, Any]:
+    """Return the request of the computation in a directory."""
+    return json.loads((directory / REQUEST).read_bytes())

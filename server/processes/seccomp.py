@@ -103,15 +103,15 @@ class _Program(ctypes.Structure):
     _fields_ = (("length", ctypes.c_ushort), ("instructions", ctypes.c_char_p))
 
 
-def refuse_calls() -> bool:
-    """Deny them to this process and its descendants; False on an unknown architecture.
+def refuse_calls() -> None:
+    """Deny them to this process and its descendants, unless the architecture is unknown.
 
     Raises:
         OSError: When the kernel does not do so.
     """
     found = ARCHITECTURES.get(platform.machine())
     if sys.platform != "linux" or found is None:
-        return False
+        return
     mark, seccomp, column = found
     instructions = program(mark, column)
     given = _Program(len(instructions) // 8, instructions)
@@ -121,7 +121,6 @@ def refuse_calls() -> bool:
     if libc.syscall(*call, ctypes.byref(given)):
         code = ctypes.get_errno() or errno.EAGAIN
         raise OSError(code, os.strerror(code))
-    return True
 
 
 def program(mark: int, column: int) -> bytes:

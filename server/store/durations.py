@@ -61,8 +61,7 @@ def durations_like(store: Store, row: FoldRow) -> list[Duration]:
         .order_by(FoldRow.created_at.desc())
         .limit(MAX_COMPARED_FOLDS)
     )
-    with store.reading() as session:
-        found = session.execute(query).all()
+    found = store.rows(query)
     return [
         Duration(modules=modules, stage_s=progress["stage_s"])
         for modules, progress in found

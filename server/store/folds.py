@@ -9,10 +9,10 @@ from __future__ import annotations
 import secrets
 import threading
 import time
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar, TypeVarTuple
 
 import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
@@ -28,12 +28,14 @@ from server.limits.fair_queue import (
     ticks,
     virtual_finish_time,
 )
+from server.limits.queue_room import Waiting
 from server.settings import Settings
 from server.store.fold_files import Folders, NoSuchFoldError
 from server.store.owner import Owner, owned_by
 from server.store.shown import Found
 from server.store.tables import (
     ENDED,
+    Base,
     CounterRow,
     FoldRow,
     SecretRow,
@@ -48,6 +50,9 @@ from words.fold import RUNNING_STATUSES, ShownFold
 
 __all__ = ["FoldRow", "NoSuchFoldError", "Store", "new_id", "rows_of"]
 
+Kind = TypeVar("Kind", bound=Base)
+Value = TypeVar("Value")
+Values = TypeVarTuple("Values")
 ACCESS_RESOLUTION_S: Final = 900.0
 """Minimum change, in s, at which the time of the last access to a fold is updated in the database.
 A smaller value writes more often; with a larger one unused folds are ordered less accurately.
@@ -107,17 +112,15 @@ class Store:
         """Held from the look at the queue until a fold is in it."""
         self._engine = engine_of(settings)
         migrate(self._engine)
-        self._sessions = sessionmaker(self._engine, expire_on_commit=False)
+        self.reading = sessionmaker(self._engine, expire_on_commit=False)
+        """A session that reads."""
+        self.changing = self.reading.begin
+        """A session whose changes are made together, or not at all."""
 
     def close(self) -> None:
         """Close all connections."""
         self._engine.dispose()
         self.folders.close()
-
-    def check(self) -> None:
-        """Raise an error if the database does not answer."""
-        with self._engine.connect() as connection:
-            connection.execute(sa.select(1))
 
     def directory(self, fold_id: str) -> Path:
         """Return the directory with a fold's files as readers see them.
@@ -130,17 +133,30 @@ class Store:
         place = self.folders.place(fold_id)
         return place if self.folders.storage is None else self.folders.shown(self.fold(fold_id))
 
-    @contextmanager
-    def reading(self) -> Generator[Session]:
-        """A session that reads."""
-        with self._sessions() as session:
-            yield session
+    def get(self, kind: type[Kind], key: str | tuple[str, str]) -> Kind | None:
+        """Return the row of a primary key; None if there is none."""
+        with self.reading() as session:
+            return session.get(kind, key)
 
-    @contextmanager
-    def changing(self) -> Generator[Session]:
-        """A session whose changes are made together, or not at all."""
-        with self._sessions.begin() as session:
-            yield session
+    def scalar(self, query: sa.Select[Value]) -> Value | None:
+        """Return the first column of the first row of a query; None without rows."""
+        with self.reading() as session:
+            return session.scalar(query)
+
+    def scalars(self, query: sa.Select[Value]) -> Sequence[Value]:
+        """Return the first column of all rows of a query."""
+        with self.reading() as session:
+            return session.scalars(query).all()
+
+    def rows(self, query: sa.Select[*Values]) -> Sequence[sa.Row[*Values]]:
+        """Return all rows of a query."""
+        with self.reading() as session:
+            return session.execute(query).all()
+
+    def change(self, statement: sa.Update | sa.Delete) -> int:
+        """Execute a statement; return the number of rows that it has changed."""
+        with self.changing() as session:
+            return rows_of(session.execute(statement))
 
     # Reading
 
@@ -150,8 +166,7 @@ class Store:
         Raises:
             NoSuchFoldError: When there is none.
         """
-        with self._sessions() as session:
-            row = session.get(FoldRow, fold_id)
+        row = self.get(FoldRow, fold_id)
         if row is None:
             raise NoSuchFoldError(fold_id)
         return row
@@ -178,29 +193,26 @@ class Store:
         return self._told(ValuesRow, fold_id)
 
     def _told(self, kind: type[TourRow | ValuesRow], fold_id: str) -> dict[str, Any] | None:
-        with self._sessions() as session:
-            row = session.get(kind, fold_id)
+        row = self.get(kind, fold_id)
         return None if row is None else row.told
 
     def list_public(self, limit: int = 100) -> Sequence[FoldRow]:
         """Return the gallery folds that are not cancelled, newest first."""
-        with self._sessions() as session:
-            return session.scalars(
-                sa.select(FoldRow)
-                .where(FoldRow.public, FoldRow.cancel_requested.is_(False))
-                .order_by(FoldRow.created_at.desc())
-                .limit(limit)
-            ).all()
+        return self.scalars(
+            sa.select(FoldRow)
+            .where(FoldRow.public, FoldRow.cancel_requested.is_(False))
+            .order_by(FoldRow.created_at.desc())
+            .limit(limit)
+        )
 
     def list_owned(self, owner: Owner, limit: int = 100) -> Sequence[FoldRow]:
         """Return the folds of an owner, newest first."""
-        with self._sessions() as session:
-            return session.scalars(
-                sa.select(FoldRow)
-                .where(owned_by(owner))
-                .order_by(FoldRow.created_at.desc())
-                .limit(limit)
-            ).all()
+        return self.scalars(
+            sa.select(FoldRow)
+            .where(owned_by(owner))
+            .order_by(FoldRow.created_at.desc())
+            .limit(limit)
+        )
 
     def kept_until(self, row: FoldRow) -> float | None:
         """Return when a fold expires without further access; None if it does not expire."""
@@ -210,17 +222,15 @@ class Store:
 
     def owns(self, fold_id: str, owner: Owner) -> bool:
         """Return True if a fold belongs to an owner; gallery folds belong to none."""
-        with self._sessions() as session:
-            row = session.get(FoldRow, fold_id)
+        row = self.get(FoldRow, fold_id)
         return row is not None and not row.public and owner.owns(row.owner)
 
-    def waiting(self) -> list[tuple[str, float]]:
+    def waiting(self) -> list[Waiting]:
         """Return the visitor and the expected cost of each fold that is queued or running."""
         query = sa.select(FoldRow.visitor, FoldRow.cost_s).where(
             FoldRow.status.in_(RUNNING_STATUSES)
         )
-        with self._sessions() as session:
-            return [(visitor, cost_s) for visitor, cost_s in session.execute(query)]
+        return [Waiting(*row) for row in self.rows(query)]
 
     def others_wait(self, fold_id: str, *, spent_s: float, cheaper: bool) -> bool:
         """Return True if a fold that runs keeps another one waiting whose turn is before its next.
@@ -230,7 +240,7 @@ class Store:
             spent_s: Seconds that it has computed.
             cheaper: True if only folds that are expected to cost less count.
         """
-        with self._sessions() as session:
+        with self.reading() as session:
             cost_s = session.scalar(sa.select(FoldRow.cost_s).where(FoldRow.id == fold_id)) or 0.0
             now = session.scalar(sa.select(CounterRow.value).where(CounterRow.name == "turn")) or 0
             queued = sa.select(FoldRow.id).where(
@@ -249,8 +259,7 @@ class Store:
         They are those of a fold that costs nothing if it was deleted.
         """
         query = sa.select(FoldRow.cost_s, FoldRow.pauses).where(FoldRow.id == fold_id)
-        with self._sessions() as session:
-            cost_s, pauses = session.execute(query).first() or (0.0, 0)
+        cost_s, pauses = next(iter(self.rows(query)), (0.0, 0))
         first_s = self._first_slice_s
         return slice_s(cost_s, pauses, first_s, for_cheaper=True), slice_s(cost_s, pauses, first_s)
 
@@ -306,14 +315,6 @@ class Store:
                 taken, cost = taken + took, cost + expected
         return taken / cost if taken and cost else 1.0
 
-    def counts(self) -> dict[str, int]:
-        """Number of folds by status."""
-        query = sa.select(FoldRow.status, sa.func.count()).group_by(FoldRow.status)
-        with self._sessions() as session:
-            return {status: count for status, count in session.execute(query)}
-
-    # Writing, on the side of the visitors
-
     def add(self, row: FoldRow, owner: Owner) -> bool:
         """Add a fold with its owner; False if another fold has its content key.
 
@@ -368,8 +369,7 @@ class Store:
 
     def secret(self, name: str, made: bytes) -> bytes:
         """Return a secret of the service; store ``made`` if there is none yet."""
-        with self.reading() as session:
-            known = session.get(SecretRow, name)
+        known = self.get(SecretRow, name)
         if known is None:
             try:
                 if is_read_only(self._engine):
@@ -435,8 +435,7 @@ class Store:
             FoldRow.status.in_(ENDED),
             FoldRow.seen_at == seen,
         )
-        with self.changing() as session:
-            return bool(rows_of(session.execute(gone)))
+        return bool(self.change(gone))
 
     def delete(self, fold_id: str, owner: Owner | None = None) -> bool:
         """Delete a fold's row; the caller removes its directory.
@@ -451,8 +450,7 @@ class Store:
         gone = sa.delete(FoldRow).where(FoldRow.id == fold_id)
         if owner is not None:
             gone = gone.where(owned_by(owner), FoldRow.public.is_(False))
-        with self.changing() as session:
-            return bool(rows_of(session.execute(gone)))
+        return bool(self.change(gone))
 
     def add_derived(self, fold_id: str, size: int) -> None:
         """Add to the size of a fold's derived files."""
@@ -536,12 +534,11 @@ class Store:
 
     def show(self, fold_id: str, epoch: int) -> None:
         """Publish the files of an epoch to readers, unless a later one owns the fold."""
-        with self.changing() as session:
-            session.execute(
-                sa.update(FoldRow)
-                .where(FoldRow.id == fold_id, FoldRow.epoch == epoch)
-                .values(kept=epoch)
-            )
+        self.change(
+            sa.update(FoldRow)
+            .where(FoldRow.id == fold_id, FoldRow.epoch == epoch)
+            .values(kept=epoch)
+        )
 
     def describe(self, fold_id: str, *, name: str, modules: int, module: str) -> None:
         """Store the facts of a fold's chain; a name from the gallery or the owner stays."""
@@ -563,8 +560,7 @@ class Store:
             FoldRow.cancel_requested.is_(False),
         )
         if progress is None:
-            with self.reading() as session:
-                return session.scalar(sa.select(FoldRow.id).where(*going)) is not None
+            return self.scalar(sa.select(FoldRow.id).where(*going)) is not None
         with self.changing() as session:
             changed = session.execute(sa.update(FoldRow).where(*going).values(progress=progress))
             return bool(rows_of(changed))
@@ -619,8 +615,7 @@ class Store:
             return session.get(FoldRow, fold_id) is not None
 
     def _change(self, fold_id: str, **values: Any) -> None:
-        with self.changing() as session:
-            session.execute(sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values))
+        self.change(sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values))
 
 
 def cost_of(row: FoldRow, modules: int | None = None) -> ExpectedCost:

@@ -145,8 +145,7 @@ class Leases:
             starting = self._expects_workers and self._clock() - self._made_at < SERVICE_START_S
             return Preparing(fraction=0.0, remaining_s=None) if starting else None
         keys = {_preparing_key(row.name): row for row in workers}
-        with self._store.reading() as session:
-            rows = session.scalars(sa.select(CounterRow).where(CounterRow.name.in_(keys))).all()
+        rows = self._store.scalars(sa.select(CounterRow).where(CounterRow.name.in_(keys)))
         if len(rows) < len(workers):
             return None
         best = max(rows, key=lambda row: row.value)
@@ -157,8 +156,7 @@ class Leases:
 
     def workers(self) -> list[WorkerRow]:
         """Return the workers that are not known to be dead."""
-        with self._store.reading() as session:
-            rows = list(session.scalars(sa.select(WorkerRow).order_by(WorkerRow.name)))
+        rows = list(self._store.scalars(sa.select(WorkerRow).order_by(WorkerRow.name)))
         silent = self._silent({row.name: row.beat for row in rows})
         return [row for row in rows if row.name not in silent]
 
@@ -168,8 +166,7 @@ class Leases:
         It must be asked several times a lease: after a longer pause, as when the database was away
         and nobody's beat could reach it, silence begins anew.
         """
-        with self._store.reading() as session:
-            rows = session.execute(sa.select(WorkerRow.name, WorkerRow.beat)).all()
+        rows = self._store.rows(sa.select(WorkerRow.name, WorkerRow.beat))
         beats: dict[str, int | None] = {row.name: row.beat for row in rows}
         for name in holders:
             beats.setdefault(name, None)

@@ -160,15 +160,6 @@ class Storage:
         write_whole(directory / FETCHED_INDEX, json.dumps(marks).encode())
         return True
 
-    def read(self, key: str) -> bytes | None:
-        """Return a small file's content; None if there is none.
-
-        Raises:
-            StorageError: When the storage does not answer.
-        """
-        with self._storage_errors():
-            return self._get(key)
-
     def fetch_file(self, key: str, path: Path) -> bool:
         """Download one file, which may be large; False if there is none.
 

@@ -75,8 +75,7 @@ def change_fold(
     own = sa.update(FoldRow).where(
         FoldRow.id == fold_id, owned_by(owner), FoldRow.public.is_(False)
     )
-    with store.changing() as session:
-        return bool(rows_of(session.execute(own.values(**values))))
+    return bool(store.change(own.values(**values)))
 
 
 def hand_over_all(store: Store, owner: Owner, heir: Owner) -> int:

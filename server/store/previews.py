@@ -25,7 +25,7 @@ from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from planner.file_names import INPUT
 from server.errors import NoSuch, not_stored
 from server.settings import Settings
-from server.store.folds import Store, new_id, rows_of
+from server.store.folds import Store, new_id
 from server.store.object_store import StorageError
 from server.store.owner import Owner, owned_by
 from server.store.tables import PreviewRow, ReportRow
@@ -161,8 +161,7 @@ class Previews:
         """
         if not (preview_id.isascii() and preview_id.isalnum() and len(preview_id) <= 32):
             raise NoSuchPreviewError(preview_id)
-        with self._store.reading() as session:
-            row = session.get(PreviewRow, preview_id)
+        row = self._store.get(PreviewRow, preview_id)
         if row is None:
             raise NoSuchPreviewError(preview_id)
         return row
@@ -187,8 +186,8 @@ class Previews:
         most_s = min(MAX_PREVIEW_ACCESS_AGE_S, self._settings.preview_keep_s / 8)
         if abs(now - row.seen_at) > most_s:
             seen = sa.update(PreviewRow).where(PreviewRow.id == row.id).values(seen_at=now)
-            with suppress(SQLAlchemyError), self._store.changing() as session:
-                session.execute(seen)
+            with suppress(SQLAlchemyError):
+                self._store.change(seen)
 
     # Reports
 
@@ -209,8 +208,7 @@ class Previews:
         count = sa.select(sa.func.count()).where(
             ReportRow.preview_id == preview_id, ReportRow.foreign.is_(foreign)
         )
-        with self._store.reading() as session:
-            return session.scalar(count) or 0
+        return self._store.scalar(count) or 0
 
     def keep_report(self, place: Path, *, foreign: bool) -> None:
         """Store what has been written to the directory of a report.
@@ -238,8 +236,8 @@ class Previews:
         own = sa.update(PreviewRow).where(
             PreviewRow.id == preview_id, owned_by(owner, PreviewRow.owner)
         )
-        with suppress(SQLAlchemyError), self._store.changing() as session:
-            session.execute(own.values(**asdict(view), seen_at=time.time()))
+        with suppress(SQLAlchemyError):
+            self._store.change(own.values(**asdict(view), seen_at=time.time()))
 
     def owned(self, owner: Owner) -> Sequence[PreviewRow]:
         """Return the previews that an owner has viewed, the last viewed first."""
@@ -250,8 +248,7 @@ class Previews:
             .order_by(PreviewRow.seen_at.desc(), PreviewRow.id)
             .limit(MAX_LISTED_PREVIEWS)
         )
-        with self._store.reading() as session:
-            return session.scalars(wanted).all()
+        return self._store.scalars(wanted)
 
     def remove(self, preview_id: str, owner: Owner) -> bool:
         """Delete an owner's preview; the next sweep deletes its files. False if it is another's."""
@@ -317,8 +314,7 @@ class Previews:
             .group_by(PreviewRow.id)
             .order_by(PreviewRow.created_at.desc())
         )
-        with self._store.reading() as session:
-            found = session.execute(query).all()
+        found = self._store.rows(query)
         sizes: list[PreviewSize] = []
         unread: Counter[str] = Counter()
         since = time.time() - UNREAD_UPLOAD_S
@@ -342,13 +338,11 @@ class Previews:
         query = sa.select(PreviewRow.id)
         if before is not None:
             query = query.where(PreviewRow.created_at < before)
-        with self._store.reading() as session:
-            return set(session.scalars(query))
+        return set(self._store.scalars(query))
 
     def _forget(self, *which: sa.ColumnElement[bool]) -> bool:
         """Delete the row of a preview; True if there was one."""
-        with self._store.changing() as session:
-            return bool(rows_of(session.execute(sa.delete(PreviewRow).where(*which))))
+        return bool(self._store.change(sa.delete(PreviewRow).where(*which)))
 
     def _note_written(self, size: int) -> None:
         self._written += size  # a number that another thread overwrites delays a sweep at most

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import time
+from collections.abc import Generator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -344,6 +346,17 @@ def reading_engine(url: str) -> sa.Engine:
     )
 
 
+@contextmanager
+def reading_connection(url: str) -> Generator[sa.Connection]:
+    """A connection of ``reading_engine``."""
+    engine = reading_engine(url)
+    try:
+        with engine.connect() as connection:
+            yield connection
+    finally:
+        engine.dispose()
+
+
 def is_read_only(engine: sa.Engine) -> bool:
     """Return True for an engine of ``read_only_engine``."""
     return engine.url.query.get("mode") == "ro"
@@ -370,8 +383,6 @@ def engine_for(url: str) -> sa.Engine:
             },
             hide_parameters=True,
         )
-    if not url.startswith("sqlite"):
-        return sa.create_engine(url, pool_pre_ping=True, hide_parameters=True)
     engine = sa.create_engine(
         url,
         connect_args={"timeout": 30.0},

@@ -12,6 +12,7 @@ import secrets
 import socket
 import struct
 from collections.abc import Iterable
+from dataclasses import dataclass
 from fcntl import F_OFD_GETLK, F_OFD_SETLK, F_UNLCK, F_WRLCK, LOCK_EX, fcntl, flock
 from pathlib import Path
 from typing import IO, Final
@@ -72,16 +73,17 @@ class WorkerIdentities:
         return self._directory / f"{number}.lock"
 
 
+@dataclass(frozen=True, slots=True)
 class WorkerIdentity:
-    """One worker's name, the same after every start in the same identity; held by its process."""
+    """One worker's name, the same after every start in the same identity.
 
-    def __init__(self, name: str, lock: IO[str]) -> None:
-        self.name = name
-        self._lock = lock
+    Attributes:
+        name: The name.
+        lock: File that is open, and locked, as long as a process holds the name.
+    """
 
-    def close(self) -> None:
-        """Release the name."""
-        self._lock.close()
+    name: str
+    lock: IO[str]
 
 
 def _lock(path: Path) -> IO[str] | None:

@@ -1,10 +1,7 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from examples import run_gallery
 from examples.run_gallery import SHAPES, digest, known, suited
 
 pytestmark = pytest.mark.slow
@@ -24,21 +21,6 @@ def test_stored_results_are_verified_mostly_at_the_first_attempt() -> None:
     at_once = sum(result["attempts"] == 1 for result in results.values())
     assert at_once >= 0.98 * len(results)
     assert all(result["clearance"] >= 0.0 for result in results.values())
-
-
-def test_shapes_with_stored_results_are_not_folded_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    results = tmp_path / "results.json"
-    monkeypatch.setattr(run_gallery, "RESULTS", results)
-    run_gallery.write(
-        {file.stem: {"digest": digest(file), "verdict": "verified (simulated)"} for file in FILES}
-        | {"gone": {"digest": "0"}}
-    )
-    before = results.read_bytes()
-    run_gallery.main([])
-    assert results.read_bytes() == before
-    assert not capsys.readouterr().out
 
 
 def test_stored_results_on_tables_belong_to_the_shape_files() -> None:

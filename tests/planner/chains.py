@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.chain.module import Module
 from planner.chain.path import Path
+from planner.kernels.backbite import grow
 from planner.motion.motion import Motion, Phase
+from planner.pathfinding.lattice import neighbours
 from planner.simulation.reduced import State, turned
 
 Array = NDArray[np.float64]
@@ -37,6 +40,25 @@ SQUARE: Final = Path.from_cells(
 """The same, of eight cells in a plane."""
 
 
+def shuffled(sides: tuple[int, int, int], moves: int, seed: int) -> Chain:
+    """A box along a random path, made by so many moves for each cell."""
+    cells = np.argwhere(np.ones(sides, dtype=bool))
+    count, order = grow(neighbours(cells), np.ones(len(cells), bool), -1, moves * len(cells), seed)
+    assert count == len(cells)
+    return Chain.from_path(Path.from_cells(cells[order], name="box"))
+
+
+def unchecked(module: Module, folded_rad: Array) -> Chain:
+    """A chain whose modules may overlap when it is folded."""
+    return Chain(
+        name="unchecked",
+        module=module,
+        folded_rad=folded_rad,
+        folded_position=np.zeros(3),
+        folded_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+    )
+
+
 def random_angles(chain: Chain, rng: np.random.Generator, most: float = 1.5) -> Array:
     """(J,) hinge angles."""
     return rng.uniform(-most, most, len(chain.folded_rad))
@@ -45,6 +67,17 @@ def random_angles(chain: Chain, rng: np.random.Generator, most: float = 1.5) -> 
 def random_rotation(rng: np.random.Generator) -> Array:
     """(3, 3)."""
     return turned(rng.normal(size=3) * 2.0)
+
+
+def folded_state(chain: Chain) -> State:
+    """A folded chain at rest."""
+    poses = chain.folded_poses
+    return State.at_rest(chain.folded_rad, poses.positions[chain.root], poses.rotations[chain.root])
+
+
+def near_pairs_of(modules: int) -> NDArray[np.int64]:
+    """(P, 2) all pairs of modules that are not linked."""
+    return np.stack(np.triu_indices(modules, 2), axis=1)
 
 
 def random_state(chain: Chain, seed: int, most: float = 0.3) -> State:

@@ -21,11 +21,6 @@ from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 
 SHAPES = FilePath(__file__).parents[2] / "examples" / "shapes"
-REAL = (
-    *("wrench-24", "mallet-24"),
-    *(pytest.param(shape, marks=pytest.mark.long) for shape in ("mallet-64", "wrench-94")),
-)
-"""Example shapes that are folded for tests of all that a fold is made of."""
 
 
 @pytest.fixture

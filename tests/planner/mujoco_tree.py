@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
+from planner.simulation.model import Material, tree_spec
 from planner.simulation.reduced import Acceleration, State
 
 Array = NDArray[np.float64]
@@ -22,6 +23,21 @@ def solve_exactly(model: Any) -> Any:
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
     model.opt.iterations = 100
     model.opt.tolerance = 0.0  # relative to inertias, some of which are huge
+    return model
+
+
+def scale_masses(model: Any, masses: Array) -> None:
+    """Multiply the masses of the modules."""
+    for i, mass in enumerate(masses):
+        body = model.body(f"module_{i}").id
+        model.body_mass[body] *= mass
+        model.body_inertia[body] *= mass
+
+
+def tree_with(chain: Chain, size: float, masses: Array) -> Any:
+    """Return one tree of modules of that size, their masses as multiples of their own."""
+    model: Any = tree_spec(chain, Material(geom_size=size)).compile()
+    scale_masses(model, masses)
     return model
 
 

@@ -282,38 +282,6 @@ def both_forms(place: FilePath, random: Random) -> Change | None:
     return Change("all copies of a value", ("plan.npz", "plan.json"), str(at))
 
 
-RESULTS = ("status", "kind", "steps", "torque_frames", "rms_position_error")
-"""Of a playback, what follows from its frames."""
-
-
-def results(place: FilePath, random: Random) -> Change | None:
-    """Change a result of the playback or the explosion, in the stage's own file as well."""
-    part, name, keys = (
-        ("playback", "playback.npz", RESULTS),
-        ("explosion", "record.npz", ("status", "frames")),
-    )[random.integers(2)]
-    text = json.loads((place / "plan.json").read_bytes())
-    key = keys[random.integers(len(keys))]
-    if text[part] is None or (part == "explosion" and not (place / name).exists()):
-        return None
-    old = text[part][key]
-    new = other_value(old, random)
-    if key == "kind" and random.random() < 0.5:
-        new = "kinematic" if old == "dynamic" else "dynamic"
-    text[part][key] = new
-    (place / "plan.json").write_text(json.dumps(text))
-
-    def edit(arrays: dict[str, Any], rest: dict[str, Any]) -> None:
-        if "plan" in arrays:
-            rest[part] = text[part]
-        elif key in arrays:
-            arrays[key] = np.array(new)
-
-    for file_name in ("plan.npz", name):
-        edit_npz(place / file_name, edit)
-    return Change("all copies of a result", ("plan.npz", name), f"{part}.{key}")
-
-
 def field_gone(place: FilePath, random: Random) -> Change | None:
     """Remove a field, everywhere; earlier versions had fewer, and are let off."""
     text = json.loads((place / "plan.json").read_bytes())
@@ -340,7 +308,7 @@ def field_gone(place: FilePath, random: Random) -> Change | None:
 
 Kind = Callable[[FilePath, Random], Change | None]
 KINDS: tuple[Kind, ...] = (
-    *(both_forms, both_forms, results, field_gone),
+    *(both_forms, both_forms, field_gone),
     *(timeline_array, timeline_attribute, stage_array, model),
 )
 """Not among them: figures.zarr, which the digests alone hold."""

@@ -1,42 +1,30 @@
 """Messages for people: what pages show of an error, beside what programs read."""
 
-import pytest
-
 from planner.errors import InputError
 from server.errors import Unusable
 from server.http.problems import Problem
 from words.messages import message_for_people
 
+MESSAGES = {
+    "got 0 angles, expected a positive multiple of 1, one for each hinge.": (
+        "Type at least one angle: 0, + or −."
+    ),
+    "got a after 0 angles, expected 0, + or - for each hinge.": (
+        '"a" isn\'t an angle. Use 0, + or − for each hinge.'
+    ),
+    "this looks like a PDF document, expected a mesh (STL, OBJ) or cells.": (
+        "This looks like a PDF document. Please use a mesh (STL, OBJ) or cells."
+    ),
+    "got 600 modules, expected at most 512; use a coarser shape.": (
+        "Expected at most 512, but found 600 modules. Use a coarser shape."
+    ),
+    "The database does not answer.": "The database does not answer.",
+}
 
-@pytest.mark.parametrize(
-    ("detail", "message"),
-    [
-        ("got an empty file, expected cells or joint angles, or a mesh.", "This file is empty."),
-        (
-            "got 0 angles, expected a positive multiple of 1, one for each hinge.",
-            "Type at least one angle: 0, + or −.",
-        ),
-        (
-            "got a after 0 angles, expected 0, + or - for each hinge.",
-            '"a" isn\'t an angle. Use 0, + or − for each hinge.',
-        ),
-        (
-            "this looks like a PDF document, expected a mesh (STL, OBJ) or cells.",
-            "This looks like a PDF document. Please use a mesh (STL, OBJ) or cells.",
-        ),
-        (
-            "got 600 modules, expected at most 512; use a coarser shape.",
-            "Expected at most 512, but found 600 modules. Use a coarser shape.",
-        ),
-        (
-            "got the module size 2, expected 0.5 to 0.99 of the pitch.",
-            "Expected 0.5 to 0.99 of the pitch, but found the module size 2.",
-        ),
-        ("The database does not answer.", "The database does not answer."),
-    ],
-)
-def test_message_for_people_reads_as_sentences(detail: str, message: str) -> None:
-    assert message_for_people(detail) == message
+
+def test_message_for_people_reads_as_sentences() -> None:
+    for detail, message in MESSAGES.items():
+        assert message_for_people(detail) == message
 
 
 def test_problem_body_has_a_message_beside_the_detail() -> None:

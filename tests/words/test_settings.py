@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
-import pytest
 from typer.testing import CliRunner
 
 from planner.parameters.settings import SETTINGS
-from planner.plan.plan import Plan
-from planner.verification.verify import verify
 from server.cli.command_line import application
-from tests.server.service import STAIRS
 from words.settings import PAPER_ROWS, SOURCE_LABELS, changed, in_a_line
 
 
@@ -44,21 +39,3 @@ def test_command_line_lists_the_settings() -> None:
     assert rows["damping"]["default"] == "0.1"
     assert rows["motor_max_force"]["default"] == "none"
     assert rows["threshold"]["unit"] == "rad²"
-
-
-@pytest.mark.slow
-@pytest.mark.long
-def test_command_line_folds_and_refolds_with_settings(tmp_path: Path) -> None:
-    files = []
-    for name, cells in (("a", STAIRS), ("b", [[y, x, z] for x, y, z in STAIRS])):
-        files.append(tmp_path / f"{name}.json")
-        files[-1].write_text(json.dumps(cells))
-    given = ("--preset=paper", "--set", "radial_gain=2", "--set", "damping=0.12, step_s=.01")
-    code, told = cli("refold", *files, "--out", tmp_path / "both", *given)
-    assert code == 0, told
-    assert "s simulated" in told
-    for folder in (tmp_path / "both", tmp_path / "both" / "start"):
-        parameters = Plan.load(folder / "plan.npz").parameters
-        assert parameters["explosion"]["radial_gain"] == 2
-        assert parameters["playback"]["damping"] == 0.12
-        assert verify(folder).verified

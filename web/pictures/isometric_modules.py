@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from html import escape
 from typing import Final
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import Module
-from web.pictures.isometric import DRAWING_MARGIN_PITCH, PITCH_UNITS, isometric_svg
+from web.pictures.isometric import DRAWING_MARGIN_PITCH, PITCH_UNITS, isometric_svg, svg_of
 from web.pictures.sketch import sketch_outline
 
 Array = NDArray[np.float64]
@@ -86,18 +85,10 @@ def modules_svg(
         f'<path fill="{_tone(normal)}" d="{_path(face * unit)}"/>'
         for outer, face, normal in zip(flat, inner, facing, strict=True)
     )
-    name = (
-        f'role="img" aria-label="{escape(title)}"><title>{escape(title)}</title>'
-        if title
-        else 'aria-hidden="true">'
-    )
     low, high = flat.min(axis=(0, 1)) * unit, flat.max(axis=(0, 1)) * unit
     margin = DRAWING_MARGIN_PITCH * unit
-    box = (*(low - margin), *(high - low + 2 * margin))
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" class="iso" width="{size}" height="{size}" '
-        f'viewBox="{" ".join(f"{v:.1f}" for v in box)}" stroke-linejoin="round" {name}{drawn}</svg>'
-    )
+    box = " ".join(f"{v:.1f}" for v in (*(low - margin), *(high - low + 2 * margin)))
+    return svg_of(drawn, box=box, size=size, title=title)
 
 
 def _outer(placed: Array) -> NDArray[np.bool_]:

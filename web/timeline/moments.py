@@ -3,52 +3,14 @@
 from __future__ import annotations
 
 import secrets
-from typing import Protocol
 
 import numpy as np
 
 from planner.chain.chain import Chain
-from planner.motion.motion import PHASES, Motion
-from web.pictures.camera import modules_framed, straight_stretch
+from planner.motion.motion import Motion
+from web.pictures.camera import straight_stretch
 from web.pictures.colours import error_scale
-from web.timeline.view import Snapshot, chain_errors
-
-
-class MotionSource(Protocol):
-    """Motion that can be shown, such as a ``web.timeline.view.TimelineView``."""
-
-    @property
-    def id(self) -> str:
-        """Id, different for every motion."""
-        ...
-
-    @property
-    def chain(self) -> Chain:
-        """Chain that moves."""
-        ...
-
-    stretch: int | None
-    """Straight modules that a camera keeps in view; all of them when None."""
-
-    @property
-    def growing(self) -> bool:
-        """True while frames are still being added."""
-        ...
-
-    @property
-    def error_scale_rad(self) -> float:
-        """The joint error at which a module is fully red."""
-        ...
-
-    def __len__(self) -> int: ...
-
-    def snapshot(self, frame: float) -> Snapshot:
-        """Return the moment at a frame.
-
-        Raises:
-            TimelineError: When it is not there.
-        """
-        ...
+from web.timeline.view import Snapshot, TimelineView, moment_of
 
 
 class MotionMoments:
@@ -71,20 +33,8 @@ class MotionMoments:
     def snapshot(self, frame: float) -> Snapshot:
         """Return the recorded moment nearest to ``frame``."""
         k = min(max(round(frame), 0), len(self) - 1)
-        chain, motion = self.chain, self._motion
-        one = motion.dense(chain, k, k + 1)
-        poses = chain.poses(one.joint_angles_rad, one.root_position, one.root_wxyz)
-        framed = len(chain)
-        if motion.is_windowed and self.stretch is not None:
-            framed = modules_framed(chain, int(motion.last[k]), self.stretch)
-        return Snapshot(
-            frame=float(k),
-            time_s=float(one.time_s[0]),
-            phase=PHASES[int(one.phase[0])],
-            positions=poses.positions[0].astype(np.float32),
-            wxyzs=poses.wxyzs[0].astype(np.float32),
-            joint_angles_rad=one.joint_angles_rad[0],
-            joint_error_rad=one.joint_error_rad[0],
-            module_error_rad=chain_errors(chain, one.joint_error_rad[0]),
-            framed=framed,
-        )
+        return moment_of(self.chain, self._motion, k, frame=k, stretch=self.stretch)
+
+
+MotionSource = TimelineView | MotionMoments
+"""Motion that can be shown."""

@@ -98,9 +98,6 @@ class TimelineView:
         """
         self.path = str(path)
         self._lock = threading.RLock()
-        self.version = 0
-        self.stretch: int | None = None
-        """Straight modules that a camera keeps in view; all of them when None."""
         self._begin()
 
     def _begin(self) -> None:
@@ -115,6 +112,7 @@ class TimelineView:
         self._time_s: Array = np.zeros(0)
         self._max_error: Array = np.zeros(0)
         self.stretch = straight_stretch(self.chain) if self.windowed else None
+        """Straight modules that a camera keeps in view; all of them when None."""
         self._summarise()
 
     def __len__(self) -> int:
@@ -184,9 +182,7 @@ class TimelineView:
                     self._begin()
                 except (TimelineError, OSError, ValueError, KeyError):
                     return False
-            changed = before != (self._summarised, self._timeline.status)
-            self.version += changed
-            return changed
+            return before != (self._summarised, self._timeline.status)
 
     def snapshot(self, frame: float) -> Snapshot:
         """Return the moment at ``frame``, interpolated when it is not whole.
@@ -327,31 +323,16 @@ class TimelineView:
         return CACHED_CHUNK_WINDOWS if self.windowed else CACHED_CHUNK_FRAMES
 
     def _exact(self, frame: int) -> Snapshot:
-        chain, motion, k = self.chain, self._chunk(frame // self._rows), frame % self._rows
-        angles = motion.angles(chain, k, k + 1)[0]
-        errors = motion.joint_errors(chain, k, k + 1)[0]
-        poses = self._poses(angles, motion.anchor_position[k], motion.anchor_wxyz[k])
-        framed = len(chain)
-        if self.stretch is not None:
-            framed = modules_framed(chain, int(motion.last[k]), self.stretch)
-        return Snapshot(
-            frame=float(frame),
-            time_s=float(motion.time_s[k]),
-            phase=PHASES[int(motion.phase[k])],
-            positions=poses.positions.astype(np.float32),
-            wxyzs=poses.wxyzs.astype(np.float32),
-            joint_angles_rad=angles,
-            joint_error_rad=errors,
-            module_error_rad=chain_errors(chain, errors),
-            framed=framed,
-        )
+        motion, k = self._chunk(frame // self._rows), frame % self._rows
+        return moment_of(self.chain, motion, k, frame=frame, stretch=self.stretch)
 
     def _between(self, low: int, share: float) -> Snapshot:
         a, b = self._exact(low), self._exact(low + 1)
         first, second = (self._given(k) for k in (low, low + 1))
         angles = _mix(a.joint_angles_rad, b.joint_angles_rad, share)
         turn = _mix(first[1], second[1] * (1.0 if first[1] @ second[1] >= 0 else -1.0), share)
-        poses = self._poses(angles, _mix(first[0], second[0], share), turn / np.linalg.norm(turn))
+        position, turn = _mix(first[0], second[0], share), turn / np.linalg.norm(turn)
+        poses = _poses(self.chain, angles, position, turn, windowed=self.windowed)
         return Snapshot(
             frame=low + share,
             time_s=a.time_s + (b.time_s - a.time_s) * share,
@@ -362,16 +343,6 @@ class TimelineView:
             joint_error_rad=a.joint_error_rad,
             module_error_rad=a.module_error_rad,
             framed=max(a.framed, b.framed),
-        )
-
-    def _poses(self, angles: Array, position: Array, wxyz: Array) -> Poses:
-        """Return the poses of (J,) angles and the pose of the module that frames tell."""
-        return forward_kinematics(
-            self.chain.module,
-            angles,
-            root=0 if self.windowed else self.chain.root,
-            root_position=position,
-            root_wxyz=wxyz,
         )
 
     def _given(self, frame: int) -> tuple[Array, Array]:
@@ -407,6 +378,44 @@ def _bytes(motion: Motion) -> int:
 
 def _mix(a: Array, b: Array, share: float) -> Array:
     return a + (b - a) * share
+
+
+def moment_of(chain: Chain, motion: Motion, k: int, *, frame: int, stretch: int | None) -> Snapshot:
+    """Return a recorded moment.
+
+    Args:
+        chain: The chain.
+        motion: Its motion, or a part of it.
+        k: Index of the moment in ``motion``.
+        frame: Its number in the whole motion.
+        stretch: Straight modules that a camera keeps in view; all of them when None.
+    """
+    angles = motion.angles(chain, k, k + 1)[0]
+    errors = motion.joint_errors(chain, k, k + 1)[0]
+    position, wxyz = motion.anchor_position[k], motion.anchor_wxyz[k]
+    poses = _poses(chain, angles, position, wxyz, windowed=motion.is_windowed)
+    framed = len(chain)
+    if stretch is not None:
+        framed = modules_framed(chain, int(motion.last[k]), stretch)
+    return Snapshot(
+        frame=float(frame),
+        time_s=float(motion.time_s[k]),
+        phase=PHASES[int(motion.phase[k])],
+        positions=poses.positions.astype(np.float32),
+        wxyzs=poses.wxyzs.astype(np.float32),
+        joint_angles_rad=angles,
+        joint_error_rad=errors,
+        module_error_rad=chain_errors(chain, errors),
+        framed=framed,
+    )
+
+
+def _poses(chain: Chain, angles: Array, position: Array, wxyz: Array, *, windowed: bool) -> Poses:
+    """Return the poses of (J,) angles and the pose of the module that frames tell."""
+    root = 0 if windowed else chain.root
+    return forward_kinematics(
+        chain.module, angles, root=root, root_position=position, root_wxyz=wxyz
+    )
 
 
 def chain_errors(chain: Chain, errors: Array) -> Array:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import threading
 import weakref
 from collections import OrderedDict
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +19,21 @@ smaller value reads summaries again more often. Chosen."""
 MAX_VIEW_CACHE_BYTES: Final = 192 * 2**20
 """Maximum memory of all opened motions, in bytes. To open one again its summary of all frames has
 to be read, so a smaller value makes pages slower. Chosen."""
+
+
+@contextmanager
+def unless_replaced(*others: type[Exception]) -> Generator[None]:
+    """Leave the context if a timeline is missing or being replaced, but not if it is damaged.
+
+    Args:
+        others: Other errors that say so.
+    """
+    try:
+        yield
+    except DamagedError:
+        raise
+    except (TimelineError, *others):
+        return
 
 
 class TimelineViews:
@@ -53,14 +70,10 @@ class TimelineViews:
             with self._lock:
                 view = self._views.get(key)
             if view is None:
-                try:
+                with unless_replaced(OSError, ValueError, KeyError):
                     view = TimelineView(key)
-                except DamagedError:
-                    raise
-                except (TimelineError, OSError, ValueError, KeyError):
-                    return None
-                with self._lock:
-                    self._views[key] = view
+                    with self._lock:
+                        self._views[key] = view
             return view
 
     def _keep(self, key: str, view: TimelineView) -> None:

@@ -7,6 +7,7 @@ client by the page, which shows and hides its layers: ``/solid``, ``/cells`` and
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -19,11 +20,11 @@ from web.pictures.colours import (
     NO_ERROR_RGB,
     SELECTED_RGB,
     Rgb,
-    instance_colours,
     ramp_colours,
 )
 from web.pictures.meshes import DISPLAYED_MODULE_SIZE, module_mesh
 from web.timeline.columns import encode
+from web.viser.scene import add_lights, add_meshes
 from web.viser.scene_bundle import capture_messages, viser_server
 
 if TYPE_CHECKING:
@@ -52,6 +53,9 @@ value hides more of the modules. Chosen."""
 SOLID_OPACITY_NO_PATH: Final = 0.1
 """Opacity (0 to 1) of the uploaded mesh in a 3D preview of cells without a path, which are opaque.
 A larger value hides more of the cells. Chosen."""
+PREVIEW_SKY_LIGHT: Final = 1.9
+"""Intensity of the light from the sky, in viser's units; a larger value makes cells brighter.
+Chosen."""
 ADDED_OPACITY: Final = 0.55
 """Opacity (0 to 1) of the cells in a 3D preview that a repair adds to the shape. A larger value
 hides more of the shape behind. Chosen."""
@@ -130,7 +134,7 @@ class _PreviewScene:
         shares = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
         self.corners: Array = inner[0] + shares * (inner[1] - inner[0])
         self.colours: Bytes = np.tile(np.array(NO_ERROR_RGB, np.uint8), (count, 1))
-        self._light(server)
+        add_lights(server, sky=PREVIEW_SKY_LIGHT, shadows=False)
         if count:
             self._draw(report)
         if mesh is not None and len(mesh["faces"]):
@@ -145,18 +149,6 @@ class _PreviewScene:
                 cast_shadow=False,
                 receive_shadow=False,
             )
-
-    def _light(self, server: viser.ViserServer) -> None:
-        self._scene.set_up_direction("+z")
-        self._scene.configure_default_lights(True, cast_shadow=False)
-        self._scene.configure_environment_map(None)
-        self._scene.add_light_hemisphere(
-            "/sky", sky_color=(255, 255, 255), ground_color=(176, 170, 160), intensity=1.9
-        )
-        self._scene.add_light_directional(
-            "/side", color=(255, 250, 242), intensity=0.9, position=(-0.3, -1.0, 0.5)
-        )
-        server.initial_camera.fov = FIELD_OF_VIEW_RAD
 
     def _draw(self, report: Mapping[str, Any]) -> None:
         if report["has_path"]:
@@ -210,17 +202,15 @@ class _PreviewScene:
     ) -> None:
         """The first modules of the chain, one for each colour, where they are when folded."""
         mesh = module_mesh(self.module)
-        self._scene.add_batched_meshes_simple(
+        count = len(colours)
+        add_meshes(
+            self._scene,
             name,
-            mesh.vertices * self.unit,
-            mesh.faces,
-            self._wxyzs[: len(colours)],
-            self._placed(self.positions[: len(colours)]),
-            batched_colors=instance_colours(colours),
+            replace(mesh, vertices=mesh.vertices * self.unit),
+            colours,
+            self._placed(self.positions[:count]),
+            self._wxyzs[:count],
             opacity=opacity,
-            lod="off",
-            cast_shadow=False,
-            receive_shadow=False,
             visible=visible,
         )
 
@@ -235,19 +225,15 @@ class _PreviewScene:
         scales: Array | None = None,
     ) -> None:
         cube = module_mesh(CUBE)
-        vertices = cube.vertices * self.unit
-        self._scene.add_batched_meshes_simple(
+        stretch = self.unit if sides is None else self.unit * sides / DISPLAYED_MODULE_SIZE
+        add_meshes(
+            self._scene,
             name,
-            vertices if sides is None else vertices * sides / DISPLAYED_MODULE_SIZE,
-            cube.faces,
-            np.tile(IDENTITY_WXYZ, (len(cells), 1)),
+            replace(cube, vertices=cube.vertices * stretch),
+            colours,
             self._placed(cells),
-            batched_colors=instance_colours(colours),
             batched_scales=None if scales is None else scales.astype(np.float32),
             opacity=opacity,
-            lod="off",
-            cast_shadow=False,
-            receive_shadow=False,
         )
 
     def _placed(self, points: Array) -> Array:

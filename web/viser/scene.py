@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from web.pictures.camera import FIELD_OF_VIEW_RAD, GROUND_GAP_PITCH
 from web.pictures.colours import FIRST_MODULE_RGB, LAST_MODULE_RGB, instance_colours, ramp_colours
-from web.pictures.meshes import DISPLAYED_MODULE_SIZE, module_mesh, stud_mesh
+from web.pictures.meshes import DISPLAYED_MODULE_SIZE, Mesh, module_mesh, stud_mesh
 from web.pictures.table_top import TABLE_RGB, TableTop, disc_mesh
 from web.timeline.view import Snapshot
 
@@ -36,6 +37,11 @@ PATH_THICKNESS_PITCH: Final = 0.18
 TABLE_DISC_OPACITY: Final = 0.85
 """Opacity (0 to 1) of the discs in the viser scene that show the forces of modules on the table. A
 larger value hides more of the table top. Chosen."""
+SKY_LIGHT: Final = 1.7
+"""Intensity of the light from the sky, in viser's units; a larger value makes shadows lighter.
+Chosen."""
+SHADOWS: Final = {"cast_shadow": True, "receive_shadow": True}
+"""Options of viser for what casts and shows shadows."""
 GROUND_SINK_S: Final = 0.05
 """Time constant with which the displayed ground follows the lowest module downwards, in s of
 playing time. With a larger value the chain dips below the ground for longer. Chosen."""
@@ -50,6 +56,61 @@ def path_colours(modules: int) -> NDArray[np.uint8]:
     return np.stack([along[:-1], along[1:]], axis=1)
 
 
+def add_lights(server: viser.ViserServer, *, sky: float, shadows: bool) -> None:
+    """Add one soft light from above, and a sky of some intensity that leaves the greys grey."""
+    scene = server.scene
+    scene.set_up_direction("+z")
+    scene.configure_default_lights(True, cast_shadow=shadows)
+    scene.configure_environment_map(None)
+    scene.add_light_hemisphere(
+        "/sky", sky_color=(255, 255, 255), ground_color=(176, 170, 160), intensity=sky
+    )
+    scene.add_light_directional(
+        "/side", color=(255, 250, 242), intensity=0.9, position=(-0.3, -1.0, 0.5)
+    )
+    server.initial_camera.fov = FIELD_OF_VIEW_RAD
+
+
+def add_meshes(
+    scene: viser.SceneApi,
+    name: str,
+    mesh: Mesh,
+    colours: NDArray[np.uint8],
+    positions: Array,
+    wxyzs: Array | None = None,
+    **options: Any,
+) -> viser.BatchedMeshHandle:
+    """Add a mesh at each of (n, 3) positions.
+
+    Args:
+        scene: Scene of a viser server.
+        name: Name of the node.
+        mesh: The mesh.
+        colours: (n, 3) sRGB bytes.
+        positions: (n, 3) positions.
+        wxyzs: (n, 4) orientations; by default all are upright.
+        options: Other options of viser; by default there are no shadows.
+    """
+    if wxyzs is None:
+        wxyzs = np.tile([1.0, 0.0, 0.0, 0.0], (len(positions), 1))
+    options = {"cast_shadow": False, "receive_shadow": False, **options}
+    return scene.add_batched_meshes_simple(
+        name,
+        mesh.vertices,
+        mesh.faces,
+        wxyzs,
+        positions,
+        batched_colors=instance_colours(colours),
+        lod="off",
+        **options,
+    )
+
+
+def _black(chain: Chain) -> NDArray[np.uint8]:
+    """Return a colour for each module of a chain, until another one is known."""
+    return np.zeros((len(chain), 3), np.uint8)
+
+
 class Scene:
     """Scene of one chain; it draws snapshots and reports clicked modules."""
 
@@ -59,7 +120,6 @@ class Scene:
         chain: Chain,
         *,
         stretch: int | None = None,
-        shadows: bool = True,
         table: TableTop | None = None,
     ) -> None:
         """Builds the scene.
@@ -68,7 +128,6 @@ class Scene:
             server: The viser server.
             chain: The chain.
             stretch: That of ``web.timeline.view.TimelineView``.
-            shadows: True to draw shadows.
             table: Table under the chain; None if it floats.
         """
         self._server = server
@@ -78,8 +137,12 @@ class Scene:
         self._ground: float | None = None
         self._last: Snapshot | None = None
         self._table = table
-        self._add_lights(shadows)
-        self._modules, self._ends = self._add_modules(shadows), self._add_ends()
+        add_lights(server, sky=SKY_LIGHT, shadows=True)
+        self._modules = self._add_copies(
+            "/modules", module_mesh(chain.module), _black(chain), **SHADOWS
+        )
+        ends = np.array([FIRST_MODULE_RGB, LAST_MODULE_RGB], np.uint8)
+        self._ends = self._add_copies("/ends", stud_mesh(), ends)
         self._add_path()
         self._floor = server.scene.add_grid(
             "/ground",
@@ -89,56 +152,20 @@ class Scene:
             section_thickness=0.0,
             cell_size=100.0,
             section_size=100.0,
-            shadow_opacity=0.16 if shadows else 0.0,
+            shadow_opacity=0.16,
             fade_distance=40.0,
             visible=table is None,
         )
         if table is not None:
-            self._add_table(table, shadows)
+            self._add_table(table)
 
-    def _add_lights(self, shadows: bool) -> None:
-        scene = self._server.scene
-        scene.set_up_direction("+z")
-        # One soft light from above with a shadow, and a sky that leaves the greys grey.
-        scene.configure_default_lights(True, cast_shadow=shadows)
-        scene.configure_environment_map(None)
-        scene.add_light_hemisphere(
-            "/sky", sky_color=(255, 255, 255), ground_color=(176, 170, 160), intensity=1.7
-        )
-        scene.add_light_directional(
-            "/side", color=(255, 250, 242), intensity=0.9, position=(-0.3, -1.0, 0.5)
-        )
-        self._server.initial_camera.fov = FIELD_OF_VIEW_RAD
-
-    def _add_modules(self, shadows: bool) -> viser.BatchedMeshHandle:
-        mesh, n = module_mesh(self._chain.module), len(self._chain)
-        return self._server.scene.add_batched_meshes_simple(
-            "/modules",
-            mesh.vertices * self.pitch,
-            mesh.faces,
-            np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
-            np.zeros((n, 3)),
-            batched_colors=np.zeros((n, 3), np.uint8),
-            lod="off",
-            cast_shadow=shadows,
-            receive_shadow=shadows,
-        )
-
-    def _add_ends(self) -> viser.BatchedMeshHandle:
-        stud = stud_mesh()
-        return self._server.scene.add_batched_meshes_simple(
-            "/ends",
-            stud.vertices * self.pitch,
-            stud.faces,
-            np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)),
-            np.zeros((2, 3)),
-            batched_colors=instance_colours(
-                np.array([FIRST_MODULE_RGB, LAST_MODULE_RGB], np.uint8)
-            ),
-            lod="off",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
+    def _add_copies(
+        self, name: str, mesh: Mesh, colours: NDArray[np.uint8], **options: Any
+    ) -> viser.BatchedMeshHandle:
+        """Add a copy of a mesh at the origin for each of (n, 3) sRGB colours."""
+        at = np.zeros((len(colours), 3))
+        scaled = replace(mesh, vertices=mesh.vertices * self.pitch)
+        return add_meshes(self._server.scene, name, scaled, colours, at, **options)
 
     def _add_path(self) -> None:
         """Add the line through the modules' centres, hidden at first."""
@@ -151,10 +178,10 @@ class Scene:
             visible=False,
         )
 
-    def _add_table(self, table: TableTop, shadows: bool) -> None:
+    def _add_table(self, table: TableTop) -> None:
         """The table, and for each module a disc on it that tells how hard it presses."""
-        scene, slab, disc = self._server.scene, table.mesh(), disc_mesh()
-        scene.add_mesh_simple(
+        slab = table.mesh()
+        self._server.scene.add_mesh_simple(
             "/table",
             slab.vertices * self.pitch,
             slab.faces,
@@ -162,22 +189,15 @@ class Scene:
             flat_shading=True,
             side="double",
             cast_shadow=False,
-            receive_shadow=shadows,
+            receive_shadow=True,
         )
-        n = len(self._chain)
-        scene.add_batched_meshes_simple(
+        self._add_copies(
             "/pressed",
-            disc.vertices * self.pitch,
-            disc.faces,
-            np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
-            np.zeros((n, 3)),
-            batched_colors=np.zeros((n, 3), np.uint8),
-            batched_scales=np.zeros(n, np.float32),
+            disc_mesh(),
+            _black(self._chain),
+            batched_scales=np.zeros(len(self._chain), np.float32),
             opacity=TABLE_DISC_OPACITY,
-            lod="off",
             side="double",
-            cast_shadow=False,
-            receive_shadow=False,
             visible=False,
         )
 
@@ -221,23 +241,18 @@ class Scene:
         self._ends.batched_positions = (at * self.pitch).astype(np.float32)
         self._ends.batched_wxyzs = wxyzs.astype(np.float32)
 
-    def move_ground(self, seconds: float) -> bool:
-        """Let the ground sink and rise to just below the chain; True while it moves."""
+    def move_ground(self, seconds: float) -> None:
+        """Let the ground sink and rise to just below the chain."""
         if self._last is None or self._table is not None:
-            return False
-        low = self._ground_below(self._last)
+            return
+        shown = self._last.positions[: self._last.framed]
+        low = (float(shown[:, 2].min()) - 0.5 - GROUND_GAP_PITCH) * self.pitch
         before = low if self._ground is None else self._ground
         after = low + (before - low) * math.exp(
             -seconds / (GROUND_SINK_S if low < before else GROUND_RISE_S)
         )
         if self._ground is not None and abs(after - self._ground) < 1e-3 * self.pitch:
-            return False
+            return
         self._ground = after
-        middle = self._last.positions[: self._last.framed].mean(axis=0) * self.pitch
+        middle = shown.mean(axis=0) * self.pitch
         self._floor.position = (float(middle[0]), float(middle[1]), self._ground)
-        return True
-
-    def _ground_below(self, snapshot: Snapshot) -> float:
-        return (
-            float(snapshot.positions[: snapshot.framed, 2].min()) - 0.5 - GROUND_GAP_PITCH
-        ) * self.pitch

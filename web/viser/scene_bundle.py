@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Generator
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, cast
 
@@ -61,7 +62,7 @@ def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None =
         table: Table under the chain; None if it floats.
     """
     module, n = chain.module, len(chain)
-    pitch, messages, arrays = _staged_alike(_Alike(chain, stretch, table))
+    pitch, messages, arrays = _staged_alike(_Alike(chain, (module.name, n), stretch, table))
     header = {
         "chain": {
             "name": chain.name,
@@ -204,20 +205,14 @@ def _table_told(table: TableTop) -> dict[str, Any]:
     }
 
 
+@dataclass(frozen=True, slots=True)
 class _Alike:
     """A chain as a key: those of the same kind and length have the same scene on a table."""
 
-    def __init__(self, chain: Chain, stretch: int | None, table: TableTop | None) -> None:
-        self.chain = chain
-        self.stretch = stretch
-        self.table = table
-        self.key = (chain.module.name, len(chain), stretch, table)
-
-    def __hash__(self) -> int:
-        return hash(self.key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Alike) and other.key == self.key
+    chain: Chain = field(compare=False)
+    kind: tuple[str, int]
+    stretch: int | None
+    table: TableTop | None
 
 
 @lru_cache(maxsize=64)

@@ -13,13 +13,12 @@ from planner.certificate.metrics import Figures
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
 from planner.errors import InputError
-from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pathfinding.knots import knot_of
 from planner.pipeline.fold_layout import stored_moments
 from planner.plan.moment_search import moments_of
 from planner.plan.moments import CONTACT_LINKS, CONTACT_PITCH, Moments
-from tests.planner.chains import coil, knotted
+from tests.planner.chains import coil, in_place, knotted
 from tests.planner.clearance.reference import separation
 from tests.planner.conftest import Fold
 
@@ -45,15 +44,7 @@ def straight_to_folded(directory: FilePath, chain: Chain, frames: int) -> Timeli
     """Return a timeline in which all hinges turn evenly, whatever is in their way."""
     angles = np.linspace(0.0, 1.0, frames)[:, None] * chain.folded_rad
     with TimelineWriter.create(directory, chain) as writer:
-        writer.append(
-            Motion.from_frames(
-                time_s=np.arange(frames, dtype=float),
-                phase="playback",
-                joint_angles_rad=angles,
-                root_position=np.zeros((frames, 3)),
-                root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1)),
-            )
-        )
+        writer.append(in_place("playback", angles))
     return Timeline.open(directory)
 
 
@@ -106,10 +97,6 @@ def test_chain_becomes_a_knot_where_it_says(tmp_path: FilePath) -> None:
     before, after = timeline.frames(moments.knot - 1, moments.knot + 1).poses(chain).positions
     assert (knot_of(before).verdict, knot_of(after).verdict) == ("unknot", "knotted")
     assert moments.determinant == 3
-
-
-def test_moments_are_read_as_written_and_no_others() -> None:
-    moments = Moments(plan=2, straight=3, frames=9, knot=5)
     values = json.loads(json.dumps(moments.as_dict()))
     assert Moments.from_dict(values) == moments
     with pytest.raises(InputError, match="foldback-moments/1"):

@@ -15,7 +15,8 @@ from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.errors import InputError
 from planner.motion.motion import Motion
-from tests.planner.chains import coil, line
+from tests.case import case
+from tests.planner.chains import coil, in_place, line
 
 LIFTED = 0.3
 FRAMES = 5
@@ -28,32 +29,22 @@ def moving(chain: Chain, hinge: int, most: float = LIFTED, low: float = 0.5) -> 
     poses = forward_kinematics(
         chain.module, angles, root_position=np.tile([0.0, 0.0, low], (FRAMES, 1))
     )
-    return Motion.from_frames(
-        time_s=np.arange(FRAMES, dtype=np.float64),
-        phase=np.ones(FRAMES, dtype=np.uint8),
-        joint_angles_rad=angles,
-        root_position=poses.positions[:, chain.root],
-        root_wxyz=poses.wxyzs[:, chain.root],
-        joint_error_rad=np.full_like(angles, np.nan),
+    return in_place("playback", angles).with_columns(
+        root_position=poses.positions[:, chain.root], root_wxyz=poses.wxyzs[:, chain.root]
     )
 
 
-def test_swing_without_friction_needs_no_torque() -> None:
+def test_swing_needs_torque_with_friction_alone() -> None:
     chain = line(7)
     found = table_certificate(chain, moving(chain, 0))
     assert found.on_table and found.rests
     assert found.verdict == f"rests on a table within 0 w·p in frame 0 ({FRICTIONLESS})"
     assert found.standing == (tuple(range(7)),) * FRAMES
     assert found.clearance == pytest.approx(0.0, abs=1e-12)
-
-
-def test_swing_with_friction_needs_torque() -> None:
-    chain = line(7)
     found = table_certificate(chain, moving(chain, 0), friction=0.1)
     free = table_certificate(chain, moving(chain, 0), friction=0.1, base="free")
     assert found.rests and "friction 0.1" in found.verdict
     assert any("Coulomb friction of 0.1" in line for line in found.assumptions)
-    assert found.torque is not None and free.torque is not None
     assert 0.0 < free.torque < found.torque < 0.1 * sum(np.hypot(j, 0.5) for j in range(1, 6))
 
 
@@ -96,16 +87,9 @@ def test_chain_below_the_table_is_refused() -> None:
 
 def test_floating_frames_are_put_down_and_refused() -> None:
     chain = coil(8)
-    shares = np.linspace(0.0, 1.0, 40)
+    shares = np.linspace(0.0, 1.0, 20)
     angles = shares[:, None] * chain.folded_rad
-    frames = Motion.from_frames(
-        phase="playback",
-        time_s=shares,
-        joint_angles_rad=angles,
-        root_position=np.zeros((40, 3)) + [0.0, 0.0, 30.0],
-        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (40, 1)),
-        joint_error_rad=np.full_like(angles, np.nan),
-    )
+    frames = in_place("playback", angles).with_columns(root_position=np.full((20, 3), 30.0))
     found = table_certificate(chain, frames, base="clamped")
     assert not found.on_table and not found.rests
     assert found.base == "free"
@@ -127,24 +111,16 @@ def test_table_certificate_is_read_back() -> None:
         TableCertificate.from_dict({"format": "foldback-plan/3"})
 
 
-@pytest.mark.parametrize(
-    ("wrong", "where"),
-    [
-        ({"friction": -0.1}, "friction"),
-        ({"friction": float("nan")}, "friction"),
-        ({"module_kg": 0.0}, "module_kg"),
-        ({"pitch_m": -1.0}, "pitch_m"),
-        ({"module_size": 2.0}, "module_size"),
-        ({"bound": 0.0}, "bound"),
-        ({"base": "held"}, "base"),
-    ],
-)
-def test_frames_and_parameters_out_of_range_are_refused(wrong: dict, where: str) -> None:
+def test_frames_and_parameters_out_of_range_are_refused() -> None:
     chain = line(4)
-    with pytest.raises(InputError) as refused:
-        table_certificate(chain, moving(chain, 0), **wrong)
-    assert refused.value.code == "bad-table"
-    assert refused.value.where == where
+    nan = float("nan")
+    for wrong in (
+        *({"friction": -0.1}, {"friction": nan}, {"module_kg": 0.0}, {"pitch_m": -1.0}),
+        *({"module_size": 2.0}, {"bound": 0.0}, {"base": "held"}),
+    ):
+        with case(wrong), pytest.raises(InputError) as refused:
+            table_certificate(chain, moving(chain, 0), **wrong)
+        assert (refused.value.code, refused.value.where) == ("bad-table", next(iter(wrong)))
     frames = moving(chain, 0)
     with pytest.raises(InputError, match="frames"):
         table_certificate(chain, frames[:0])
@@ -153,31 +129,17 @@ def test_frames_and_parameters_out_of_range_are_refused(wrong: dict, where: str)
         table_certificate(chain, frames)
 
 
-LENGTH = 5
-
-
-def forces(hinge: int) -> tuple[TableForces, float | None]:
-    chain, kept = line(LENGTH), list[TableForces]()
-    found = table_certificate(chain, moving(chain, hinge), base="free", sink=kept.append)
-    return kept[0], found.torque
-
-
-def test_table_bears_the_whole_weight_in_every_frame() -> None:
-    found, largest = forces(hinge=1)
-    assert np.allclose(found.pressed.sum(axis=1), LENGTH, atol=1e-4)
-    assert found.torques.shape == (len(found), len(line(LENGTH).folded_rad))
+def test_table_forces_bear_the_whole_weight_and_are_read_back(tmp_path: Path) -> None:
+    chain, kept = line(5), list[TableForces]()
+    table_certificate(chain, moving(chain, 0), base="free", sink=kept.append)
+    lifted = table_certificate(chain, moving(chain, 1), base="free", sink=kept.append)
+    flat, found = kept
+    assert np.allclose(flat.torque, 0.0)
+    assert (flat.pressed >= -1e-6).all()
+    assert np.allclose(found.pressed.sum(axis=1), 5.0, atol=1e-4)
+    assert found.torques.shape == (len(found), len(chain.folded_rad))
     assert np.allclose(np.abs(found.torques).max(axis=1), found.torque, atol=0.011)
-    assert found.torque.max() == pytest.approx(largest)
-
-
-def test_flat_chain_is_borne_without_torque() -> None:
-    found, _ = forces(hinge=0)
-    assert np.allclose(found.torque, 0.0)
-    assert (found.pressed >= -1e-6).all()
-
-
-def test_table_forces_are_read_back(tmp_path: Path) -> None:
-    found, _ = forces(hinge=1)
+    assert found.torque.max() == pytest.approx(lifted.torque)
     found.save(tmp_path / "table.npz")
     again = TableForces.load(tmp_path / "table.npz")
     for name in ("torques", "pressed", "torque"):

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
-from planner.chain.module import CUBE
+from planner.chain.module import CUBE, MODULES, Module, module_named
 from planner.chain.overlap import first_close_pair
-from planner.chain.path import Path
+from planner.chain.path import MAX_COORDINATE, Path
 from planner.chain.rotations import matrix_from_wxyz
 from planner.errors import InputError
 from tests.planner.lattice import walks
@@ -105,3 +105,72 @@ def test_first_close_pair_agrees_with_all_distances(seed: int, count: int, size:
 
 def test_thousands_of_points_in_one_place_need_little_memory() -> None:
     assert first_close_pair(np.zeros((20_000, 3)), 0.98) is not None
+
+
+@given(walks())
+def test_self_avoiding_walk_is_a_path(cells: NDArray[np.int64]) -> None:
+    path = Path.from_cells(cells)
+    np.testing.assert_array_equal(path.cells, cells)
+    assert len(path) == len(cells)
+    assert not path.cells.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("cells", "code", "where"),
+    [
+        ([], "not-cells", None),
+        ([(0, 0, 0)], "too-few-cells", None),
+        ([(0, 0), (1, 0), (2, 0)], "not-cells", None),
+        ([("a", "b", "c")] * 3, "not-cells", None),
+        ([(0, 0, 0), (1, 0, 0), (1, 1.5, 0)], "not-whole", "cell 2"),
+        ([(0, 0, 0), (np.nan, 0, 0), (1, 1, 0)], "not-finite", "cell 1"),
+        ([(0, 0, 0), (np.inf, 0, 0), (1, 1, 0)], "not-finite", "cell 1"),
+        ([(MAX_COORDINATE + 1, 0, 0), (0, 0, 0), (1, 0, 0)], "too-far", "cell 0"),
+        ([(0, 0, 0), (1, 0, 0), (0, 0, 0)], "repeated-cell", "cells 0 and 2"),
+        ([(0, 0, 0), (1, 0, 0), (3, 0, 0)], "not-adjacent", "cells 1 and 2"),
+        ([(0, 0, 0), (1, 1, 0), (2, 1, 0)], "not-adjacent", "cells 0 and 1"),
+    ],
+)
+def test_invalid_paths_are_refused_with_their_place(
+    cells: object, code: str, where: str | None
+) -> None:
+    with pytest.raises(InputError) as refusal:
+        Path.from_cells(cells)  # type: ignore[arg-type]
+    assert (refusal.value.code, refusal.value.where) == (code, where)
+
+
+@pytest.mark.parametrize("pitch_m", [0.0, -1.0, float("nan"), 2000.0])
+def test_pitch_out_of_range_is_refused(pitch_m: float) -> None:
+    with pytest.raises(InputError) as refusal:
+        Path.from_cells([(0, 0, 0), (1, 0, 0), (2, 0, 0)], pitch_m=pitch_m)
+    assert refusal.value.code == "bad-pitch"
+
+
+@pytest.mark.parametrize("module", MODULES.values(), ids=MODULES)
+def test_geometry_of_modules(module: Module) -> None:
+    for vectors in (module.axes, module.face_normals, module.edge_directions):
+        np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(module.turn @ module.turn.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(module.turn) == pytest.approx(1.0)
+    np.testing.assert_allclose(module.vertices.mean(axis=0), 0.0, atol=1e-12)
+    assert module.inner_radius <= module.radius
+    assert 2.0 * module.inner_radius <= np.linalg.norm(module.anchor + module.offset) + 1e-12
+
+
+def test_measures_of_a_cube() -> None:
+    assert CUBE.radius == pytest.approx(np.sqrt(3.0) / 2.0)
+    assert CUBE.inner_radius == pytest.approx(0.5)
+    assert len(CUBE.vertices) == 8
+    np.testing.assert_allclose(CUBE.inertia, 1.0 / 6.0)
+
+
+def test_joint_names() -> None:
+    assert len(CUBE.joint_names(160)) == 316
+    assert len(CUBE.joint_names(2)) == 0
+    assert CUBE.joint_names(4) == ("joint_1_z", "joint_1_y", "joint_2_z", "joint_2_y")
+
+
+def test_unknown_module_is_refused() -> None:
+    with pytest.raises(InputError, match="expected one of: .*cube") as refusal:
+        module_named("sphere")
+    assert refusal.value.code == "unknown-module"

@@ -1,13 +1,19 @@
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
-from planner.chain.honeycomb import ring_pairs
+from planner.chain.chain import Chain
+from planner.chain.honeycomb import TETRAHEDRA_PER_RING, dodecahedron_pairs, ring_pairs
+from planner.chain.module import TETRAHEDRON
 from planner.chain.trail import Trail, hinge_axes
+from planner.clearance.clearance import closest
 from planner.errors import InputError
 from planner.pathfinding.trails import circuit, free_cuts, opened
 
@@ -84,3 +90,70 @@ def test_bad_trails_are_refused_with_their_place(nodes, code: str, where: str | 
 def test_hinge_axes_lie_along_the_odd_or_the_even_coordinate() -> None:
     nodes = np.array([[1, 0, 0], [0, 0, 3], [1, 1, 2], [2, 1, 5]])
     np.testing.assert_array_equal(hinge_axes(nodes), [0, 2, 2, 0])
+
+
+ONE = np.zeros((1, 3), dtype=np.int64)
+TETRAHEDRA_PER_DODECAHEDRON = 24
+
+
+def corners(pair: Ints) -> NDArray[np.float64]:
+    """(4, 3) corners of the tetrahedron between two nodes: the ends of its two long edges."""
+    axes = np.eye(3)[hinge_axes(pair)]
+    return np.concatenate([pair - axes, pair + axes]).astype(np.float64)
+
+
+def folded_corners(chain: Chain) -> NDArray[np.float64]:
+    """(n, 4, 3) corners of the folded modules."""
+    poses = chain.folded_poses
+    turned = np.einsum("nij,vj->nvi", poses.rotations, chain.module.vertices)
+    return poses.positions[:, None, :] + turned
+
+
+def box(*sides: int) -> Ints:
+    return np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+@pytest.mark.parametrize(
+    ("pairs", "count"),
+    [(ring_pairs, TETRAHEDRA_PER_RING), (dodecahedron_pairs, TETRAHEDRA_PER_DODECAHEDRON)],
+)
+def test_cells_meet_every_node_an_even_number_of_times(pairs, count: int) -> None:
+    found = pairs(ONE)
+    assert len(found) == count
+    assert len({tuple(sorted(map(tuple, pair.tolist()))) for pair in found}) == count
+    degrees = Counter(map(tuple, found.reshape(-1, 3).tolist()))
+    assert set(degrees.values()) <= {2, 4}
+    assert all(sum(c % 2 for c in node) in (1, 2) for node in degrees)
+
+
+def test_dodecahedron_has_twelve_faces() -> None:
+    found = np.concatenate([corners(pair) for pair in dodecahedron_pairs(ONE)])
+    hull = ConvexHull(found)
+    assert hull.volume == pytest.approx(TETRAHEDRA_PER_DODECAHEDRON * TETRAHEDRON.volume)
+    normals = np.unique(np.round(hull.equations[:, :3], 9), axis=0)
+    assert len(normals) == 12
+
+
+@pytest.mark.parametrize(
+    "pairs",
+    [
+        ring_pairs(ONE),
+        ring_pairs(box(2, 2, 2)),
+        ring_pairs(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1]])),
+        dodecahedron_pairs(np.array([[0, 0, 0], [2, 2, 0], [2, 0, 2]])),
+    ],
+    ids=["ring", "2x2x2", "bent", "dodecahedra"],
+)
+def test_folded_chain_fills_the_tetrahedra_of_its_trail(pairs: Ints) -> None:
+    chain = Chain.from_trail(Trail.from_nodes(opened(circuit(pairs), 5)))
+    assert len(chain) == len(pairs)
+    np.testing.assert_allclose(np.abs(np.rad2deg(chain.folded_rad)) % 90.0, 0.0, atol=1e-12)
+    wanted = {tuple(sorted(map(tuple, corners(pair).tolist()))) for pair in pairs}
+    found = {
+        tuple(sorted(map(tuple, (np.rint(module) + 0.0).tolist())))
+        for module in folded_corners(chain)
+    }
+    assert found == wanted
+    poses = chain.folded_poses
+    full = closest(chain.module, poses.positions, poses.rotations, size=1.0)
+    assert full.clearance == pytest.approx(0.0, abs=1e-9)  # face to face, none in another

@@ -4,12 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.clearance.linked import exempt_pairs
 from planner.exports.mjcf import mjcf
-from planner.kernels.clearance import pair_separation
 from tests.planner.chains import coil, in_place, line
 
 Array = NDArray[np.float64]
@@ -17,11 +17,7 @@ Array = NDArray[np.float64]
 
 def turned(z: Array, y: Array) -> Array:
     """(N, 3, 3) rotations of the next cube: hinge z, then hinge y."""
-    zero, one = np.zeros_like(z), np.ones_like(z)
-    about_z = [[np.cos(z), -np.sin(z), zero], [np.sin(z), np.cos(z), zero], [zero, zero, one]]
-    about_y = [[np.cos(y), zero, np.sin(y)], [zero, one, zero], [-np.sin(y), zero, np.cos(y)]]
-    first, second = np.moveaxis(np.array([about_z, about_y]), -1, 1)
-    return first @ second
+    return Rotation.from_euler("ZY", np.stack([z, y], axis=-1)).as_matrix()
 
 
 def whole_range(count: int) -> Array:
@@ -39,52 +35,13 @@ def relieved(size: float, count: int) -> Array:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [0.9, pytest.param(0.99, marks=pytest.mark.long)])
-def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range(size: float) -> None:
+def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range() -> None:
+    size = 0.9
     points = relieved(size, 17)
     half = 0.5 * size
     for rotation in whole_range(33):
         seen = points @ rotation - CUBE.offset  # from the next cube, all of which is there
         assert not (np.abs(seen) < half - 1e-9).all(axis=1).any()
-
-
-@pytest.mark.parametrize("size", [0.9, 0.95, 0.99])
-def test_relieved_cube_keeps_its_joint_and_the_centres_of_its_faces(size: float) -> None:
-    rng = np.random.default_rng(0)
-    ball = rng.normal(size=(2000, 3))
-    ball *= 0.5 * size / np.linalg.norm(ball, axis=1)[:, None]
-    faces = 0.5 * size * np.concatenate([np.eye(3), -np.eye(3)])
-    for points in (ball, faces):
-        assert (CUBE.reach(points) <= CUBE.relief_radius(size)).all()
-
-
-def overlap(rotation: Array, size: float) -> float:
-    return -pair_separation(
-        rotation @ CUBE.offset,
-        np.eye(3),
-        rotation,
-        CUBE.hull,
-        size,
-        np.inf,
-    )
-
-
-def test_worst_overlap_is_found_and_bounded() -> None:
-    chain = line(5)
-    ends = np.zeros((4, len(chain.folded_rad)))
-    ends[1, 2:4] = [0.8, 0.5]
-    ends[2, 2:4] = [-0.7, 0.9]
-    ends[3, 0:2] = [1.2, -0.3]
-    found = exempt_pairs(chain, [ends], size=0.95)
-    share = np.linspace(0.0, 1.0, 400)[:, None]
-    dense = np.concatenate([a + share * (b - a) for a, b in zip(ends, ends[1:], strict=False)])
-    joints = dense.reshape(-1, 2)
-    deepest = max(overlap(rotation, 0.95) for rotation in turned(joints[:, 0], joints[:, 1]))
-    looked = np.concatenate([ends, 0.5 * (ends[1:] + ends[:-1])]).reshape(-1, 2)
-    seen = [overlap(rotation, 0.95) for rotation in turned(looked[:, 0], looked[:, 1])]
-    assert found.worst_overlap == pytest.approx(max(seen), abs=1e-12)
-    assert found.worst_overlap_at.modules == (2, 3)
-    assert deepest <= found.worst_overlap_bound
 
 
 def test_overlap_of_a_quarter_turn() -> None:
@@ -120,7 +77,7 @@ def test_tetrahedra_have_no_exempt_pairs() -> None:
     assert (found.worst_overlap, found.worst_overlap_bound, found.worst_overlap_at) == (None,) * 3
 
 
-@pytest.mark.parametrize(("module", "count"), [(CUBE, 9), (CUBE, 900), (TETRAHEDRON, 12)])
+@pytest.mark.parametrize(("module", "count"), [(CUBE, 9), (CUBE, 801), (TETRAHEDRON, 12)])
 def test_exported_model_excludes_exactly_the_exempt_pairs(module: Module, count: int) -> None:
     row = Chain.from_angles(module, np.zeros(len(module.joint_names(count))))
     model = mujoco.MjModel.from_xml_string(mjcf(row, module_size=0.95))

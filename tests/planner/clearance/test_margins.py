@@ -13,7 +13,6 @@ from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.clearance.margins import (
     FAILURE_PROBABILITY,
-    STEP,
     Margin,
     Margins,
     margins,
@@ -68,24 +67,11 @@ def test_motion_with_random_errors_within_the_margin_is_clear(
     angles, rng = motion.angles(chain), np.random.default_rng(1)
     off = found.independent_rad.value
     assert 0.0 < off < found.one_hinge_rad.value
-    for _ in range(50):
+    for _ in range(20):
         assert _is_clear(chain, angles + rng.uniform(-off, off, angles.shape[1]))
 
 
-def test_size_margin_is_the_largest_size_within_a_step(
-    folding: tuple[Chain, Motion, Margins],
-) -> None:
-    chain, motion, found = folding
-    size = found.module_size.value
-    assert SIZE < size < 1.0
-    assert _is_clear(chain, motion.angles(chain), size)
-    larger = SIZE + (size - SIZE) / STEP**3
-    assert larger >= 1.0 or not _is_clear(chain, motion.angles(chain), larger)
-
-
-def test_margins_that_are_too_large_are_not_proved(
-    folding: tuple[Chain, Motion, Margins],
-) -> None:
+def test_margins_that_are_too_large_are_not_proved(folding: tuple[Chain, Motion, Margins]) -> None:
     chain, motion, found = folding
     assert unproved_margins(chain, motion, found, size=SIZE) == []
     for name in ("module_size", "one_hinge_rad", "independent_rad"):
@@ -111,7 +97,7 @@ def _nearing(module: Module, x: Array, pair: tuple[int, int], errors: Tolerance)
 @pytest.mark.parametrize("module", [CUBE, TETRAHEDRON], ids=lambda module: module.name)
 def test_one_frame_leaves_the_clearance_less_the_allowance(module: Module) -> None:
     rng, errors = np.random.default_rng(2), Tolerance(0.02, 1e-3, 6.0, 1e-6)
-    for _ in range(20):
+    for _ in range(8):
         chain = bent(module, 24, rng)
         angles = chain.folded_rad
         poses = forward_kinematics(module, angles)
@@ -123,19 +109,3 @@ def test_one_frame_leaves_the_clearance_less_the_allowance(module: Module) -> No
         )
         found = disturbed_sweep(chain, as_motion(angles[None]), errors, size=SIZE)
         assert found.clearance == pytest.approx(min(least, 1e-3), abs=1e-9)
-
-
-def test_windows_have_the_margins_of_the_same_motion_without_windows(
-    folding: tuple[Chain, Motion, Margins],
-) -> None:
-    chain, motion, found = folding
-    dense = _margins(chain, motion.dense(chain))
-    for name in ("module_size", "one_hinge_rad", "independent_rad"):
-        values = [getattr(each, name).value for each in (found, dense)]
-        assert values[0] == pytest.approx(values[1], rel=0.1)
-
-
-def test_motion_that_touches_has_no_margins() -> None:
-    chain = coil(12)
-    even = as_motion(np.linspace(0.0, 1.0, 30)[:, None] * chain.folded_rad)
-    assert margins(chain, even, sweep(chain, even, size=0.95), size=0.95) is None

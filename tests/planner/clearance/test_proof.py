@@ -15,7 +15,7 @@ from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
 from planner.motion.motion import Motion, as_motion
 from tests.conftest import examples
-from tests.planner.chains import coil, line
+from tests.planner.chains import coil, line, unchecked
 from tests.planner.clearance.reference import Interval, prove
 from tests.planner.peels import windows_of
 
@@ -43,13 +43,7 @@ STEPS_RAD = st.sampled_from([0.05, 0.3, 1.5])
 
 def bent(module: Module, modules: int, rng: np.random.Generator) -> Chain:
     """A chain whose folded configuration is bent at random; whether it overlaps does not matter."""
-    return Chain(
-        name="bent",
-        module=module,
-        folded_rad=rng.normal(0.0, 0.4, len(module.joint_names(modules))),
-        folded_position=np.zeros(3),
-        folded_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
-    )
+    return unchecked(module, rng.normal(0.0, 0.4, len(module.joint_names(modules))))
 
 
 def reference(
@@ -79,8 +73,8 @@ def stretch(chain: Chain, windows: Motion, k: int) -> tuple[int, int]:
     return low, (last - 1) // hinges + rigid + 1 if last > first else low
 
 
-def assert_same(chain: Chain, motion: Array | Motion, size: float) -> bool:
-    """Both prove the motion, or both refuse it; returns which."""
+def assert_same(chain: Chain, motion: Array | Motion, size: float, *, within: float = 0.0) -> bool:
+    """Both prove the motion, their bounds in this ratio, or both refuse it; returns which."""
     found = sweep(chain, motion, size=size)
     cutoff = (
         EXTENDED_CLEARANCE_CAP
@@ -92,12 +86,12 @@ def assert_same(chain: Chain, motion: Array | Motion, size: float) -> bool:
     if bound is None:
         return False
     assert found.clearance == pytest.approx(clearance, abs=TOLERANCE)
-    assert found.bound == pytest.approx(bound, abs=TOLERANCE)
+    assert found.bound == pytest.approx(bound, abs=TOLERANCE, rel=within)
     return True
 
 
 @pytest.mark.slow
-@examples(one_of=4)
+@examples(one_of=6)
 @given(MODULES, st.integers(4, 8), SEEDS, STEPS_RAD, st.floats(0.5, 0.95))
 def test_frames_have_the_bound_of_the_reference(
     module: Module, modules: int, seed: int, step: float, size: float
@@ -110,7 +104,7 @@ def test_frames_have_the_bound_of_the_reference(
 
 
 @pytest.mark.slow
-@examples(one_of=4)
+@examples(one_of=6)
 @given(MODULES, st.integers(6, 10), SEEDS, STEPS_RAD, st.floats(0.4, 0.9))
 def test_windows_have_the_bound_of_the_reference(
     module: Module, modules: int, seed: int, step: float, size: float
@@ -129,9 +123,9 @@ def test_windows_have_the_bound_of_the_reference(
 @pytest.mark.parametrize("module", [CUBE, SKEWED], ids=["cube", "skewed"])
 def test_most_random_motions_are_proved_and_some_refused(module: Module) -> None:
     verdicts: list[bool] = []
-    for seed in range(8):
+    for seed in range(5):
         rng = np.random.default_rng(seed)
-        chain = bent(module, 6, rng)
+        chain = bent(module, 5, rng)
         start = rng.normal(0.0, 0.6, len(chain.folded_rad))
         motion = np.stack([start, start + rng.uniform(-1.5, 1.5, len(start))])
         verdicts.append(assert_same(chain, motion, 0.8))
@@ -140,15 +134,9 @@ def test_most_random_motions_are_proved_and_some_refused(module: Module) -> None
 
 def test_real_tetrahedra_have_nearly_the_bound_of_the_reference() -> None:
     rng = np.random.default_rng(1)
-    for _ in range(4):
+    for _ in range(3):
         chain = bent(TETRAHEDRON, 8, rng)
-        motion = np.stack([chain.folded_rad, 0.9 * chain.folded_rad])
-        found = sweep(chain, motion, size=0.8)
-        cutoff = CLEARANCE_CAP if found.clearance < CLEARANCE_CAP else EXTENDED_CLEARANCE_CAP
-        clearance, bound = reference(chain, motion, 0.8, cutoff=cutoff)
-        assert bound is not None
-        assert found.clearance == pytest.approx(clearance, abs=TOLERANCE)
-        assert found.bound == pytest.approx(bound, rel=0.1)
+        assert_same(chain, np.stack([chain.folded_rad, 0.9 * chain.folded_rad]), 0.8, within=0.1)
 
 
 def test_sliding_modules_are_refused_by_both() -> None:

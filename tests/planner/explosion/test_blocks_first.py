@@ -1,29 +1,19 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from planner.chain.chain import Chain
-from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path
-from planner.clearance.sweep import sweep
-from planner.errors import InputError
-from planner.explosion.blocks import (
-    TETHER_CHECK_STEPS,
-    Tethers,
-    block_starts,
-    explode_blocks_first,
-)
+from planner.explosion.blocks import TETHER_CHECK_STEPS, Tethers, block_starts
 from planner.explosion.explosion import Watch
 from planner.explosion.simultaneous import Simultaneous
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.assembly import assembly_path
 from planner.progress import never, silent
 from planner.simulation.model import Material
-from planner.simulation.reduced import State
 from planner.simulation.rigid_blocks import Blocks
 from planner.simulation.segments import Segments
-from tests.planner.chains import coil
+from tests.planner.chains import coil, folded_state
 
 DEFAULT = ExplosionParameters()
 
@@ -51,12 +41,8 @@ def test_blocks_of_single_modules_move_as_segments() -> None:
     # With every joint free it is the same chain in another model.
     chain = coil(16)
     rng = np.random.default_rng(0)
-    folded = chain.folded_poses
-    state = State.at_rest(
-        0.2 * rng.normal(size=len(chain.folded_rad)),
-        folded.positions[chain.root],
-        folded.rotations[chain.root],
-    )
+    state = folded_state(chain)
+    state.angles[:] = 0.2 * rng.normal(size=len(state.angles))
     forces = rng.normal(size=(len(chain), 3))
     found = []
     for one in (
@@ -73,10 +59,7 @@ def test_blocks_of_single_modules_move_as_segments() -> None:
 def test_hinges_within_a_block_are_held() -> None:
     chain = solid(1, 1, 2)
     blocks = engine(chain, block_starts(128, 64, 2))
-    folded = chain.folded_poses
-    state = State.at_rest(
-        chain.folded_rad, folded.positions[chain.root], folded.rotations[chain.root]
-    )
+    folded, state = chain.folded_poses, folded_state(chain)
     blocks.place(state)
     np.testing.assert_allclose(blocks.positions, folded.positions, atol=1e-9)
     found = blocks.accelerations(state, folded.positions - folded.positions.mean(axis=0))
@@ -87,27 +70,6 @@ def test_hinges_within_a_block_are_held() -> None:
     assert np.abs(found.hinges[~held]).max() > 0.0
     # Five joints of two hinges are free.
     assert (~held).sum() == 10
-
-
-def test_blocks_collide_except_at_their_joint() -> None:
-    chain = solid(1, 1, 2)
-    blocks = engine(chain, np.array([0, 64]))
-    folded = chain.folded_poses
-    for hinge in blocks.free.tolist():
-        for turn in (-0.3, 0.3):
-            angles = chain.folded_rad.copy()
-            angles[hinge] += turn
-            state = State.at_rest(
-                angles, folded.positions[chain.root], folded.rotations[chain.root]
-            )
-            blocks.place(state)
-            contacts = blocks.accelerations(state, np.zeros((128, 3))).contacts
-            clear = sweep(chain, angles[None], size=0.99).clearance
-            assert (contacts > 0) == (clear < 0.0)
-
-
-
-
 
 
 def test_blocks_are_not_released_in_the_step_that_restarted() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -16,10 +15,10 @@ from planner.kernels.articulated import Accelerations, Loads
 from planner.kernels.module import Lumps
 from planner.simulation.contacts import ContactFinder
 from planner.simulation.engine import Engine, build_chain_model
-from planner.simulation.model import Material, segment_spec, segment_starts, tree_spec
+from planner.simulation.model import Material, tree_spec
 from planner.simulation.reduced import Acceleration, State
 from tests.planner.chains import coil, line, random_rotation, random_state
-from tests.planner.mujoco_tree import accelerate, solve_exactly
+from tests.planner.mujoco_tree import accelerate, scale_masses, solve_exactly
 
 Array = NDArray[np.float64]
 CHAINS = {
@@ -47,10 +46,7 @@ def tree(chain: Chain, size: float, masses: Array, rotors: Array, lumps: Lumps) 
             body.iquat = wxyz_from_matrix(lumps.axes[end]).tolist()
             body.inertia = lumps.moments[end].tolist()
     model: Any = spec.compile()
-    for i, mass in enumerate(masses):
-        body = model.body(f"module_{i}").id
-        model.body_mass[body] *= mass
-        model.body_inertia[body] *= mass
+    scale_masses(model, masses)
     for name, rotor in zip(chain.joint_names, rotors, strict=True):
         model.dof_armature[model.joint(name).dofadr[0]] = rotor
     return solve_exactly(model)
@@ -113,32 +109,3 @@ def test_engine_in_contact_moves_as_one_tree(seed: int) -> None:
     check_same(found, state, expected)
     twin = finder.copy().find(engine.positions, engine.rotations)
     np.testing.assert_array_equal(twin.points.points, contacts.points.points)
-
-
-
-
-@pytest.mark.parametrize("segmented", [False, True])
-def test_only_consecutive_modules_are_exempt_from_contacts(segmented: bool) -> None:
-    # At just over twice their size straight modules reach their second neighbours, no further ones.
-    chain = line(12)
-    material = Material(geom_size=2.1)
-    spec = (
-        segment_spec(chain, material, segment_starts(chain))
-        if segmented
-        else tree_spec(chain, material)
-    )
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    if segmented:
-        for start in segment_starts(chain):
-            data.joint(f"root_{start}").qpos[:3] = [start, 0.0, 0.0]
-    else:
-        data.joint("root").qpos[:3] = [chain.root, 0.0, 0.0]
-    mujoco.mj_forward(model, data)
-    touching = {
-        tuple(sorted(int(model.geom(g).name.removeprefix("module_")) for g in contact.geom))
-        for contact in data.contact
-    }
-    assert touching == {(i, i + 2) for i in range(10)}
-
-

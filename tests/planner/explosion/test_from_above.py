@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.explosion.from_above import Above, crosses_itself, nearest_way
+from planner.explosion.from_above import Above, crosses_itself
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -27,20 +27,6 @@ def test_headings_are_counted_past_full_turns(round_and_round: float) -> None:
     turned = Above(UP).turned(line(headings), *ends(headings))
     assert len(turned) == len(headings)
     assert np.allclose(turned, headings - headings[0], atol=1e-9)
-
-
-def test_upright_link_has_the_heading_of_the_one_before() -> None:
-    flat = line(np.full(6, 0.0))
-    riser = flat[-1] + np.arange(1, 5)[:, None] * UP
-    onwards = riser[-1] + np.arange(1, 7)[:, None] * np.array([1.0, 0.0, 0.0])
-    turned = Above(UP).turned(np.vstack([flat, riser, onwards]), flat[1], flat[1])
-    assert np.allclose(turned, 0.0)
-
-
-def test_nearest_way_is_less_than_a_turn() -> None:
-    assert nearest_way(3.0, counted=-3.0) == pytest.approx(3.0 - 2.0 * np.pi)
-    assert nearest_way(3.0, counted=3.0) == pytest.approx(3.0)
-    assert nearest_way(0.1, counted=7.0) == pytest.approx(0.1)
 
 
 def test_closed_loops_cross_themselves() -> None:

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.clearance.sweep import sweep
 from planner.explosion import paper
-from planner.explosion.paper import REST_CHECK_STEPS, explode_as_published
-from planner.motion.angle_steps import PLAN_STEP_RAD
-from planner.motion.motion import Motion
+from planner.explosion.paper import explode_as_published
 from planner.parameters.published import PaperExplosionParameters
 from planner.simulation.reduced import Acceleration, State
 from planner.simulation.segments import Segments
@@ -18,8 +15,6 @@ from tests.planner.chains import coil
 
 Array = NDArray[np.float64]
 PAPER = PaperExplosionParameters()
-
-
 
 
 def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:

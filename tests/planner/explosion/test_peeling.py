@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -26,10 +25,9 @@ from planner.kernels.window_forces import StepLimits, window_inverse_step_limit
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.explosion import PeelingParameters
-from planner.pathfinding.assembly import assembly_path
 from planner.pathfinding.snake import snake_path
 from planner.progress import Progress, never, silent
-from tests.planner.chains import coil, knotted, line
+from tests.planner.chains import coil, line
 
 DEFAULT = PeelingParameters()
 
@@ -42,10 +40,6 @@ def chain_of(cells: np.ndarray) -> Chain:
 def snake() -> tuple[Chain, Record]:
     chain = chain_of(snake_path((5, 5, 8)))
     return chain, peel(chain, DEFAULT)
-
-
-
-
 
 
 def test_modules_of_nearly_full_size_are_peeled() -> None:
@@ -67,8 +61,6 @@ def test_core_stays_in_place_until_it_is_released() -> None:
     )
     # What is held is the window alone.
     assert np.diff(frames.offsets).max() <= 2 * DEFAULT.most_modules
-
-
 
 
 def test_step_limit_ignores_cells_that_the_core_has_left() -> None:
@@ -155,7 +147,7 @@ def test_recorder_proves_the_same_clearance_as_the_certificate() -> None:
 def test_recorder_proves_no_way_through_the_core() -> None:
     chain, _ = snake()
     proof = Proof(chain, 0.98)
-    first = 150
+    first = 120
     folded = chain.folded_rad[2 * first : 2 * first + 40]
     here = WindowConfiguration(time_s=0.0, first=first, angles=folded)
     there = WindowConfiguration(time_s=1.0, first=first, angles=-folded)

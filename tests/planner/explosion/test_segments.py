@@ -14,7 +14,7 @@ from planner.simulation.model import Material, tree_spec
 from planner.simulation.reduced import Acceleration, State
 from planner.simulation.segments import Segments
 from tests.case import case
-from tests.planner.chains import coil, line, random_state
+from tests.planner.chains import coil, folded_state, line, near_pairs_of, random_state
 from tests.planner.mujoco_tree import accelerate, solve_exactly
 
 Array = NDArray[np.float64]
@@ -38,11 +38,7 @@ def difference(a: Acceleration, b: Acceleration) -> float:
 
 
 @pytest.mark.parametrize(
-    ("modules", "more"),
-    [
-        *((modules, {}) for modules in (3, 4, 17, 18, 40)),
-        *((40, {"segment_modules": number}) for number in (5, 12)),
-    ],
+    ("modules", "more"), [(3, {}), (4, {}), (17, {}), (18, {}), (40, {"segment_modules": 5})]
 )
 def test_accelerations_are_those_of_the_whole_tree_wherever_it_is_cut(
     modules: int, more: dict[str, int]
@@ -66,13 +62,10 @@ def test_contacts_push_as_they_do_in_the_whole_tree() -> None:
     chain = coil(32)
     material = Material(geom_size=0.999, stiffness=3.0, armature=10.0)
     segments = Segments(chain, material)
-    folded = chain.folded_poses
     differences: list[float] = []
     for seed, (rate, spin) in enumerate(((0.0, 0.0), (0.05, 0.0), (0.0, 3.0)) * 2):
         rng = np.random.default_rng(seed)
-        state = State.at_rest(
-            chain.folded_rad, folded.positions[chain.root], folded.rotations[chain.root]
-        )
+        state = folded_state(chain)
         state.angles += rng.normal(size=len(state.angles)) * 0.001
         state.rates[:] = rng.normal(size=len(state.rates)) * rate
         state.spin[:] = rng.normal(size=3) * spin
@@ -106,13 +99,11 @@ def test_numbers_that_are_not_finite_raise() -> None:
         segments.free_accelerations(state, np.full((12, 3), np.nan))
 
 
-
-
 def test_chain_is_free_until_it_touches_or_a_hinge_is_at_its_stop() -> None:
     chain = coil(12)
     segments = Segments(chain, Material(geom_size=1.02, stop_rad=1.5))
     state = State.at_rest(0.0 * chain.folded_rad, np.zeros(3), np.eye(3))
-    near = np.array([(i, j) for i in range(12) for j in range(i + 2, 12)])
+    near = near_pairs_of(12)
 
     def is_free() -> bool:
         segments.place(state)
@@ -124,8 +115,6 @@ def test_chain_is_free_until_it_touches_or_a_hinge_is_at_its_stop() -> None:
     state.angles[:] = 0.95 * chain.folded_rad
     assert np.abs(state.angles).max() < 1.5
     assert not is_free()
-
-
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -142,7 +131,7 @@ def test_contacts_push_a_chain_with_hinges_at_their_stops(seed: int) -> None:
     assert (outwards != 0.0).sum() >= 8
     segments = Segments(chain, Material(geom_size=1.0, stiffness=3.0, stop_rad=stop_rad))
     segments.place(state)
-    near = np.array([(i, j) for i in range(40) for j in range(i + 2, 40)])
+    near = near_pairs_of(40)
     found = segments.lean_accelerations(state, forces, near)
     assert found.contacts > 2
     assert (outwards * found.hinges < 1e-6).all()
@@ -165,7 +154,7 @@ def test_method_for_many_contacts_agrees_with_the_exact_one(
     # The method for many contacts finds about the same forces as the exact one.
     chain = coil(modules)
     segments = Segments(chain, Material(geom_size=1.0, stiffness=3.0, armature=10.0))
-    near = np.array([(i, j) for i in range(modules) for j in range(i + 2, modules)])
+    near = near_pairs_of(modules)
     state = State.at_rest(0.99 * chain.folded_rad, np.zeros(3), np.eye(3))
     rng = np.random.default_rng(modules)
     state.angles += 0.01 * rng.normal(size=len(state.angles))

@@ -2,64 +2,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.errors import SimulationError
-from planner.explosion.explosion import Watch, step
-from planner.explosion.simultaneous import Simultaneous, explode
+from planner.explosion.simultaneous import explode
 from planner.explosion.whole_chain import WholeChain
-from planner.motion.motion import Motion
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.knots import knot_of
-from planner.progress import Progress, never, silent
-from planner.readers import read
 from planner.simulation.reduced import Acceleration
 from tests.planner.chains import coil, knotted, line
-from tests.planner.conftest import REAL, SHAPES
 
 Array = NDArray[np.float64]
 DEFAULT = ExplosionParameters()
-
-
-def begun(chain: Chain) -> Simultaneous:
-    """Parts of a run that has not made a step."""
-    watch = Watch(silent, never, "exploding")
-    return Simultaneous.from_parameters(chain, DEFAULT, watch=watch)
-
-
-def make_step(run: Simultaneous) -> None:
-    """Makes one step."""
-    run.world.place()
-    run.record()
-    step(run)
-
-
-
-
-
-
-def test_forces_add_no_momentum(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[float] = []
-
-    def look(call: int, chain: WholeChain, forces: Array) -> Array:
-        assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
-        velocities = chain.engine.velocities
-        scale = np.linalg.norm(velocities, axis=1).sum()
-        if scale > 1e-3:
-            seen.append(float(np.linalg.norm(velocities.sum(axis=0)) / scale))
-        return forces
-
-    watch_accelerations(monkeypatch, look)
-    # What integration adds grows with the way of a step.
-    assert explode(coil(24), replace(DEFAULT, slide_cap=0.025)).status == "straight"
-    assert len(seen) > 50
-    assert np.median(seen) < 0.02
 
 
 def test_linked_modules_are_pulled_apart_by_the_tension_alone(
@@ -74,21 +32,6 @@ def test_linked_modules_are_pulled_apart_by_the_tension_alone(
     watch_accelerations(monkeypatch, look)
     explode(line(3), replace(DEFAULT, repulsion_cutoff=1.5))
     assert np.linalg.norm(seen[0][0]) == pytest.approx(DEFAULT.tension * DEFAULT.spring)
-
-
-def test_sink_and_progress_follow_the_record(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.explosion.explosion.PROGRESS_PERIOD_S", 0.0)
-    parts: list[Motion] = []
-    told: list[Progress] = []
-    record = explode(coil(24), DEFAULT, sink=parts.append, progress=told.append)
-    assert len(parts) > 5
-    np.testing.assert_array_equal(
-        Motion.joined(parts).joint_angles_rad, record.frames.joint_angles_rad
-    )
-    assert {p.stage for p in told} == {"explode"}
-    assert all(0.0 <= p.fraction < 1.0 for p in told)
-    assert told[-1].fraction > told[0].fraction
-    assert 0 < told[-1].steps <= record.steps
 
 
 def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:
@@ -159,25 +102,6 @@ def test_failed_step_is_repeated_from_a_state_whose_contacts_are_known(
     record = explode(coil(24), DEFAULT)
     assert record.status == "straight"
     assert (np.diff(record.frames.time_s) > 0.0).all()
-
-
-def test_knotted_chain_creeps_along_itself_by_its_length() -> None:
-    chain = knotted()
-    run = begun(chain)
-    engine, forces = run.world.engine, run.world.forces
-    forces.is_knotted = True
-    for _ in range(30):
-        make_step(run)
-    way = forces.creep_direction
-    along = np.gradient(engine.positions, axis=0)
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    speeds = way * (engine.velocities * along).sum(axis=1)
-    assert abs(way) == 1
-    assert np.median(speeds) > 0.0
-    assert forces.creep_distance > 0.0
-    forces.creep_distance = len(chain)
-    make_step(run)
-    assert forces.creep_direction == -way
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
 from planner.errors import SimulationError
 from planner.simulation.model import Material
-from planner.simulation.tree import RateMotors, Servos, Tree
+from planner.simulation.tree import Servos, Tree
 from tests.planner.chains import line, random_state
 
 SOFT = Material(geom_size=0.3)
@@ -42,16 +42,6 @@ def test_torques_give_the_accelerations_that_were_asked_for(modules: int) -> Non
     np.testing.assert_array_equal(tree.data.qfrc_applied[:6], 0.0)
 
 
-def momentum(tree: Tree) -> np.ndarray:
-    """(6,) linear momentum, and angular momentum about the centre of mass."""
-    mujoco.mj_subtreeVel(tree.model, tree.data)
-    root = tree.model.body(f"module_{tree.chain.root}").id
-    mass = tree.model.body_subtreemass[root]
-    return np.concatenate([mass * tree.data.subtree_linvel[root], tree.data.subtree_angmom[root]])
-
-
-
-
 def test_torques_that_are_not_finite_raise() -> None:
     chain = line(6)
     tree = moving(chain, 1)
@@ -61,7 +51,7 @@ def test_torques_that_are_not_finite_raise() -> None:
         tree.end_step()
 
 
-def resting(motors: Servos | RateMotors) -> Tree:
+def resting(motors: Servos) -> Tree:
     tree = Tree(line(6), SOFT, step_s=0.01, motors=motors)
     tree.place(np.zeros(8), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     return tree
@@ -86,34 +76,3 @@ def test_servos_hold_their_target_within_their_torque() -> None:
     for limit in (0.5, 20.0):
         tree = resting(Servos(stiffness=1e4, damping=1e2, torque_limit=limit))
         assert follow(tree, np.full(8, 0.5), 50) == pytest.approx(limit)
-
-
-@pytest.mark.parametrize("limit", [0.2, 1e4])
-def test_rate_motors_turn_as_wanted_within_their_torque(limit: float) -> None:
-    tree = resting(RateMotors(torque_limit=limit))
-    wanted = np.linspace(-0.4, 0.4, 8)
-    torques = []
-    for _ in range(20):
-        tree.begin_step()
-        tree.set_rates(wanted)
-        tree.end_step()
-        torques.append(np.abs(tree.motor_torques).max())
-    if limit < 1.0:
-        assert torques[0] == pytest.approx(limit)
-        assert np.abs(tree.rates).max() < 0.4
-    else:
-        np.testing.assert_allclose(tree.rates, wanted, atol=1e-3)
-    assert max(torques) <= limit * (1.0 + 1e-9)
-
-
-
-
-def test_stop_drifting_leaves_the_hinges() -> None:
-    tree = moving(line(9), 3)
-    tree.begin_step()
-    assert np.abs(momentum(tree)).max() > 0.1
-    rates = tree.rates
-    tree.stop_drifting()
-    np.testing.assert_array_equal(tree.rates, rates)
-    mujoco.mj_forward(tree.model, tree.data)
-    np.testing.assert_allclose(momentum(tree), 0.0, atol=1e-9)

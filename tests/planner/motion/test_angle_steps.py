@@ -31,7 +31,7 @@ from planner.motion.angle_steps import (
 from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters
 from planner.plan.plan import Plan
-from tests.planner.chains import line
+from tests.planner.chains import in_place, line
 from tests.planner.plans import unverified
 
 ANGLES = st.floats(-1.6, 1.6)
@@ -58,6 +58,10 @@ def test_angles_not_in_whole_steps_are_not_rounded() -> None:
         assert frame_planes(np.array([[0.0, spoilt]])) is None
     angles = np.random.default_rng(0).normal(size=(600, 500))
     assert packed_frames("a", angles) == {"a": angles}
+    angles = big(windowed=False).joint_angles_rad
+    packed = packed_frames("reference_rad", angles)
+    assert set(packed) == {"reference_rad_planes", "reference_rad_told"}
+    np.testing.assert_array_equal(unpacked_frames(packed, "reference_rad"), angles)
 
 
 def test_no_angle_is_beyond_its_limit() -> None:
@@ -86,13 +90,9 @@ def big(*, windowed: bool) -> Plan:
     """A plan with too many angles for plain numbers: waves on a chain of 200 cubes."""
     chain = line(200)
     rows, hinges = np.ogrid[:800, : len(chain.folded_rad)]
-    frames = Motion.from_frames(
-        phase="playback",
-        time_s=np.arange(800.0),
-        joint_angles_rad=snapped(np.sin(rows / 50.0 + hinges)),
-        root_position=np.random.default_rng(0).normal(size=(800, 3)),
-        root_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (800, 1)),
-    )
+    rng = np.random.default_rng(0)
+    frames = in_place("playback", snapped(np.sin(rows / 50.0 + hinges)))
+    frames = frames.with_columns(root_position=rng.normal(size=(800, 3)))
     return unverified(chain, frames.windowed(chain) if windowed else frames, Parameters())
 
 
@@ -136,10 +136,3 @@ def test_documented_recipe_reads_both_forms_with_numpy_alone() -> None:
     told = json.loads(plan.json_bytes())["angles"]
     planes = np.frombuffer(decompress(b64decode(told["data"])), np.uint8).reshape(4, -1)
     np.testing.assert_array_equal(angles_of(told, planes), plan.joint_angles_rad)
-
-
-def test_frames_beside_a_plan_are_packed_too() -> None:
-    angles = big(windowed=False).joint_angles_rad
-    packed = packed_frames("reference_rad", angles)
-    assert set(packed) == {"reference_rad_planes", "reference_rad_told"}
-    np.testing.assert_array_equal(unpacked_frames(packed, "reference_rad"), angles)

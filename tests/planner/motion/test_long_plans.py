@@ -11,40 +11,33 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-import zarr
 
 from planner.certificate.certificate import certify
 from planner.certificate.metrics import Curves, Figures
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques
-from planner.chain.path import Path
 from planner.errors import InputError, TimelineError
 from planner.explosion.strategies import strategies_for
-from planner.exports import export_named
 from planner.exports.mjcf import keys_of, mjcf
-from planner.exports.mjcf_pieces import MODULES_PER_TREE, coordinates, starts_of
-from planner.kernels.backbite import grow
+from planner.exports.mjcf_pieces import MODULES_PER_TREE, starts_of
 from planner.motion.inverse import inverse_dynamics
 from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.parameters.parameters import Parameters, preset
-from planner.pathfinding.lattice import neighbours
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage, run_stages
-from planner.pipeline.workspace import Workspace
-from planner.plan import plan as plan_module
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain
 from planner.playback.playback import Playback
 from planner.verification.replay import replay
 from planner.verification.verify import verify
-from tests.planner.chains import in_place, line
+from tests.case import case
+from tests.planner.chains import in_place, shuffled
 from tests.planner.folds import asked
 from tests.planner.peels import peel, snake
-from tests.planner.tampering import reseal
 
-BOX = (4, 4, 6)
+BOX = (4, 4, 4)
 
 
 @pytest.fixture(scope="module")
@@ -59,51 +52,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
 @pytest.fixture(scope="module")
 def plan(made: FilePath) -> Plan:
     return Plan.load(made / "plan.npz")
-
-
-@pytest.fixture(scope="module")
-def simulated(made: FilePath, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
-    """The same box, its playback simulated by two robots."""
-    place = tmp_path_factory.mktemp("simulated")
-    request = replace(Workspace(made).read_request(), settings="robots=2")
-    Workspace(place).write_request(request, (made / "input").read_bytes())
-    run_stages(place)
-    return place
-
-
-@pytest.mark.long
-@pytest.mark.slow
-def test_simulated_plan_of_windows_is_verified_with_its_robots(simulated: FilePath) -> None:
-    plan = Plan.load(simulated / "plan.npz")
-    assert plan.certificate.verdict == "verified (simulated)"
-    assert plan.motion.is_windowed
-    assert plan.certificate.robots is not None
-    assert len(plan.certificate.robots) == 2
-    most = plan.certificate.max_angle_error_rad
-    assert most is not None
-    assert 0.0 < np.nanmax(plan.max_error_rad) <= most < 1e-3
-    assert verify(simulated).problems == ()
-    curves = Curves.load(simulated / "figures.zarr")
-    np.testing.assert_allclose(curves.max_error_rad[-len(plan.motion) :], plan.max_error_rad)
-    assert np.isnan(curves.max_error_rad[: -len(plan.motion)]).all()  # of the explosion
-    timeline = Timeline.open(simulated / "timeline.zarr")
-    first = len(timeline) - len(plan.motion)
-    whole, some = timeline.windows(first), timeline.windows(first, stride=7)
-    assert whole.errors_rad is not None
-    np.testing.assert_array_equal(some.errors, whole[np.arange(0, len(whole), 7)].errors)
-    dense = timeline.frames(first + 40, first + 41)
-    off = np.abs(dense.joint_angles_rad - plan.part(40, 41).joint_angles_rad)
-    np.testing.assert_allclose(dense.joint_error_rad, off, atol=1e-7)
-    # Windows without errors of their own do not pass for simulated ones.
-    array: Any = zarr.open_array(str(simulated / "timeline.zarr" / "errors_rad"), mode="r+")
-    array[-50:] = 0.5 * array[-50:]
-    reseal(simulated / "timeline.zarr")
-    assert "timeline.zarr errors_rad" in "\n".join(verify(simulated).problems)
-
-
-def windows_of(plan: Plan) -> Motion:
-    assert plan.motion.is_windowed
-    return plan.motion
 
 
 @pytest.mark.slow
@@ -135,23 +83,6 @@ def test_peeled_plan_is_verified_and_read_back(made: FilePath, plan: Plan) -> No
     assert found.certificate.min_clearance == plan.certificate.min_clearance
     assert found.replay is not None and found.replay.overlap == 0.0
     assert found.replay.frames == 2 * len(plan.time_s) - 1
-
-
-def test_speed_of_the_hinges_is_even(plan: Plan) -> None:
-    windows = windows_of(plan)
-    steps, moving = windows.steps(plan.chain, fraction=0.1)
-    angles = windows.angles(plan.chain)
-    each = np.abs(np.diff(angles, axis=0))
-    np.testing.assert_allclose(steps, each.max(axis=1), atol=1e-7)
-    expected = (each > 0.1 * each.max(axis=1)[:, None] + 1e-9).sum(axis=1)
-    assert (np.abs(moving - expected) <= 1).all()
-    assert (np.diff(plan.time_s) >= 0.0).all()
-    speeds = steps / np.maximum(np.diff(plan.time_s), 1e-12)
-    even = Parameters().playback
-    usual = 1.0 / (even.steps_per_rad * even.step_s)
-    assert np.median(speeds[steps > 1e-6]) == pytest.approx(usual, rel=0.15)
-    assert speeds[steps > 1e-6].max() < 1.3 * usual
-    assert speeds[0] < 0.5 * usual and speeds[-1] < 0.5 * usual
 
 
 def test_timeline_holds_the_windows_of_record_and_playback(made: FilePath, plan: Plan) -> None:
@@ -203,31 +134,22 @@ def test_timeline_takes_one_layout_only(tmp_path: FilePath) -> None:
     np.testing.assert_array_equal(again.windows().angles(chain), expected.angles(chain))
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"first": [3]},
-        {"offsets": [0, 1]},
-        {"angles_rad": [0.0]},
-        {"angles_rad": None},
-        {"phase": ["straight"]},
-    ],
-    ids=str,
-)
-def test_plan_with_invalid_windows_is_refused(
-    change: dict[str, Any], made: FilePath, tmp_path: FilePath
-) -> None:
+def test_plan_with_invalid_windows_is_refused(made: FilePath, tmp_path: FilePath) -> None:
     told = json.loads((made / "plan.json").read_bytes())
-    (tmp_path / "plan.json").write_text(json.dumps({**told, **change}))
-    with pytest.raises(InputError) as refused:
-        Plan.load(tmp_path / "plan.json")
-    assert refused.value.code == "not-a-plan"
+    for change in (
+        *({"first": [3]}, {"offsets": [0, 1]}, {"angles_rad": [0.0]}, {"angles_rad": None}),
+        {"phase": ["straight"]},
+    ):
+        (tmp_path / "plan.json").write_text(json.dumps({**told, **change}))
+        with case(change), pytest.raises(InputError) as refused:
+            Plan.load(tmp_path / "plan.json")
+        assert refused.value.code == "not-a-plan"
 
 
 def test_forged_window_is_found(made: FilePath, plan: Plan, tmp_path: FilePath) -> None:
     place = tmp_path / "forged"
     shutil.copytree(made, place)
-    windows = windows_of(plan)
+    windows = plan.motion
     angles = windows.angles_rad.copy()
     middle = int(np.argmax(np.diff(windows.offsets)))
     part = slice(int(windows.offsets[middle]), int(windows.offsets[middle + 1]))
@@ -249,28 +171,21 @@ def test_forged_window_is_found(made: FilePath, plan: Plan, tmp_path: FilePath) 
     assert refused.min_clearance_record == pytest.approx(plan.certificate.min_clearance)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"time_s": -1.0}, "run backwards"),
-        ({"base_position": np.nan}, "not finite"),
-        ({"first": 10**6}, "cannot be checked"),
-        ({"angles_rad": np.inf}, "cannot be checked"),
-    ],
-    ids=str,
-)
 def test_certify_refuses_windows_that_are_not_finite_or_out_of_range(
-    change: dict[str, Any], words: str, made: FilePath, plan: Plan
+    made: FilePath, plan: Plan
 ) -> None:
     playback = Playback.load(made / "playback.npz")
-    assert playback.frames.is_windowed
-    columns = {}
-    for name, value in change.items():
-        columns[name] = np.array(playback.frames.columns()[name])
-        columns[name][-1] = value
-    spoilt = replace(playback, frames=playback.frames.with_columns(**columns))
-    verdict = certify(plan.chain, None, spoilt, Parameters()).verdict
-    assert verdict.startswith("failed") and words in verdict
+    for name, value, words in (
+        ("time_s", -1.0, "run backwards"),
+        ("base_position", np.nan, "not finite"),
+        ("first", 10**6, "cannot be checked"),
+        ("angles_rad", np.inf, "cannot be checked"),
+    ):
+        column = np.array(playback.frames.columns()[name])
+        column[-1] = value
+        spoilt = replace(playback, frames=playback.frames.with_columns(**{name: column}))
+        verdict = certify(plan.chain, None, spoilt, Parameters()).verdict
+        assert verdict.startswith("failed") and words in verdict
 
 
 def test_curves_agree_with_the_certificate(made: FilePath, plan: Plan) -> None:
@@ -287,7 +202,7 @@ def test_curves_agree_with_the_certificate(made: FilePath, plan: Plan) -> None:
         float(curves.peak_torque_nm[begun:].max()), rel=1e-4
     )
     assert curves.hinges_moving[begun + 1 :].mean() == pytest.approx(
-        plan.certificate.hinges_moving_mean, rel=0.02
+        plan.certificate.hinges_moving_mean, rel=0.03
     )
 
 
@@ -307,29 +222,13 @@ def test_inverse_dynamics_of_a_sine(plan: Plan) -> None:
     assert inverse_dynamics(chain, frames[:2]).peak == 0.0
 
 
-def test_exports_of_all_angles_refuse_too_long_plans(
-    plan: Plan, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    frames = plan.whole()
-    assert frames.joint_angles_rad.shape == (len(plan.motion), len(plan.chain.folded_rad))
-    rows = export_named("csv").write(plan).decode().splitlines()
-    assert len(rows) == 1 + len(np.unique(plan.time_s))
-    monkeypatch.setattr(plan_module, "MAX_DENSE_ANGLES", 1000)
-    for name in ("csv", "mcap"):
-        with pytest.raises(InputError, match=r"plan\.npz") as refused:
-            export_named(name).write(plan)
-        assert refused.value.code == "plan-too-long"
-
-
-@pytest.mark.slow
-def test_model_of_a_long_chain_is_cut_into_connected_trees() -> None:
-    chain = snake((9, 10, 11))
-    text = mjcf(chain, module_size=0.95)
-    model = mujoco.MjModel.from_xml_string(text)
+def test_model_of_a_long_chain_is_cut_into_connected_trees(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("planner.exports.mjcf.MAX_TREE_MODULES", 64)
+    chain = snake((5, 5, 10))
+    model = mujoco.MjModel.from_xml_string(mjcf(chain, module_size=0.95))
     data = mujoco.MjData(model)
     starts = starts_of(chain)
-    assert len(starts) == -(-len(chain) // MODULES_PER_TREE)
-    assert model.neq == len(starts) - 1
+    assert model.neq == len(starts) - 1 == -(-len(chain) // MODULES_PER_TREE) - 1 > 0
     names = {model.joint(i).name for i in range(model.njnt)}
     assert names == {*chain.joint_names, *(f"root_{start}" for start in starts)}
     folded = chain.folded_poses
@@ -350,32 +249,8 @@ def test_model_of_a_long_chain_is_cut_into_connected_trees() -> None:
         assert np.abs(data.efc_pos[: data.ne]).max() < 1e-9
 
 
-def test_each_tree_of_a_long_chain_has_a_hinge() -> None:
-    for count in (
-        MODULES_PER_TREE,
-        MODULES_PER_TREE + 1,
-        MODULES_PER_TREE + 2,
-        MODULES_PER_TREE + 3,
-        2 * MODULES_PER_TREE + 1,
-    ):
-        chain = line(count)
-        starts = starts_of(chain)
-        assert starts[0] == 0 and count - starts[-1] >= 3
-        angles = np.zeros(len(chain.folded_rad))
-        turned = coordinates(chain, angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-        assert len(turned) == len(angles) + 7 * len(starts)
-
-
 def ways(chain: Chain, wish: str, name: str = "default", *, refolds: bool = False) -> Any:
     return strategies_for(chain, replace(preset(name), strategy=wish), refolds=refolds)
-
-
-def shaken_up(sides: tuple[int, int, int]) -> Chain:
-    """A box along a random path."""
-    cells = np.argwhere(np.ones(sides, dtype=bool))
-    count, order = grow(neighbours(cells), np.ones(len(cells), bool), -1, 20 * len(cells), 0)
-    assert count == len(cells)
-    return Chain.from_path(Path.from_cells([tuple(c) for c in cells[order].tolist()], name="box"))
 
 
 def test_strategies_by_chain_and_preset() -> None:
@@ -385,7 +260,7 @@ def test_strategies_by_chain_and_preset() -> None:
     assert ways(snake((6, 6, 6)), "auto") == ("simultaneous", "blocks", "peel")
     assert ways(large, "auto") == ("peel", "simultaneous", "blocks", "one-by-one")
     # What does not come off unit by unit goes all at once as long as that ends in time.
-    assert ways(shaken_up((8, 9, 10)), "auto")[0] == "simultaneous"
+    assert ways(shuffled((8, 9, 10), 20, 0), "auto")[0] == "simultaneous"
     assert ways(small, "peel") == ("peel",)
     assert ways(large, "simultaneous") == ("simultaneous",)
     assert ways(large, "auto", "paper") == ways(large, "auto", "direct") == ("simultaneous",)
@@ -394,21 +269,21 @@ def test_strategies_by_chain_and_preset() -> None:
     # A refold is one simulation from end to end.
     assert ways(small, "auto", refolds=True) == ("simultaneous",)
     assert ways(large, "auto", refolds=True) == ("simultaneous", "blocks")
-    assert ways(line(6000), "auto", refolds=True)[0] == "simultaneous"
 
 
 def test_unsuitable_strategy_is_refused(tmp_path: FilePath) -> None:
     small = snake((3, 3, 3))
     bent = Chain.from_angles(small.module, np.full(6, 0.3))
-    for chain, wish, name, refolds in (
-        (small, "peel", "paper", False),
-        (small, "one-by-one", "direct", False),
-        (bent, "blocks", "default", False),
-        (small, "peel", "default", True),
-        (small, "fastest", "default", False),
+    for chain, wish, name in (
+        (small, "peel", "paper"),
+        (small, "one-by-one", "direct"),
+        (bent, "blocks", "default"),
+        (small, "fastest", "default"),
     ):
         with pytest.raises(InputError, match="strategy"):
-            ways(chain, wish, name, refolds=refolds)
+            ways(chain, wish, name)
+    with pytest.raises(InputError, match="strategy"):
+        ways(small, "peel", refolds=True)
     with pytest.raises(InputError) as refused:
         FoldRequest(strategy="fastest").check()
     assert (refused.value.code, refused.value.where) == ("unknown-strategy", "strategy")

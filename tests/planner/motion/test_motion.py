@@ -99,16 +99,6 @@ def test_joint_errors_are_those_of_the_windows(chain: Chain) -> None:
     assert np.isnan(windows.joint_errors(chain)).all()
 
 
-def test_dense_motion_copies_no_angles(chain: Chain) -> None:
-    angles = np.zeros((4, len(chain.folded_rad)))
-    motion = Motion.from_angles(angles)
-    assert not motion.is_windowed and motion.layout == "frames"
-    for part in (motion.joint_angles_rad, motion.angles(chain), motion[1:3].joint_angles_rad):
-        assert np.shares_memory(part, angles)
-    assert motion.dense(chain, 1, 3).joint_angles_rad.shape == (2, len(chain.folded_rad))
-    assert np.shares_memory(motion[1:3].angles_rad, motion.angles_rad)
-
-
 def test_layouts_are_not_mixed(chain: Chain) -> None:
     dense = frames_of(chain)
     windows = dense.windowed(chain)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from planner.certificate.certificate import certify
 from planner.chain.chain import Chain
-from planner.chain.path import Path
 from planner.chain.rotations import aligned_distances
 from planner.errors import InputError
 from planner.motion.angle_steps import PLAN_STEP_RAD
@@ -23,7 +22,6 @@ from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
 from planner.progress import Progress
 from planner.simulation.tree import Tree
-from tests.planner.conftest import REAL
 
 Array = NDArray[np.float64]
 
@@ -37,11 +35,8 @@ def small(folded: Callable[..., Any]) -> tuple[Chain, Record]:
     return fold.chain, fold.record
 
 
-@pytest.mark.parametrize("shape", REAL)
-def test_robots_fold_real_shapes(
-    shape: str, folded: Callable[..., Any], tmp_path: FilePath
-) -> None:
-    fold = folded(shape)
+def test_robots_fold_a_real_shape(folded: Callable[..., Any], tmp_path: FilePath) -> None:
+    fold = folded("wrench-24")
     playback, record = fold.playback, fold.record
     assert playback.status == "folded"
     assert playback.rms_position_error <= 1e-3
@@ -72,15 +67,6 @@ def test_robots_fold_real_shapes(
     np.testing.assert_array_equal(again.frames.joint_error_rad, frames.joint_error_rad)
 
 
-def test_floating_chain_folds_about_its_centre_of_mass(small: tuple[Chain, Record]) -> None:
-    chain, record = small
-    # That of equal modules; those of a robot are not quite equal.
-    frames = play_back(chain, record, IDEAL).frames
-    poses = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
-    centres = poses.positions.mean(axis=1)
-    assert np.linalg.norm(centres - centres[0], axis=1).max() < 0.05
-
-
 def test_weak_motors_miss_the_target(small: tuple[Chain, Record]) -> None:
     chain, record = small
     weak = replace(DEFAULT, robot=RobotParameters(torque_limit=0.3))
@@ -92,15 +78,6 @@ def test_weak_motors_miss_the_target(small: tuple[Chain, Record]) -> None:
     assert playback.peak_torque <= 0.31 * ideal.peak_torque
     certificate = certify(chain, record, playback, Parameters())
     assert not certificate.verified
-
-
-def test_unstable_controller_diverges(small: tuple[Chain, Record]) -> None:
-    chain, record = small
-    playback = play_back(chain, record, replace(IDEAL, bandwidth=1e6))
-    assert playback.status == "diverged"
-    assert np.isfinite(playback.frames.joint_angles_rad).all()
-    assert np.isfinite(playback.rms_position_error)
-    assert not certify(chain, record, playback, Parameters()).verified
 
 
 def test_torques_that_are_not_finite_end_the_playback(
@@ -128,14 +105,8 @@ def test_torques_that_are_not_finite_end_the_playback(
 
 
 def test_cancelled_or_too_long_playback_keeps_its_frames(small: tuple[Chain, Record]) -> None:
-    asked = 0
-
-    def cancelled() -> bool:
-        nonlocal asked
-        asked += 1
-        return asked == 4
-
-    playback = play_back(*small, DEFAULT, cancelled=cancelled)
+    answers = iter((False, False, False, True))
+    playback = play_back(*small, DEFAULT, cancelled=lambda: next(answers, False))
     assert playback.status == "cancelled"
     assert 0 < playback.steps <= 100  # several robots are asked in turn
     assert len(playback.frames) > 1
@@ -144,42 +115,13 @@ def test_cancelled_or_too_long_playback_keeps_its_frames(small: tuple[Chain, Rec
     assert "after 100 steps" in playback.reason
 
 
-@pytest.mark.slow
-@pytest.mark.long
-def test_direct_servoing_of_a_real_shape_fails(folded: Callable[..., Any]) -> None:
-    # All hinges at once lead the chain through itself.
-    fold = folded("mallet-64", "direct")
-    assert fold.plan.certificate.verdict.startswith("failed: in the plan, modules")
-    assert fold.plan.certificate.min_clearance < -0.5
-    limited = replace(preset("direct").playback, torque_limit=1000.0)
-    playback = play_back(fold.chain, None, limited)
-    assert playback.status == "missed"
-    assert "pitches (RMS) from its target" in playback.reason
-    assert playback.rms_position_error > 0.3
-
-
-def test_direct_servoing_folds_small_shapes() -> None:
-    for cells in (
-        [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0), (0, 1, 0)],
-        [(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1)],
-    ):
-        chain = Chain.from_path(Path.from_cells(cells))
-        parameters = preset("direct")
-        playback = play_back(chain, None, parameters.playback)
-        assert playback.status == "folded", cells
-        assert certify(chain, None, playback, parameters).verified, cells
-
-
-@pytest.mark.parametrize("torque_limit", [None, 2000.0])
-def test_published_rule_folds(small: tuple[Chain, Record], torque_limit: float | None) -> None:
+def test_published_rule_folds_within_its_torque(small: tuple[Chain, Record]) -> None:
     parameters = preset("paper")
-    parameters = replace(
-        parameters, playback=replace(parameters.playback, torque_limit=torque_limit)
-    )
-    playback = play_back(*small, parameters.playback)
-    assert certify(*small, playback, parameters).verified
+    limited = replace(parameters.playback, torque_limit=2000.0)
+    playback = play_back(*small, limited)
+    assert certify(*small, playback, replace(parameters, playback=limited)).verified
     assert playback.rms_position_error < 1e-3
-    assert torque_limit is None or playback.peak_torque <= torque_limit * (1.0 + 1e-9)
+    assert playback.peak_torque <= 2000.0 * (1.0 + 1e-9)
 
 
 def test_playback_without_record_or_controller_is_refused(small: tuple[Chain, Record]) -> None:
@@ -208,26 +150,13 @@ def test_long_chain_is_played_back_by_kinematics(
     small: tuple[Chain, Record], tmp_path: FilePath
 ) -> None:
     chain, record = small
-    seen: list[Motion] = []
-    playback = play_back(
-        chain, record, replace(DEFAULT, dynamic_up_to=len(chain) - 1), sink=seen.append, start_s=3.0
-    )
-    assert playback.kind == "kinematic"
-    frames = playback.frames
-    torques = inverse_dynamics(chain, frames)
-    assert len(torques.frames) == len(frames) - 2
-    assert (playback.peak_torque, playback.rms_torque) == (torques.peak, torques.rms)
-    assert frames.time_s[0] == 3.0
-    assert (np.diff(frames.time_s) > 0.0).all()
-    assert (frames.joint_angles_rad[0] == 0.0).all()
-    assert frames.joint_angles_rad[-1] == pytest.approx(chain.folded_rad, abs=1e-12)
+    playback = play_back(chain, record, replace(DEFAULT, dynamic_up_to=len(chain) - 1))
+    torques = inverse_dynamics(chain, playback.frames)
+    assert len(torques.frames) == len(playback.frames) - 2
     # Nothing was simulated, so there is no error to show, and nothing pushes the chain away.
-    assert np.isnan(frames.joint_error_rad).all()
-    centres = chain.poses(
-        frames.joint_angles_rad, frames.root_position, frames.root_wxyz
-    ).positions.mean(axis=1)
+    assert np.isnan(playback.frames.joint_error_rad).all()
+    centres = playback.frames.poses(chain).positions.mean(axis=1)
     assert np.abs(centres - centres[0]).max() < 1e-9
-    assert np.array_equal(Motion.joined(seen).joint_angles_rad, frames.joint_angles_rad)
     certificate = certify(chain, record, playback, Parameters())
     assert certificate.verdict == "verified (kinematics only)"
     assert certificate.peak_torque_nm is not None and certificate.peak_torque_nm > 0.0

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path as FilePath
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.certificate.certificate import Certificate, certify
 from planner.chain.chain import Chain
@@ -20,12 +17,10 @@ from planner.parameters.parameters import Parameters
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
 from planner.simulation.contacts import robot_contacts
-from planner.simulation.model import Material, tree_spec
 from planner.simulation.robot import Robot
-from planner.verification.verify import verify
 from tests.planner.chains import coil, line
+from tests.planner.mujoco_tree import tree_with
 
-Array = NDArray[np.float64]
 FAULTLESS = RobotParameters(mass_error=0.0, friction=0.0, encoder_rad=0.0, noise_rad=0.0, runs=1)
 
 
@@ -59,11 +54,7 @@ def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None
     robot.end_step()
     h, stiffness = 0.08, robot.errors.limit / FAULTLESS.give_rad
     damping = stiffness * FAULTLESS.damping_s
-    model: Any = tree_spec(chain, Material(geom_size=0.3)).compile()
-    for i, mass in enumerate(robot.errors.masses):
-        body = model.body(f"module_{i}").id
-        model.body_mass[body] *= mass
-        model.body_inertia[body] *= mass
+    model = tree_with(chain, 0.3, robot.errors.masses)
     data: Any = mujoco.MjData(model)
     dofs = [model.joint(name).dofadr[0] for name in chain.joint_names]
     for name, angle in zip(chain.joint_names, angles, strict=True):
@@ -98,25 +89,21 @@ def test_each_fault_is_seen_in_the_joint_error(small: tuple[Chain, Record, Playb
         assert 2.0 * exact.max_angle_error_rad < faulty.max_angle_error_rad < 0.05, fault
 
 
-def test_seed_decides_the_robots(small: tuple[Chain, Record, Playback]) -> None:
+def test_seed_decides_the_robots_and_the_largest_error_is_shown(
+    small: tuple[Chain, Record, Playback],
+) -> None:
     chain, record, first = small
     again, other = (play_back(chain, record, PlaybackParameters(), seed=seed) for seed in (0, 1))
-    assert first.others_rad is not None and again.others_rad is not None
     np.testing.assert_array_equal(again.others_rad, first.others_rad)
     np.testing.assert_array_equal(again.frames.joint_angles_rad, first.frames.joint_angles_rad)
     assert not np.array_equal(other.frames.joint_angles_rad, first.frames.joint_angles_rad)
-    np.testing.assert_array_equal(other.reference_rad, first.reference_rad)
-
-
-def test_robot_with_the_largest_error_is_shown(small: tuple[Chain, Record, Playback]) -> None:
-    _, _, playback = small
-    reference = playback.reference_rad
-    assert playback.robots == RobotParameters().runs == 3
-    assert playback.others_rad is not None and reference is not None
-    assert playback.others_rad.shape == (2, *reference.shape)
-    shown = np.abs(playback.frames.joint_angles_rad - reference).max()
-    assert all(np.abs(other - reference).max() < shown + 1e-12 for other in playback.others_rad)
-    assert playback.max_angle_error_rad >= shown - 1e-6  # angles are stored in steps of that
+    reference = first.reference_rad
+    np.testing.assert_array_equal(other.reference_rad, reference)
+    assert first.robots == RobotParameters().runs == 3
+    assert first.others_rad.shape == (2, *reference.shape)
+    shown = np.abs(first.frames.joint_angles_rad - reference).max()
+    assert all(np.abs(other - reference).max() < shown + 1e-12 for other in first.others_rad)
+    assert first.max_angle_error_rad >= shown - 1e-6  # angles are stored in steps of that
 
 
 def test_motors_keep_their_torque_limit(small: tuple[Chain, Record, Playback]) -> None:
@@ -127,45 +114,25 @@ def test_motors_keep_their_torque_limit(small: tuple[Chain, Record, Playback]) -
     assert weak.peak_torque <= 0.91 * need
 
 
-def test_certificate_has_the_clearance_of_each_robot(
+def test_each_robot_is_certified_and_refused_if_it_collides(
     small: tuple[Chain, Record, Playback],
 ) -> None:
     chain, record, playback = small
     certificate = certify(chain, record, playback, Parameters())
-    assert certificate.verified and certificate.robots is not None
-    assert len(certificate.robots) == 3
+    assert certificate.verified and len(certificate.robots) == 3
     assert certificate.robots[0]["min_clearance"] == certificate.min_clearance_playback
     bounds = [robot["clearance_bound"] for robot in certificate.robots]
     assert certificate.clearance_bound <= min(bounds)
     assert Certificate.from_dict(certificate.as_dict()) == certificate
-
-
-def test_plan_is_refused_if_one_robot_collides(
-    small: tuple[Chain, Record, Playback],
-) -> None:
-    chain, record, playback = small
-    told = playback.others_rad.copy()
-    told[1, len(told[1]) // 2, ::2] = 0.5 * np.pi  # around and around in a square
-    found = certify(chain, record, replace(playback, others_rad=told), Parameters())
-    assert found.verdict.startswith("failed: in the simulated playback of robot 3, modules")
-    told = playback.others_rad.copy()
-    told[0, -1] *= 0.9
-    found = certify(chain, record, replace(playback, others_rad=told), Parameters())
-    assert found.verdict.startswith("failed: the playback of another robot ends")
-    for bad in (playback.others_rad[:, 1:], np.full_like(playback.others_rad, np.nan)):
-        found = certify(chain, record, replace(playback, others_rad=bad), Parameters())
-        assert found.verdict == (
-            "failed: the playbacks of other robots do not have the plan's frames"
-        )
-
-
-def test_plan_without_the_other_robots_is_verified_with_a_note(
-    folded: Callable[..., Any], tmp_path: FilePath
-) -> None:
-    place = tmp_path / "fold"
-    shutil.copytree(folded("wrench-24").directory, place)
-    assert verify(place).problems == ()
-    (place / "playback.npz").unlink()
-    found = verify(place)
-    assert any("playbacks of other robots were not checked" in note for note in found.notes)
-    assert not any("certificate" in problem for problem in found.problems)
+    collides, ends = playback.others_rad.copy(), playback.others_rad.copy()
+    collides[1, len(collides[1]) // 2, ::2] = 0.5 * np.pi  # around and around in a square
+    ends[0, -1] *= 0.9
+    lost = "the playbacks of other robots do not have the plan's frames"
+    for others, said in (
+        (collides, "in the simulated playback of robot 3, modules"),
+        (ends, "the playback of another robot ends"),
+        (playback.others_rad[:, 1:], lost),
+        (np.full_like(ends, np.nan), lost),
+    ):
+        found = certify(chain, record, replace(playback, others_rad=others), Parameters())
+        assert found.verdict.startswith(f"failed: {said}")

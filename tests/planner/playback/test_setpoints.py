@@ -1,87 +1,12 @@
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.playback.controllers import ComputedTorque, Servo
-from planner.playback.reference import Reference
-from planner.playback.setpoints import (
-    REST_STEPS,
-    SETTLE_STEPS,
-    STALL_STEPS,
-    Backwards,
-    DirectSetpoints,
-    Setpoints,
-    SnapshotSetpoints,
-    Target,
-    TimedSetpoints,
-)
-from planner.playback.time_law import smooth_law
-from planner.simulation.model import Material
-from planner.simulation.tree import Servos, Tree
-from tests.planner.chains import line
+from planner.playback.setpoints import STALL_STEPS, Backwards, SnapshotSetpoints
 
 Array = NDArray[np.float64]
-STEP_S = 0.02
-
-
-def obeyed(setpoints: Setpoints, start: Array) -> list[Target]:
-    """All targets for a chain that is always where it should be, and then at rest."""
-    found: list[Target] = []
-    angles, rates = start, np.zeros_like(start)
-    while len(found) < 20_000:
-        target = setpoints.target(angles, rates)
-        if target is None:
-            return found
-        found.append(target)
-        angles, rates = target.angles, target.rates
-    raise AssertionError("the setpoints does not end")
-
-
-def test_timed_setpoints_run_along_their_reference(folded: Callable[..., Any]) -> None:
-    fold = folded("wrench-24")
-    reference = Reference.through(
-        fold.chain,
-        fold.record.frames.joint_angles_rad[::-1],
-        spacing_rad=0.03,
-        distance_weight=0.03,
-    )
-    law = smooth_law(steps=600, step_s=STEP_S)
-    targets = obeyed(TimedSetpoints(reference, law), np.zeros_like(fold.chain.folded_rad))
-    assert len(targets) == 601 + SETTLE_STEPS
-    angles = np.array([t.angles for t in targets])
-    rates = np.array([t.rates for t in targets])
-    accelerations = np.array([t.accelerations for t in targets])
-    np.testing.assert_allclose(angles[0], 0.0, atol=1e-12)
-    np.testing.assert_allclose(angles[-1], fold.chain.folded_rad, atol=1e-12)
-    np.testing.assert_array_equal(rates[-1], 0.0)
-    # Semi-implicit Euler comes to the very next target.
-    next_rates = rates[:-1] + STEP_S * accelerations[:-1]
-    np.testing.assert_allclose(next_rates, rates[1:], atol=1e-9)
-    np.testing.assert_allclose(angles[:-1] + STEP_S * next_rates, angles[1:], atol=1e-12)
-    fractions = [t.fraction for t in targets]
-    assert fractions == sorted(fractions)
-    assert fractions[-1] == 1.0
-
-
-def test_direct_setpoints_go_in_a_line_and_wait() -> None:
-    folded_rad = np.array([np.pi / 2, 0.0, -np.pi / 2])
-    targets = obeyed(DirectSetpoints(folded_rad, 400, STEP_S), np.zeros(3))
-    angles = np.array([t.angles for t in targets])
-    np.testing.assert_array_equal(angles[0], 0.0)
-    np.testing.assert_array_equal(angles[-1], folded_rad)
-    np.testing.assert_allclose(angles[:, 0], -angles[:, 2])
-    assert len(targets) == 400 + REST_STEPS - 1
-
-
-def test_direct_setpoints_wait_for_rest() -> None:
-    setpoints = DirectSetpoints(np.ones(2), 10, STEP_S)
-    for _ in range(5000):
-        assert setpoints.target(np.zeros(2), np.ones(2)) is not None
 
 
 def paper_guide(snapshots: Array, least_steps: int = 1) -> SnapshotSetpoints:
@@ -108,12 +33,6 @@ def test_snapshot_is_left_when_the_chain_is_near_after_the_least_steps() -> None
     assert goals(setpoints, 0.6, 1) == [1.2]
 
 
-def test_snapshots_end_at_rest_at_the_last_one() -> None:
-    snapshots = np.linspace(0.0, 1.0, 30)[:, None] * np.array([[1.0, -0.5]])
-    targets = obeyed(paper_guide(snapshots), np.zeros(2))
-    np.testing.assert_allclose(targets[-1].angles, snapshots[-1])
-
-
 def test_chain_that_comes_no_nearer_stalls() -> None:
     setpoints = paper_guide(STEPS_AWAY, 2)
     given = sum(
@@ -127,46 +46,3 @@ def test_backwards_has_a_snapshot_for_each_step() -> None:
         np.array([0.0, 0.2, 0.25, 0.25]), np.array([[0.0], [2.0], [3.0], [4.0]]), 0.1
     )
     assert [float(motion[k][0]) for k in range(len(motion))] == pytest.approx([4.0, 1.5, 0.5, 0.0])
-
-
-CHAIN = line(7)
-JOINTS = len(CHAIN.folded_rad)
-KP, KV = 1e4, 1e3
-
-
-def held(angles: Array) -> Target:
-    zero = np.zeros(JOINTS)
-    return Target(angles=angles, rates=zero, accelerations=zero, fraction=1.0)
-
-
-def placed(step_s: float, motors: Servos | None = None) -> Tree:
-    tree = Tree(CHAIN, Material(geom_size=0.3), step_s=step_s, motors=motors)
-    tree.place(np.zeros(JOINTS), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    return tree
-
-
-@pytest.mark.parametrize("bandwidth", [1.0, 5.0])
-def test_computed_torque_damps_errors_critically(bandwidth: float) -> None:
-    # ë + 2w ė + w² e = 0 from rest: e = e₀ (1 + w t) exp(−w t), whatever the chain.
-    tree = placed(2e-4)
-    target = held(np.linspace(-0.2, 0.3, JOINTS))
-    controller = ComputedTorque(bandwidth=bandwidth, encoder_rad=0.0)
-    steps = 2000
-    for _ in range(steps):
-        tree.begin_step()
-        controller.drive(tree, target)
-        tree.end_step()
-    wt = bandwidth * steps * 2e-4
-    left = target.angles * (1.0 + wt) * np.exp(-wt)
-    np.testing.assert_allclose(target.angles - tree.angles, left, atol=2e-3)
-
-
-def test_published_servo_pulls_to_the_target_only() -> None:
-    tree = placed(1e-4, Servos(stiffness=KP, damping=KV))
-    angles = np.linspace(-0.01, 0.02, JOINTS)
-    zero = np.zeros(JOINTS)
-    target = Target(angles=angles, rates=zero + 5.0, accelerations=zero + 9.0, fraction=0.5)
-    tree.begin_step()
-    Servo().drive(tree, target)
-    tree.end_step()
-    np.testing.assert_allclose(tree.motor_torques, KP * angles, atol=1e-9)

@@ -58,16 +58,11 @@ def check(law: TimeLaw, steps: int, step_s: float) -> None:
     assert law.rate.max() < 3.0 / total
 
 
-@pytest.mark.parametrize(("steps", "step_s"), [(400, 0.02), (1000, 0.01), (5000, 0.1)])
-def test_smooth_law(steps: int, step_s: float) -> None:
-    law = smooth_law(steps=steps, step_s=step_s)
-    check(law, steps, step_s)
+def test_smooth_law_and_its_way_back() -> None:
+    law = smooth_law(steps=400, step_s=0.02)
+    check(law, 400, 0.02)
     np.testing.assert_allclose(law.u + law.u[::-1], 1.0, atol=1e-12)
     assert law.acceleration[0] == law.acceleration[-1] == 0.0
-
-
-def test_law_backwards_leads_back() -> None:
-    law = smooth_law(steps=400, step_s=0.02)
     back = law.backwards()
     np.testing.assert_array_equal(back.u, law.u[::-1])
     belongs_together(back)

@@ -75,9 +75,7 @@ def test_torques_agree_with_mujoco_inverse_dynamics(folded: Callable[..., Any]) 
     assert table.rms_torque_nm == pytest.approx(np.sqrt((needs**2).mean(axis=0)), rel=0.03)
 
 
-def test_verdict_names_the_weakest_joint(
-    pendulum: tuple[Chain, Trajectory],
-) -> None:
+def test_verdict_names_the_weakest_joint(pendulum: tuple[Chain, Trajectory]) -> None:
     chain, trajectory = pendulum
     need = float(motor_table(chain, trajectory, HELD).peak_torque_nm[0])
     told = motor_table(chain, trajectory, HELD)

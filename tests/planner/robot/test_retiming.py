@@ -13,6 +13,7 @@ from planner.errors import InputError
 from planner.exports.trajectory import clearance
 from planner.robot.retiming import retime, retimed
 from planner.robot.trajectory import Trajectory
+from tests.case import case
 
 Array = NDArray[np.float64]
 SPEED, ACCELERATION = 1.0, 2.0
@@ -30,24 +31,9 @@ def ramp(length: float, frames: int) -> Array:
     return np.linspace(0.0, length, frames)[:, None]
 
 
-def check_bounds(trajectory: Trajectory, samples: int) -> None:
-    """By finite differences of the angles alone."""
-    t = np.linspace(0.0, trajectory.duration_s, samples)
-    angles = trajectory.at(t)[0]
-    step = t[1] - t[0]
-    speeds = np.diff(angles, axis=0) / step
-    assert np.abs(speeds).max() <= 1.01 * trajectory.max_speed_rad_s
-    assert np.abs(np.diff(speeds, axis=0) / step).max() <= (
-        1.01 * trajectory.max_acceleration_rad_s2
-    )
-    # From rest to rest: the first and last steps are no longer than the acceleration makes them.
-    assert np.abs(speeds[[0, -1]]).max() <= 1.01 * trajectory.max_acceleration_rad_s2 * step
-
-
 def test_retimed_fold_keeps_its_bounds_from_rest_to_rest(folded: Callable[..., Any]) -> None:
     plan = folded("wrench-24").plan
     trajectory = retime(plan, SPEED, ACCELERATION)
-    check_bounds(trajectory, 8_001)
     assert trajectory.time_s.shape == plan.time_s.shape
     assert trajectory.time_s[0] == 0.0
     assert trajectory.time_s[-1] == trajectory.duration_s
@@ -89,25 +75,17 @@ def test_retimed_fold_stays_near_the_plan_and_as_clear(folded: Callable[..., Any
     assert 0.0 < found.bound <= found.clearance
 
 
-@pytest.mark.parametrize(
-    ("length", "seconds"),
-    [
-        (1.5, 1.5 / SPEED + SPEED / ACCELERATION),  # a trapezoid of speed
-        (0.2, 2.0 * np.sqrt(0.2 / ACCELERATION)),  # a triangle
-    ],
-)
 @pytest.mark.parametrize("frames", [2, 3, 50])
-def test_single_joint_takes_the_shortest_time(length: float, seconds: float, frames: int) -> None:
-    trajectory = along(ramp(length, frames))
-    assert trajectory.duration_s == pytest.approx(seconds, rel=0.01)
-    assert trajectory.duration_s >= seconds - 1e-9
-    check_bounds(trajectory, 5001)
-
-
-def test_slow_joint_keeps_its_speed_limit() -> None:
-    trajectory = along(ramp(1.5, 20), 0.5, 2.0)
-    assert trajectory.duration_s == pytest.approx(1.5 / 0.5 + 0.5 / 2.0, rel=0.01)
-    check_bounds(trajectory, 5001)
+def test_single_joint_takes_the_shortest_time(frames: int) -> None:
+    for length, speed, acceleration, seconds in (
+        (1.5, 1.0, 2.0, 1.5 + 0.5),  # a trapezoid of speed
+        (1.5, 0.5, 2.0, 3.0 + 0.25),
+        (0.2, 1.0, 2.0, 2.0 * np.sqrt(0.2 / 2.0)),  # a triangle
+        *((1.0, 1e6, most, 2.0 / np.sqrt(most)) for most in (1e-6, 1e6)),
+    ):
+        trajectory = along(ramp(length, frames), speed, acceleration)
+        assert trajectory.duration_s == pytest.approx(seconds, rel=0.01)
+        assert trajectory.duration_s >= seconds * (1.0 - 1e-9)
 
 
 def test_frames_in_which_nothing_moves_take_no_time() -> None:
@@ -118,14 +96,6 @@ def test_frames_in_which_nothing_moves_take_no_time() -> None:
     assert trajectory.time_s.shape == (26,)
     assert trajectory.joint_angles_rad[-1] == frames[-1]
     assert trajectory.frame_at(np.array([0.0, trajectory.duration_s])).tolist() == [0.0, 25.0]
-
-
-def test_frame_at_is_right_after_a_rest() -> None:
-    trajectory = along(np.array([[0.0], [0.5], [0.5], [0.5], [1.0]]))
-    angle, frame = 0.75, 3.5  # in the middle of the last step
-    times = np.linspace(0.0, trajectory.duration_s, 20_001)
-    then = times[np.abs(trajectory.at(times)[0][:, 0] - angle).argmin()]
-    assert trajectory.frame_at(np.array([then])) == pytest.approx(frame, abs=1e-3)
 
 
 @given(
@@ -148,24 +118,13 @@ def test_bounds_hold_on_any_path(seed: int, frames: int, joints: int, roughness:
     assert np.abs(accelerations).max() <= ACCELERATION * (1.0 + 1e-4)
 
 
-@pytest.mark.parametrize("acceleration", [1e-6, 1e-3, 1.0, 1e6])
-def test_duration_of_a_speed_never_reached_is_that_of_the_acceleration(
-    acceleration: float,
-) -> None:
-    trajectory = along(ramp(1.0, 5), 1e6, acceleration)
-    assert trajectory.duration_s == pytest.approx(2.0 / np.sqrt(acceleration), rel=1e-6)
-
-
-@pytest.mark.parametrize("bound", [0.0, -1.0, np.nan, np.inf])
-def test_bounds_out_of_range_are_refused(bound: float) -> None:
-    for bounds in ((bound, 1.0), (1.0, bound)):
-        with pytest.raises(InputError) as refused:
-            along(ramp(1.0, 5), *bounds)
-        assert refused.value.code == "bad-bound"
-
-
-@pytest.mark.parametrize("frames", [0, 1, 4])
-def test_plan_without_motion_is_refused(frames: int) -> None:
-    with pytest.raises(InputError) as refused:
-        along(np.zeros((frames, 2)))
-    assert refused.value.code == "no-motion"
+def test_bounds_out_of_range_and_plans_without_motion_are_refused() -> None:
+    for bound in (0.0, -1.0, np.nan, np.inf):
+        for bounds in ((bound, 1.0), (1.0, bound)):
+            with case(bounds), pytest.raises(InputError) as refused:
+                along(ramp(1.0, 5), *bounds)
+            assert refused.value.code == "bad-bound"
+    for frames in (0, 1, 4):
+        with case(frames), pytest.raises(InputError) as refused:
+            along(np.zeros((frames, 2)))
+        assert refused.value.code == "no-motion"

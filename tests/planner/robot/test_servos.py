@@ -22,7 +22,7 @@ def test_servo_names_are_unique_and_sorted_by_mass() -> None:
     assert masses == sorted(masses)
 
 
-def test_servo_figures_are_plausible() -> None:
+def test_servo_figures_are_plausible_and_name_their_sources() -> None:
     for servo in servos():
         with case(servo.name):
             a, b, c = servo.size_m
@@ -36,13 +36,7 @@ def test_servo_figures_are_plausible() -> None:
             assert 3.0 < servo.volts <= 24.0
             assert servo.range_deg is None or 90.0 <= servo.range_deg <= 360.0
             assert servo.axes in (1, 2)
-
-
-def test_servo_figures_name_their_sources() -> None:
-    for servo in servos():
-        with case(servo.name):
-            assert len(servo.title) > 10
-            assert len(servo.checked) > 20
+            assert len(servo.title) > 10 and len(servo.checked) > 20
             address = urlsplit(servo.url)
             assert address.scheme == "https" and "." in address.netloc and len(address.path) > 1
 

@@ -1,9 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -11,34 +7,23 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.kernels.smoothing import mark_blamed_hinges, write_displacements
+from planner.kernels.smoothing import mark_blamed_hinges
 from planner.playback.reference import record_lengths
 from planner.robot.quality import Quality
 from planner.robot.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth
-from planner.robot.smoothing_targets import along, mean, parts, softened, straight, worthwhile
 from tests.planner.chains import coil, line, random_angles
+from tests.planner.conftest import Fold
 
 pytestmark = pytest.mark.slow
 
 Array = NDArray[np.float64]
-REAL = ("wrench-24", *(pytest.param(s, marks=pytest.mark.long) for s in ("mallet-64", "wrench-94")))
 
 
-def recorded(folded: Callable[..., Any], shape: str) -> tuple[Chain, Array]:
+def recorded(folded: Fold) -> tuple[Chain, Array]:
     """A chain and its record from straight to folded."""
-    fold = folded(shape)
+    fold = folded("wrench-24")
+    assert fold.record is not None
     return fold.chain, np.ascontiguousarray(fold.record.frames.joint_angles_rad[::-1])
-
-
-@pytest.fixture(scope="module")
-def smoothed(folded: Callable[..., Any]) -> Callable[[str], Array]:
-    """The smoothed record of a shape, made once."""
-
-    @cache
-    def made(shape: str) -> Array:
-        return smooth(*recorded(folded, shape), size=0.95).angles
-
-    return made
 
 
 def length(chain: Chain, angles: Array) -> float:
@@ -50,12 +35,11 @@ def travel(angles: Array) -> float:
     return float(np.abs(np.diff(angles, axis=0)).sum())
 
 
-@pytest.mark.parametrize("shape", REAL)
-def test_smoothed_motion_is_shorter_and_as_clear(
-    shape: str, folded: Callable[..., Any], smoothed: Callable[[str], Array]
-) -> None:
-    chain, before = recorded(folded, shape)
-    after = smoothed(shape)
+def test_smoothed_motion_is_shorter_and_as_clear_in_even_steps(folded: Fold) -> None:
+    chain, before = recorded(folded)
+    after = smooth(chain, before, size=0.95).angles
+    steps = np.diff(record_lengths(chain, after, DISTANCE_WEIGHT))
+    assert steps.max() <= 1.2 * FRAME_SPACING_RANGE_RAD[1]
     np.testing.assert_array_equal(after[[0, -1]], before[[0, -1]])
     for size in (0.95, 0.98):
         was, now = (sweep(chain, motion, size=size) for motion in (before, after))
@@ -68,30 +52,6 @@ def test_smoothed_motion_is_shorter_and_as_clear(
     assert travel(after) < 0.9 * travel(before)
     assert len(after) < len(before)
     assert np.abs(after).max() <= max(np.abs(before).max(), chain.module.angle_limit_rad)
-
-
-def test_smoothed_steps_are_even(
-    folded: Callable[..., Any], smoothed: Callable[[str], Array]
-) -> None:
-    chain = folded("wrench-24").chain
-    steps = np.diff(record_lengths(chain, smoothed("wrench-24"), DISTANCE_WEIGHT))
-    assert steps.max() <= 1.2 * FRAME_SPACING_RANGE_RAD[1]
-
-
-def test_more_iterations_never_do_worse(folded: Callable[..., Any]) -> None:
-    chain, angles = recorded(folded, "wrench-24")
-    lengths = [
-        length(chain, smooth(chain, angles, size=0.95, looks=n).angles) for n in (1, 3000, 12000)
-    ]
-    assert lengths[0] >= lengths[1] >= lengths[2]
-    assert lengths[2] < 0.8 * lengths[0]
-
-
-def test_cancelled_smoothing_returns_its_motion(folded: Callable[..., Any]) -> None:
-    chain, angles = recorded(folded, "wrench-24")
-    found = smooth(chain, angles, size=0.95, cancelled=lambda: True)
-    np.testing.assert_array_equal(found.angles[[0, -1]], angles[[0, -1]])
-    assert sweep(chain, found.angles, size=0.95).clearance > 0.0
 
 
 def test_detour_is_removed() -> None:
@@ -108,25 +68,13 @@ def test_detour_is_removed() -> None:
     assert travel(found.angles) < 1.1 * shortest
 
 
-def test_overlapping_motion_gets_no_worse() -> None:
-    chain = coil(16)
-    angles = np.linspace(0.0, 1.0, 40)[:, None] * chain.folded_rad
-    before = sweep(chain, angles, size=0.98)
-    assert before.clearance < 0.0
-    found = smooth(chain, angles, size=0.95)
-    assert sweep(chain, found.angles, size=0.98).clearance >= before.clearance - 1e-6
-
-
-@pytest.mark.parametrize("frames", [1, 2, 3])
-def test_motions_of_few_frames_are_kept(frames: int) -> None:
+def test_motions_of_few_frames_are_kept() -> None:
     chain = line(8)
-    found = smooth(chain, np.zeros((frames, len(chain.folded_rad))), size=0.95)
-    assert (found.angles == 0.0).all()
-
-
-def test_motions_of_other_chains_are_refused() -> None:
-    with pytest.raises(InputError, match="expected frames of 28 hinge angles"):
-        smooth(coil(16), np.zeros((4, 27)), size=0.95)
+    for frames in (1, 2, 3):
+        found = smooth(chain, np.zeros((frames, len(chain.folded_rad))), size=0.95)
+        assert (found.angles == 0.0).all()
+    with pytest.raises(InputError, match="hinge angles"):
+        smooth(chain, np.zeros((4, 27)), size=0.95)
 
 
 def test_blame_falls_on_the_hinges_between() -> None:
@@ -135,15 +83,7 @@ def test_blame_falls_on_the_hinges_between() -> None:
     angles = np.zeros((2, len(chain.folded_rad)))
     angles[1, 8] = angles[1, 10] = angles[1, 12] = np.pi / 2  # a turn into itself
     blamed = np.zeros(angles.shape, dtype=np.bool_)
-    count = mark_blamed_hinges(
-        angles,
-        module.joint,
-        module.hull,
-        module.apart,
-        0.95,
-        0.01,
-        blamed,
-    )
+    count = mark_blamed_hinges(angles, module.joint, module.hull, module.apart, 0.95, 0.01, blamed)
     assert count == 1
     assert not blamed[0].any()
     # Hinges 8, 10 and 12 are of modules 5, 6 and 7: module 8 lies in module 4.
@@ -153,88 +93,21 @@ def test_blame_falls_on_the_hinges_between() -> None:
     assert sweep(chain, free[None], size=0.95).clearance > 0.0
 
 
-def test_displacements_agree_with_kinematics() -> None:
-    chain = coil(12)
-    module = chain.module
-    rng = np.random.default_rng(1)
-    angles = np.array([random_angles(chain, rng) for _ in range(4)])
-    largest, mean_ = np.zeros(3), np.zeros(3)
-    write_displacements(
-        angles,
-        module.joint,
-        largest,
-        mean_,
-    )
-    centres = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])).positions
-    centres -= centres.mean(axis=1, keepdims=True)
-    moved = np.linalg.norm(np.diff(centres, axis=0), axis=2)
-    np.testing.assert_allclose(largest, moved.max(axis=1))
-    np.testing.assert_allclose(mean_, moved.mean(axis=1))
-
-
-def test_targets_keep_the_ends_and_even_motions() -> None:
-    rng = np.random.default_rng(2)
-    even = np.linspace(0.0, 1.0, 50)[:, None] * rng.normal(size=7)
-    rough = even + 0.1 * rng.normal(size=even.shape)
-    begins = parts(50, 4, rng)
-    assert begins[0] == 0
-    assert begins[-1] == 49
-    for target in (lambda a: straight(a, begins), lambda a: mean(a, 4)):
-        np.testing.assert_allclose(target(even), even, atol=1e-12)
-        np.testing.assert_array_equal(target(rough)[[0, -1]], rough[[0, -1]])
-        assert np.abs(np.diff(target(rough), axis=0)).sum() < np.abs(np.diff(rough, axis=0)).sum()
-
-
-def test_target_is_followed_where_it_costs_less() -> None:
-    costs, new = np.ones(10), np.r_[np.full(5, 0.5), np.full(5, 2.0)]
-    worth = worthwhile(costs, new, np.array([0, 5, 10]))
-    np.testing.assert_array_equal(np.flatnonzero(worth), [1, 2, 3, 4])
-
-
-def test_softened_shares_are_smaller() -> None:
-    shares = np.ones((80, 2))
-    shares[40, 1] = 0.0
-    soft = softened(shares)
-    assert (soft <= shares).all()
-    assert (soft[[0, -1]] == 0.0).all()
-    assert soft[40, 1] == 0.0
-    assert soft[40, 0] == pytest.approx(1.0)
-    assert np.abs(np.diff(soft, axis=0)).max() < 0.2
-
-
-def test_interpolation_along_a_motion() -> None:
-    angles = np.array([[0.0], [1.0], [1.0], [3.0]])
-    lengths = np.array([0.0, 1.0, 1.0, 3.0])
-    np.testing.assert_allclose(
-        along(angles, lengths, np.array([0.0, 0.5, 1.0, 2.0, 3.0])).ravel(), [0, 0.5, 1, 2, 3]
-    )
-
-
-@pytest.fixture(scope="module")
-def plan(folded: Callable[..., Any]) -> Any:
-    return folded("wrench-24").plan
-
-
-def test_figures_are_those_of_the_certificate(plan: Any) -> None:
+def test_figures_are_those_of_the_certificate_and_scale_with_time(folded: Fold) -> None:
+    plan = folded("wrench-24").plan
     told = plan.certificate
     quality = Quality.of(plan, told.fold_time_s)
     assert quality.frames == len(plan.time_s)
     assert quality.peak_speed_rad_s == pytest.approx(told.joint_speed_limit_rad_s)
     assert quality.peak_torque_nm == pytest.approx(told.peak_torque_nm)
     assert quality.clearance == told.min_clearance
-
-
-def test_figures_scale_with_time(plan: Any) -> None:
-    fast, slow = (Quality.of(plan, seconds) for seconds in (3.0, 6.0))
-    assert fast.peak_speed_rad_s == pytest.approx(2.0 * slow.peak_speed_rad_s)
-    assert fast.tail_speed == pytest.approx(2.0 * slow.tail_speed)
-    assert fast.peak_torque_nm == pytest.approx(4.0 * slow.peak_torque_nm)
-    assert (fast.length_rad, fast.tail_way) == (slow.length_rad, slow.tail_way)
-
-
-def test_way_of_the_ends_is_that_of_kinematics(plan: Any) -> None:
-    angles = plan.joint_angles_rad
-    centres = plan.chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])).positions
+    slow = Quality.of(plan, 2.0 * told.fold_time_s)
+    assert quality.peak_speed_rad_s == pytest.approx(2.0 * slow.peak_speed_rad_s)
+    assert quality.tail_speed == pytest.approx(2.0 * slow.tail_speed)
+    assert quality.peak_torque_nm == pytest.approx(4.0 * slow.peak_torque_nm)
+    assert quality.length_rad == slow.length_rad
+    upright = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    centres = plan.chain.poses(plan.joint_angles_rad, *upright).positions
     ends = centres[:, [0, -1]] - centres.mean(axis=1)[:, None]
-    ways = [np.linalg.norm(np.diff(ends[:, k], axis=0), axis=1).sum() for k in (0, 1)]
-    assert Quality.of(plan, 1.0).tail_way == pytest.approx(max(ways))
+    ways = np.linalg.norm(np.diff(ends, axis=0), axis=2).sum(axis=0)
+    assert quality.tail_way == slow.tail_way == pytest.approx(ways.max())

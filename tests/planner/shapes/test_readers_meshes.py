@@ -5,6 +5,7 @@ import json
 import struct
 import subprocess
 import sys
+import tracemalloc
 from collections.abc import Callable
 from typing import Any
 
@@ -14,7 +15,9 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.readers import read
+from planner.errors import InputError
+from planner.readers import off, read, stl
+from planner.shapes.mesh_repair import is_surface
 from planner.shapes.solid import Solid, signed_volume
 from tests.case import case
 from tests.planner.reading import refusal_of, solid_in
@@ -236,9 +239,8 @@ def test_binary_stl_with_another_count_or_head() -> None:
         assert len(solid_in(head.ljust(80) + data[80:], name)) == 576, head
 
 
-@pytest.mark.parametrize("size", [100, 3_000, 30_000_000])
-def test_other_files_named_stl_are_called_by_their_kind(size: int) -> None:
-    noise = np.random.default_rng(size).bytes(size)
+def test_other_files_named_stl_are_called_by_their_kind() -> None:
+    noise = np.random.default_rng(0).bytes(5_000_000)
     for data, words in ((noise, "a binary file"), (b"GIF89a" + noise, "a GIF picture")):
         refusal = refusal_of(data, filename="thing.stl")
         assert refusal.code == "wrong-kind"
@@ -396,14 +398,12 @@ def mesh_that_nodes_repeat(document: dict) -> None:
 
 
 INVALID: list[tuple[Callable[[dict[str, Any]], object], str]] = [
-    (lambda d: d["accessors"][0].update(count=10**12), "too-many-triangles"),
     (lambda d: d["accessors"][1].update(count=10**12), "truncated"),
     (lambda d: d["accessors"][0].update(count=-3), "damaged"),
     (lambda d: d["accessors"][0].update(sparse={}), "unsupported"),
     (lambda d: d["accessors"][0].update(byteOffset=-4), "damaged"),
     (lambda d: d["accessors"][0].update(bufferView=77), "damaged"),
     (lambda d: d["bufferViews"][0].update(byteLength=8), "truncated"),
-    (lambda d: d["bufferViews"][1].update(byteOffset=10**9), "truncated"),
     (lambda d: d.update(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]), "damaged"),
     (lambda d: d.update(nodes=[{}] * 200_000), "too-large"),
     (lambda d: d.update(nodes=[{"mesh": 0, "scale": [1e300] * 3}]), "too-far"),
@@ -463,18 +463,13 @@ def test_3mf_whose_parts_multiply_is_refused() -> None:
         (lambda: zipped(a_model=b"<model>" + b"<x/>" * (10 << 20)), "bomb"),
         (zipped(a_model=b"<!DOCTYPE x [<!ENTITY a 'aaaa'>]><model>&a;</model>"), "damaged"),
         (zipped(a_model=b"<model>"), "damaged"),
-        (zipped(a_model=b""), "damaged"),
-        (model(""), "damaged"),
         (model(MESH, '<item objectid="7"/>'), "damaged"),
         (model('<object id="1"><components><component objectid="1"/></components></object>'),)
         + ("damaged",),
-        (model(MESH.replace('v3="1"', 'v3="9"')), "bad-index"),
         (model(MESH.replace('v3="1"', 'v3="-1"')), "bad-index"),
         (model(MESH.replace('x="1"', 'x="nan"')), "not-finite"),
-        (model(MESH.replace('x="1"', 'x="wide"')), "damaged"),
         (model(MESH.replace('x="1"', "")), "damaged"),
         (model(MESH, '<item objectid="1" transform="1 2 3"/>'), "damaged"),
-        (model(MESH)[:-30], "damaged"),
         (b"PK\x03\x04" + bytes(60), "damaged"),
     ],
 )
@@ -493,14 +488,11 @@ def test_archive_with_a_false_size_is_refused() -> None:
 @pytest.mark.parametrize(
     ("data", "code", "where"),
     [
-        (b"OFF\n", "truncated", None),
         (b"OFF\n9999999999 9999999999 0\n", "truncated", None),
-        (b"OFF\n-1 4 0\n", "damaged", "line 2"),
         (b"OFF\n1 1 0\n0 0 0\n9 0 0 0\n", "damaged", "line 4"),
         (b"OFF BINARY\n", "unsupported", None),
         (b"ply\nformat ascii 1.0\n", "truncated", None),
         (b"ply\nformat ascii 1.0\nelement vertex 999999999999\nend_header\n", "damaged", None),
-        (b"ply\nformat xml 1.0\nend_header\n", "damaged", None),
         (b"ply\nproperty float x\nend_header\n", "damaged", None),
         (b"glTF\x02\0\0\0", "truncated", None),
         (b"glTF" + struct.pack("<II", 1, 12), "wrong-version", None),
@@ -511,9 +503,6 @@ def test_archive_with_a_false_size_is_refused() -> None:
         (b"v 0 0\nf 1 2 3\n", "damaged", "line 1"),
         (b"v 0 0 0\nv 1 0 0\n", "no-triangles", None),
         (TETRAHEDRON_OBJ.replace(b"1 0 0", b"nan 0 0"), "not-finite", "vertex 1"),
-        (TETRAHEDRON_OBJ.replace(b"1 0 0", b"1e300 0 0"), "too-far", "vertex 1"),
-        (TETRAHEDRON_OBJ.replace(b"v 0 0 1", b"v 1 1 0"), "flat", None),
-        (b"solid x\nendsolid x\n", "no-triangles", None),
         (
             b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nendloop\nendfacet",
             "damaged",
@@ -532,3 +521,89 @@ def test_reading_does_not_load_libraries_that_only_others_need() -> None:
         "import sys, planner.readers\nassert not {'trimesh', 'networkx', 'lxml'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.fixture
+def triangles(monkeypatch: pytest.MonkeyPatch) -> list[tuple[np.ndarray, np.ndarray]]:
+    """What readers make solids of; they themselves are left out."""
+    seen: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def keep(vertices: np.ndarray, faces: np.ndarray, **more: object) -> None:
+        seen.append((np.asarray(vertices), np.asarray(faces)))
+
+    monkeypatch.setattr(Solid, "from_triangles", keep)
+    return seen
+
+
+def test_off_lines_are_read_alike_at_once_and_one_by_one(
+    triangles: list, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    data = mesh.export(file_type="off").encode()
+    read(data, filename="ball.off")
+    monkeypatch.setattr(off, "_many", lambda *arguments: None)
+    read(data, filename="ball.off")
+    (points, faces), (slow_points, slow_faces) = triangles
+    assert len(faces) == len(mesh.faces)
+    np.testing.assert_array_equal(points, slow_points)
+    np.testing.assert_array_equal(faces, slow_faces)
+
+
+SAME_STL = {
+    "as it is": lambda text: text,
+    "in capitals": bytes.upper,
+    "with exponents": lambda text: text.replace(b"vertex 0.0 ", b"Vertex 0.0E+00 "),
+    "on one line": lambda text: b" ".join(text.split()),
+    "with a word a line": lambda text: b"\n".join(text.split()),
+    "with other line ends": lambda text: text.replace(b"\n", b"\r\n"),
+    "called after its words": lambda text: text.replace(b"solid", b"solid vertex facet", 1),
+    "as two solids": lambda text: text.replace(b"endfacet", b"endfacet\nendsolid x\nsolid", 1),
+    "with normals that are none": lambda text: text.replace(b"normal 0", b"normal -nan(ind)"),
+}
+
+
+@pytest.mark.parametrize("part", [1, 4000, 1 << 20])
+def test_variants_of_stl_text_are_read_alike(
+    part: int, triangles: list, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stl, "PART_BYTES", part)
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    text = mesh.export(file_type="stl_ascii").encode()
+    for way, written in SAME_STL.items():
+        read(written(text), filename="ball.stl")
+        points, faces = triangles.pop()
+        with case(way):
+            np.testing.assert_array_equal(points[faces], mesh.triangles)
+
+
+def test_sewn_and_loose_meshes_are_surfaces() -> None:
+    mesh = trimesh.creation.torus(2.0, 0.8, major_sections=200, minor_sections=100)
+    assert is_surface(mesh.vertices, mesh.faces)
+    loose = np.asarray(mesh.triangles).reshape(-1, 3)
+    assert is_surface(loose, np.arange(len(loose)).reshape(-1, 3))
+    assert is_surface(mesh.vertices, mesh.faces[: len(mesh.faces) * 9 // 10])
+    small = box(1.0, 2.0, 3.0)
+    assert is_surface(small.vertices, small.faces)
+
+
+def test_random_triangles_are_no_surface() -> None:
+    rng, count = np.random.default_rng(0), 100_000
+    for points in (300, count):
+        assert not is_surface(rng.random((points, 3)), rng.integers(0, points, (count, 3)))
+    with pytest.raises(InputError) as refused:
+        Solid.from_triangles(rng.random((3 * count, 3)), np.arange(3 * count).reshape(-1, 3))
+    assert refused.value.code == "not-a-surface"
+
+
+@pytest.mark.slow
+def test_many_degenerate_triangles_are_refused_in_little_memory() -> None:
+    data = b"OFF 3 400000 0\n0 0 0\n1 0 0\n0 1 0\n" + b"3 0 0 0\n" * 400_000
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError) as refused:
+            read(data, filename="same.off")
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert refused.value.code == "degenerate"
+    assert peak < 100e6

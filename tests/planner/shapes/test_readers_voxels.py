@@ -120,15 +120,11 @@ def test_binvox_of_too_many_cells_is_refused_before_it_is_unpacked() -> None:
 @pytest.mark.parametrize(
     ("data", "code"),
     [
-        (b"#binvox 1\ndim 2 2 2\n", "truncated"),
         (b"#binvox 1\ndata\n", "damaged"),
-        (b"#binvox 1\ndim 2 2\ndata\n", "damaged"),
-        (b"#binvox 1\ndim 2 2 -2\ndata\n\x01\x08", "damaged"),
         (b"#binvox 1\ndim 99999999999999 1 1\ndata\n\x01\x08", "damaged"),
         (b"#binvox 1\ndim 2 2 2\ndata\n\x01\x08\x01", "truncated"),
         (b"#binvox 1\ndim 2 2 2\ndata\n\x01\x09", "damaged"),
         (b"#binvox 1\ndim 2 2 2\ndata\n\x07\x08", "damaged"),
-        (b"#binvox 1\ndim 2 2 2\ndata\n\x00\x08", "empty"),
         (as_vox(L_SHAPE)[:-9], "truncated"),
         (as_vox(L_SHAPE)[:14], "damaged"),
         (vox_file(), "empty"),
@@ -146,7 +142,6 @@ def test_binvox_of_too_many_cells_is_refused_before_it_is_unpacked() -> None:
         (b'{"format": "foldback-voxels/1", "cells": []}', "empty"),
         (b'{"format": "foldback-voxels/1"}', "wrong-type"),
         (b'{"format": "foldback-voxels/1", "cells": [[0, 0, 0.5]]}', "not-whole"),
-        (b'{"format": "foldback-voxels/2", "cells": [[0, 0, 0]]}', "wrong-version"),
     ],
 )
 def test_invalid_voxel_files_are_refused(data: bytes, code: str) -> None:

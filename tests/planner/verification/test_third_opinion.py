@@ -10,12 +10,7 @@ import pytest
 
 import foldback_check
 from planner.errors import InputError
-from planner.verification.third_opinion import (
-    Vertices,
-    largest_deviation,
-    mesh_of,
-    toolkit,
-)
+from planner.verification.third_opinion import Vertices, largest_deviation, mesh_of, toolkit
 from planner.verification.verify import verify
 from tests.planner.conftest import Fold
 

@@ -17,6 +17,7 @@ import pytest
 
 from foldback_client import Client, Problem, Progress, Retries
 from foldback_client.upload import FoldOptions, MovieOptions, ShapeOptions
+from tests.case import case
 from tests.server.here import ServiceHere
 from tests.server.relay import Relay, Trouble, relayed
 from tests.server.service import PATIENCE_S, SNAKE, Service
@@ -42,14 +43,11 @@ def through(
         yield client, relay
 
 
-def test_fold_is_requested_followed_downloaded_and_deleted(
-    service: Service, tmp_path: Path
-) -> None:
+def test_fold_is_followed_and_downloaded(service: Service, finished: Any, tmp_path: Path) -> None:
     told: list[Progress] = []
     with client_of(service) as client:
-        fold = client.fold(SNAKE, seed=41).wait(PATIENCE_S, told.append)
-        assert fold.verified and not fold.existing
-        assert told[-1].status == "verified"
+        fold = client.get(finished["id"]).wait(PATIENCE_S, told.append)
+        assert fold.verified and told[-1].status == "verified"
         assert told[-1].frames == fold.state["progress"]["frames"] > 0
         (page,) = fold.frames(stride=7, poses=True)
         assert len(page) == len(range(0, page.total, 7))
@@ -61,14 +59,7 @@ def test_fold_is_requested_followed_downloaded_and_deleted(
         assert last.positions is None and isinstance(last.phase[0], np.integer)
         for name in ("plan.json", "urdf"):
             assert fold.download(name, tmp_path).stat().st_size > 100
-        assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
-        again = client.get(fold.id)
-        assert again.verified and again.state == fold.refresh().state
-        assert fold.id in {each.id for each in client.folds()}
-        fold.delete()
-        with pytest.raises(Problem) as caught:
-            fold.refresh()
-    assert (caught.value.status, caught.value.code) == (404, "no-such-fold")
+    assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
 
 
 def test_frames_of_long_fold_come_in_pages(service: Service, finished: Any) -> None:
@@ -89,25 +80,17 @@ def test_frames_of_long_fold_come_in_pages(service: Service, finished: Any) -> N
 def test_client_takes_each_kind_of_source(desk: Service, tmp_path: Path) -> None:
     path = tmp_path / "path.json"
     path.write_text(json.dumps(SNAKE))
-    solid = np.zeros((4, 4, 2), bool)
-    solid[:, :3] = True
-    with client_of(desk) as client:
-        by_cells = client.fold(SNAKE)
-        by_array = client.fold(np.array(SNAKE))
-        with open(path, "rb") as file:
-            by_file = client.fold(file)
-        by_path = client.fold(path)
-        by_bytes = client.fold(path.read_bytes(), filename="another.json")
-        assert {f.id for f in (by_array, by_file, by_path, by_bytes)} == {by_cells.id}
-        assert by_bytes.existing
-        assert client.fold(path.read_bytes(), seed=5, module_size=0.9).id != by_cells.id
-        assert client.fold(solid, modules=24, method="exact").state["modules"] == 24
+    solid = np.ones((4, 3, 2), bool)
+    with client_of(desk) as client, open(path, "rb") as file:
+        sources = (SNAKE, np.array(SNAKE), file, path, path.read_bytes())
+        assert len({client.fold(source).id for source in sources}) == 1
+        assert client.fold(path.read_bytes(), filename="another.json").existing
         assert client.fold(shape="box-4x4x4").state["shape"] == "box-4x4x4"
+        assert client.fold(solid, modules=24, method="exact").state["modules"] == 24
         preview = client.preview(solid, modules=24, method="exact", start=(0, 0, 0))
         assert len(preview["cells"]) == 24 and preview["start"] == [0, 0, 0]
-        options: Any = {"modules": 24, "method": "exact"}
-        assert client.fold(preview=preview["id"], **options).state["modules"] == 24
-        assert "wrench-160" in {shape["name"] for shape in client.shapes()}
+        again = client.fold(preview=preview["id"], modules=24, method="exact")
+        assert again.state["modules"] == 24
         with pytest.raises(ValueError, match="1 dimensions"):
             client.fold(np.arange(3))
         with pytest.raises(TypeError, match="expected one of them"):
@@ -135,21 +118,16 @@ def test_client_options_are_those_of_the_interface(desk: Service) -> None:
 @pytest.mark.long
 def test_movie_is_requested_and_downloaded(service: Service, finished: Any, tmp_path: Path) -> None:
     drawn: list[tuple[int, int]] = []
+    small: Any = {"width": 64, "height": 64, "fps": 5, "seconds": 1.0, "timeout_s": PATIENCE_S}
     with client_of(service) as client:
-        path = client.get(finished["id"]).movie(
-            tmp_path / "fold.gif",
-            on_progress=lambda done, of: drawn.append((done, of)),
-            width=64,
-            height=64,
-            fps=5,
-            seconds=1.0,
-            timeout_s=PATIENCE_S,
+        fold = client.get(finished["id"])
+        path = fold.movie(
+            tmp_path / "fold.gif", on_progress=lambda done, of: drawn.append((done, of)), **small
         )
         assert path.read_bytes().startswith(b"GIF8")
         assert drawn and drawn[0][1] == 5
-        with pytest.raises(Problem) as caught:
-            client.get(finished["id"]).movie(tmp_path / "large.mp4", width=100_000)
-    assert caught.value.status == 422
+        with pytest.raises(Problem, match="422"):
+            fold.movie(tmp_path / "large.mp4", width=100_000)
     assert not (tmp_path / "large.mp4").exists()
 
 
@@ -181,29 +159,27 @@ def test_request_whose_answer_was_lost_is_repeated(desk: Service) -> None:
             client.get("nosuchfold").delete()
 
 
-@pytest.mark.parametrize(
-    ("status", "times", "retry_after", "requests"),
-    [
+def refused(status: int, times: int) -> Trouble:
+    """Refuse the first requests with a status."""
+    return lambda _method, _path, time: status if time <= times else None
+
+
+def test_busy_service_is_asked_again_a_few_times(desk: Service) -> None:
+    for status, times, retry_after, requests in (
         (429, 3, "0", 4),
-        (503, 3, "0", 4),
         (503, 9, "0", 5),  # as often as it may
         (429, 9, "600", 1),  # too long to wait
         (500, 9, "0", 1),  # no retry changes that
-    ],
-)
-def test_busy_service_is_asked_again_a_few_times(
-    desk: Service, status: int, times: int, retry_after: str, requests: int
-) -> None:
-    retries = Retries(attempts=5, first_s=0.01)
-    trouble: Trouble = lambda method, path, time: status if time <= times else None  # noqa: E731
-    with through(desk, trouble, retries, retry_after) as (client, relay):
-        if requests > times:
-            assert client.shapes()
-        else:
-            with pytest.raises(Problem) as caught:
-                client.shapes()
-            assert (caught.value.status, caught.value.code) == (status, f"http-{status}")
-        assert len(relay.asked) == requests
+    ):
+        retries = Retries(attempts=5, first_s=0.01)
+        trouble = refused(status, times)
+        with case(status), through(desk, trouble, retries, retry_after) as (client, relay):
+            if requests > times:
+                assert client.shapes()
+            else:
+                with pytest.raises(Problem, match=f"http-{status}"):
+                    client.shapes()
+            assert len(relay.asked) == requests
 
 
 def test_service_that_is_away_is_told_after_all_attempts() -> None:
@@ -227,9 +203,9 @@ def test_fold_is_followed_without_its_events(desk: Service, trouble: int | str) 
     with client_of(desk) as owner:
         fold = owner.fold(SNAKE, seed=50 + len(str(trouble)))
         with pytest.raises(TimeoutError, match="still queued after"):
-            fold.wait(0.3)
+            fold.wait(0.05)
 
-        def no_events(method: str, path: str, time: int) -> int | str | None:
+        def no_events(_method: str, path: str, time: int) -> int | str | None:
             if not path.endswith("/events"):
                 return None
             if time == 3:
@@ -271,8 +247,7 @@ def run(*arguments: str, cwd: Path) -> str:
     return done.stdout
 
 
-def test_client_needs_only_httpx(service: Service, finished: Any, tmp_path: Path) -> None:
-    code = """
+WITHOUT_PACKAGES = """
 import sys
 
 class Blocked:
@@ -282,19 +257,13 @@ class Blocked:
             raise ImportError(f"{name} is not to be imported")
 
 sys.meta_path.insert(0, Blocked())
-from foldback_client import Client
-with Client(sys.argv[1]) as client:
-    page = next(client.get(sys.argv[2]).frames())
-print(type(page.joint_angles_rad).__name__, len(page))
 """
-    said = run("-c", code, str(service.http.base_url), finished["id"], cwd=tmp_path)
-    assert re.fullmatch(r"list \d+", said.strip())
 
 
-def test_code_of_the_api_page_runs(service: Service, tmp_path: Path) -> None:
+def test_code_of_the_api_page_runs_and_needs_only_httpx(service: Service, tmp_path: Path) -> None:
     (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "api.md").read_text(), re.S)
     code = code.replace("http://127.0.0.1:8000", str(service.http.base_url).rstrip("/"))
-    said = run("-c", code, cwd=tmp_path)
+    said = run("-c", WITHOUT_PACKAGES + code, cwd=tmp_path)
     assert "verified" in said and "urdf" in said
     assert list(tmp_path.iterdir()) == [tmp_path / "plan.npz"]
 

@@ -16,7 +16,6 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.motion.timeline import Timeline
-from server.jobs.housekeeping import CANCELLED_FOLD_S, Housekeeping
 from server.settings import Settings
 from server.store.folds import Store
 from tests.server.here import ServiceHere
@@ -47,21 +46,21 @@ def test_plan_is_downloaded_in_each_form(service: Service, finished: dict[str, A
     answer = get(service, finished, "plan.json")
     plan = json.loads(answer.content, parse_constant=pytest.fail)  # strict JSON
     assert answer.headers["content-disposition"].startswith("attachment")
-    assert plan["format"] == "foldback-plan/3"
-    assert plan["seed"] == 3
+    assert (plan["format"], plan["seed"]) == ("foldback-plan/3", 3)
     arrays = np.load(io.BytesIO(get(service, finished, "plan.npz").content), allow_pickle=False)
     angles = arrays["joint_angles_rad"]
     assert np.allclose(angles, plan["joint_angles_rad"], atol=1e-6)
-    assert np.abs(angles[0]).max() < 0.05  # from straight …
     folded = Chain.from_path(Path.from_cells(SNAKE)).folded_rad
-    assert np.abs(angles[-1] - folded).max() < 0.01  # … to folded
+    for found, meant in ((angles[0], 0.0 * folded), (angles[-1], folded)):
+        assert np.abs(found - meant).max() < 0.05
     assert b"<mujoco" in get(service, finished, "model.xml").content
 
 
-def test_frames_are_those_of_the_timeline(service: Service, finished: dict[str, Any]) -> None:
-    body = json.loads(
-        get(service, finished, "frames", poses=True).content, parse_constant=pytest.fail
-    )
+def test_frames_are_those_of_the_timeline_by_stride_and_range(
+    service: Service, finished: dict[str, Any]
+) -> None:
+    answer = get(service, finished, "frames", poses=True)
+    body = json.loads(answer.content, parse_constant=pytest.fail)
     total = body["total"]
     assert (body["from"], body["to"], body["next"], body["status"]) == (0, total, None, "complete")
     assert len(body["time_s"]) == total == len(body["joint_angles_rad"])
@@ -72,15 +71,9 @@ def test_frames_are_those_of_the_timeline(service: Service, finished: dict[str, 
     arrays = [np.array(body[key]) for key in ("joint_angles_rad", "root_position", "root_wxyz")]
     poses = Chain.from_path(Path.from_cells(SNAKE)).poses(*arrays)
     assert np.allclose(poses.positions, body["positions"], atol=1e-6)
-
-
-def test_frames_by_stride_and_range(service: Service, finished: dict[str, Any]) -> None:
-    everything = get(service, finished, "frames").json()
     some = get(service, finished, "frames", **{"from": 3, "to": 11, "stride": 4}).json()
-    assert some["time_s"] == everything["time_s"][3:11:4]
-    none = get(service, finished, "frames", **{"from": everything["total"]}).json()
-    assert none["time_s"] == []
-    past = get(service, finished, "frames", **{"from": everything["total"] + 1})
+    assert some["time_s"] == body["time_s"][3:11:4]
+    past = get(service, finished, "frames", **{"from": total + 1})
     assert (past.status_code, past.json()["code"]) == (422, "no-such-frames")
 
 
@@ -95,22 +88,10 @@ def test_files_of_queued_and_unknown_folds_are_refused(desk: Service) -> None:
             assert (answer.status_code, bool(answer.json()["code"])) == (404, True)
 
 
-def test_list_shows_public_folds_and_those_of_the_owner(desk: Service) -> None:
-    mine, public = desk.fold(SNAKE, seed="8"), desk.fold(shape="mallet-24")
-    odd = desk.fold(shape="mallet-24", seed="5")  # public with default options only
-    anyone = {f["id"] for f in desk.http.get("/api/folds").json()["folds"]}
-    me = {f["id"] for f in desk.http.get("/api/folds", headers=owner(mine)).json()["folds"]}
-    assert public["id"] in anyone and not anyone & {mine["id"], odd["id"]}
-    assert me == anyone | {mine["id"]}
-
-
-def test_gallery_shows_public_folds_only_and_folds_have_the_title_of_their_shape(
+def test_folds_of_a_gallery_shape_have_its_title_and_private_ones_are_not_in_it(
     service: Service, desk: Service, wrench: str
 ) -> None:
     assert wrench not in service.http.get("/gallery").text
-    plain = service.fold(shape="wrench-24")
-    assert service.wait_over(plain["id"])["status"] == "verified"
-    assert f"/folds/{plain['id']}" in service.http.get("/gallery").text
     waiting = desk.state(desk.fold(shape="wrench-24")["id"])
     assert waiting["name"] == service.state(wrench)["name"] == "Small wrench"
     assert '<h1 id="name">Small wrench</h1>' in service.http.get(f"/folds/{wrench}").text
@@ -136,27 +117,24 @@ def test_running_fold_is_cancelled_requested_again_and_deleted(service: Service)
     here = f"/api/folds/{again['id']}"
     assert service.http.delete(here, headers=owner(again)).status_code == 204
     assert service.http.get(here).status_code == 404
-    assert service.wait_over(service.fold(SNAKE, seed="12")["id"])["status"] == "verified"
-    assert not service.directory(again["id"]).exists()
+    while service.directory(again["id"]).exists():
+        assert service.process.poll() is None
+        time.sleep(0.05)
 
 
 def test_first_shape_is_folded_once(here_with: Callable[..., ServiceHere]) -> None:
     service = here_with().start("--first-shape", "mallet-64")
-    ids = _gallery_folds(service)
-    assert len(ids) == 1
+    (first,) = _gallery_folds(service)
+    assert first["shape"] == "mallet-64"
     assert service.stop() == 0
-    again = ServiceHere(service.data_dir).start("--first-shape", "mallet-64")
-    assert _gallery_folds(again) == ids
-    assert again.stop() == 0
+    with ServiceHere(service.data_dir).start("--first-shape", "mallet-64") as again:
+        assert [fold["id"] for fold in _gallery_folds(again)] == [first["id"]]
 
 
-def _gallery_folds(service: Service) -> list[str]:
-    deadline = time.monotonic() + 30
+def _gallery_folds(service: Service) -> list[dict[str, Any]]:
     while not (folds := service.http.get("/api/folds").json()["folds"]):
-        assert time.monotonic() < deadline
         time.sleep(0.05)
-    assert [f["shape"] for f in folds] == ["mallet-64"]
-    return [f["id"] for f in folds]
+    return folds
 
 
 def test_fold_is_requested_again_by_its_id(desk: Service) -> None:
@@ -172,14 +150,8 @@ def test_fold_is_requested_again_by_its_id(desk: Service) -> None:
     assert desk.state(other["id"])["preset"] == "paper"
     assert desk.fold(fold=other["id"], seed="22", preset="paper")["existing"]
     size = sum(path.stat().st_size for path in desk.directory(other["id"]).iterdir())
-    # They count from now on, not from its end on; the cancelled one goes.
-    settings = Settings(data_dir=desk.data_dir)
-    with closing(Store(settings)) as store:
-        assert store.fold(other["id"]).bytes == size
-        later = time.time() + 2 * CANCELLED_FOLD_S
-        Housekeeping(settings, store, clock=lambda: later).remove_cancelled()
-    assert desk.http.post("/api/folds", data={"fold": first["id"]}).status_code == 404
-    assert desk.http.get(f"/folds/{first['id']}").status_code == 404
+    with closing(Store(Settings(data_dir=desk.data_dir))) as store:
+        assert store.fold(other["id"]).bytes == size  # from now on, not from its end on
     gallery = desk.fold(shape="wrench-24", seed="31")
     assert desk.state(desk.fold(fold=gallery["id"], seed="32")["id"])["shape"] == "wrench-24"
     for name in ("nosuchfold", "../../etc", ""):
@@ -189,15 +161,11 @@ def test_fold_is_requested_again_by_its_id(desk: Service) -> None:
 def test_settings_that_change_something_make_another_fold(desk: Service) -> None:
     first = desk.fold(STAIRS, preset="paper", settings=" radial_gain=.2, damping=0.10,")
     assert desk.state(first["id"])["settings"] == "radial_gain=0.2"
-    request = json.loads((desk.directory(first["id"]) / "request.json").read_bytes())
-    assert request["settings"] == "radial_gain=0.2"
     options = {"token": first["owner_token"], "preset": "paper"}
     same = desk.fold(STAIRS, **options, settings="step_s=0.01,radial_gain=0.20")
     assert (same["existing"], same["id"]) == (True, first["id"])
     plain = desk.fold(STAIRS, **options)
     assert not plain["existing"]
-    assert desk.fold(STAIRS, **options, settings="damping=0.1")["id"] == plain["id"]
-    assert not desk.fold(STAIRS, **options, settings="radial_gain=0.3")["existing"]
     # By its id, too; what is made of it goes with the settings that are asked for.
     again = desk.fold(fold=first["id"], **options, settings="radial_gain=0.2")
     assert (again["id"], desk.fold(fold=first["id"], **options)["id"]) == (first["id"], plain["id"])

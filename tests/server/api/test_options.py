@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import httpx
 import typer
 from fastapi import Depends, FastAPI
 from typer.testing import CliRunner
@@ -18,6 +16,7 @@ from planner.pipeline.request import FoldRequest
 from server.api.forms import form_of
 from server.pages.page import rendered
 from server.store.tables import REQUESTED_COLUMNS, FoldRow
+from tests.server.asgi import asked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,31 +38,21 @@ def test_api_takes_a_new_option() -> None:
     app = FastAPI()
 
     @app.post("/folds")
-    def post(asked: Annotated[Extended, Depends(form_of(Extended))]) -> dict[str, Any]:
-        asked.check()
-        return asked.to_json()
+    def post(wanted: Annotated[Extended, Depends(form_of(Extended))]) -> dict[str, Any]:
+        wanted.check()
+        return wanted.to_json()
 
     del post
     (body,) = (
         schema for name, schema in app.openapi()["components"]["schemas"].items() if "post" in name
     )
-    assert list(body["properties"])[0] == "pace"
-    assert body["properties"]["pace"] == {
-        "type": "string",
-        "enum": ["brisk", "slow"],
-        "title": "Pace",
-        "description": "Pace: `brisk`, or `slow` for spectators.",
-        "default": "brisk",
-    }
-
-    async def posted(**form: str) -> httpx.Response:
-        transport = httpx.ASGITransport(app)
-        async with httpx.AsyncClient(transport=transport, base_url="http://test") as client:
-            return await client.post("/folds", data=form)
-
-    answer = asyncio.run(posted(pace="slow", start="1,2,3"))
+    pace = body["properties"]["pace"]
+    assert (pace["enum"], pace["default"], pace["title"]) == (["brisk", "slow"], "brisk", "Pace")
+    assert pace["description"] == "Pace: `brisk`, or `slow` for spectators."
+    form = {"pace": "slow", "start": "1,2,3"}
+    answer = asked(app, "/folds", method="POST", data=form)
     assert Extended.from_json(answer.json()) == Extended(pace="slow", start=(1, 2, 3))
-    assert asyncio.run(posted(pace="hasty")).status_code == 422
+    assert asked(app, "/folds", method="POST", data={"pace": "hasty"}).status_code == 422
 
 
 def test_command_line_takes_a_new_option() -> None:
@@ -78,14 +67,17 @@ def test_command_line_takes_a_new_option() -> None:
     del fold
     told = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"})
     assert "Pace of the fold: brisk or slow (a show)." in told.output
-    told = CliRunner().invoke(app, ["--pace", "slow", "--seed", "7", "--repair"])
-    assert (told.exit_code, seen) == (0, [Extended(pace="slow", seed=7, repair=True)])
+    changed = ("--preset=paper", "--set", "radial_gain=2", "--set", "damping=0.12, step_s=.01")
+    told = CliRunner().invoke(app, ["--pace", "slow", "--seed", "7", "--repair", *changed])
+    settings = "radial_gain=2,damping=0.12, step_s=.01"
+    paper = Extended(pace="slow", seed=7, repair=True, preset="paper", settings=settings)
+    assert (told.exit_code, seen) == (0, [paper]), told.output
     told = CliRunner().invoke(app, ["--pace", "hasty"])
     assert told.exit_code == 2
     assert "got the pace 'hasty', expected one of: brisk, slow." in told.output
 
 
-def test_client_docs_and_preview_page_have_a_new_option() -> None:
+def test_client_docs_and_preview_page_have_each_option() -> None:
     assert '\n    pace: Literal["brisk", "slow"]\n' in make_options.client_types(Extended)
     row = "| `pace` | `brisk`, `slow` | `brisk` | Pace: `brisk`, or `slow` for spectators. |"
     assert row in make_options.page(make_options.PAGE.read_text(encoding="utf-8"), Extended)
@@ -94,12 +86,6 @@ def test_client_docs_and_preview_page_have_a_new_option() -> None:
     _, _, more = html.partition('id="more-options"')  # the script sends all fields in there
     control, _, _ = more.partition("</div>")
     assert '<select id="pace" name="pace"><option value="brisk">Brisk</option>' in control
-    for name in ("preset", "seed"):
-        assert f'name="{name}"' in control
-
-
-def test_preview_page_names_every_choice() -> None:
-    html = rendered("preview.html", facts={"name": "Cup", "most_modules": 100}, facts_json="{}")
     for each in options_of(FoldRequest).values():
         for value, choice in each.choices.items() if each.label else ():
             assert f'value="{value}"' in html

@@ -21,6 +21,7 @@ from server.api.folds import post_fold
 from server.api.source import Origin, Source, open_source, origin_in_form
 from server.errors import Unusable
 from server.store.tables import FoldRow
+from tests.case import case
 
 
 class Upload:
@@ -71,87 +72,61 @@ def completed(context: Context, origin: Origin, request: FoldRequest) -> Source:
     return source
 
 
-@pytest.mark.parametrize(
-    ("origin", "request_", "expected"),
-    [
+def test_input_completes_the_request(context: Context) -> None:
+    plain, table, flat = FoldRequest(), {"world": "table"}, {"world": "table", "as_voxels": True}
+    refolded = Origin(file=FILE, refold="x")
+    for origin, request, expected in (
         # A path that was made to float suits no table; a mesh gets 2×2×2 modules as before.
-        (Origin(shape="mallet-64"), TABLE, {"world": "table", "as_voxels": True}),
-        (Origin(shape="mallet-64"), FoldRequest(), {}),
-        (
-            Origin(fold="mesh"),
-            TABLE,
-            {"world": "table", "as_voxels": True, "method": "blocks", "repair": True},
-        ),
-        (
-            Origin(fold="voxels"),
-            TABLE,
-            {"world": "table", "as_voxels": True, "repair": True},
-        ),
-        (Origin(fold="rests"), TABLE, {"world": "table", "repair": True}),
+        (Origin(shape="mallet-64"), TABLE, flat),
+        (Origin(shape="mallet-64"), plain, {}),
+        (Origin(fold="mesh"), TABLE, {**flat, "method": "blocks", "repair": True}),
+        (Origin(fold="voxels"), TABLE, {**flat, "repair": True}),
+        (Origin(fold="rests"), TABLE, {**table, "repair": True}),
         # The world is requested each time, and so is the seed.
         (Origin(fold="rests"), FoldRequest(seed=2), {"repair": True, "seed": 2}),
         # A smoothing has the module size of its fold, unless another one is requested.
-        (Origin(smooth="mesh"), FoldRequest(), {"repair": True, "module_size": 0.9}),
-        (
-            Origin(smooth="mesh"),
-            FoldRequest(module_size=0.8),
-            {"repair": True, "module_size": 0.8},
-        ),
+        (Origin(smooth="mesh"), plain, {"repair": True, "module_size": 0.9}),
+        (Origin(smooth="mesh"), FoldRequest(module_size=0.8), {"repair": True, "module_size": 0.8}),
         # A new input is made of the modules of the fold that a refold begins with.
-        (Origin(file=FILE, refold="x"), FoldRequest(), {"module": "tetrahedron", "modules": 48}),
-        (
-            Origin(file=FILE, refold="x"),
-            FoldRequest(modules=50),
-            {"module": "tetrahedron", "modules": 50},
-        ),
-        (Origin(shape="mallet-64", refold="x"), FoldRequest(), {}),
-        (Origin(file=FILE), FoldRequest(), {}),
-    ],
-)
-def test_input_completes_the_request(
-    context: Context, origin: Origin, request_: FoldRequest, expected: dict[str, Any]
-) -> None:
-    source = completed(context, origin, request_)
-    assert source.request.changed() == expected
-    assert source.request.smooth == (origin.smooth is not None)
-    assert source.request.refold == (origin.refold is not None)
-    assert (source.repeats is not None) == (origin.fold is not None)
+        (refolded, plain, {"module": "tetrahedron", "modules": 48}),
+        (refolded, FoldRequest(modules=50), {"module": "tetrahedron", "modules": 50}),
+        (Origin(shape="mallet-64", refold="x"), plain, {}),
+        (Origin(file=FILE), plain, {}),
+    ):
+        with case((origin, request)):
+            source = completed(context, origin, request)
+            assert source.request.changed() == expected
+            assert source.request.smooth == (origin.smooth is not None)
+            assert source.request.refold == (origin.refold is not None)
+            assert (source.repeats is not None) == (origin.fold is not None)
 
 
 def test_filename_is_the_last_part_of_its_path(context: Context) -> None:
     assert completed(context, Origin(file=FILE), FoldRequest()).request.filename == "cup.stl"
 
 
-@pytest.mark.parametrize(
-    ("origin", "request_", "public"),
-    [
+def test_only_gallery_shapes_with_default_options_are_public(context: Context) -> None:
+    for origin, request, public in (
         (Origin(shape="mallet-64"), FoldRequest(), True),
         (Origin(shape="mallet-64"), FoldRequest(seed=1), False),
         (Origin(shape="mallet-64"), FoldRequest(settings="robots=5"), False),
         (Origin(shape="mallet-64", refold="x"), FoldRequest(), False),
         (Origin(smooth="voxels"), FoldRequest(), False),
-    ],
-)
-def test_only_gallery_shapes_with_default_options_are_public(
-    context: Context, origin: Origin, request_: FoldRequest, public: bool
-) -> None:
-    assert completed(context, origin, request_).public == public
+    ):
+        assert completed(context, origin, request).public == public, origin
 
 
-@pytest.mark.parametrize(
-    ("origin", "code"),
-    [
+def test_origin_without_one_input_is_refused(context: Context) -> None:
+    for origin, code in (
         (Origin(), "file-or-shape"),
         (Origin(refold="x"), "file-or-shape"),
         (Origin(shape="mallet-64", fold="mesh"), "file-or-shape"),
         (Origin(smooth="mesh", refold="x"), "smooth-or-refold"),
         (Origin(shape="no-such"), "no-such-shape"),
-    ],
-)
-def test_origin_without_one_input_is_refused(context: Context, origin: Origin, code: str) -> None:
-    with pytest.raises(Unusable) as refused, open_source(context, origin, FoldRequest()):
-        pass
-    assert refused.value.code == code
+    ):
+        with pytest.raises(Unusable) as refused, open_source(context, origin, FoldRequest()):
+            pass
+        assert refused.value.code == code, origin
 
 
 def test_origin_is_read_from_the_form() -> None:

@@ -9,10 +9,11 @@ from typing import Any
 
 from planner.files import settle
 from planner.plan.packed import unpack
-from server.api.context import Context
 from server.api.finished import FINISHED_FOLDS_DIR
+from server.store.folds import Store
 from tests.server.rows import a_fold
 from tests.server.service import SNAKE
+from tests.words.test_certificate import SIMULATED
 
 DAY = 1_700_000_000.0
 """Time of all requests, s since 1970."""
@@ -27,21 +28,7 @@ TRIED = [
     {"candidate": 0, "seed": 0, "strategy": "peel", "status": "stalled", "steps": 120}
     | {"seconds": 4.0, "stuck": {"kind": "budget", "modules": [3], "words": "time was up."}},
 ]
-FIGURES = {
-    "verdict": "verified (simulated)",
-    "simulated": True,
-    "module_size": 0.95,
-    "min_clearance": 0.0489,
-    "min_clearance_playback": 0.0481,
-    "min_clearance_record": 0.049,
-    "clearance_bound": 0.0319,
-    "rms_position_error": 1e-12,
-    "max_angle_error_rad": 0.0007,
-    "peak_torque_nm": 0.0004,
-    "torque_source": "simulation, every step",
-    "frames": 4036,
-    "fold_time_s": 17.7,
-}
+FIGURES = {**SIMULATED, "module_size": 0.95, "fold_time_s": 17.7}
 SUMMARY = {"explosion": {"strategy": "simultaneous", "frames": 211, "steps": 200}, "hinges": 28}
 
 INCLUDED = {"pawn": "pawn", "cube": "tetra-cube-2", "refold": "wrench-80-to-mallet-80"}
@@ -98,10 +85,10 @@ NAMES = (*INCLUDED, *ROWS)
 """Ids of all folds."""
 
 
-def add_folds(context: Context) -> None:
+def add_folds(store: Store) -> None:
     """Add all folds to a store that has none of them."""
     for fold_id, name in INCLUDED.items():
-        directory = context.store.directory(fold_id)
+        directory = store.directory(fold_id)
         directory.mkdir(parents=True)
         about = unpack((FINISHED_FOLDS_DIR / f"{name}.fold").read_bytes(), directory)
         settle(directory)
@@ -110,16 +97,16 @@ def add_folds(context: Context) -> None:
         shape = about["shape"] if about["refold"] is None else None
         included = {**summary, "included": {"version": about["version"]}}
         values = known | {"public": True, "pinned": True, "shape": shape, "summary": included}
-        _add(context, fold_id, name=about["name"], refold=about["refold"], **values)
+        _add(store, fold_id, name=about["name"], refold=about["refold"], **values)
     for fold_id, values in ROWS.items():
-        _add(context, fold_id, **{"status": "failed", **values})
-    directory = context.store.directory("knotted")
+        _add(store, fold_id, **{"status": "failed", **values})
+    directory = store.directory("knotted")
     (directory / "attempts.json").write_text(json.dumps(TRIED))
-    (context.store.directory("queued") / "cells.json").write_text(json.dumps(SNAKE))
+    (store.directory("queued") / "cells.json").write_text(json.dumps(SNAKE))
 
 
-def _add(context: Context, fold_id: str, **values: Any) -> None:
-    Path(context.store.directory(fold_id)).mkdir(parents=True, exist_ok=True)
+def _add(store: Store, fold_id: str, **values: Any) -> None:
+    Path(store.directory(fold_id)).mkdir(parents=True, exist_ok=True)
     row = a_fold(fold_id, **{"created_at": DAY, "ended_at": DAY, "seen_at": DAY, **values})
-    with context.store.changing() as session:
+    with store.changing() as session:
         session.add(row)

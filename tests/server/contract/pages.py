@@ -6,7 +6,8 @@ import json
 from collections.abc import Iterator
 from html.parser import HTMLParser
 
-from tests.server.contract.application import Application
+import httpx
+
 from tests.server.contract.folds import INCLUDED, NAMES
 
 SHOWN_ATTRIBUTES = ("title", "alt", "placeholder", "aria-label", "content", "data-hint", "label")
@@ -66,20 +67,20 @@ def flat(value: object, name: str = "") -> Iterator[str]:
         yield f"{name}: {json.dumps(value, ensure_ascii=False)}"
 
 
-def page_texts(application: Application) -> dict[str, str]:
+def page_texts(http: httpx.Client) -> dict[str, str]:
     """Return the texts of all folds' pages, and of pages about several folds, by file name."""
-    texts = {name: visible(application.ask("GET", address).text) for name, address in PAGES.items()}
+    texts = {name: visible(http.get(address).text) for name, address in PAGES.items()}
     for kind in ("folds", "embed"):
-        pages = {name: visible(application.ask("GET", f"/{kind}/{name}").text) for name in NAMES}
+        pages = {name: visible(http.get(f"/{kind}/{name}").text) for name in NAMES}
         common = set.intersection(*(set(lines) for lines in pages.values()))
         texts[f"{kind}-common"] = [line for line in pages[NAMES[0]] if line in common]
         for name, lines in pages.items():
             own = [line for line in lines if line not in common]
             texts[name] = [*texts.get(name, []), f"--- /{kind}/{name}", *own]
     for name in NAMES:
-        facts = application.ask("GET", f"/folds/{name}/facts").json()
+        facts = http.get(f"/folds/{name}/facts").json()
         texts[name] += [f"--- /folds/{name}/facts", *flat(facts)]
     for name in INCLUDED:
-        state = application.ask("GET", f"/api/folds/{name}").json()
+        state = http.get(f"/api/folds/{name}").json()
         texts[name] += [f"--- /api/folds/{name}", *flat(state["links"], "links")]
     return {f"pages/{name}.txt": "\n".join(lines) + "\n" for name, lines in texts.items()}

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 
-from tests.server.contract.application import Application
+from server.store.folds import Store
 from tests.server.contract.folds import add_folds
 from tests.server.contract.interface import help_text, openapi_text
 from tests.server.contract.pages import page_texts
+from tests.server.here import ServiceHere
 
 STORED = Path(__file__).parent / "stored"
 STORE = "run `python -m tests.server.contract --store` if the change is intended"
 
 
 def texts(data_dir: Path) -> dict[str, str]:
-    """Return the texts of an application on an empty data directory."""
-    with Application(data_dir) as application:
-        add_folds(application.context)
+    """Return the texts of a service on an empty data directory."""
+    with ServiceHere(data_dir).start() as service, closing(Store(service.settings)) as store:
+        service.http.headers["Host"] = "127.0.0.1:8000"  # whatever its port is
+        add_folds(store)
         return {
-            "openapi.json": openapi_text(application.description()),
+            "openapi.json": openapi_text(service.http.get("/api/openapi.json").json()),
             "help.txt": help_text(),
-            **page_texts(application),
+            **page_texts(service.http),
         }
 
 

@@ -7,16 +7,19 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import httpx
+
 from planner.file_names import TIMELINE
 from planner.files import write_json
 from planner.plan.own_values import VALUES_FORMAT
 from planner.plan.tour import TOUR_FORMAT
-from server.store.folds import new_id
+from server.store.folds import Store, new_id
 from server.store.owner import Owner, new_token
 from server.store.tables import FoldRow, MovieRow, PreviewRow, TourRow, ValuesRow
 from server.store.tours import write_beside
-from tests.server.contract.application import Application
+from tests.server.here import ServiceHere
 from tests.server.rows import a_fold, a_movie
+from tests.server.service import bearer
 
 ACTORS = ("none", "short", "stranger", "asker", "owner", "heir")
 """Holders of no token, of one that is too short, of a random one; the client that has requested the
@@ -33,7 +36,7 @@ VALUES: dict[str, Any] = {
     "data": base64.b64encode(bytes(range(16))).decode(),
 }
 STATES: dict[str, dict[str, Any]] = {
-    **{status: {"status": status} for status in ("queued", "running", "verified", "failed")},
+    **{status: {"status": status} for status in ("queued", "running", "verified")},
     "cancelled": {"status": "cancelled", "cancel_requested": True, "content_key": None},
     "gallery": {"status": "queued", "public": True, "shape": "wrench-24"},
 }
@@ -44,44 +47,44 @@ class Thing:
     """One fold with what belongs to it.
 
     Args:
-        application: Application that has it.
+        service: Service that has it.
+        store: Its folds.
         words: Its state, and what has happened to it since, as in ``gallery+shared``.
     """
 
-    def __init__(self, application: Application, words: str) -> None:
+    def __init__(self, service: ServiceHere, store: Store, words: str) -> None:
         self.fold_id = new_id()
-        self.tokens = {actor: None if actor == "none" else new_token() for actor in ACTORS}
-        self.tokens["short"] = "short-and-guessable"
-        self._application = application
-        self._store = application.context.store
+        self.tokens: dict[str, str | None] = {actor: new_token() for actor in ACTORS}
+        self.tokens |= {"none": None, "short": "short-and-guessable"}
+        self._service, self._store = service, store
         state, *events = words.split("+")
         row = a_fold(self.fold_id, **{"content_key": new_token(), **STATES[state]})
         self._store.add(row, self.owner("owner"))
         happen: dict[str, Callable[[], object]] = {
             "shared": self._share,
-            "movie": lambda: self._add_movie("owner", of_owner=True),
-            "asked-movie": lambda: self._add_movie("asker", of_owner=False),
-            "taken-movie": lambda: self._add_movie(None, of_owner=True),
+            "movie": lambda: self._add_movie(self.owner("owner").digest, of_owner=True),
+            "asked-movie": lambda: self._add_movie(self.owner("asker").digest, of_owner=False),
+            "taken-movie": lambda: self._add_movie("", of_owner=True),
             "preview": self._add_preview,
             "frames": self._add_frames,
             "tour": lambda: self._keep(TourRow, TOUR),
             "values": lambda: self._keep(ValuesRow, VALUES),
-            "handed": self._hand_over,
-            "rekeyed": self._replace_key,
+            "handed": lambda: self._give("PATCH", f"/api/folds/{self.fold_id}"),
+            "rekeyed": lambda: self._give("POST", "/api/mine/key"),
             "deleted": lambda: self._store.delete(self.fold_id),
         }
         for event in events:
             happen[event]()
 
-    def token(self, actor: str) -> str:
-        """Return the token of an actor that has one."""
-        token = self.tokens[actor]
-        assert token is not None
-        return token
-
     def owner(self, actor: str) -> Owner:
         """Return an actor that has a token."""
-        return Owner.from_token(self.token(actor))
+        return Owner.from_token(self.tokens[actor] or "")
+
+    def ask(self, actor: str, method: str, path: str, body: object = None) -> httpx.Response:
+        """Return the answer to a request of an actor."""
+        token = self.tokens[actor]
+        headers = {} if token is None else bearer(token)
+        return self._service.http.request(method, path, headers=headers, json=body)
 
     def state(self) -> tuple[object, ...]:
         """Return all that an action may change."""
@@ -101,19 +104,12 @@ class Thing:
         assert content_key is not None
         assert self._store.ask(content_key, self.owner("asker")) is not None
 
-    def _hand_over(self) -> None:
-        self._give("PATCH", f"/api/folds/{self.fold_id}")
-
-    def _replace_key(self) -> None:
-        self._give("POST", "/api/mine/key")
-
     def _give(self, method: str, path: str) -> None:
-        body = {"owner_token": self.token("heir")}
-        answer = self._application.ask(method, path, token=self.token("owner"), body=body)
+        body = {"owner_token": self.tokens["heir"]}
+        answer = self.ask("owner", method, path, body)
         assert answer.status_code == 200, answer.text
 
-    def _add_movie(self, actor: str | None, *, of_owner: bool) -> None:
-        token_hash = "" if actor is None else self.owner(actor).digest
+    def _add_movie(self, token_hash: str, *, of_owner: bool) -> None:
         movie = a_movie(self.fold_id, MOVIE_ID, token_hash=token_hash, of_owner=of_owner)
         with self._store.changing() as session:
             session.add(movie)
@@ -125,20 +121,12 @@ class Thing:
         write_json(timeline / "zarr.json", {"attributes": {"frames": 9}})
 
     def _add_preview(self) -> None:
-        directory = self._application.context.settings.previews_dir / self.fold_id
+        directory = self._service.settings.previews_dir / self.fold_id
         directory.mkdir()
         (directory / "input").write_bytes(b"")
-        row = PreviewRow(
-            id=self.fold_id,
-            visitor="somebody",
-            owner=self.owner("owner").digest,
-            name="a shape",
-            modules=16,
-            module="cube",
-            key="0" * 24,
-            query="",
-            created_at=time.time(),
-            seen_at=time.time(),
-        )
+        now, owner = time.time(), self.owner("owner").digest
+        shape = {"name": "a shape", "modules": 16, "module": "cube", "key": "0" * 24, "query": ""}
+        about = {"visitor": "somebody", "owner": owner, "created_at": now, "seen_at": now}
+        row = PreviewRow(id=self.fold_id, **shape, **about)
         with self._store.changing() as session:
             session.add(row)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import pytest
 from fastapi.responses import FileResponse
 
 from server.errors import ServiceError, TooMany, Unidentified, WebsocketNeeded
@@ -20,46 +19,32 @@ def test_every_error_has_an_http_status() -> None:
     assert Problem.of(NoSuchPreviewError("a")).status == 404
 
 
-def test_response_carries_the_error() -> None:
+def test_response_carries_the_error_and_its_headers() -> None:
     error = TooMany("queue-full", "Three are waiting.", where="body.file", retry_after_s=7)
     answer = response_of(error)
     assert (answer.status_code, answer.headers["Retry-After"]) == (429, "7")
     assert answer.headers["content-type"] == "application/problem+json"
-    assert json.loads(bytes(answer.body)) == {
-        "type": "about:blank",
-        "title": "Too Many Requests",
-        "status": 429,
-        "code": "queue-full",
-        "detail": "Three are waiting.",
-        "message": "Three are waiting.",
-        "where": "body.file",
-    }
+    told = {"type": "about:blank", "title": "Too Many Requests", "status": 429}
+    told |= {"code": "queue-full", "detail": "Three are waiting.", "where": "body.file"}
+    assert json.loads(bytes(answer.body)) == {**told, "message": "Three are waiting."}
+    for kind, header in (
+        (Unidentified, {"WWW-Authenticate": "Bearer"}),
+        (WebsocketNeeded, {"Upgrade": "websocket"}),
+    ):
+        assert Problem.of(kind("code", "detail")).headers == header
 
 
-@pytest.mark.parametrize(
-    ("kind", "header"),
-    [(Unidentified, ("WWW-Authenticate", "Bearer")), (WebsocketNeeded, ("Upgrade", "websocket"))],
-)
-def test_errors_have_their_headers(kind: type[ServiceError], header: tuple[str, str]) -> None:
-    assert Problem.of(kind("code", "detail")).headers == dict([header])
-
-
-@pytest.mark.parametrize(
-    ("name", "stem"),
-    [
+def test_download_stem_keeps_letters_of_all_scripts_and_nothing_else() -> None:
+    for name, stem in (
         ("wrench-160", "wrench-160"),
-        ("Schlüssel", "Schlüssel"),
         ("Schlu\u0308ssel", "Schlüssel"),
         ("キリン 2", "キリン-2"),
-        ("ключ", "ключ"),
         ('../a"b\r\nc', "a-b--c"),
         ("\u202egpj.exe", "gpj-exe"),
         ("…", "fold"),
         ("", "fold"),
-    ],
-)
-def test_download_stem_keeps_letters_of_all_scripts_and_nothing_else(name: str, stem: str) -> None:
-    assert download_stem(name) == stem
+    ):
+        assert download_stem(name) == stem
 
 
 def test_download_stem_is_short_and_encoded_in_headers(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from server.store.folds import Store
 from server.store.owned import change_fold, folds_made
 from server.store.owner import Owner, new_token
 from server.store.previews import Previews
-from tests.server.http.test_threats_strangers import NAMES, PAGE
 from tests.server.rows import new_owner, statements
 from tests.server.service import SNAKE, Service, bearer
 
@@ -31,9 +30,9 @@ def test_key_is_never_stored_or_sent_back(desk: Service) -> None:
     token = new_token()
     fold = desk.fold(SNAKE, seed="202", token=token)
     here = f"/api/folds/{fold['id']}"
-    answers = [desk.http.get(f"/api/mine/{what}", headers=bearer(token)) for what in LISTS]
-    answers.append(desk.http.patch(here, json={"name": "Mine"}, headers=bearer(token)))
-    answers += [desk.http.get(path, headers=bearer(token)) for path in ("/my-folds", here)]
+    answers = [desk.http.patch(here, json={"name": "Mine"}, headers=bearer(token))]
+    for path in (*(f"/api/mine/{what}" for what in LISTS), "/my-folds", here):
+        answers.append(desk.http.get(path, headers=bearer(token)))
     for answer in answers:
         assert token not in answer.text and "set-cookie" not in answer.headers
     assert token not in desk.log.read_text()
@@ -78,14 +77,6 @@ def mine(desk: Service, token: str, what: str) -> list[dict[str, Any]]:
     return desk.http.get(f"/api/mine/{what}", headers=bearer(token)).json()[what]
 
 
-def test_my_folds_page_is_the_same_for_all_and_not_indexed(desk: Service) -> None:
-    pages = [desk.http.get("/my-folds", headers=h) for h in ({}, bearer(new_token()))]
-    assert pages[0].text == pages[1].text
-    for page in pages:
-        assert page.headers["cache-control"] == "no-store"
-        assert "noindex" in page.headers["x-robots-tag"]
-
-
 def test_database_is_queried_by_hashes_only(store: Store, tmp_path: Path) -> None:
     token = new_token()
     owner, previews = Owner.from_token(token), Previews(Settings(data_dir=tmp_path), store)
@@ -95,34 +86,3 @@ def test_database_is_queried_by_hashes_only(store: Store, tmp_path: Path) -> Non
         previews.remove("x", owner)
         change_fold(store, "x", owner, name="a", heir=new_owner())
     assert len(asked) >= 4 and token not in repr(asked)
-
-
-def test_hostile_name_from_an_owner_stays_a_name(desk: Service) -> None:
-    fold = desk.fold(SNAKE, seed="210")
-    here, headers = f"/api/folds/{fold['id']}", bearer(fold["owner_token"])
-    for given in NAMES:
-        answer = desk.http.patch(here, json={"name": given}, headers=headers)
-        if len(given) > 200:
-            assert answer.status_code == 422
-            continue
-        name = answer.json()["name"]
-        assert name.isprintable() and len(name) <= 200
-        page = desk.http.get(f"/folds/{fold['id']}", headers=PAGE)
-        assert "<script>alert" not in page.text and "set-cookie" not in page.headers
-        listed = desk.http.get("/api/mine/folds", headers=headers)
-        assert listed.headers["content-type"] == "application/json"
-        assert listed.json()["folds"][0]["name"] == name
-
-
-def test_pages_of_others_cannot_rename_or_delete(desk: Service) -> None:
-    fold = desk.fold(SNAKE, seed="230")
-    here = f"/api/folds/{fold['id']}"
-    headers = {**bearer(fold["owner_token"]), "Origin": "http://evil.example"}
-    for method, address in (("PATCH", here), ("DELETE", here), ("DELETE", "/api/mine/previews/x")):
-        answer = desk.http.request(method, address, json={"name": "a"}, headers=headers)
-        assert (answer.status_code, answer.json()["code"]) == (403, "foreign-origin")
-    # A browser that was not told to may not even ask with a key of ours in a header.
-    asked = {"Origin": "http://evil.example", "Access-Control-Request-Method": "GET"}
-    asked["Access-Control-Request-Headers"] = "authorization"
-    answer = desk.http.options("/api/mine/folds", headers=asked)
-    assert not [name for name in answer.headers if name.startswith("access-control")]

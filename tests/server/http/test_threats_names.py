@@ -15,12 +15,11 @@ from tests.case import case
 from tests.server.service import SNAKE, Service, bearer
 
 INVISIBLE = {
-    "Hangul filler": "\u3164",
-    "halfwidth Hangul filler": "\uffa0",
+    "Hangul fillers": "\u3164\uffa0",
     "Hangul initial and medial fillers": "\u115f\u1160",
     "Khmer inherent vowels": "\u17b4\u17b5",
     "Braille blank": "\u2800",
-    "empty note head": "\U0001d159",
+    "invisible signs": "\U0001d159\u2061\u2062\u2063\u2064\ufff9\ufffa\ufffb",
     "zero width": "\u200b\u200c\u200d\u2060\ufeff\u180e",
     "direction": "\u200e\u200f\u061c\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069",
     "soft hyphen": "\u00ad",
@@ -31,7 +30,6 @@ INVISIBLE = {
     "control": "\x00\x07\x1b\x7f\x9b",
     "private use and unassigned": "\ue000\U000f0000\u0378\uffff",
     "surrogate": "\ud800",
-    "invisible operators": "\u2061\u2062\u2063\u2064\ufff9\ufffa\ufffb",
 }
 """Texts that show nothing."""
 
@@ -45,24 +43,21 @@ def test_clean_name_drops_invisible_text() -> None:
             assert export_name(text) == "fold"
 
 
-@pytest.mark.parametrize(
-    ("name", "clean"),
-    [
+def test_clean_name_keeps_what_shows() -> None:
+    for name, clean in (
         ("a\u3164b", "ab"),
         ("exe\u202egpj.scr", "exegpj.scr"),
         ("a\u2003\u00a0 b", "a b"),
         ("e\u0301tude", "e\u0301tude"),
         ("हिन्दी", "हिन्दी"),
         ("ไม้เท้า", "ไม้เท้า"),
-        ("한글", "한글"),
         ("\u0301a", "a"),
         ("a" + "\u0301" * 50 + "b", "a" + "\u0301" * 4 + "b"),
         ("w" * 500, "w" * (MAX_NAME_LENGTH - 1) + "…"),
-    ],
-)
-def test_clean_name_keeps_what_shows(name: str, clean: str) -> None:
-    assert clean_name(name) == clean
-    assert clean_name(clean) == clean
+    ):
+        with case(name):
+            assert clean_name(name) == clean
+            assert clean_name(clean) == clean
 
 
 def _title(service: Service, data: object, filename: str = "ok.json") -> str:
@@ -76,41 +71,31 @@ def named_in_path(service: Service, name: str) -> str:
     return _title(service, {"format": "foldback-path/1", "name": name, "cells": SNAKE})
 
 
-def named_in_chain(service: Service, name: str) -> str:
-    angles = [[90.0 if k % 2 else -90.0, 0.0] for k in range(3)]
-    chain = {"format": "foldback-chain/1", "module": "cube", "joint_angles_deg": angles}
-    return _title(service, {**chain, "name": name})
-
-
 def named_by_file(service: Service, name: str) -> str:
     return _title(service, SNAKE, f"{name}.json")
 
 
 def named_in_preview(service: Service, name: str) -> str:
-    file = {
-        "file": ("ok.json", json.dumps({"format": "foldback-path/1", "name": name, "cells": SNAKE}))
+    named = {"format": "foldback-path/1", "name": name, "cells": SNAKE}
+    asked: dict[str, Any] = {
+        "headers": bearer("N" * 32),
+        "files": {"file": ("ok.json", json.dumps(named))},
     }
-    headers = bearer("N" * 32)
-    answer = service.http.post(
-        "/api/shapes/preview", headers=headers, files=file, data={"full": "false"}
-    )
+    answer = service.http.post("/api/shapes/preview", data={"full": "false"}, **asked)
     assert answer.status_code == 200, answer.text
-    previews = service.http.get("/api/mine/previews", headers=headers).json()["previews"]
-    return str(previews[0]["title"])
+    listed = service.http.get("/api/mine/previews", headers=asked["headers"]).json()
+    return str(listed["previews"][0]["title"])
 
 
 def renamed(service: Service, name: str) -> str:
     fold = service.fold(SNAKE)
     here = f"/api/folds/{fold['id']}"
     answer = service.http.patch(here, json={"name": name}, headers=bearer(fold["owner_token"]))
-    if answer.status_code == 422:
-        assert answer.json()["code"] == "empty-name"
+    assert answer.is_success or answer.json()["code"] == "empty-name"
     return str(service.state(fold["id"])["title"])
 
 
-@pytest.mark.parametrize(
-    "way", [named_in_path, named_in_chain, named_by_file, named_in_preview, renamed]
-)
+@pytest.mark.parametrize("way", [named_in_path, named_by_file, named_in_preview, renamed])
 def test_titles_are_visible_wherever_names_come_from(desk: Service, way: Any) -> None:
     blank = "\u3164\u2800\ufe0f\u200b\u0301\U000e0041\u00ad"
     shown = way(desk, blank)

@@ -2,25 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from threading import Barrier
 from typing import Any
 
-import pytest
-
 from server.store.owner import new_token
-from tests.server.here import ServiceHere
 from tests.server.http.test_threats_strangers import path_file
 from tests.server.service import SNAKE, Service, bearer, owner
-
-
-@pytest.fixture(scope="module")
-def counter(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """A service without a worker whose gallery nobody else has asked for anything."""
-    service = ServiceHere(tmp_path_factory.mktemp("counter") / "data").start()
-    yield service
-    assert service.stop() == 0
 
 
 def sent(desk: Service, filename: str, data: bytes, token: str | None = None) -> dict[str, Any]:
@@ -48,19 +34,16 @@ def test_link_to_a_fold_gives_no_ownership(desk: Service) -> None:
     assert changes(desk, mine["id"], mine["owner_token"]) == [202, 204]
 
 
-@pytest.mark.parametrize("use", ["smooth", "refold"])
 def test_folds_made_by_strangers_from_one_fold_are_separate(
-    service: Service, finished: dict[str, Any], use: str
+    service: Service, finished: dict[str, Any]
 ) -> None:
-    cells = SNAKE[::-1] if use == "refold" else None
-    asked = [
-        service.fold(cells, **{use: finished["id"]}, seed="103", token=new_token())
-        for _ in range(2)
-    ]
-    for fold in asked:
-        service.http.delete(f"/api/folds/{fold['id']}", headers=owner(fold))
-    assert [fold["existing"] for fold in asked] == [False, False]
-    assert len({fold["id"] for fold in asked}) == 2
+    for use, cells in (("smooth", None), ("refold", SNAKE[::-1])):
+        wanted = {use: finished["id"], "seed": "103"}
+        asked = [service.fold(cells, **wanted, token=new_token()) for _ in range(2)]
+        for fold in asked:
+            service.http.delete(f"/api/folds/{fold['id']}", headers=owner(fold))
+        assert [fold["existing"] for fold in asked] == [False, False]
+        assert asked[0]["id"] != asked[1]["id"]
 
 
 def test_same_file_of_another_visitor_reveals_nothing(desk: Service) -> None:
@@ -74,52 +57,27 @@ def test_same_file_of_another_visitor_reveals_nothing(desk: Service) -> None:
         assert (desk.directory(theirs["id"]) / "request.json").read_text().count("secret") == 0
         assert changes(desk, theirs["id"], theirs["owner_token"]) == [202, 204]
     again = sent(desk, "again.json", data, me)
+    other = desk.fold(fold=mine["id"], module_size="0.9", token=me)
+    assert other["id"] != mine["id"]  # with other options
     assert (again["id"], again["existing"], again["owner_token"]) == (mine["id"], True, me)
     assert changes(desk, mine["id"], me) == [202, 204]
 
 
-def test_gallery_fold_does_not_publish_an_equal_upload(counter: Service) -> None:
-    data = counter.http.get("/api/shapes/mallet-24.json").content
-    mine = sent(counter, "mine.json", data)
-    asked = counter.fold(shape="mallet-24")
+def test_gallery_fold_does_not_publish_an_equal_upload(desk: Service) -> None:
+    data = desk.http.get("/api/shapes/mallet-24.json").content
+    mine = sent(desk, "mine.json", data)
+    asked = desk.fold(shape="mallet-24")
     assert asked["id"] != mine["id"]
-    listed = {fold["id"] for fold in counter.http.get("/api/folds").json()["folds"]}
+    listed = {fold["id"] for fold in desk.http.get("/api/folds").json()["folds"]}
     assert asked["id"] in listed and mine["id"] not in listed
-    assert counter.state(mine["id"])["shape"] is None
-    again = counter.fold(shape="mallet-24")
+    assert desk.state(mine["id"])["shape"] is None
+    again = desk.fold(shape="mallet-24")
     assert (again["id"], again["existing"], again["owner_token"]) == (asked["id"], True, None)
 
 
-def test_cancellation_and_request_at_once_give_nobody_a_cancelled_fold(
-    counter: Service,
-) -> None:
-    with ThreadPoolExecutor(2) as threads:
-        for _ in range(12):
-            first = counter.fold(shape="wrench-24")
-            if first["owner_token"] is None:  # two want the one of the round before, and get it
-                break
-            ready = Barrier(2)
-
-            def cancel(first: dict[str, Any] = first, ready: Barrier = ready) -> int:
-                ready.wait()
-                here = f"/api/folds/{first['id']}/cancel"
-                return counter.http.post(here, headers=owner(first)).status_code
-
-            def ask(ready: Barrier = ready) -> dict[str, Any]:
-                ready.wait()
-                return counter.fold(shape="wrench-24")
-
-            cancelled, second = threads.submit(cancel), threads.submit(ask)
-            asked = second.result()
-            assert cancelled.result() == (403 if asked["id"] == first["id"] else 202)
-            assert counter.state(asked["id"])["status"] == "queued"
-            if asked["id"] != first["id"]:
-                assert changes(counter, asked["id"], asked["owner_token"])[0] == 202
-
-
-def test_cancelled_folds_are_not_listed(counter: Service) -> None:
-    fold = counter.fold(shape="hammer")
-    cancelled = counter.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
+def test_cancelled_folds_are_not_listed(desk: Service) -> None:
+    fold = desk.fold(shape="hammer")
+    cancelled = desk.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
     assert cancelled.json()["status"] == "cancelled"
     for page in ("/", "/gallery", "/api/folds"):
-        assert fold["id"] not in counter.http.get(page).text
+        assert fold["id"] not in desk.http.get(page).text

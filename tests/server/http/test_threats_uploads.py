@@ -17,13 +17,10 @@ import httpx
 import numpy as np
 import psutil
 import pytest
-import sqlalchemy as sa
 
 from server.files.uploads import Uploads
 from server.jobs import housekeeping
 from server.settings import Settings
-from server.store.folds import Store
-from server.store.tables import FoldRow
 from tests.case import case
 from tests.server.here import ServiceHere
 from tests.server.service import PATIENCE_S, SNAKE, Service, owner
@@ -75,7 +72,7 @@ def test_twenty_large_uploads_at_once_fit_into_little_memory(service: Service) -
     web = psutil.Process(service.process.pid)
     service.http.post("/api/folds", files={"file": ("a.bin", b"\x89PNG" * MIB)})
     before = most = _settled(web)
-    piece, size = b"\x89PNG" * (MIB // 4), 8
+    piece, size = b"\x89PNG" * (MIB // 4), 5
     with ExitStack() as stack:
         clients = [stack.enter_context(connected(service)) for _ in range(20)]
         for k, client in enumerate(clients):
@@ -100,38 +97,30 @@ def test_uploads_at_once_are_limited_for_a_visitor_and_for_all(here_with: Servic
         headers = {"X-Forwarded-For": visitor}
         return service.http.post("/api/folds", data={"shape": "mallet-64"}, headers=headers)
 
-    def refused(visitor: str, whose: str) -> None:
-        answer = answer_to(visitor)
-        assert answer.status_code == 429, answer.text
-        assert answer.headers["content-type"] == "application/problem+json"
-        assert int(answer.headers["retry-after"]) > 0
-        assert answer.json()["code"] == "too-many-uploads"
-        assert whose in answer.json()["detail"]
-
-    def begin(client: socket.socket, visitor: str) -> None:
-        """Gets past the door: who waits for a word is given it once the upload may come."""
-        client.sendall(head(visitor, length(10) + b"\r\nExpect: 100-continue"))
-        assert client.recv(65536).startswith(b"HTTP/1.1 100 ")
-        client.sendall(PART)
-
-    with connected(service) as first, connected(service) as second:
-        begin(first, "203.0.113.1")
-        refused("203.0.113.1", "of yours")
-        # Of the addresses of version 6 one has many, but they are all of one visitor.
-        begin(second, "2001:db8::1")
-        refused("2001:db8:0:0:1:2:3:4", "of yours")
-        refused("198.51.100.3", "in all")
+    with ExitStack() as stack:
+        for visitor in ("203.0.113.1", "2001:db8::1"):
+            client = stack.enter_context(connected(service))
+            # Gets past the door: who waits for a word is given it once the upload may come.
+            client.sendall(head(visitor, length(10) + b"\r\nExpect: 100-continue"))
+            assert client.recv(65536).startswith(b"HTTP/1.1 100 ")
+            client.sendall(PART)
+        for visitor, whose in (("2001:db8:0:0:1:2:3:4", "of yours"), ("198.51.100.3", "in all")):
+            answer = answer_to(visitor)
+            assert answer.status_code == 429, answer.text
+            assert answer.headers["content-type"] == "application/problem+json"
+            assert int(answer.headers["retry-after"]) > 0
+            assert answer.json()["code"] == "too-many-uploads"
+            assert whose in answer.json()["detail"]
     _until(lambda: answer_to("203.0.113.1").status_code == 202)
 
 
 def _settled(process: psutil.Process) -> int:
     """The memory of a service that has loaded what it loads a moment after its start."""
-    found = process.memory_info().rss
-    since = time.monotonic()
-    while time.monotonic() - since < 3.0:
+    found, quiet = process.memory_info().rss, 0
+    while quiet < 30:
         time.sleep(0.1)
-        if (now := process.memory_info().rss) > found + MIB:
-            found, since = now, time.monotonic()
+        now = process.memory_info().rss
+        found, quiet = (now, 0) if now > found + MIB else (found, quiet + 1)
     return found
 
 
@@ -168,17 +157,15 @@ def test_stalled_upload_times_out(hasty: Service) -> None:
 
 
 def test_slow_upload_times_out(here_with: ServiceWith) -> None:
-    service = here_with(upload_seconds=1.0).start()
+    service = here_with(upload_seconds=0.5).start()
     with connected(service) as client:
         client.sendall(head("x", b"Content-Length: 100000") + PART)
         client.settimeout(0.1)
-        for _ in range(1000):
+        status, body = 0, b""
+        while status == 0:
             client.sendall(b"[")
-            try:
+            with suppress(TimeoutError):
                 status, _, body = answer_of(client)
-                break
-            except TimeoutError:
-                continue
     assert (status, json.loads(body)["code"]) == (408, "too-slow")
 
 
@@ -218,7 +205,7 @@ def test_connections_of_one_address_are_limited(hasty: Service) -> None:
     with ExitStack() as stack:
         clients = [stack.enter_context(connected(hasty)) for _ in range(16)]
         assert sum(status_of(client, b"/api/shapes") == 200 for client in clients) <= 8
-    _until(lambda: _answers(hasty))
+    _until(lambda: hasty.http.get("/health").status_code == 200)
 
 
 def test_health_is_answered_while_all_connections_are_taken(here_with: ServiceWith) -> None:
@@ -240,7 +227,7 @@ def test_tiny_chunks_are_read_at_a_rate(here_with: ServiceWith) -> None:
             + b"1\r\na\r\n" * 20_000
             + b"0\r\n\r\n"
         )
-        for k in range(20):
+        for k in range(8):
             others = {"X-Forwarded-For": f"10.{k}.0.1"}
             assert service.http.get("/api/shapes", headers=others).status_code == 200
         client.setblocking(False)
@@ -273,13 +260,6 @@ def status_of(client: socket.socket, path: bytes) -> int:
         return answer_of(client)[0]
     except ConnectionError:
         return 0
-
-
-def _answers(service: Service) -> bool:
-    try:
-        return service.http.get("/health").status_code == 200
-    except httpx.TransportError:
-        return False
 
 
 def test_false_lengths_are_refused(hasty: Service) -> None:
@@ -322,10 +302,8 @@ def test_requests_without_a_file_are_small(desk: Service) -> None:
         answer = desk.http.post(path, content=data, headers={"Content-Type": kind})
         assert 400 <= answer.status_code < 500, answer.text
     with connected(desk) as client:  # told so, however slowly it comes
-        client.sendall(
-            b"POST /api/folds HTTP/1.1\r\nHost: localhost\r\nContent-Type: %s\r\n"
-            b"Content-Length: %d\r\n\r\n" % (FORM.encode(), len(data))
-        )
+        about = b"Content-Type: %s\r\nContent-Length: %d\r\n\r\n" % (FORM.encode(), len(data))
+        client.sendall(b"POST /api/folds HTTP/1.1\r\nHost: localhost\r\n" + about)
         for start in range(0, len(data), 20_000):
             client.sendall(data[start : start + 20_000])
             time.sleep(0.02)
@@ -341,63 +319,17 @@ def bomb(name: str, inside: bytes = b"") -> bytes:
     return file.getvalue()
 
 
-def nested(times: int) -> bytes:
-    data = bomb("inner.zip", bytes(20 * MIB))
-    for _ in range(times):
-        data = bomb("3D/3dmodel.model", data)
-    return data
-
-
-def lying_zip() -> bytes:
-    """One whose directory says that a bomb is small."""
-    data = bytearray(bomb("3D/3dmodel.model"))
-    at = data.rfind(b"PK\x01\x02")
-    data[at + 24 : at + 28] = struct.pack("<I", 10)
-    return bytes(data)
-
-
-def glb(promised: int) -> bytes:
-    about = {
-        "asset": {"version": "2.0"},
-        "buffers": [{"byteLength": promised}],
-        "bufferViews": [{"buffer": 0, "byteLength": promised}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": promised // 12, "type": "VEC3"}
-        ],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-        "nodes": [{"mesh": 0, "children": [0]}],
-        "scenes": [{"nodes": [0]}],
-        "scene": 0,
-    }
-    text = json.dumps(about).encode()
-    text += b" " * (-len(text) % 4)
-    size = 12 + 8 + len(text)
-    return b"glTF" + struct.pack("<IIII", 2, size, len(text), 0x4E4F534A) + text
-
-
-def npy_promising(shape: str) -> bytes:
-    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".encode()
-    header += b" " * (63 - (len(header) + 10) % 64) + b"\n"
-    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header
-
-
-def npz(array: object) -> bytes:
+def npz_bomb() -> bytes:
     file = io.BytesIO()
-    np.savez_compressed(file, joint_angles_rad=np.asarray(array))
+    np.savez_compressed(file, joint_angles_rad=np.zeros(9 * MIB))
     return file.getvalue()
 
 
-PLY = (
-    "ply\nformat {} 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
-)
-FACES = "element face {}\nproperty list uchar uint vertex_indices\nend_header\n"
 LARGE: dict[str, Callable[[], bytes]] = {
     "bomb.3mf": lambda: bomb("3D/3dmodel.model"),
-    "nested.3mf": lambda: nested(3),
-    "lying.3mf": lying_zip,
-    "bomb.npz": lambda: npz(np.zeros(9 * MIB)),
+    "bomb.npz": npz_bomb,
 }
-"""Files that take long to pack."""
+"""Files that take long to pack; others of all kinds: see tests/planner/shapes."""
 HOSTILE: dict[str, bytes] = {
     "laughs.3mf": bomb(
         "3D/3dmodel.model",
@@ -409,24 +341,11 @@ HOSTILE: dict[str, bytes] = {
         "3D/3dmodel.model",
         b'<!DOCTYPE m [<!ENTITY a SYSTEM "file:///etc/passwd">]><model>&a;</model>',
     ),
-    "promise.glb": glb(2**32 - 4),
-    "huge.npy": npy_promising("(4294967296, 3)"),
-    "long.npy": npy_promising("(99999999999999999999999, 3)"),
-    "negative.npy": npy_promising("(-1, 3)"),
     "promise.stl": bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(50),
-    "promise.ply": (PLY.format("binary_little_endian", 2**32) + FACES.format(2**32)).encode(),
-    "text.ply": (PLY.format("ascii", 10**30) + FACES.format(10**30)).encode() + b"0 0 0\n",
-    "list.ply": (PLY.format("binary_little_endian", 0) + FACES.format(1)).encode()
-    + b"\xff"
-    + b"\xff" * 1020,
-    "promise.off": b"OFF\n4294967296 4294967296 0\n0 0 0\n",
-    "huge.off": b"OFF\n" + b"9" * 10_000 + b" 1 0\n",
     "promise.vox": b"VOX " + struct.pack("<I", 150) + b"MAIN" + struct.pack("<II", 0, 2**32 - 1),
-    "promise.binvox": b"#binvox 1\ndim 65535 65535 65535\ntranslate 0 0 0\nscale 1\ndata\n\x01\xff",
     "deep.json": b"[" * 100_000 + b"]" * 90_000,
     "deep object.json": b'{"a":' * 30_000 + b"1" + b"}" * 30_000,
     "huge integer.json": b"[[0,0," + b"9" * 100_000 + b"],[0,0,1]]",
-    "large.json": b"[[1e308,0,0],[1e309,0,0],[-1e309,0,0]]",
     "infinite.json": b"[[Infinity,0,0],[NaN,0,0],[-Infinity,0,1]]",
     "path.obj": b"v 0 0 0\nmtllib /etc/passwd\nf 1/1/1 99999999999999999999 -5\n",
     "huge.obj": b"v 1e999 nan inf\n" * 1000 + b"f 1 2 3\n",
@@ -435,44 +354,44 @@ HOSTILE: dict[str, bytes] = {
 }
 
 
-@pytest.mark.parametrize("name", [*LARGE, *HOSTILE])
+@pytest.mark.parametrize("name", [*LARGE, "others"])
 def test_hostile_files_are_refused(desk: Service, name: str) -> None:
-    data = LARGE[name]() if name in LARGE else HOSTILE[name]
-    assert len(data) < 250_000, len(data)
-    answer = desk.http.post("/api/folds", files={"file": (name, data)})
-    assert answer.status_code == 422, answer.text
-    assert answer.headers["content-type"] == "application/problem+json"
-    assert "passwd" not in answer.text and "root:" not in answer.text
-    assert answer.json()["code"] not in ("internal", "crashed"), answer.text
+    files = {name: LARGE[name]()} if name in LARGE else HOSTILE
+    for filename, data in files.items():
+        with case(filename):
+            assert len(data) < 250_000, len(data)
+            answer = desk.http.post("/api/folds", files={"file": (filename, data)})
+            assert answer.status_code == 422, answer.text
+            assert answer.headers["content-type"] == "application/problem+json"
+            assert "passwd" not in answer.text and "root:" not in answer.text
+            assert answer.json()["code"] not in ("internal", "crashed"), answer.text
 
 
 def test_uploads_of_other_processes_are_left_alone(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path)
-    first = Uploads(settings)
-    with first.stored(io.BytesIO(b"abc"), "a") as upload:
-        dead = settings.uploads_dir / "1-dead"
-        dead.mkdir()
-        (dead / "input").write_text("never acknowledged")
-        (settings.uploads_dir / "old").write_text("from a version before")
-        outside = tmp_path / "outside"
-        outside.mkdir()
-        (settings.uploads_dir / "link").symlink_to(outside)
-        second = Uploads(settings)
-        assert upload.directory.is_dir() and not dead.exists() and outside.is_dir()
-        left = {path.name for path in settings.uploads_dir.iterdir()}
-        assert left == {first.place.name, second.place.name}
-    assert not upload.directory.exists()
-    second.close()
-    first.close()
+    with closing(Uploads(settings)) as first:
+        with first.stored(io.BytesIO(b"abc"), "a") as upload:
+            dead, outside = settings.uploads_dir / "1-dead", tmp_path / "outside"
+            for place in (dead, outside):
+                place.mkdir()
+            (dead / "input").write_text("never acknowledged")
+            (settings.uploads_dir / "old").write_text("from a version before")
+            (settings.uploads_dir / "link").symlink_to(outside)
+            with closing(Uploads(settings)) as second:
+                assert upload.directory.is_dir() and outside.is_dir()
+                left = {path.name for path in settings.uploads_dir.iterdir()}
+                assert left == {first._place.name, second._place.name}
+        assert not upload.directory.exists()
     assert not list(settings.uploads_dir.iterdir())
 
 
 def test_stored_upload_has_its_size_and_digest(tmp_path: Path) -> None:
-    uploads = Uploads(Settings(data_dir=tmp_path))
-    with uploads.stored(io.BytesIO(b"abc" * 1_000_000), None) as upload:
+    with (
+        closing(Uploads(Settings(data_dir=tmp_path))) as uploads,
+        uploads.stored(io.BytesIO(b"abc" * 1_000_000), None) as upload,
+    ):
         assert upload.size == (upload.directory / "input").stat().st_size == 3_000_000
         assert upload.digest.startswith("f4096a13")
-    uploads.close()
 
 
 def test_broken_off_upload_leaves_no_files(hasty: Service) -> None:
@@ -485,16 +404,13 @@ def test_broken_off_upload_leaves_no_files(hasty: Service) -> None:
 def test_uploads_cancelled_at_once_fill_no_disk(
     here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert housekeeping.MAX_CANCELLED_BYTES <= 16 * MIB
-    monkeypatch.setattr(housekeeping, "MAX_CANCELLED_BYTES", 2**20)
+    """How many stay: see tests/server/jobs/test_housekeeping.py."""
+    monkeypatch.setattr(housekeeping, "MAX_CANCELLED_BYTES", 2**19)
     service = here_with().start()
-    for _ in range(5):
-        data = json.dumps(SNAKE).encode() + 2**19 * b" "
+    for _ in range(3):
+        data = json.dumps(SNAKE).encode() + 2**18 * b" "
         fold = service.http.post("/api/folds", files={"file": ("a.json", data)}).json()
         answer = service.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
         assert answer.json()["status"] == "cancelled"
-    files = [path.stat().st_size for path in service.directory(".").rglob("input")]
-    assert len(files) == 2  # the last one, and what fits into 1 MiB beside it
-    with closing(Store(service.settings)) as store, store.reading() as session:
-        counted = session.scalar(sa.select(sa.func.sum(FoldRow.bytes))) or 0
-    assert sum(files) <= counted < sum(files) + 10_000
+    # The last one, and what fits into 512 KiB beside it.
+    assert len(list(service.directory(".").rglob("input"))) == 2

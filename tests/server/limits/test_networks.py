@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -36,13 +35,13 @@ def fill(quota: Quota, visitors: list[str], ended: list[str] | None = None) -> l
     return taken
 
 
-@pytest.mark.parametrize("visitors", [HOME, SITE, STREET])
-def test_quota_of_one_network_stops_at_half_the_total(visitors: list[str]) -> None:
-    quota = Quota("uploads", total=24, per_visitor=6)
-    assert len(fill(quota, visitors)) == network_share(24, 6) == 12
-    with pytest.raises(TooMany, match="from your network"):
-        quota.enter(visitors[-1])
-    assert quota.enter(OTHER)
+def test_quota_of_one_network_stops_at_half_the_total() -> None:
+    for visitors in (HOME, SITE, STREET):
+        quota = Quota("uploads", total=24, per_visitor=6)
+        assert len(fill(quota, visitors)) == network_share(24, 6) == 12
+        with pytest.raises(TooMany, match="from your network"):
+            quota.enter(visitors[-1])
+        assert quota.enter(OTHER)
 
 
 def test_quota_when_full_displaces_the_network_that_holds_most() -> None:
@@ -69,12 +68,12 @@ def test_quota_of_a_full_network_gives_its_own_visitors_a_share() -> None:
             quota.enter(OTHER)
 
 
-def test_quota_displaces_no_permit_without_end_none_that_is_kept_and_no_operator() -> None:
+def test_quota_displaces_no_permit_without_end_and_no_operator() -> None:
     quota, ended = Quota("robots", total=4, per_visitor=4), []
     quota.enter(None, end=lambda: ended.append("operator"))
     quota.enter(STREET[0])
     for _ in range(2):
-        quota.enter(STREET[0], end=lambda: ended.append("kept")).keep()
+        quota.enter(STREET[0])
     with pytest.raises(TooMany):
         quota.enter(OTHER)
     assert not ended
@@ -91,31 +90,6 @@ def test_quota_gives_turns_to_networks_before_visitors() -> None:
     for k in (0, 4, 1):
         permits[k].leave()
     assert begun[2:] == [HOME[1], OTHER, HOME[2]]  # not after all of one network
-
-
-def test_turn_displaced_by_another_network_is_refused() -> None:
-    quota = Quota("uploads", total=4, per_visitor=4, at_once=1, timeout_s=30.0)
-    inside, go_on = threading.Event(), threading.Event()
-
-    def work(visitor: str) -> None:
-        with quota.turn(visitor):
-            inside.set()
-            go_on.wait(30.0)
-
-    with ThreadPoolExecutor(5) as threads:
-        first = threads.submit(work, HOME[0])
-        inside.wait(30.0)
-        rest = [threads.submit(work, HOME[0]) for _ in range(3)]
-        while len(quota) < 4:
-            pass
-        other = threads.submit(work, OTHER)
-        errors = []
-        while not errors:
-            errors = [task.exception() for task in rest if task.done()]
-        assert isinstance(errors[0], Unavailable)
-        go_on.set()
-        for task in (first, other):
-            task.result(30.0)
 
 
 def test_single_flight_refuses_those_displaced_by_another_network() -> None:
@@ -138,12 +112,12 @@ def test_single_flight_refuses_those_displaced_by_another_network() -> None:
     asyncio.run(ask())
 
 
-@pytest.mark.parametrize("visitors", [HOME, SITE, STREET])
-def test_rate_of_one_network_is_twice_that_of_a_visitor(visitors: list[str]) -> None:
-    buckets = TokenBuckets(1.0, 10.0, clock=lambda: 0.0)
-    answered = sum(buckets.take(name) == 0.0 for name in visitors for _ in range(10))
-    assert answered == 20
-    assert buckets.take(OTHER) == 0.0
+def test_rate_of_one_network_is_twice_that_of_a_visitor() -> None:
+    for visitors in (HOME, SITE, STREET):
+        buckets = TokenBuckets(1.0, 10.0, clock=lambda: 0.0)
+        answered = sum(buckets.take(name) == 0.0 for name in visitors for _ in range(10))
+        assert answered == 20
+        assert buckets.take(OTHER) == 0.0
 
 
 def test_charge_of_more_than_there_is_makes_a_debt() -> None:

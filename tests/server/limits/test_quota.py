@@ -15,32 +15,32 @@ from server.limits.queue_room import Waiting, check_room
 from server.limits.quota import Permit, Quota
 from server.settings import Settings
 from server.store.folds import Store
+from tests.case import case
 
 
 def test_visitor_cannot_take_all_places() -> None:
     quota = Quota("answers", at_once=1, total=3, per_visitor=2, timeout_s=30.0)
-    go_on, inside = threading.Event(), threading.Semaphore(0)
+    go_on = threading.Event()
 
     def work(visitor: str) -> None:
         with quota.turn(visitor):
-            inside.release()
             go_on.wait(30.0)
 
     with ThreadPoolExecutor(4) as threads:
-        first = threads.submit(work, "a")
-        inside.acquire()
-        others = [threads.submit(work, "a")]
-        while len(quota) < 2:
-            pass
+
+        def begin(visitor: str, held: int) -> Future[None]:
+            future = threads.submit(work, visitor)
+            while len(quota) < held:
+                pass
+            return future
+
+        first, displaced = begin("a", 1), begin("a", 2)
         with pytest.raises(TooMany) as refused, quota.turn("a"):
             pass
         assert refused.value.retry_after_s == 5
-        others.append(threads.submit(work, "b"))
-        while len(quota) < 3:
-            pass
-        others.append(threads.submit(work, "c"))  # gets the place of the one that a has in excess
+        others = [begin("b", 3), begin("c", 3)]  # c gets the place of the one that a has in excess
         with pytest.raises(Unavailable, match="of others") as full:
-            others.pop(0).result(30.0)
+            displaced.result(30.0)
         assert full.value.code == "busy"
         with pytest.raises(Unavailable, match="of others"), quota.turn("d"):
             pass
@@ -48,8 +48,6 @@ def test_visitor_cannot_take_all_places() -> None:
         for done in (first, *others):
             done.result(30.0)
     assert len(quota) == 0
-    with quota.turn("a"):
-        assert len(quota) == 1
 
 
 def test_waiting_ends_when_it_is_unwanted_or_takes_too_long() -> None:
@@ -101,14 +99,6 @@ def test_places_are_given_back() -> None:
     first.leave()
     assert len(quota) == 1
     quota.enter("a")
-
-
-def test_calls_without_a_visitor_are_bounded_with_all_others() -> None:
-    quota = Quota("connections", total=None, per_visitor=1)
-    assert [quota.enter(None) for _ in range(3)]
-    quota.enter("a")
-    with pytest.raises(TooMany):
-        quota.enter("a")
 
 
 def test_visitors_take_turns_at_the_places() -> None:
@@ -167,33 +157,30 @@ def of(network: int, visitor: int, cost_s: float, count: int = 1) -> list[Waitin
     return count * [Waiting(f"2001:db8:{network}::/48|{visitor}", cost_s)]
 
 
-@pytest.mark.parametrize(
-    ("waiting", "wanted", "refused"),
-    [
+def test_queue_room_is_shared_by_networks_and_visitors() -> None:
+    two, crowd = of(0, 0, 300.0) + of(0, 1, 200.0), of(0, 0, 1.0, 3) + of(0, 1, 1.0, 3)
+    uneven = of(0, 0, 400.0) + of(1, 0, 100.0)
+    for waiting, wanted, refused in (
         ([], (0, 0, 1200.0), None),
         ([], (0, 0, 1300.0), "0 folds are waiting"),
         (of(0, 0, 300.0), (0, 0, 90.0), None),
         (of(0, 0, 300.0), (0, 0, 110.0), "your waiting folds"),
         (of(0, 0, 1.0, 4), (0, 0, 1.0), "4 of your folds"),
         # A network alone fills half of the queue, whoever its visitors are.
-        (of(0, 0, 300.0) + of(0, 1, 200.0), (0, 2, 90.0), None),
-        (of(0, 0, 300.0) + of(0, 1, 200.0), (0, 2, 210.0), "2 of them from your network"),
+        (two, (0, 2, 90.0), None),
+        (two, (0, 2, 210.0), "2 of them from your network"),
         (of(0, 0, 300.0) + of(0, 1, 300.0), (1, 0, 550.0), None),
         # The one that holds the most is refused first.
-        (of(0, 0, 400.0) + of(1, 0, 100.0), (0, 1, 310.0), "network"),
-        (of(0, 0, 400.0) + of(1, 0, 100.0), (1, 1, 310.0), None),
+        (uneven, (0, 1, 310.0), "network"),
+        (uneven, (1, 1, 310.0), None),
         (of(0, 0, 400.0) + of(1, 0, 400.0), (2, 0, 2.0), None),
-        (of(0, 0, 1.0, 3) + of(0, 1, 1.0, 3), (0, 2, 1.0), "6 of them from your network"),
-        (of(0, 0, 1.0, 3) + of(0, 1, 1.0, 3), (1, 0, 1.0), None),
-    ],
-)
-def test_queue_room_is_shared_by_networks_and_visitors(
-    waiting: list[Waiting], wanted: tuple[int, int, float], refused: str | None
-) -> None:
-    (fold,) = of(*wanted)
-    if refused is None:
-        check_room(waiting, fold, SETTINGS)
-        return
-    with pytest.raises(TooMany, match=refused) as error:
-        check_room(waiting, fold, SETTINGS)
-    assert error.value.code == "queue-full" and error.value.retry_after_s
+        (crowd, (0, 2, 1.0), "6 of them from your network"),
+        (crowd, (1, 0, 1.0), None),
+    ):
+        (fold,) = of(*wanted)
+        if refused is None:
+            check_room(waiting, fold, SETTINGS)
+            continue
+        with case(refused), pytest.raises(TooMany, match=refused) as error:
+            check_room(waiting, fold, SETTINGS)
+        assert error.value.code == "queue-full" and error.value.retry_after_s

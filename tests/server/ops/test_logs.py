@@ -5,20 +5,17 @@ from __future__ import annotations
 import io
 import json
 import logging
-import socket
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 import pytest
 
 from server.ops.logs import JsonLines, TextLines, about, escaped
-from tests.server.service import PATIENCE_S, STAIRS, Service
+from tests.server.service import PATIENCE_S, Service
 
 FORGED = 'x\n{"level": "error", "message": "forged"}\r\x1b[2K\u2028\x85'
 
@@ -50,26 +47,15 @@ def lines(told: Told) -> list[dict[str, Any]]:
 def access(told: Told, request_id: str) -> dict[str, Any]:
     """The line of a request; it is written after the answer has gone out."""
     deadline = time.monotonic() + PATIENCE_S
-    while True:
-        found = [line for line in accesses(told) if line["request"] == request_id]
-        if found:
-            assert len(found) == 1
-            return found[0]
+    while not (found := [line for line in lines(told) if line.get("request") == request_id]):
         assert time.monotonic() < deadline, told.text
         time.sleep(0.02)
+    assert [line["logger"] for line in found] == ["foldback.access"]
+    return found[0]
 
 
-def accesses(told: Told) -> list[dict[str, Any]]:
-    return [line for line in lines(told) if line["logger"] == "foldback.access"]
-
-
-@pytest.fixture
-def logger() -> Iterator[logging.Logger]:
-    logger = logging.Logger("foldback.test")
-    yield logger
-
-
-def written(logger: logging.Logger, formatter: logging.Formatter) -> io.StringIO:
+def written(formatter: logging.Formatter, logger: logging.Logger) -> io.StringIO:
+    """What a logger writes from here on."""
     stream = io.StringIO()
     handler = logging.StreamHandler(stream)
     handler.setFormatter(formatter)
@@ -77,9 +63,9 @@ def written(logger: logging.Logger, formatter: logging.Formatter) -> io.StringIO
     return stream
 
 
-def test_lines_hold_the_fields_of_their_context(logger: logging.Logger) -> None:
-    fields = {"worker": "h/0"}
-    as_json, as_text = (written(logger, kind(fields)) for kind in (JsonLines, TextLines))
+def test_lines_hold_the_fields_of_their_context() -> None:
+    fields, logger = {"worker": "h/0"}, logging.Logger("foldback.test")
+    as_json, as_text = (written(kind(fields), logger) for kind in (JsonLines, TextLines))
     with about(fold="abc", request="r1"):
         logger.warning("%d of %d", 1, 2, extra={"movie": "m"})
         thread = threading.Thread(target=logger.info, args=("elsewhere",))
@@ -97,23 +83,21 @@ def test_lines_hold_the_fields_of_their_context(logger: logging.Logger) -> None:
     assert "[fold=abc movie=m worker=h/0 request=r1]: 1 of 2" in as_text.getvalue()
 
 
-@pytest.mark.parametrize("kind", [JsonLines, TextLines])
-def test_text_and_tracebacks_cannot_forge_lines(
-    logger: logging.Logger, kind: type[logging.Formatter]
-) -> None:
-    stream = written(logger, kind({}))
-    with about(fold=FORGED):
-        logger.error("got %s", FORGED)
-    (line,) = stream.getvalue().splitlines()
-    assert line.isprintable()
-    try:
-        raise ValueError(FORGED)
-    except ValueError:
-        logger.exception("failed")
-    _, first, *others = stream.getvalue().split("\n")[:-1]
-    assert "failed" in first
-    assert all(line.startswith("  ") and line.isprintable() for line in others)
-    assert "Traceback" in stream.getvalue()
+def test_text_and_tracebacks_cannot_forge_lines() -> None:
+    for kind in (JsonLines, TextLines):
+        logger = logging.Logger("foldback.test")
+        stream = written(kind({}), logger)
+        with about(fold=FORGED):
+            logger.error("got %s", FORGED)
+        (line,) = stream.getvalue().splitlines()
+        assert line.isprintable()
+        try:
+            raise ValueError(FORGED)
+        except ValueError:
+            logger.exception("failed")
+        _, first, *others = stream.getvalue().split("\n")[:-1]
+        assert "failed" in first and "Traceback" in stream.getvalue()
+        assert all(line.startswith("  ") and line.isprintable() for line in others)
     assert escaped("größer ≥ 3") == "größer ≥ 3"
     assert escaped("a\nb\x00\u202ec") == "a\\nb\\x00\\u202ec"
 
@@ -133,13 +117,10 @@ def test_request_leaves_one_line_with_its_route(told: Told) -> None:
 
 
 def test_secrets_are_not_logged_in_requests(told: Told) -> None:
-    headers = {
-        "Authorization": "Bearer very-secret-token-of-somebody",
-        "X-Request-ID": "secrets",
-        "Cookie": "a=very-secret-cookie",
-    }
-    told.http.get("/api/folds?token=very-secret-query", headers=headers)
-    told.http.get("/nowhere?token=very-secret-query", headers=headers | {"X-Request-ID": "no"})
+    secret = {"Authorization": "Bearer very-secret-token-of-somebody", "Cookie": "a=very-secret-c"}
+    for path, name in (("/api/folds", "secrets"), ("/nowhere", "no")):
+        headers = secret | {"X-Request-ID": name}
+        told.http.get(f"{path}?token=very-secret-query", headers=headers)
     assert access(told, "no")["path"] == "/nowhere"
     assert "secret-" not in told.text
 
@@ -151,47 +132,34 @@ def test_requests_cannot_forge_lines(told: Told) -> None:
     assert found[0]["path"].startswith("/nowhere\n{")
     assert "fold" not in found[1]
     assert len(found[2]["path"]) == 200
+    told.http.request("FORGE", "/health", headers={"X-Request-ID": "odd"})
+    assert access(told, "odd")["method"] == "other"
     assert {line["level"] for line in lines(told)} == {"info"}
-    address = urlsplit(str(told.http.base_url))
-    for request in (
-        b"G\x0bT / HTTP/1.1\r\nHost: localhost\r\n\r\n",
-        b"FORGE /health HTTP/1.1\r\nHost: localhost\r\nX-Request-ID: raw\r\n"
-        b"Connection: close\r\n\r\n",
-    ):
-        with socket.create_connection((address.hostname, address.port)) as raw:
-            raw.sendall(request)
-            while raw.recv(65536):
-                pass
-    assert access(told, "raw")["method"] == "other"
-    assert all("level" in line for line in lines(told))
 
 
-def test_worker_logs_its_fold(told: Told) -> None:
-    accepted = told.service.fold(STAIRS)
-    assert told.service.wait_over(accepted["id"])["status"] == "verified"
-    (end,) = [
-        line
-        for line in lines(told)
-        if line["logger"] == "foldback.worker" and "verified" in line["message"]
-    ]
-    assert end["fold"] == accepted["id"]
-    assert end["worker"].endswith("/0")
-    assert accepted["owner_token"] not in told.text
+def test_worker_logs_its_fold(service: Service, finished: dict[str, Any]) -> None:
+    told = service.log.read_text()
+    words = ('"foldback.worker"', finished["id"], "verified")
+    (end,) = [line for line in told.splitlines() if all(word in line for word in words)]
+    assert json.loads(end)["worker"].endswith("/0")
+    assert finished["accepted"]["owner_token"] not in told
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize(("level", "lines"), [("ERROR", 1), ("info", 3)])
-def test_lines_below_the_level_are_left_out(level: str, lines: int) -> None:
-    code = (
-        "import logging; from server.ops.logs import set_up_logs; "
-        "from server.settings import Settings; set_up_logs(Settings()); "
-        "logging.getLogger('foldback.access').info('small'); "
-        "logging.getLogger('foldback').error('big'); logging.getLogger('alembic').warning('alien')"
-    )
-    environment = {"PYTHONPATH": str(Path(__file__).parents[3]), "FOLDBACK_LOG_LEVEL": level}
+def test_lines_below_the_level_are_left_out() -> None:
+    code = """
+import logging
+from server.ops.logs import set_up_logs
+from server.settings import Settings
+for level in ("info", "error"):
+    set_up_logs(Settings(log_level=level))
+    logging.getLogger("foldback.access").info("small")
+    logging.getLogger("foldback").error("big")
+    logging.getLogger("alembic").warning("alien")
+"""
+    environment = {"PYTHONPATH": str(Path(__file__).parents[3])}
     done = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
     )
-    told = done.stderr.splitlines()
-    assert len(told) == lines
-    assert [line for line in told if line.endswith("error foldback: big")]
+    told = [line.rpartition(" ")[2] for line in done.stderr.splitlines()]
+    assert told == ["small", "big", "alien", "big"]

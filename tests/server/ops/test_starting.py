@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -28,22 +28,16 @@ def leave_the_process_alone(monkeypatch: pytest.MonkeyPatch) -> None:
             monkeypatch.setattr(module, name, lambda *_: None, raising=False)
 
 
-@pytest.mark.parametrize("start", [server_of, worker.work])
-@pytest.mark.parametrize(("settings", "words"), MISSING)
 def test_missing_database_or_storage_is_told_with_a_remedy(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    start: Callable[[Settings], object],
-    settings: dict[str, str],
-    words: str,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     leave_the_process_alone(monkeypatch)
-    with pytest.raises(SystemExit) as ended:
-        start(Settings(data_dir=tmp_path, **settings))  # type: ignore[arg-type]
-    assert ended.value.code == 1
-    said = capsys.readouterr().err
-    assert words in said and "foldback doctor" in said
+    for start, (settings, words) in product((server_of, worker.work), MISSING):
+        with pytest.raises(SystemExit) as ended:
+            start(Settings(data_dir=tmp_path, **settings))  # type: ignore[arg-type]
+        assert ended.value.code == 1
+        said = capsys.readouterr().err
+        assert words in said and "foldback doctor" in said
 
 
 @pytest.mark.parametrize("command", ["serve", "worker"])

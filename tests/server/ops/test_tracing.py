@@ -55,26 +55,15 @@ def test_fold_is_a_trace_with_a_span_for_each_stage(
     tmp_path: Path, receiver: tuple[str, list[ExportTraceServiceRequest]]
 ) -> None:
     endpoint, got = receiver
-    done = subprocess.run(
-        [sys.executable, "-c", CODE],
-        env={
-            "PYTHONPATH": str(Path(__file__).parents[3]),
-            "FOLDBACK_DATA_DIR": str(tmp_path),
-            "FOLDBACK_OTLP_ENDPOINT": endpoint,
-        },
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    spans = [
-        span
-        for request in got
-        for resource in request.resource_spans
-        for scope in resource.scope_spans
-        for span in scope.spans
-    ]
+    environment = {
+        "PYTHONPATH": str(Path(__file__).parents[3]),
+        "FOLDBACK_DATA_DIR": str(tmp_path),
+        "FOLDBACK_OTLP_ENDPOINT": endpoint,
+    }
+    subprocess.run([sys.executable, "-c", CODE], env=environment, timeout=120, check=True)
+    resources = [resource for request in got for resource in request.resource_spans]
+    scopes = [scope for resource in resources for scope in resource.scope_spans]
+    spans = [span for scope in scopes for span in scope.spans]
     named = {span.name: span for span in spans}
     assert {"fold", "read", "explode"} <= named.keys()
     assert named["read"].parent_span_id == named["fold"].span_id

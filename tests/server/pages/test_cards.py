@@ -20,39 +20,28 @@ from tests.server.rows import SOMEBODY
 from tests.server.store.test_rows import row
 from words.gallery import CHAIN_LABELS, TAG_LABELS, method_of
 
-HEART = Card(
-    name="heart", title="Heart", module="cube", modules=216, tags=("sign",), rests_within=1.94
-)
-RING = Card(
-    name="tetra-ring",
-    title="Ring of twelve",
-    module="tetrahedron",
-    modules=12,
-    tags=("tetrahedra", "ring"),
-)
+CUBES = Card(name="heart", title="Heart", module="cube", modules=216, tags=("sign",))
+HEART = replace(CUBES, rests_within=1.94)
+RING = Card(name="ring", title="Ring of twelve", module="tetrahedron", modules=12, tags=("ring",))
 VERIFIED = FoldStatus(status="verified", fold="a")
 
 
 FILTERS: tuple[tuple[dict[str, str], str], ...] = (
     ({}, "heart ring"),
     ({"type": "cube"}, "heart"),
-    ({"type": "tetrahedron"}, "ring"),
     ({"type": "<script>"}, "heart ring"),
     ({"kind": "ring"}, "ring"),
     ({"status": "verified"}, "heart"),
-    ({"status": "new"}, "ring"),
     ({"world": "table"}, "heart"),
     ({"world": "moon"}, "heart ring"),
     ({"modules": "100-200"}, ""),
     ({"modules": "-100"}, "ring"),
-    ({"modules": "216-216"}, "heart"),
     ({"modules": "nonsense"}, "heart ring"),
     ({"least": "13", "most": ""}, "heart"),
     ({"q": "  HEART "}, "heart"),
     ({"q": "twelve ring"}, "ring"),
     ({"q": "signs"}, "heart"),
     ({"q": "216 modules"}, "heart"),
-    ({"q": "heart ring"}, ""),
     ({"q": "eart"}, ""),
     ({"q": "t"}, "ring"),
 )
@@ -78,10 +67,8 @@ def test_status_of_a_shape_is_that_of_its_best_public_fold(store: Store) -> None
     folds = [("heart", status) for status in ("failed", "verified", "running")]
     folds += [("cat", "queued"), ("cat", "failed"), ("dog", "cancelled"), (None, "verified")]
     for number, (shape, status) in enumerate(folds):
-        added = row(id=f"fold{number}", shape=shape, status=status, public=True)
-        assert store.add(added, SOMEBODY)
-    private = row(id="private", shape="dog", status="verified", public=False)
-    assert store.add(private, SOMEBODY)
+        store.add(row(id=f"fold{number}", shape=shape, status=status, public=True), SOMEBODY)
+    store.add(row(id="private", shape="dog", status="verified", public=False), SOMEBODY)
     assert fold_statuses(store) == {
         "heart": FoldStatus(status="verified", fold="fold1"),
         "cat": FoldStatus(status="running", fold="fold3"),
@@ -90,12 +77,10 @@ def test_status_of_a_shape_is_that_of_its_best_public_fold(store: Store) -> None
 
 def test_cards_tell_the_torque_needed_on_a_table() -> None:
     assert HEART.rests == "Can be folded on a table (needs 2.0× a module's weight × width)"
-    assert RING.rests is None
-    assert (
-        replace(HEART, rests_within=0.0).rests == "Can be folded on a table (needs no motor torque)"
-    )
+    assert CUBES.rests is None
+    resting = replace(HEART, rests_within=0.0)
+    assert resting.rests == "Can be folded on a table (needs no motor torque)"
     known = [card for card in cards(Gallery()) if card.rests]
-    assert known
     assert {card.module for card in known} == {"cube"}
 
 

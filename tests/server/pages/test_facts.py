@@ -34,22 +34,12 @@ from words.quantities import length_m, number, parameters, quantity
 
 
 def test_numbers_have_significant_digits_and_units() -> None:
-    for value, text in (
-        (0.0038234123412, "0.00382"),
-        (0.95, "0.95"),
-        (1.0, "1"),
-        (18.53, "18.5"),
-        (1234.5678, "1235"),
-        (30000, "30000"),
-        (1e7, "1×10⁷"),
-        (1.2804542754824243e-12, "1.28×10⁻¹²"),
-        (-0.02, "−0.02"),
-        (0.0, "0"),
-    ):
+    texts = {0.0038234123412: "0.00382", 0.95: "0.95", 1.0: "1", 18.53: "18.5", 0.0: "0"}
+    texts |= {1234.5678: "1235", 30000: "30000", 1e7: "1×10⁷", 1.2804e-12: "1.28×10⁻¹²"}
+    for value, text in (texts | {-0.02: "−0.02"}).items():
         assert number(value) == text
     assert quantity((0.004, 0.1), "s") == "0.004 to 0.1 s"
-    assert quantity(None, "s") is None
-    assert (quantity("servo"), quantity(True)) == ("servo", "yes")
+    assert (quantity(None, "s"), quantity("servo"), quantity(True)) == (None, "servo", "yes")
     assert (length_m(0.01), length_m(2.5), length_m(None)) == ("10 mm", "2.5 m", None)
     assert parameters({"new_cap_rad": 0.25}) == [("New cap", "250 mrad")]
     assert parameters({"other_speed_rad_s": 2}) == [("Other speed", "2 rad/s")]
@@ -90,21 +80,8 @@ def found(directory: Path, frames: int, **values: Any) -> Found:
         chain = Chain.from_path(CellPath.from_cells(SNAKE))
         with TimelineWriter.create(directory / "timeline.zarr", chain) as writer:
             writer.append(unfolding(chain, frames))
-    row = {
-        "id": "f" * 20,
-        "name": "Claw hammer",
-        "status": "failed",
-        "modules": 16,
-        "preset": "default",
-        "settings": "",
-        "seed": 0,
-        "module_size": None,
-        "strategy": "auto",
-        "stage": "certify",
-        "summary": {},
-        "error": None,
-        **values,
-    }
+    usual: dict[str, Any] = {"status": "failed", "stage": "certify", "preset": "default", "seed": 0}
+    row = {"id": "f" * 20, "name": "Claw hammer", "modules": 16, **usual, **values}
     return Found(ShownFold(**row), directory)
 
 
@@ -120,18 +97,6 @@ def test_facts_are_read_without_the_whole_plan(
     assert groups["Explosion parameters"]
 
 
-REASON = (
-    "in the plan, modules 3 and 7 overlap by 0.02 pitch at module size 0.95, 40 % into the fold "
-    "(frame 12.5 of the plan)"
-)
-
-
-def test_reason_without_a_known_frame_tells_percent_only(tmp_path: Path) -> None:
-    error = {"code": "not-verified", "detail": REASON, "where": None}
-    facts = fold_facts(found(tmp_path, 5, summary={"reason": REASON}, error=error))
-    assert facts["problem"]["text"].endswith("40 % into the fold")
-
-
 def test_failed_fold_tells_its_frames(tmp_path: Path) -> None:
     assert fold_facts(found(tmp_path, 5))["frames"] == 5
     assert fold_facts(found(tmp_path / "nothing", 0))["frames"] == 0
@@ -139,9 +104,9 @@ def test_failed_fold_tells_its_frames(tmp_path: Path) -> None:
 
 def test_kinematic_fold_of_an_earlier_version_is_told_as_such(tmp_path: Path, store: Store) -> None:
     errors = {"rms_position_error": 0.0, "max_angle_error_rad": 0.0}
-    clearance = {"min_clearance": 0.041, "min_clearance_playback": 0.041, "clearance_bound": 0.0017}
+    figures = {"verdict": "verified", "peak_torque_nm": 0.009, "min_clearance": 0.041}
     summary = {
-        "certificate": {"verdict": "verified", "peak_torque_nm": 0.009, **clearance, **errors},
+        "certificate": {**figures, "clearance_bound": 0.0017, **errors},
         "playback": {"kind": "kinematic", **errors},
         "explosion": {"strategy": "one-by-one"},
     }
@@ -152,56 +117,20 @@ def test_kinematic_fold_of_an_earlier_version_is_told_as_such(tmp_path: Path, st
     assert state["certificate"]["rms_position_error"] is None
     assert state["playback"] == {"kind": "kinematic", **dict.fromkeys(errors)}
     facts = fold_facts(found(tmp_path, 0, status="verified", summary=summary))
-    assert facts["verdict"]["text"] == (
-        "Verified (kinematics only): modules stay at least 0.1 % of a module width apart · one "
-        "joint at a time (a baseline) · 16 modules"
-    )
+    assert facts["verdict"]["text"].startswith("Verified (kinematics only): modules stay at least")
     values = {row["label"]: row["value"] for group in facts["properties"] for row in group["rows"]}
-    assert values["Verdict"] == "Verified (kinematics only)"
     assert values["Final position error (RMS)"] == "not simulated"
-    assert values["Largest joint error"] == "not simulated"
-    assert values["Least clearance, simulated robots"] == "not simulated"
     assert values["Largest torque seen"] == "9 mN·m, number of frames checked is unknown"
     assert "Peak torque" not in values
 
 
-def test_failed_and_cancelled_folds_offer_another_try(tmp_path: Path) -> None:
-    cases = (
-        ({"status": "cancelled", "preset": "paper", "seed": 3}, "Fold again", "paper", 3),
-        ({"preset": "direct"}, "Try with the default preset", "default", 0),
-        ({"seed": 2**32 - 1}, "Try another seed", "default", 0),
-    )
-    for values, text, name, seed in cases:
-        again = fold_facts(found(tmp_path, 0, **values))["again"]
-        assert again["text"] == text
-        assert again["form"] == {"fold": "f" * 20, "preset": name, "seed": seed}
-    for values in ({"status": "verified"}, {"status": "running"}, {"stage": "read"}):
-        assert fold_facts(found(tmp_path, 0, **values))["again"] is None
-
-
-def test_changed_settings_are_shown_and_repeated(tmp_path: Path) -> None:
-    """How they are shown is stored and compared: see tests/server/contract."""
-    row = {"preset": "paper", "settings": "damping=0.05,radial_gain=0.2"}
-    facts = fold_facts(found(tmp_path, 0, status="cancelled", **row))
-    assert facts["preset"] == "Published parameters, Radial force gain λ 0.2, Damping 0.05"
-    assert facts["again"]["form"] == {"fold": "f" * 20, "seed": 0, **row}
-    assert facts["refold"] == row
+def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
+    """For others see tests/server/contract."""
+    again = fold_facts(found(tmp_path, 0, seed=2**32 - 1))["again"]
+    assert again["text"] == "Try another seed" and again["form"]["seed"] == 0
     plain = fold_facts(found(tmp_path, 0, status="verified", preset="paper"))["compare"]
     settable = {way["text"]: way["settable"] for way in plain if "settable" in way}
     assert settable == {"Published method, changed": "must"}
-    failed = fold_facts(found(tmp_path, 0, **row))
-    assert failed["again"]["form"] == {"fold": "f" * 20, "preset": "default", "seed": 0}
-    usual = fold_facts(found(tmp_path, 0, status="verified"))
-    assert usual["refold"] == {}
-    assert "Changed settings" not in {group["heading"] for group in usual["properties"]}
-
-
-def test_expected_time_of_the_published_method_is_told(tmp_path: Path) -> None:
-    hints = {16: "less than a minute", 160: "about a minute", 500: "about 5 min"}
-    for modules, hint in hints.items():
-        facts = fold_facts(found(tmp_path, 0, status="verified", modules=modules))
-        (published,) = [way for way in facts["compare"] if way["text"] == "Published method"]
-        assert published["hint"].startswith(f"Takes {hint}")
 
 
 def test_running_fold_tells_the_verdict_of_a_checked_plan(tmp_path: Path) -> None:

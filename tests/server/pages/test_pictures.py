@@ -16,7 +16,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from server.files.artifacts import Artifacts
-from server.files.pictures import MAX_CACHED_PICTURES, RecentPictures
+from server.files.pictures import MAX_CACHED_PICTURES, recent_pictures
 from server.pages import pictures
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store
@@ -25,11 +25,11 @@ from tests.server.store.test_rows import row
 
 
 class Drawn(list[str]):
-    """Names of the chains of which pictures were drawn, each a quick one."""
+    """Names of the chains of which pictures were drawn, each in no time."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.recent = RecentPictures()
+        self.recent = recent_pictures()
         self.moments: list[dict[str, object]] = []
 
     def drawn(self, path: Path, moment: dict[str, object]) -> bytes:
@@ -41,7 +41,6 @@ class Drawn(list[str]):
 
 @pytest.fixture
 def drawn() -> Drawn:
-    """Pictures that are drawn in no time."""
     return Drawn()
 
 
@@ -113,32 +112,28 @@ def test_picture_of_a_nonsense_view_is_refused(store: Store, drawn: Drawn) -> No
 
 
 def test_recent_pictures_beyond_the_limit_are_dropped() -> None:
-    recent = RecentPictures()
+    recent = recent_pictures()
     for key in range(MAX_CACHED_PICTURES + 1):
-        recent.put(key, b"a picture")
+        recent.keep(key, b"a picture")
         recent.get(0)
     assert recent.get(0) is not None
     assert recent.get(1) is None
 
 
-def test_picture_of_a_running_fold_is_not_stored(store: Store, drawn: Drawn) -> None:
-    directory = fold_in(store, "running")
-    (first,) = asked(store, directory, drawn)
-    assert first.headers["Cache-Control"] == "private, no-cache"
-    assert os.listdir(directory) == ["chain.json"]
-    take(directory, "second")
-    (second,) = asked(store, directory, drawn)
-    assert second.content == b"a picture of second"
-
-
-def test_picture_of_an_earlier_chain_is_drawn_again(store: Store, drawn: Drawn) -> None:
-    directory = fold_in(store, "verified")
-    asked(store, directory, drawn)
-    take(directory, "second")
-    later = next((directory / EXPORTS_DIR).glob("card-*.png")).stat().st_mtime + 1.0
-    os.utime(directory / "chain.json", (later, later))
-    (answer,) = asked(store, directory, drawn)
-    assert answer.content == b"a picture of second"
+def test_picture_of_an_earlier_chain_or_of_a_running_fold_is_drawn_again(
+    store: Store, drawn: Drawn
+) -> None:
+    for status, stored in (("verified", True), ("running", False)):
+        directory = fold_in(store, status)
+        (first,) = asked(store, directory, drawn)
+        assert first.headers["Cache-Control"] == "private, no-cache"
+        cards = list((directory / EXPORTS_DIR).glob("card-*.png"))
+        assert bool(cards) == stored
+        take(directory, "second")
+        later = max(path.stat().st_mtime for path in directory.iterdir()) + 1.0
+        os.utime(directory / "chain.json", (later, later))
+        (answer,) = asked(store, directory, drawn)
+        assert answer.content == b"a picture of second"
 
 
 def test_picture_is_shown_although_the_disk_is_full(
@@ -150,9 +145,3 @@ def test_picture_is_shown_although_the_disk_is_full(
     monkeypatch.setattr(pictures, "write_whole", full)
     (answer,) = asked(store, fold_in(store, "failed"), drawn)
     assert (answer.status_code, answer.content) == (200, b"a picture of first")
-
-
-def test_picture_without_a_chain_is_not_found(store: Store, drawn: Drawn) -> None:
-    directory = fold_in(store, "running")
-    (directory / "chain.json").unlink()
-    assert asked(store, directory, drawn)[0].status_code == 404

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 from types import SimpleNamespace
 
-import httpx
 import pytest
 from fastapi import FastAPI
 from pydantic import ValidationError
@@ -14,9 +12,11 @@ from pydantic import ValidationError
 from server.pages import privacy
 from server.pages.privacy import visibility
 from server.settings import MIB_BYTES, Settings
+from tests.case import case
+from tests.server.asgi import asked
 from tests.server.rows import a_fold
 from words.fold import ShownFold
-from words.lifetime import PUBLIC_FOLD, time_words
+from words.lifetime import time_words
 
 
 def words(**settings: object) -> str:
@@ -24,13 +24,7 @@ def words(**settings: object) -> str:
     app = FastAPI()
     app.state.context = SimpleNamespace(settings=Settings.model_validate(settings))
     app.include_router(privacy.router)
-
-    async def ask() -> httpx.Response:
-        transport = httpx.ASGITransport(app=app)
-        async with httpx.AsyncClient(transport=transport, base_url="http://here") as client:
-            return await client.get("/privacy")
-
-    answer = asyncio.run(ask())
+    answer = asked(app, "/privacy")
     assert (answer.status_code, answer.headers["x-robots-tag"]) == (200, "all")
     return re.sub(r"\s+", " ", answer.text)
 
@@ -50,33 +44,25 @@ def test_privacy_page_tells_the_settings() -> None:
 
 
 def test_fold_tells_its_visibility_and_retention() -> None:
+    """Those of folds that do not expire are stored and compared: see tests/server/contract."""
     settings = Settings(keep_days=1)
-    mine, shared, pinned = (
-        ShownFold.of(a_fold("a", public=public, pinned=pinned))
-        for public, pinned in ((False, False), (True, False), (False, True))
-    )
+    mine, pinned = (ShownFold.of(a_fold("a", pinned=pinned)) for pinned in (False, True))
     who = "Only people with the link can see it."
     assert visibility(settings) == visibility(settings, mine)
     assert visibility(settings, mine) == (f"Stored for 1 day after it was last viewed. {who}")
-    assert visibility(settings, shared) == PUBLIC_FOLD
     assert visibility(settings, pinned) == f"Stored permanently. {who}"
-    cancelled = ShownFold.of(a_fold("a", status="cancelled"))
-    assert visibility(settings, cancelled) == (
-        f"Cancelled: its files will be deleted within 1 hour. {who}"
-    )
     for bound in ("storage_bytes", "storage_of_visitor_bytes"):
         told = visibility(Settings.model_validate({bound: MIB_BYTES}))
         assert told.startswith("Stored while there is space;")
 
 
 def test_times_are_told_in_their_largest_unit() -> None:
-    times = (30 * 86400.0, 43200.0, 3600.0, 90.0, 5400.0, 0.5 * 86400.0, 1.5 * 86400.0)
-    assert [time_words(s) for s in times] == [
-        *("30 days", "12 hours", "1 hour", "90 seconds", "90 minutes", "12 hours", "36 hours"),
-    ]
+    times = {30 * 86400.0: "30 days", 43200.0: "12 hours", 3600.0: "1 hour", 90.0: "90 seconds"}
+    for seconds, words in (times | {5400.0: "90 minutes", 1.5 * 86400.0: "36 hours"}).items():
+        assert time_words(seconds) == words
 
 
-@pytest.mark.parametrize("url", ["javascript:alert(1)", "example.org", 'https://a"b', "//x"])
-def test_imprint_must_be_a_web_address(url: str) -> None:
-    with pytest.raises(ValidationError, match=r"expected an address like https"):
-        Settings(imprint_url=url)
+def test_imprint_must_be_a_web_address() -> None:
+    for url in ("javascript:alert(1)", "example.org", 'https://a"b', "//x"):
+        with case(url), pytest.raises(ValidationError, match=r"expected an address like https"):
+            Settings(imprint_url=url)

@@ -14,7 +14,7 @@ import pytest
 from server.errors import TooMany, Unavailable
 from server.jobs import movie_runner, progress
 from server.jobs.movie_runner import MovieJobs
-from server.jobs.movies import Movies, MovieState, NoSuchMovieError
+from server.jobs.movies import Movies, NoSuchMovieError
 from server.jobs.queue import MAX_LOSSES, MovieClaim
 from server.limits.networks import visitor_at
 from server.settings import Settings
@@ -48,7 +48,7 @@ class Process:
 
     def ask(
         self, movie: Movie, visitor: str, *, owner: Owner | None = None, of_owner: bool = False
-    ) -> tuple[MovieState, bool]:
+    ) -> tuple[MovieRow, bool]:
         owner = owner or new_owner()
         return self.movies.ask("a1", movie, visitor, owner=owner, of_owner=of_owner)
 
@@ -120,35 +120,25 @@ def test_movie_requested_at_once_is_one_job(processes: Processes) -> None:
     assert both[0].row().status == "queued"
 
 
-def test_limits_of_movies_hold_over_all_processes(processes: Processes) -> None:
-    here, there = processes(movies_waiting_of_visitor=1, movies_waiting=2)
-    here.ask(MOVIES[0], "somebody")
-    with pytest.raises(TooMany) as refused:
-        there.ask(MOVIES[1], "somebody")
-    assert refused.value.code == "too-many-movies"
-    there.ask(MOVIES[1], "another")
-    with pytest.raises(Unavailable) as full:
-        here.ask(MOVIES[2], "a third")
-    assert full.value.code == "busy"
-    # The same again is no other movie.
-    assert not there.ask(MOVIES[0], "somebody")[1]
-
-
-def test_movies_of_one_network_leave_room_for_others(
-    processes: Processes,
-) -> None:
+def test_movies_of_one_network_leave_room_for_others(processes: Processes) -> None:
     here, there = processes(movies_waiting_of_visitor=1, movies_waiting=4)
     home = [visitor_at(f"2001:db8:1:{k}::1") for k in range(3)]
     here.ask(MOVIES[0], home[0])
+    with pytest.raises(TooMany) as refused:
+        there.ask(MOVIES[1], home[0])
+    assert refused.value.code == "too-many-movies"
+    assert not there.ask(MOVIES[0], home[0])[1]  # the same again is no other movie
     there.ask(MOVIES[1], home[1])
     with pytest.raises(TooMany, match="from your network"):
         here.ask(MOVIES[2], home[2])
-    assert here.ask(MOVIES[2], visitor_at("2001:db8:2::1"))[1]
+    for k in range(2):
+        assert here.ask(MOVIES[2 + k], visitor_at(f"2001:db8:{2 + k}::1"))[1]
+    with pytest.raises(Unavailable) as full:
+        there.ask(Movie.of({"seconds": 5}), visitor_at("2001:db8:9::1"))
+    assert full.value.code == "busy"
 
 
-def test_repeatedly_lost_movie_fails_and_is_requested_again(
-    processes: Processes,
-) -> None:
+def test_repeatedly_lost_movie_fails_and_is_requested_again(processes: Processes) -> None:
     here, there = processes()
     here.ask(MOVIES[0], "somebody")
     claim = MovieClaim("a1", MOVIES[0].key, here.row().job, "worker:1", losses=MAX_LOSSES)
@@ -237,7 +227,7 @@ def test_movie_requested_by_stranger_and_owner_is_the_owners(
     stranger = new_owner()
     state = here.movies.state
 
-    def not_yet(fold_id: str, movie_id: str) -> MovieState:
+    def not_yet(fold_id: str, movie_id: str) -> MovieRow:
         monkeypatch.setattr(here.movies, "state", state)
         assert there.ask(MOVIES[0], "a stranger", owner=stranger)[1]
         raise NoSuchMovieError(movie_id)

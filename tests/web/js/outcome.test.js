@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Advance, queueWords } from "../../../web/static/js/panels/advance.js";
-import { Outcome, announcementOf, headingOf, titleOf } from "../../../web/static/js/panels/outcome.js";
+import { announcementOf, awaitOutcome, headingOf, titleOf } from "../../../web/static/js/panels/outcome.js";
 
 const facts = (tone) => ({ name: "torus", verdict: { tone, text: "" } });
 
@@ -90,15 +90,15 @@ test("permission to notify is asked on a click only, and a hidden tab notifies o
   Object.assign(globalThis, { Notification, window: { Notification, focus() {} }, document: {
     hidden: true, title: "", getElementById: (id) => (parts[id] ??= { classList: { add() {} } }),
   } });
-  const outcome = new Outcome(() => {});
+  const end = awaitOutcome(() => {});
   const over = { ...facts("good"), id: "abc" };
-  outcome.end(over);
+  end(over);
   assert.deepEqual([asked, sent], [0, []]); // nobody asked for one
   await parts.notify.onclick();
   assert.deepEqual([asked, sent], [1, []]);
-  outcome.end(over);
+  end(over);
   assert.deepEqual(sent, [["✓ torus", "abc"]]);
   document.hidden = false;
-  outcome.end(over);
+  end(over);
   assert.equal(sent.length, 1);
 });

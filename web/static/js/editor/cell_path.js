@@ -9,14 +9,12 @@ const FEWEST = 3;
  * @param {number} size
  */
 export function neighbours(key, size) {
-  const [y, x, z] = [key % size, Math.floor(key / size) % size, Math.floor(key / (size * size))];
   const found = [];
-  if (y > 0) found.push(key - 1);
-  if (y < size - 1) found.push(key + 1);
-  if (x > 0) found.push(key - size);
-  if (x < size - 1) found.push(key + size);
-  if (z > 0) found.push(key - size * size);
-  if (z < size - 1) found.push(key + size * size);
+  for (let step = 1; step < size ** 3; step *= size) { // along rows, columns and layers
+    const place = Math.floor(key / step) % size;
+    if (place > 0) found.push(key - step);
+    if (place < size - 1) found.push(key + step);
+  }
   return found;
 }
 

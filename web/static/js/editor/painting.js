@@ -70,11 +70,7 @@ export class Painting {
     this.path = keys(kept?.path).filter((key) => this.cells[key]);
   }
 
-  get filled() {
-    let count = 0;
-    for (const filled of this.cells) count += filled;
-    return count;
-  }
+  get filled() { return this.cells.reduce((sum, filled) => sum + filled, 0); }
 
   /** @returns {Painted} */
   get state() { return { size: this.size, cells: this.cells, path: this.path }; }
@@ -147,10 +143,7 @@ export class Painting {
     return true;
   }
 
-  keep() {
-    const kept = { size: this.size, filled: keysOf(this.cells), path: this.path };
-    store(KEPT, JSON.stringify(kept));
-  }
+  keep() { store(KEPT, JSON.stringify({ size: this.size, filled: keysOf(this.cells), path: this.path })); }
 }
 
 // The rest of the draft: how cells become modules, and the shape's name.

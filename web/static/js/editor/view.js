@@ -36,14 +36,12 @@ export function say(id, text, tone = "") {
  */
 export function showControls({ painting, layer, draft, refused, sending }, { cells, text, tone, limit, whole, completable, ready }) {
   get("layer").textContent = `Layer ${layer + 1}`;
-  get("down").disabled = get("repeat").disabled = layer === 0;
-  get("up").disabled = layer === painting.size - 1;
-  get("undo").disabled = !painting.done.length;
-  get("redo").disabled = !painting.undone.length;
-  get("clear").disabled = get("save-cells").disabled = !cells;
-  get("cut").disabled = get("turn").disabled = get("unpath").disabled = !painting.path.length;
-  get("complete").disabled = !completable;
-  get("preview").disabled = get("fold").disabled = !ready || sending;
+  const [bottom, pathless, idle] = [layer === 0, !painting.path.length, !ready || sending];
+  const off = {
+    down: bottom, repeat: bottom, up: layer === painting.size - 1, undo: !painting.done.length, redo: !painting.undone.length, clear: !cells,
+    "save-cells": !cells, cut: pathless, turn: pathless, unpath: pathless, complete: !completable, preview: idle, fold: idle,
+  };
+  for (const [id, disabled] of Object.entries(off)) get(/** @type {keyof typeof off} */ (id)).disabled = disabled;
   get("size").value = String(painting.size);
   get("empty").hidden = cells > 0;
   get("most").textContent = limit;

@@ -115,10 +115,10 @@ async function tryAgain({ form }) {
 show(facts);
 if (code) import("../tour/follower.js").then(({ Follower }) => new Follower(code, player, place)).catch((error) => toast(wordsOf(error)));
 if (facts.running) {
-  progress(([{ Progress }, { Outcome }]) => {
-    const outcome = new Outcome(toast);
+  progress(([{ Progress }, { awaitOutcome, titleOf }]) => {
+    const end = awaitOutcome(toast);
     return new Progress(facts, {
-      onProgress: (now, stage) => outcome.progress(now, facts.name, stage), onDone: (now) => { show(now); outcome.end(now); },
+      onProgress: (now, stage) => { document.title = titleOf(now, facts.name, stage); }, onDone: (now) => { show(now); end(now); },
     });
   });
 }

@@ -39,11 +39,8 @@ function lets({ type, kind, status, world, q, least, most }, { dataset }) {
 
 function sift() {
   const filter = wanted();
-  let count = 0;
-  for (const card of cards) {
-    card.hidden = !lets(filter, card);
-    if (!card.hidden) count++;
-  }
+  for (const card of cards) card.hidden = !lets(filter, card);
+  const count = cards.filter(({ hidden }) => !hidden).length;
   const found = count === cards.length ? `${count} shapes` : `${count} of ${cards.length} shapes`;
   if (get("found").textContent !== found) get("found").textContent = found;
   get("nothing").hidden = count > 0;

@@ -65,10 +65,7 @@ class StoredFigures extends Figures {
    */
   async get(query) {
     if (query || !parts.curves) return null;
-    /** @type {Promise<FigurePart | null>} */
-    const forces = parts.forces ? unpacked(parts.forces) : Promise.resolve(null);
-    const told = await forces;
-    if (told) this.parts.set(0, told);
+    if (parts.forces) this.parts.set(0, await unpacked(parts.forces));
     return unpacked(parts.curves);
   }
 

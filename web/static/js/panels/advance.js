@@ -2,7 +2,7 @@
 import { STAGES } from "../lib/text.js";
 
 const SMOOTHING = "smoothing"; // the message then, as server/api/schemas.py says
-const ORDER = ["read", "explode", "play_back", "certify", "export"];
+const ORDER = Object.keys(STAGES);
 
 export class Advance {
   stage = "";

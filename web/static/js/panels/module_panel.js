@@ -1,6 +1,6 @@
 // The selected module: chosen by its number, where it belongs, its joint now, what is near it.
 import { button, element, newtonMetres, number, pitches, radians, si } from "../lib/text.js";
-import { refuse } from "../player/bar.js";
+import { frameIn, refuse } from "../player/bar.js";
 import { table } from "./drawer.js";
 
 /**
@@ -102,9 +102,8 @@ export class ModulePanel {
   // The module whose number was typed; `asked` says that a wrong one is to be told.
   /** @param {boolean} asked */
   choose(asked) {
-    const text = this.field.value.trim();
-    const typed = /^\d{1,9}$/.test(text) ? Number(text) : 0;
-    if (typed >= 1 && typed <= this.modules) this.player.send({ do: "select", module: typed - 1 });
+    const module = frameIn(this.field.value, this.modules);
+    if (module !== null) this.player.send({ do: "select", module });
     else if (asked) refuse(this.field, `Type a whole number from 1 to ${this.modules}.`);
   }
 

@@ -26,44 +26,30 @@ export const headingOf = ({ name, verdict: { tone } }) => MARKS[tone] ? `${MARKS
 /** @param {Pick<Facts, "name" | "verdict">} facts */
 export const announcementOf = ({ name, verdict: { tone } }) => (tone === "good" ? `✓ ${name} folds: verified` : null);
 
-export class Outcome {
-  /** @param {(text: string) => void} toast */
-  constructor(toast) {
-    this.toast = toast;
-    this.notifies = false;
-    const button = get("notify");
-    button.hidden = !("Notification" in window) || Notification.permission === "denied";
-    button.onclick = () => this.ask();
-  }
-
-  async ask() {
-    this.notifies = await Notification.requestPermission() === "granted";
-    get("notify").hidden = true;
-    this.toast(this.notifies ? "You will get a notification when this fold is done" : "Notifications are blocked for this site");
-  }
-
-  /**
-   * @param {Api.Progress} now
-   * @param {string} name
-   * @param {string} stage
-   */
-  progress(now, name, stage) { document.title = titleOf(now, name, stage); }
-
-  /** @param {Facts} facts */
-  end(facts) {
-    get("notify").hidden = true;
-    document.title = headingOf(facts);
+// Offer a notification. Return what tells of the end of the fold.
+/**
+ * @param {(text: string) => void} toast
+ * @returns {(facts: Facts) => void}
+ */
+export function awaitOutcome(toast) {
+  const button = get("notify");
+  let notifies = false;
+  button.hidden = !("Notification" in window) || Notification.permission === "denied";
+  button.onclick = async () => {
+    notifies = await Notification.requestPermission() === "granted";
+    button.hidden = true;
+    toast(notifies ? "You will get a notification when this fold is done" : "Notifications are blocked for this site");
+  };
+  return (facts) => {
     const text = announcementOf(facts);
-    if (text) this.toast(text);
+    button.hidden = true;
+    document.title = headingOf(facts);
+    if (text) toast(text);
     get("verdict").classList.add("new"); // a moment that is seen
-    if (this.notifies && document.hidden) this.notify(facts);
-  }
-
-  /** @param {Facts} facts */
-  notify(facts) {
+    if (!notifies || !document.hidden) return;
     try {
       const shown = new Notification(headingOf(facts), { body: facts.verdict.text, tag: facts.id, icon: ICON });
       shown.onclick = () => { window.focus(); shown.close(); };
     } catch { /* some phones take notifications of service workers only */ }
-  }
+  };
 }

@@ -22,17 +22,19 @@ export function choicesOnPage() {
   return choices;
 }
 
-/**
- * @param {string} id
- * @param {string} text
- */
-function showText(id, text) {
-  get(id).hidden = !text;
-  get(id).textContent = text;
-}
+// Write texts into elements by their ids.
+/** @param {Record<string, string>} texts */
+function write(texts) { for (const [id, text] of Object.entries(texts)) get(id).textContent = text; }
+
+// Hide elements, or show them, by their ids.
+/** @param {Record<string, boolean>} parts */
+function hide(parts) { for (const [id, hidden] of Object.entries(parts)) get(id).hidden = hidden; }
 
 /** @param {string} text */
-export const showProblem = (text) => showText("problem", text);
+export function showProblem(text) {
+  hide({ problem: !text });
+  write({ problem: text });
+}
 
 /**
  * @param {Offer} offer
@@ -72,8 +74,8 @@ export function showOptions(preview) {
 export function showStart({ start }, onChange) {
   get("start").hidden = !start;
   if (!start) return;
-  get("start-text").textContent = start.text;
-  showText("start-button", start.button);
+  hide({ "start-button": !start.button });
+  write({ "start-text": start.text, "start-button": start.button });
   get("start-button").onclick = () => onChange(start.change);
 }
 
@@ -107,44 +109,27 @@ export function showOffers({ offers }, onChange) {
 export function showReport(preview, report, onChange) {
   const { onTable, options } = preview;
   const { kind, name, has_path: path } = report;
-  get("name").textContent = name;
-  document.title = `${name}, preview · foldback`;
-  get("verdict").textContent = verdictOf(report);
-
-  get("what").hidden = kind === "chain" || onTable;
-  get("how").hidden = kind === "path" || kind === "chain" || onTable;
-  get("method-part").hidden = get("method-hint").hidden = options.module !== "cube";
-  get("modules-part").hidden = kind !== "mesh";
   const { counts, text } = nearby(preview, report);
-  get("got").textContent = text;
-  get("nearest").replaceChildren(...counts.map((modules) => button("", whole(modules), () => onChange({ modules }), { title: "The closest count that may work" })));
-
-  const figures = figuresOf(report);
-  get("iou-part").hidden = !figures.iou;
-  get("iou").textContent = figures.iou;
-  get("iou-part").style.setProperty("--share", String(report.iou ?? 0));
-  get("candidates").textContent = figures.candidates;
-  get("knot").textContent = figures.knot;
-  get("knot").title = figures.knotHint;
-  get("knot").dataset.tone = figures.knotted ? "bad" : "";
-
-  showTrouble(troubleOf(preview, report), onChange);
-  get("trouble").hidden = path;
-  get("long").textContent = preview.warning;
+  const { iou, candidates, knot, knotHint, knotted } = figuresOf(report);
   const odd = oddWords(report);
-  get("odd").hidden = get("odd-cells").hidden = !odd;
-  get("odd-text").textContent = odd;
-  get("to-add").hidden = true;
   const { repaired, unordered, others } = notesOf(preview, report);
-  get("repaired").hidden = !repaired;
-  get("repaired-text").textContent = repaired;
-  showText("unordered", unordered);
-  get("notes-part").hidden = !others.length;
+  const [chain, noCubes] = [kind === "chain" || onTable, options.module !== "cube"];
+  document.title = `${name}, preview · foldback`;
+  showTrouble(troubleOf(preview, report), onChange);
+  write({
+    name, verdict: verdictOf(report), got: text, iou, candidates, knot, long: preview.warning, "odd-text": odd, "repaired-text": repaired, unordered,
+    fold: foldWords(report),
+  });
+  hide({
+    what: chain, how: chain || kind === "path", "method-part": noCubes, "method-hint": noCubes, "modules-part": kind !== "mesh", "iou-part": !iou,
+    trouble: path, odd: !odd, "odd-cells": !odd, "to-add": true, repaired: !repaired, unordered: !unordered, "notes-part": !others.length,
+    legend: !path, "were-added": !report.added?.length, layers: false,
+  });
+  get("nearest").replaceChildren(...counts.map((modules) => button("", whole(modules), () => onChange({ modules }), { title: "The closest count that may work" })));
   get("notes").replaceChildren(...others.map((note) => element("li", {}, note)));
-  get("fold").textContent = foldWords(report);
-  get("legend").hidden = !path;
-  get("were-added").hidden = !report.added?.length;
-  get("layers").hidden = false;
+  get("iou-part").style.setProperty("--share", String(report.iou ?? 0));
+  get("knot").title = knotHint;
+  get("knot").dataset.tone = knotted ? "bad" : "";
   for (const chip of layers) chip.hidden = (chip.dataset.layer === "solid" && kind !== "mesh") || (chip.dataset.layer === "path" && !path);
 }
 
@@ -159,8 +144,7 @@ export function cover(text, more) {
   get("cover").classList.remove("gone", "drawn");
   get("drawing").hidden = true;
   get("cover").classList.add("still");
-  get("cover-text").textContent = text;
-  get("cover-more").textContent = more;
+  write({ "cover-text": text, "cover-more": more });
   get("cover-button").hidden = false;
 }
 
@@ -227,8 +211,10 @@ export class Picture {
 
   explain() {
     const why = this.flat ? NO_WEBGL : this.failed ? "The 3D view could not be loaded" : "";
-    get("cover-text").textContent = why ? `${why}, so you see a drawing.` : "Starting the 3D view…";
-    get("cover-more").textContent = !why ? "" : `The numbers are still correct${this.report?.has_path ? ", and you can fold the shape" : ""}.`;
+    write({
+      "cover-text": why ? `${why}, so you see a drawing.` : "Starting the 3D view…",
+      "cover-more": why ? `The numbers are still correct${this.report?.has_path ? ", and you can fold the shape" : ""}.` : "",
+    });
   }
 
   // To ask is to start the browser's 3D graphics, which takes a second where they are software.

@@ -56,8 +56,6 @@ export function viewIn(hash) {
   };
 }
 
-const same = (/** @type {CameraAt} */ a, /** @type {CameraAt} */ b) => cameraText(a) === cameraText(b);
-
 // The hash of a view, "" for one that is as a page shows it by itself.
 /** @param {AddressedView} view */
 export function hashOf({ frame, module, from, to, loop, camera, colour, path, follow, speed, play, stop }, theme = "") {
@@ -67,7 +65,7 @@ export function hashOf({ frame, module, from, to, loop, camera, colour, path, fo
   if (from !== null) parts.push(`from=${Math.round(from) + 1}`);
   if (to !== null) parts.push(`to=${Math.round(to) + 1}`);
   if (loop && from === null && to === null) parts.push("loop=1");
-  if (camera && !(follow && same(camera, USUAL))) parts.push(`camera=${cameraText(camera)}`);
+  if (camera && !(follow && cameraText(camera) === cameraText(USUAL))) parts.push(`camera=${cameraText(camera)}`);
   if (colour && colour !== "error") parts.push(`colour=${colour}`);
   if (path) parts.push("path=1");
   if (!follow) parts.push("follow=0");

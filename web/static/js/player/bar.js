@@ -174,7 +174,7 @@ export class Bar {
   }
 }
 
-// The frame that a text names, counted from 1 as on the page; null when there is no such frame.
+// The frame or module that a text names, counted from 1 as on the page; null when there is no such one.
 /**
  * @param {string} text
  * @param {number} frames

@@ -52,8 +52,7 @@ export function ramped(shares, ramp, unknown) {
 export function roundUp(value) {
   if (!(value > 0)) return 1;
   const power = 10 ** Math.floor(Math.log10(value));
-  for (const factor of [1, 2, 5, 10]) if (value <= factor * power * (1 + 1e-9)) return factor * power;
-  return 10 * power;
+  return ([1, 2, 5].find((factor) => value <= factor * power * (1 + 1e-9)) ?? 10) * power;
 }
 
 const largest = (/** @type {Floats} */ values) => Array.from(values).reduce((most, v) => (v > most ? v : most), 0);

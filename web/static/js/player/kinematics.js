@@ -233,11 +233,7 @@ export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {
  */
 export function buriedBy(neighbours, modules) {
   const faces = neighbours.length / modules;
-  return Int32Array.from({ length: modules }, (_, i) => {
-    let most = i;
-    for (let f = 0; f < faces; f++) most = Math.max(most, neighbours[i * faces + f]);
-    return most + 1;
-  });
+  return Int32Array.from({ length: modules }, (_, i) => Math.max(i, ...neighbours.subarray(i * faces, (i + 1) * faces)) + 1);
 }
 
 // The measure of folding: 0 for the straight chain, 1 when all hinges have the angles of the shape. It is the

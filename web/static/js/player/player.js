@@ -113,7 +113,7 @@ export class Player extends PlayerState {
     const { follow, turn } = this.is;
     if (message.do === "orbit" || message.do === "camera") return this.look(message);
     if (message.do === "set" && "follow" in message) this.lookAt([]);
-    if (message.do === "select") this.highlight(message.module);
+    if (message.do === "select") this.select(message.module);
     else if (!this.playhead.do(message)) return false;
     if (message.do === "set") {
       if (this.is.follow !== follow || (turn && !this.is.turn)) this.rig.follow(this.is.follow);
@@ -124,8 +124,8 @@ export class Player extends PlayerState {
   }
 
   /** @param {number | null} module */
-  highlight(module) {
-    if (!this.select(module)) return;
+  select(module) {
+    if (!this.setSelected(module)) return;
     this.show(true);
     this.tell("module", this.module);
   }

@@ -93,7 +93,7 @@ export class PlayerState extends Emitter {
   }
 
   /** @param {number | null} module */
-  select(module) {
+  setSelected(module) {
     const exists = module === null || (module >= 0 && module < this.timeline.chain.modules);
     if (exists) this.selected = module;
     return exists;

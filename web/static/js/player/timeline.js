@@ -105,10 +105,6 @@ export class Timeline extends Emitter {
   kinematics;
   /** @type {boolean} a long timeline, of which only what is around the playhead is fetched */
   windowed;
-  /** @type {number} */
-  joints;
-  /** @type {Floats} */
-  foldedRad;
   /** @type {Floats | null} angles at the first frame */
   startRad = null;
   standing = new Standing();
@@ -159,6 +155,10 @@ export class Timeline extends Emitter {
 
   // The joint error at which a module is fully red; timelines beside each other share one.
   get errorScale() { return Math.max(this.outline.error_scale_rad, this.sharedScale ?? 0); }
+
+  get foldedRad() { return this.bundle.arrays.folded_rad; }
+
+  get joints() { return this.foldedRad.length; }
 
   get total() { return this.store.total; }
 
@@ -246,11 +246,9 @@ export class Timeline extends Emitter {
     const from = (first.header.total - 1) % stride;
     this.windowed = "first" in first.arrays;
     const spread = stride > 1 && (this.windowed || first.header.status !== "growing") ? await this.source.batch({ from, stride }) : null;
-    const { header, arrays } = bundle;
+    const { header } = bundle;
     this.bundle = bundle;
     this.chain = header.chain;
-    this.joints = arrays.folded_rad.length;
-    this.foldedRad = arrays.folded_rad;
     this.kinematics = new Kinematics(header.chain, this.foldedRad);
     if (this.windowed) bundle.neighbours = touching(header, this.kinematics.folded);
     this.noErrors = new Float32Array(this.joints).fill(NaN);

@@ -17,63 +17,58 @@ export function idleSeconds(search) {
   return seconds >= RANGE_S[0] && seconds <= RANGE_S[1] ? seconds : USUAL_S;
 }
 
-export class Kiosk {
-  /** @param {Omit<import("./panel.js").Toured, "id" | "toast"> & { stage: import("../viewer/stage.js").Stage }} shown */
-  constructor({ stage, ...toured }) {
-    this.player = toured.player;
-    this.calm = toured.calm;
-    this.idleMs = 1000 * (idleSeconds(location.search) ?? USUAL_S);
-    this.panel = new TourPanel({ ...toured, id: null, toast: () => {} });
-    this.panel.onEnd = () => this.over();
-    this.held = false; // by a visitor
-    this.telling = false; // without a tour
-    /** @type {ReturnType<typeof setTimeout> | undefined} */
-    this.timer = undefined; // until it begins anew
-    for (const kind of INPUTS) addEventListener(kind, (event) => this.touch(event.target), { capture: true, passive: true });
-    const { pointer } = stage.heard;
-    stage.heard.pointer = (told) => { if (told.kind !== "pointermove") this.touch(null); pointer?.(told); };
-    this.player.on("camera", (/** @type {Command} */ { do: what }) => { if (what === "orbit") this.touch(null); });
-    this.player.on("state", (/** @type {State} */ { playing }) => {
-      if (this.telling && !playing && this.player.playhead.frame >= this.player.timeline.last) this.over();
-    });
-    const drag = document.querySelector("label.folded");
-    if (drag) this.panel.box.prepend(drag); // from straight to folded
-  }
+/** @param {Omit<import("./panel.js").Toured, "id" | "toast"> & { stage: import("../viewer/stage.js").Stage }} shown */
+export function exhibit({ stage, ...toured }) {
+  const { player, calm } = toured;
+  const idleMs = 1000 * (idleSeconds(location.search) ?? USUAL_S);
+  const panel = new TourPanel({ ...toured, id: null, toast: () => {} });
+  let held = false; // by a visitor
+  let telling = false; // without a tour
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let timer; // until it begins anew
 
   // Tells the page around it; the words are no secrets.
-  /** @param {"ready" | "touched" | "over"} word */
-  tell(word) { if (parent !== window) parent.postMessage({ kiosk: word }, "*"); }
+  const tell = (/** @type {"ready" | "touched" | "over"} */ word) => { if (parent !== window) parent.postMessage({ kiosk: word }, "*"); };
 
-  async begin() {
-    clearTimeout(this.timer);
-    this.held = this.telling = false;
+  async function begin() {
+    clearTimeout(timer);
+    held = telling = false;
     for (const dialog of document.querySelectorAll("dialog")) dialog.close();
-    this.player.send({ do: "select", module: null });
-    this.player.send({ do: "set", speed: 1 });
-    const toured = await this.panel.open({ playing: true }).catch(() => false);
-    this.tell("ready");
-    if (toured || this.held) return;
-    this.player.send({ do: "seek", frame: this.calm ? this.player.timeline.last : 0 });
-    if (this.calm) { this.timer = setTimeout(() => this.over(), STILL_MS); return; }
-    this.player.send({ do: "play" });
-    this.telling = true;
+    player.send({ do: "select", module: null });
+    player.send({ do: "set", speed: 1 });
+    const shown = await panel.open({ playing: true }).catch(() => false);
+    tell("ready");
+    if (shown || held) return;
+    player.send({ do: "seek", frame: calm ? player.timeline.last : 0 });
+    if (calm) { timer = setTimeout(over, STILL_MS); return; }
+    player.send({ do: "play" });
+    telling = true;
   }
 
-  over() {
-    this.telling = false;
-    if (this.held) return;
-    this.tell("over");
-    this.timer = setTimeout(() => this.begin(), PAUSE_MS);
+  function over() {
+    telling = false;
+    if (held) return;
+    tell("over");
+    timer = setTimeout(begin, PAUSE_MS);
   }
 
   // A visitor does something: the tour waits, and begins anew once nothing more is done.
-  /** @param {EventTarget | null} target */
-  touch(target) {
-    this.held = true;
-    this.telling = false;
-    if (!(target instanceof Node && this.panel.box.contains(target))) this.panel.pause();
-    this.tell("touched");
-    clearTimeout(this.timer);
-    this.timer = setTimeout(() => { this.held = false; this.over(); }, this.idleMs);
-  }
+  const touch = (/** @type {EventTarget | null} */ target) => {
+    held = true;
+    telling = false;
+    if (!(target instanceof Node && panel.box.contains(target))) panel.pause();
+    tell("touched");
+    clearTimeout(timer);
+    timer = setTimeout(() => { held = false; over(); }, idleMs);
+  };
+
+  panel.onEnd = over;
+  for (const kind of INPUTS) addEventListener(kind, (event) => touch(event.target), { capture: true, passive: true });
+  const { pointer } = stage.heard;
+  stage.heard.pointer = (told) => { if (told.kind !== "pointermove") touch(null); pointer?.(told); };
+  player.on("camera", (/** @type {Command} */ { do: what }) => { if (what === "orbit") touch(null); });
+  player.on("state", (/** @type {State} */ { playing }) => { if (telling && !playing && player.playhead.frame >= player.timeline.last) over(); });
+  const drag = document.querySelector("label.folded");
+  if (drag) panel.box.prepend(drag); // from straight to folded
+  begin();
 }

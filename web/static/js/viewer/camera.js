@@ -96,6 +96,10 @@ export function fewPoints(points, n = points.length / 3) {
 /** @param {(axis: number) => number} part */
 const vector = (part) => /** @type {Vector} */ ([part(0), part(1), part(2)]);
 
+// The middle between the least and the largest of some values.
+/** @param {number[]} values */
+const midway = (values) => (Math.min(...values) + Math.max(...values)) / 2;
+
 /** @param {Numbers | Vector[]} points */
 const some = (points) => (Array.isArray(points[0]) ? /** @type {Vector[]} */ (points) : fewPoints(/** @type {Numbers} */ (points)));
 
@@ -111,30 +115,17 @@ export function framing(points, { radius, aspect, field, home, azimuth = null, e
   azimuth ??= sideOf(few, aspect, home ?? 0);
   const axes = axesOf(azimuth, elevation);
   const local = few.map((p) => vector((k) => dot(p, axes[k])));
-  const middle = vector((k) => {
-    let low = Infinity;
-    let high = -Infinity;
-    for (const p of local) { low = Math.min(low, p[k]); high = Math.max(high, p[k]); }
-    return (low + high) / 2;
-  });
+  const middle = vector((k) => midway(local.map((p) => p[k])));
   const tall = Math.tan(field / 2);
   const wide = tall * aspect;
   let distance = radius;
   for (let round = 0; round < 3; round++) { // perspective shifts the middle; a few rounds centre the picture
-    distance = 4 * radius;
-    for (const p of local) {
+    const away = local.reduce((far, p) => {
       const [x, y, z] = vector((k) => p[k] - middle[k]);
-      distance = Math.max(distance, (Math.abs(x) + radius) / (wide * margin[0]) + z, (Math.abs(y) + radius) / (tall * margin[1]) + z);
-    }
-    const seen = [[Infinity, -Infinity], [Infinity, -Infinity]];
-    for (const p of local) {
-      const depth = distance - (p[2] - middle[2]);
-      for (const k of [0, 1]) {
-        const at = (p[k] - middle[k]) / depth;
-        seen[k] = [Math.min(seen[k][0], at), Math.max(seen[k][1], at)];
-      }
-    }
-    for (const k of [0, 1]) middle[k] += ((seen[k][0] + seen[k][1]) / 2) * distance;
+      return Math.max(far, (Math.abs(x) + radius) / (wide * margin[0]) + z, (Math.abs(y) + radius) / (tall * margin[1]) + z);
+    }, 4 * radius);
+    for (const k of [0, 1]) middle[k] += midway(local.map((p) => (p[k] - middle[k]) / (away - (p[2] - middle[2])))) * away;
+    distance = away;
   }
   const target = vector((c) => axes.reduce((sum, axis, k) => sum + middle[k] * axis[c], 0));
   return { target, azimuth, elevation, distance };
@@ -246,14 +237,8 @@ function sideOf(points, aspect, home) {
   const weight = Math.min(1, Math.max(0, (slim - 0.4) / 0.4)) * Math.hypot(axis[0], axis[1]);
   const along = Math.atan2(axis[1], axis[0]);
   const aside = ((aspect >= 1 ? 68 : 30) * Math.PI) / 180;
-  let least = Infinity;
-  for (const half of [0, Math.PI]) {
-    for (const side of [-aside, aside]) {
-      const turn = between(along + half + side - home);
-      if (Math.abs(turn) < Math.abs(least)) least = turn;
-    }
-  }
-  return home + weight * least;
+  const turns = [-aside, aside, Math.PI - aside, Math.PI + aside].map((side) => between(along + side - home));
+  return home + weight * turns.reduce((a, b) => (Math.abs(b) < Math.abs(a) ? b : a));
 }
 
 // The two largest eigenvalues of a symmetric 3×3 matrix without negative ones, and the axis of the largest: the

@@ -100,7 +100,7 @@ export function view({ source, figures, load, over = true, details = null, play 
     if (begun) return;
     begun = true;
     if (kiosk) {
-      import("../tour/kiosk.js").then(({ Kiosk }) => new Kiosk({ player, stage, place, calm, load: kept.tour }).begin());
+      import("../tour/kiosk.js").then(({ exhibit }) => exhibit({ player, stage, place, calm, load: kept.tour }));
       return;
     }
     const shown = place.go();

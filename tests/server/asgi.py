@@ -1,0 +1,22 @@
+"""Requests to an application in this process, without a server."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import httpx
+from starlette.types import ASGIApp
+
+
+def asked(
+    app: ASGIApp, path: str, *, method: str = "GET", base_url: str = "http://here", **more: Any
+) -> httpx.Response:
+    """Return the answer to one request; ``more`` is what httpx takes besides."""
+
+    async def ask() -> httpx.Response:
+        transport = httpx.ASGITransport(app)
+        async with httpx.AsyncClient(transport=transport, base_url=base_url) as client:
+            return await client.request(method, path, **more)
+
+    return asyncio.run(ask())
