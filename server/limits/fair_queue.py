@@ -20,13 +20,13 @@ from typing import Final
 from server.limits.networks import networks_of
 
 TICKS_PER_SECOND: Final = 10
-"""Units of the fair queue's virtual time (an integer) per second of expected computing time. A
-larger value distinguishes the costs of quick folds more finely, and reaches the largest priority
-earlier. Chosen."""
+"""Units of virtual time (an integer, by which waiting folds are ordered) per second of a fold's
+expected computing time. A larger value distinguishes quick folds more finely, and virtual time
+reaches its maximum ``MAX_TURN`` earlier. Chosen."""
 MAX_TURN: Final = 2**31 - 2
-"""Largest turn of a queued fold, in ticks of virtual time; folds with smaller turns go first. Later
-turns are cut to it, so that their order is lost; at full load this takes years. A 32-bit integer.
-"""
+"""Maximum virtual time, in tenths of a second of computing time, at which a queued fold is due;
+folds that are due earlier go first. Later times are cut to it, so that their order is lost; at full
+load this takes years. It fits into a signed 32-bit integer."""
 QUICK_FOLD_S: Final = 10.0
 """Maximum expected computing time of a fold in the queue for quick folds, in s. With a larger value
 quick folds wait longer for each other; with a smaller one more folds wait for long ones. Chosen:

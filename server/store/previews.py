@@ -47,9 +47,9 @@ PREVIEW_SWEEP_BYTES: Final = 16 * 2**20
 at most an eighth of the limit for all previews. With a larger value the limit is exceeded further
 in between. Chosen."""
 STORED_SWEEP_S: Final = 600.0
-"""Minimum time between two searches of the object store for previews without a row, in s. With a
-larger value such files occupy storage for longer; a smaller value lists the store more often.
-Chosen."""
+"""Minimum time between two searches of the object store for files of previews that are not in the
+database, in s, to delete them. With a larger value such files occupy storage for longer; a smaller
+value lists the store more often. Chosen."""
 MIN_LOST_AGE_S: Final = 600.0
 """Minimum age of a preview without files, or of files that are being fetched, before a sweep
 deletes them, in s. A smaller value may delete an upload that is being stored. Chosen."""
