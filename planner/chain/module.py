@@ -14,8 +14,8 @@ from planner.kernels.module import Hull, Joint
 
 Array = NDArray[np.float64]
 LONG_CHAIN: Final = 600
-"""Number of modules from which on a chain gets a path whose cells can be removed one after the other
-from one end. Such a chain can be unfolded by peeling: released from its end, group by group.
+"""Minimum number of modules for which a chain gets a path whose cells can be removed one after the
+other from one end. Such a chain can be unfolded by peeling: released from its end, group by group.
 Smaller values restrict the paths of more shapes. Decision 0013."""
 MAX_SMOOTH_CURVE_MODULES: Final = 1500
 """Maximum number of modules of a chain whose recorded motion is played back along a smooth curve,
