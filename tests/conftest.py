@@ -48,7 +48,7 @@ def examples(*, one_of: int) -> settings:
 
 KERNELS = Path(__file__).parents[1] / "planner" / "kernels"
 PROCESSES = {
-    *("service", "desk", "service_with", "here_with", "hasty", "broken"),
+    *("service", "desk", "here_with", "hasty", "broken"),
     *("postgres", "bucket", "browser", "backend"),
 }
 """Fixtures that start programs."""

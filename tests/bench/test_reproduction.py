@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from bench.reproduction.__main__ import DOCUMENT, PAPER
-from bench.reproduction.different import CHOSEN_SHAPES, different_shapes, features, measured
+from bench.reproduction.different import CHOSEN_SHAPES, different_shapes, measured
 from bench.reproduction.document import document
 from bench.reproduction.experiments import STATEMENTS, Experiment, experiments
 from bench.reproduction.reproduce import reproduce, tell
@@ -137,13 +137,6 @@ def test_chosen_shapes_differ() -> None:
     assert away[np.ix_(chosen, chosen)].min() > np.median(away.min(axis=0))
 
 
-def test_features_of_a_row_and_a_square() -> None:
-    row = np.array([(x, 0, 0) for x in range(8)])
-    assert features(row) == pytest.approx([np.log(8), 0.5, 0.5, 4.0, 1.0, 0.0])
-    square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
-    assert features(square)[4:] == pytest.approx([1.0, 1.0])
-
-
 @pytest.mark.parametrize(
     ("verified", "words"),
     [
@@ -170,26 +163,11 @@ def test_threshold_of_failing_sizes_is_reported(verified: dict[int, bool], words
     )
 
 
-def test_default_method_is_reported_beside_the_published_one() -> None:
-    every = tuple(o for o in experiments() if "wrench-160" in (o.id, o.id.removeprefix("default-")))
-    (stored,) = (run for run in stored_runs(PAPER / "runs.jsonl").values() if run.id == "wrench-24")
-    runs = {one.id: replace(stored, id=one.id, asked=one.asked) for one in every}
-    page = told(runs, every)
-    section = page_section(page, "default")
-    assert section["pairs"] == [["wrench-160", "default-wrench-160"]]
-    assert [row[0] for row in section["rows"]] == ["Wrench of 160, paper", "Wrench of 160, default"]
-    assert page["lead"].startswith("The paper folds a chain of 160 cubes into a wrench in about")
-    assert "ends less than 0.0001 pitch from its shape" in page["lead"]
-
-
 def page_section(page: dict, name: str) -> dict:
     return next(section for section in page["sections"] if section["id"] == name)
 
 
-@pytest.mark.parametrize(
-    ("value", "words"),
-    [(0.0, "0"), (3e-16, "0"), (0.00033, "0.00033"), (-0.0531, "−0.053"), (0.05, "0.05")]
-    + [(1.0, "1"), (12.34, "12"), (160_000.0, "160\u202f000")],
-)
-def test_figures_have_two_digits(value: float, words: str) -> None:
-    assert figure(value) == words
+def test_figures_have_two_digits() -> None:
+    words = {0.0: "0", 3e-16: "0", 0.00033: "0.00033", -0.0531: "−0.053", 0.05: "0.05"}
+    words |= {1.0: "1", 12.34: "12", 160_000.0: "160\u202f000"}
+    assert {value: figure(value) for value in words} == words

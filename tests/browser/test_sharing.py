@@ -125,6 +125,8 @@ def test_compare_plays_and_turns_two_folds_together(
     sides = [page.locator(f"#side-{k}") for k in range(2)]
     # What is said of it follows, though the page was opened before it was over.
     expect(sides[1].locator(".verdict")).to_have_text(re.compile("Verified"))
+    page.reload()
+    expect(page.locator("#scrub")).to_be_enabled()
     expect(sides[1].locator("h2 a")).to_have_attribute("href", f"/folds/{direct}")
     page.keyboard.press("End")
     expect(page.locator("#r-folded")).to_have_text("100 %")

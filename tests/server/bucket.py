@@ -88,14 +88,7 @@ class Bucket:
 
     def stop(self) -> None:
         """Ends it."""
-        self._end(signal.SIGTERM)
-
-    def kill(self) -> None:
-        """Ends it without a word to anybody."""
-        self._end(signal.SIGKILL)
-
-    def _end(self, number: int) -> None:
         if self._process is not None and self._process.poll() is None:
-            self._process.send_signal(number)
+            self._process.terminate()
             self._process.wait(PATIENCE_S)
         self._process = None

@@ -18,21 +18,6 @@ from tests.server.service import SNAKE, Service
 
 
 @pytest.fixture
-def service_with(tmp_path: Path) -> Iterator[Callable[..., Service]]:
-    """Makes services of one's own, with settings; they are stopped at the end."""
-    made: list[Service] = []
-
-    def make(**settings: object) -> Service:
-        made.append(Service(tmp_path / f"data-{len(made)}", **settings))
-        return made[-1]
-
-    yield make
-    for service in made:
-        if service.process is not None and service.process.poll() is None:
-            service.stop()
-
-
-@pytest.fixture
 def here_with(tmp_path: Path) -> Iterator[Callable[..., ServiceHere]]:
     """Makes services of one's own in this process, with settings; they are stopped at the end."""
     made: list[ServiceHere] = []

@@ -19,7 +19,7 @@ from tests.server.service import Service
 class Hosts:
     """Makes services without workers, and workers without a service, that belong together."""
 
-    def __init__(self, place: Path, postgres: Postgres, bucket: Bucket, **settings: object) -> None:
+    def __init__(self, place: Path, postgres: Postgres, bucket: Bucket) -> None:
         self._place = place
         self._count = 0
         self._bucket = bucket
@@ -31,12 +31,11 @@ class Hosts:
             "database_url": self.database_url,
             "storage_url": self.storage_url,
             "workers": 0,
-            **settings,
         }
 
-    def web(self, kind: type[Service] = Service) -> Service:
+    def web(self) -> Service:
         """A started service on a host of its own."""
-        service = self._host(kind)
+        service = self._host()
         self._services.append(service)
         return service.start()
 
@@ -60,15 +59,11 @@ class Hosts:
 
     def close(self) -> None:
         """Stops the services."""
-        for service in reversed(self._services):  # each puts back what it found
+        for service in self._services:
             service.stop()
 
-    def logs(self) -> str:
-        """What all hosts had to say."""
-        return "\n".join(log.read_text() for log in sorted(self._place.glob("host-*.log")))
-
-    def _host(self, kind: type[Service] = Service) -> Service:
+    def _host(self) -> Service:
         self._count += 1
-        return kind(
+        return Service(
             self._place / f"host-{self._count}", environment=self._environment, **self._settings
         )

@@ -34,7 +34,7 @@ SNAKE = [[x if y % 2 == 0 else 3 - x, y, 0] for y in range(4) for x in range(4)]
 
 
 class Service:
-    """Starts, kills and restarts one service; `http` talks to it.
+    """Starts, stops and restarts one service; `http` talks to it.
 
     Args:
         data_dir: Where its data is.
@@ -97,15 +97,6 @@ class Service:
         self.process.send_signal(signal.SIGTERM)
         self.http.close()
         return self.process.wait(PATIENCE_S)
-
-    def kill(self) -> None:
-        """As a power cut would; what it started has to notice by itself."""
-        theirs = psutil.Process(self.process.pid).children(recursive=True)
-        self.process.kill()
-        self.process.wait()
-        self.http.close()
-        _, alive = psutil.wait_procs(theirs, timeout=PATIENCE_S)
-        assert not alive, f"still there after the server was killed: {alive}"
 
     @contextmanager
     def worker(self) -> Iterator[subprocess.Popen[bytes]]:

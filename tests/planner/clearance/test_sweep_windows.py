@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
@@ -15,8 +14,6 @@ from planner.clearance.sweep import pair_clearance, sweep
 from planner.errors import InputError
 from planner.motion.motion import Motion
 from tests.planner.peels import peel, snake, windows_of
-
-Array = NDArray[np.float64]
 
 
 @pytest.mark.parametrize("size", [0.9, 0.98])

@@ -148,13 +148,6 @@ def test_trefoil_cut_open_anywhere_is_a_trefoil() -> None:
         assert knot_of(np.roll(cells, place, axis=0)).determinant == 3
 
 
-def test_knot_with_a_long_tail_is_found() -> None:
-    tail = snake_path((20, 20, 24)) - (30, 0, 0)
-    to = walk((tuple(tail[-1].tolist()), (-5, int(tail[-1][1]), int(tail[-1][2])), (-5, 0, 0)))
-    cells = np.concatenate([tail, to[1:], walk(((-4, 0, 0), (-1, 0, 0))), walk(OVERHAND)])
-    assert knot_of(cells).determinant == 3
-
-
 @pytest.mark.parametrize("bad", [[(0, 0)], [(0.0, 0.0, np.nan)], 3])
 def test_invalid_cells_are_refused(bad: object) -> None:
     with pytest.raises(InputError, match="expected \\(n, 3\\) finite"):

@@ -4,6 +4,7 @@ import json
 import os
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -21,6 +22,8 @@ from tests.planner.chains import coil, line
 from tests.planner.folds import timeless
 
 CORNER = coil(4)
+ONE_ROBOT = "robots=1"
+"""Settings with which one robot is simulated, and not several."""
 
 
 def test_smallest_chains_and_a_line_fold() -> None:
@@ -80,13 +83,13 @@ def written() -> Iterator[list[str]]:
 def test_plan_made_in_memory_writes_no_file_and_equals_that_of_a_directory(
     tmp_path: FilePath, written: list[str]
 ) -> None:
-    folded = fold(CORNER, directory=tmp_path / "fold")
-    refolded = refold(folded, CORNER, directory=tmp_path / "refold")
+    folded = fold(CORNER, directory=tmp_path / "fold", settings=ONE_ROBOT)
+    refolded = refold(folded, CORNER, directory=tmp_path / "refold", settings=ONE_ROBOT)
     smoothed = smooth_plan(folded, directory=tmp_path / "smoothed")
     assert written
     written.clear()
-    same_plans(folded, fold(CORNER))
-    same_plans(refolded, refold(folded, CORNER))
+    same_plans(folded, fold(CORNER, settings=ONE_ROBOT))
+    same_plans(refolded, refold(folded, CORNER, settings=ONE_ROBOT))
     same_plans(smoothed, smooth_plan(folded))
     assert written == []
 
@@ -97,10 +100,11 @@ def test_plan_made_in_memory_is_the_same_for_any_number_of_workers(
 ) -> None:
     # Modules as large as their cells always touch, so that others are tried.
     monkeypatch.setattr("planner.pipeline.search.MAX_REFUSED_EXPLOSIONS", 2)
-    plan = fold(CORNER, module_size=1.0)
+    too_large = partial(fold, CORNER, module_size=1.0, settings=ONE_ROBOT)
+    plan = too_large()
     assert len(plan.attempts) > 1 and not plan.verified
-    same_plans(plan, fold(CORNER, module_size=1.0, workers=2))
-    same_plans(plan, fold(CORNER, module_size=1.0, directory=tmp_path))
+    same_plans(plan, too_large(workers=2))
+    same_plans(plan, too_large(directory=tmp_path))
 
 
 def test_best_of_unjudged_explosions_is_kept() -> None:

@@ -9,7 +9,6 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.certificate.certificate import Certificate, certify
 from planner.chain.chain import Chain
@@ -22,7 +21,6 @@ from planner.simulation.robot import Robot
 from tests.planner.chains import coil, line
 from tests.planner.mujoco_tree import tree_with
 
-Array = NDArray[np.float64]
 FAULTLESS = RobotParameters(mass_error=0.0, friction=0.0, encoder_rad=0.0, noise_rad=0.0, runs=1)
 
 

@@ -19,10 +19,11 @@ from server.operate.admin import admin
 from server.operate.fold_tasks import AdminTasks
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store
+from server.store.leases import Leases
 from server.store.owner import Owner
 from server.store.tables import FoldRow, MovieRow
+from server.store.worker_identity import WorkerIdentities
 from tests.server.rows import a_fold, a_movie
-from tests.server.service import SNAKE, Service, over, owner
 
 DAY_S = 86400.0
 TOKEN = "a-token-that-must-not-be-seen"
@@ -159,39 +160,21 @@ def test_fold_that_is_being_removed_is_not_requeued(
     assert not (place / "folds" / "old").exists()
 
 
-def test_without_workers_or_a_service_admin_says_so(place: Path, tmp_path: Path) -> None:
+def test_workers_are_listed_and_missing_or_damaged_databases_told(
+    place: Path, store: Store, tmp_path: Path
+) -> None:
     assert run(place, "workers").stdout == "No worker is running.\n"
-    assert json.loads(run(place, "workers", "--json").stdout) == []
-    found = run(tmp_path / "nowhere", "list")
+    leases = Leases(store, WorkerIdentities(Settings(data_dir=place)), 15.0)
+    leases.heartbeat("one", host="far away", pid=1, folds_at_once=2)
+    assert [each["name"] for each in json.loads(run(place, "workers", "--json").stdout)] == ["one"]
+    nowhere = tmp_path / "nowhere"
+    found = run(nowhere, "list")
     assert (found.exit_code, "no database" in found.stderr) == (1, True)
-    assert not (tmp_path / "nowhere").exists()
-
-
-def test_tables_of_another_version_are_refused(place: Path) -> None:
-    engine = sa.create_engine(f"sqlite:///{place / 'foldback.db'}")
-    with engine.begin() as connection:
-        connection.execute(sa.text("UPDATE alembic_version SET version_num = '0002'"))
-    engine.dispose()
-    found = run(place, "list")
-    assert found.exit_code == 1
-    assert "version 0002, expected 00" in found.stderr
-    (place / "foldback.db").write_bytes(b"garbage\n" * 1000)
-    found = run(place, "list")
-    assert found.exit_code == 1 and "foldback doctor" in found.stderr
-
-
-def test_cancelled_fold_is_requeued_and_computed(service: Service) -> None:
-    fold = service.fold(SNAKE, seed="4711")
-    service.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
-    cancelled = service.wait(fold["id"], over)
-    with closing(AdminTasks(Settings(data_dir=service.data_dir))) as admin_tasks:
-        before = admin_tasks.fold(fold["id"]).epoch
-        admin_tasks.requeue(fold["id"], force=cancelled["status"] == "verified")
-        assert service.wait(fold["id"], over)["status"] == "verified"
-        row: FoldRow = admin_tasks.fold(fold["id"])
-        assert row.epoch >= before + 2
-        assert row.owner == Owner.from_token(fold["owner_token"]).digest
-        assert [worker.pid for worker in admin_tasks.workers()]
+    assert not nowhere.exists()
+    nowhere.mkdir()
+    (nowhere / "foldback.db").write_bytes(b"garbage\n" * 1000)
+    found = run(nowhere, "list")
+    assert (found.exit_code, "foldback doctor" in found.stderr) == (1, True)
 
 
 @pytest.mark.long

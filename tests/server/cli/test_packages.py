@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 import zipfile
-from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -16,46 +15,27 @@ TYPES = ".d.ts"
 """Types of the pages' scripts, which only their checker reads."""
 
 
-@pytest.mark.parametrize(
-    ("places", "forbidden"),
-    [
-        (("planner", "web", "server"), r"tests|examples|\."),
-        (
-            [f"server/{room}" for room in ("limits", "store", "files", "processes", "jobs")],
-            r"server\.(http|api|pages)|fastapi|starlette",
-        ),
-    ],
-)
-def test_packages_import_no_tests_and_rooms_below_http_no_http(
-    places: Sequence[str], forbidden: str
-) -> None:
+def test_packages_import_no_tests_and_rooms_below_http_no_http() -> None:
     """That all imports go downwards: see tests/test_house.py."""
-    wrong = re.compile(rf"^\s*(from|import) ({forbidden})", re.MULTILINE)
-    files = [path for place in places for path in (ROOT / place).rglob("*.py")]
-    assert files
-    assert not [path for path in files if wrong.search(path.read_text())]
+    low = [f"server/{room}" for room in ("limits", "store", "files", "processes", "jobs")]
+    for places, forbidden in (
+        (["planner", "web", "server"], r"tests|examples|\."),
+        (low, r"server\.(http|api|pages)|fastapi|starlette"),
+    ):
+        wrong = re.compile(rf"^\s*(from|import) ({forbidden})", re.MULTILINE)
+        files = [path for place in places for path in (ROOT / place).rglob("*.py")]
+        assert files
+        assert not [path for path in files if wrong.search(path.read_text())]
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What is installed, as one file."""
     place = tmp_path_factory.mktemp("wheel")
-    subprocess.run(
-        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(place)],
-        cwd=ROOT,
-        check=True,
-        capture_output=True,
-    )
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(place)]
+    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
     (built,) = place.glob("*.whl")
     return built
-
-
-@pytest.fixture(scope="module")
-def installed(wheel: Path) -> Path:
-    """Where it is unpacked, without a checkout around it."""
-    unpacked = wheel.parent / "installed"
-    zipfile.ZipFile(wheel).extractall(unpacked)
-    return unpacked
 
 
 def test_wheel_carries_data_and_types(wheel: Path) -> None:
@@ -74,35 +54,25 @@ def test_wheel_carries_data_and_types(wheel: Path) -> None:
     assert not [name for name in carried if name.endswith((TYPES, "package.json"))]
 
 
-def said(installed: Path, code: str) -> str:
-    """What a program prints that has only what is installed."""
-    return subprocess.run(
-        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(installed)!r}); {code}"],
-        cwd=installed.parent,
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout
-
-
-def test_library_needs_no_service_and_no_viewer(installed: Path) -> None:
+def test_library_needs_no_service_no_viewer_and_no_checkout(wheel: Path, tmp_path: Path) -> None:
+    zipfile.ZipFile(wheel).extractall(tmp_path)
     unwanted = ("fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer", "server")
     code = f"""
+import sys
+sys.path.insert(0, {str(tmp_path)!r})
 for name in {unwanted}:
     sys.modules[name] = None  # whoever imports it fails
 import planner
-print(planner.__file__)
 assert not {{"numpy", "mujoco", "numba"}} & set(sys.modules), "they are for who uses them"
 for name in planner.__all__:
     getattr(planner, name)
 from web.viser import Show, show
 assert isinstance(show, Show)
+from planner.readers.gallery import gallery
+print(planner.__file__, *(shape.name for shape in gallery()))
 """
-    assert Path(said(installed, code).strip()).is_relative_to(installed)
-
-
-def test_installed_gallery_is_that_of_the_checkout(installed: Path) -> None:
-    """The gallery is found without a checkout around the packages."""
-    code = "from planner.readers.gallery import gallery; print(*(s.name for s in gallery()))"
-    names = said(installed, code).split()
+    library = [sys.executable, "-P", "-c", code]
+    done = subprocess.run(library, cwd=tmp_path, check=True, capture_output=True, text=True)
+    where, *names = done.stdout.split()
+    assert Path(where).is_relative_to(tmp_path)
     assert sorted(names) == sorted(p.stem for p in (ROOT / "examples" / "shapes").glob("*.json"))

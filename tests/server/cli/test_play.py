@@ -49,7 +49,12 @@ def told(directory: Path) -> dict[str, Any]:
     return found
 
 
-def test_stuck_plan_tells_why_and_where(directory: Path) -> None:
+def test_directory_without_a_plan_or_with_a_stuck_one_tells_why_and_where(directory: Path) -> None:
+    before = sorted(directory.iterdir())
+    found = told(directory)
+    assert (found["heading"], found["text"]) == ("Not finished", "The chain was still unfolding.")
+    assert len(found["modules"]) > 2
+    assert sorted(directory.iterdir()) == before
     explosion = {"status": "stalled", "reason": "it stuck", "steps": 90, "frames": 2}
     plan = {
         "certificate": {"verdict": "failed: the explosion stalled: it stuck"},
@@ -59,14 +64,6 @@ def test_stuck_plan_tells_why_and_where(directory: Path) -> None:
     (directory / "plan.json").write_text(json.dumps(plan))
     found = told(directory)
     assert (found["heading"], found["modules"]) == ("The chain is knotted", [5, 6])
-
-
-def test_directory_without_a_plan_tells_how_far_it_came(directory: Path) -> None:
-    before = sorted(directory.iterdir())
-    found = told(directory)
-    assert (found["heading"], found["text"]) == ("Not finished", "The chain was still unfolding.")
-    assert len(found["modules"]) > 2
-    assert sorted(directory.iterdir()) == before
 
 
 def test_links_of_the_pages_are_answered(directory: Path) -> None:
@@ -92,11 +89,9 @@ def test_links_of_the_pages_are_answered(directory: Path) -> None:
     assert (facts["comparable"], facts["refoldable"], facts["smoothable"]) == (False,) * 3
 
 
+@pytest.mark.long
 @pytest.mark.processes
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)]
-)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_viser_ends_by_signal_where_the_shell_ignores_sigint(
     directory: Path, number: signal.Signals
 ) -> None:

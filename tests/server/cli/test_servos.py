@@ -9,11 +9,13 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from planner import Path as CellPath
-from planner import fold
+from planner.parameters.parameters import Parameters
 from planner.robot.servos import servos
 from planner.robot.sizing import turned_rad
 from server.cli.command_line import application
+from tests.planner.certificate.test_table import moving
+from tests.planner.chains import line
+from tests.planner.plans import unverified
 
 WANTED = ("--torque", "4", "--pitch-mm", "40")
 
@@ -28,32 +30,21 @@ def told(*arguments: str) -> dict[str, Any]:
     return json.loads(answer.stdout.splitlines()[-1])
 
 
-def test_table_lists_all_servos_from_the_most_suitable() -> None:
+def test_servos_are_listed_from_the_most_suitable() -> None:
     answer = ask(*WANTED)
     assert answer.exit_code == 0, answer.output
-    for servo in servos():
-        assert f"{servo.maker} {servo.name}" in answer.stdout
-    first, last = answer.stdout.index("STS3032"), answer.stdout.index("MX-106T")
-    assert first < last
+    assert all(f"{servo.maker} {servo.name}" in answer.stdout for servo in servos())
+    assert answer.stdout.index("STS3032") < answer.stdout.index("MX-106T")
     assert "yes, 1.8×" in answer.stdout
-
-
-def test_servos_as_json() -> None:
-    report = told(*WANTED, "--material", "pla-box")
+    shapes = ("--shape", "3x3x3=3.6", "--shape", "a=b=3160")
+    report = told(*WANTED, "--material", "pla-box", *shapes)
     assert len(report["servos"]) == len(servos())
     row = next(row for row in report["servos"] if row["servo"] == "STS3032")
     # Walls of 11.3 g and two servos of 20 g; 4.5 kgf·cm, a third of it for long.
     assert row["module_kg"] == pytest.approx(0.0513, abs=1e-4)
     assert row["gives_nm"] == pytest.approx(0.1471, abs=1e-4)
-    assert row["most_wp"] == pytest.approx(4 * row["margin"])
     assert row["url"].startswith("https://www.feetechrc.com/")
-
-
-def test_shapes_are_listed_with_their_servos() -> None:
-    shapes = ("--shape", "3x3x3=3.6", "--shape", "a=b=3160")
-    report = told(*WANTED, *shapes)
     assert report["shapes"]["a=b"] == []
-    assert report["shapes"]["3x3x3"][:2] == ["X08 V6.0", "X08H Plus V6.0"]
     assert "SG90" not in report["shapes"]["3x3x3"]  # turns by 150° only
     assert "none" in ask(*WANTED, *shapes).stdout
 
@@ -66,8 +57,8 @@ def test_exit_code_is_3_when_no_servo_would_do() -> None:
 
 
 def test_least_folding_time_of_a_plan(tmp_path: Path) -> None:
-    cells = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 1, 1)]
-    plan = fold(CellPath.from_cells(cells, name="hook", pitch_m=0.02))
+    chain = line(4)
+    plan = unverified(chain, moving(chain, 1, -0.3), Parameters())
     plan.save_npz(tmp_path / "plan.npz")
     arguments = (*WANTED, "--servo", "STS3032", "--plan", str(tmp_path))
     row = told(*arguments)["servos"][0]

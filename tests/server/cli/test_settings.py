@@ -13,59 +13,49 @@ from server.cli.command_line import application
 from server.doctor import machine
 from server.doctor.doctor import examined
 from server.ops.starting import settings_of, warn_of_unknown_names
-from server.settings import Settings, unknown_names
+from server.settings import Settings
 
 
-@pytest.mark.parametrize("name", ["origins", "embed_origins", "allowed_hosts", "trusted_proxies"])
-def test_lists_are_read_from_commas_or_json(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    values = ("127.0.0.1", "::1") if name == "trusted_proxies" else ("https://a.org", "http://b:8")
-    texts = [" , ".join(values), f'["{values[0]}", "{values[1]}"]']
-    if "origins" in name:
-        texts.append("https://a.org/, http://b:8")
-    for text in texts:
-        monkeypatch.setenv(f"FOLDBACK_{name.upper()}", text)
-        assert getattr(Settings(), name) == values
+def test_lists_are_read_from_commas_or_json(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("origins", "embed_origins", "allowed_hosts", "trusted_proxies"):
+        proxies = name == "trusted_proxies"
+        values = ("127.0.0.1", "::1") if proxies else ("https://a.org", "http://b:8")
+        texts = [" , ".join(values), f'["{values[0]}", "{values[1]}"]']
+        if "origins" in name:
+            texts.append("https://a.org/, http://b:8")
+        for text in texts:
+            monkeypatch.setenv(f"FOLDBACK_{name.upper()}", text)
+            assert getattr(Settings(), name) == values
 
 
-@pytest.mark.parametrize(
-    "url",
-    [
+def test_database_addresses_may_have_any_password(monkeypatch: pytest.MonkeyPatch) -> None:
+    for url in (
         "postgresql://us:a#b?c[d/e@db/x",
         "postgres:///x?host=/run/postgresql",
         "postgresql+psycopg://us@[::1]:5432/x",
         "sqlite:////data/x.db",
-    ],
-)
-def test_database_addresses_may_have_any_password(
-    url: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("FOLDBACK_DATABASE_URL", url)
-    assert Settings().database_url == url
+    ):
+        monkeypatch.setenv("FOLDBACK_DATABASE_URL", url)
+        assert Settings().database_url == url
 
 
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
         ("ORIGINS", "example.org", "got 'example.org', expected a scheme and a host"),
-        ("ORIGINS", "https://a.org/page", "without a path"),
         ("ORIGINS", "[https://a.org", "got '[https://a.org', expected names separated by commas"),
-        ("ORIGINS", "[1]", "got '1', expected names separated by commas"),
-        ("ORIGINS", "https://a:port", "expected a scheme and a host"),
         ("EMBED_ORIGINS", "https://a.org; script-src *", "expected a scheme and a host"),
         ("TRUSTED_PROXIES", "proxy", "got 'proxy', expected an address or a network"),
         ("PORT", "eighty", "got 'eighty', expected a whole number"),
         ("PORT", "65536", "got '65536', expected at most 65535"),
-        ("WORKERS", "-1", "got '-1', expected at least 0"),
         ("LEASE_S", "0", "got '0', expected more than 0"),
         ("LEASE_S", "soon", "got 'soon', expected a number"),
         ("STAGE_CPU_SECONDS", "inf", "got 'inf', expected a finite number"),
-        ("STAGE_SECONDS", "nan", "got 'nan', expected a finite number"),
         ("METRICS_PUBLIC", "perhaps", "got 'perhaps', expected true or false"),
         ("LOG_FORMAT", "xml", "got 'xml', expected 'text' or 'json'"),
         ("LOG_LEVEL", "loud", "got 'loud', expected 'debug', 'info', 'warning' or 'error'"),
         ("STORAGE_BYTES", "", "got '', expected a whole number"),
         ("DATABASE_URL", "mysql://us:secret@db/x", "expected an address like postgresql://"),
-        ("JOBS_URL", "secret", "expected an address like postgresql://"),
         ("DATABASE_URL", "postgresql://us:secret@db:port/x", "expected an address like"),
     ],
 )
@@ -112,6 +102,7 @@ def test_unknown_setting_is_told_with_a_suggestion(
     for name in list(os.environ):
         if name.startswith("FOLDBACK_"):
             monkeypatch.delenv(name)
+    monkeypatch.setenv("foldback_port", "8001")  # in any case
     assert machine.variables(Settings()).verdict == "ok"
     monkeypatch.setenv("FOLDBACK_ORIGIN", "https://a.org")
     with caplog.at_level(logging.WARNING):
@@ -121,8 +112,3 @@ def test_unknown_setting_is_told_with_a_suggestion(
     found = machine.variables(Settings())
     assert (found.verdict, found.found) == ("warning", words)
     assert found.remedy
-
-
-def test_names_of_settings_are_known_in_any_case() -> None:
-    assert unknown_names(["foldback_port", "FOLDBACK_HOST", "PATH", "FOLDBACKS"]) == {}
-    assert unknown_names(["FOLDBACK_QQQ"]) == {"FOLDBACK_QQQ": None}

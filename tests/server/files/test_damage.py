@@ -7,8 +7,10 @@ import re
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import cycle
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -27,6 +29,7 @@ from server.pages.pictures import file_of
 from tests.server.here import ServiceHere
 from tests.server.service import SNAKE, Service
 
+SMALL = FINISHED_FOLDS_DIR / "tetra-cube-2.fold"
 MOTION = "The stored motion of this fold is damaged"
 ROUTES = (
     *("/folds/{id}", "/folds/{id}/facts", "/folds/{id}/bundle", "/folds/{id}/batch"),
@@ -95,6 +98,7 @@ def test_private_picture_and_data_directory_are_closed_to_others(
     """Also the database and the files of folds, by their own modes."""
     answer = service.http.get(f"/folds/{fold}/picture.png")
     assert (answer.status_code, answer.headers["Cache-Control"]) == (200, "private, no-cache")
+    assert answer.content.startswith(b"\x89PNG")
     assert service.data_dir.stat().st_mode & 0o077 == 0
     written = [*service.data_dir.glob("*.db*"), *service.data_dir.rglob("plan.json")]
     assert written
@@ -171,10 +175,20 @@ def test_fold_made_again_of_damaged_input_is_refused(
         assert problem["code"] in ("no-input", "damaged-data"), status
 
 
+@contextmanager
+def shipping(place: Path) -> Iterator[ServiceHere]:
+    """A service that came with one finished fold."""
+    shutil.copy(SMALL, place)
+    with (
+        patch("server.api.finished.FINISHED_FOLDS_DIR", place),
+        ServiceHere(place / "data", finished_folds=True).start() as here,
+    ):
+        yield here
+
+
 @pytest.fixture(scope="module")
 def shipped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceHere]:
-    data_dir = tmp_path_factory.mktemp("shipped") / "data"
-    with ServiceHere(data_dir, finished_folds=True).start() as here:
+    with shipping(tmp_path_factory.mktemp("shipped")) as here:
         yield here
 
 
@@ -209,7 +223,7 @@ def test_route_that_makes_something_of_damaged_source_refuses(shipped: ServiceHe
 
 def test_timeline_of_earlier_version_is_compared_with_the_manifest(tmp_path: Path) -> None:
     """Its chunks and attributes carry no checksums."""
-    unpack((FINISHED_FOLDS_DIR / "tetra-cube-2.fold").read_bytes(), tmp_path)
+    unpack(SMALL.read_bytes(), tmp_path)
     path = tmp_path / "timeline.zarr"
     sealed = zarr_group(path)
     arrays = {name: array[:] for name, array in sealed.arrays()}
@@ -228,7 +242,7 @@ def test_timeline_of_earlier_version_is_compared_with_the_manifest(tmp_path: Pat
 @pytest.mark.long
 def test_no_route_of_private_fold_lets_shared_caches_store_it(shipped: ServiceHere) -> None:
     """Every route that names a fold and answers GET, but the endless stream of events."""
-    fold_id = shipped.http.get("/api/folds").json()["folds"][1]["id"]
+    fold_id = shipped.http.get("/api/folds").json()["folds"][0]["id"]
     with sqlite3.connect(shipped.data_dir / "foldback.db", timeout=60) as database:
         database.execute("UPDATE folds SET public = 0 WHERE id = ?", (fold_id,))
     database.close()

@@ -33,31 +33,26 @@ from words.fold import ShownFold
 NAMES = [export.name for export in EXPORTS]
 
 
-def test_exports_are_listed(service: Service, finished: dict[str, Any]) -> None:
+def test_each_export_is_listed_and_downloaded(service: Service, finished: dict[str, Any]) -> None:
+    """What is in them is tested with the planner."""
     listed = service.http.get(finished["state"]["links"]["exports"]).json()["exports"]
     assert [one["name"] for one in listed] == NAMES
-    assert [one["media_type"] for one in listed] == [one.media_type for one in EXPORTS]
     facts = service.http.get(f"/folds/{finished['id']}/facts").json()
     assert facts["downloads"] == [
         {key: one[key] for key in ("label", "hint", "href")} for one in listed
     ]
-
-
-def test_each_export_is_downloaded(service: Service, finished: dict[str, Any]) -> None:
-    """What is in them is tested with the planner."""
     directory = service.directory(finished["id"])
-    for export in EXPORTS:
-        href = f"/api/folds/{finished['id']}/exports/{export.name}"
-        answer = service.http.get(href)
+    for export, one in zip(EXPORTS, listed, strict=True):
+        answer = service.http.get(one["href"])
         assert answer.status_code == 200, answer.text
-        assert answer.headers["content-type"] == export.media_type
+        assert answer.headers["content-type"] == export.media_type == one["media_type"]
         saved_as = export.filename if export.shared else f"path-{export.filename}"
         assert answer.headers["content-disposition"] == f'attachment; filename="{saved_as}"'
         own = directory / export.filename
         stored = own if own.exists() else directory / EXPORTS_DIR / own.name
         assert answer.content == stored.read_bytes() != b""
         assert not list((directory / EXPORTS_DIR).glob(".*"))
-        assert service.http.get(href).content == answer.content
+        assert service.http.get(one["href"]).content == answer.content
 
 
 def test_unknown_and_early_exports_are_refused(
@@ -137,22 +132,21 @@ def test_few_files_are_made_at_once_and_each_once(store: Store) -> None:
     asyncio.run(ask())
 
 
-def test_export_older_than_its_plan_is_made_again(store: Store, fold: FoldRow) -> None:
+def test_export_older_than_its_plan_is_made_again_and_deleted_with_it(
+    store: Store, fold: FoldRow
+) -> None:
     path = exported(store, fold, "stl")
     right = path.read_bytes()
     path.write_bytes(b"kept")
     assert exported(store, fold, "stl").read_bytes() == b"kept"
     later = path.stat().st_mtime + 1.0
     os.utime(store.directory(fold.id) / "plan.npz", (later, later))
-    assert exported(store, fold, "stl").read_bytes() == right
-
-
-def test_exports_that_cannot_be_made_are_refused(store: Store, fold: FoldRow) -> None:
     with pytest.raises(NoRoom):
         exported(store, fold, "stl", free=2**62)
+    assert exported(store, fold, "stl").read_bytes() == right
     store.delete(fold.id)
     with pytest.raises(NoSuchFoldError):
-        exported(store, fold, "stl")
+        exported(store, fold, "urdf")
     assert not store.directory(fold.id).exists()  # nothing is left of a fold that was deleted
     with pytest.raises(NotFound) as gone:
         exported(store, fold, "urdf")
@@ -233,23 +227,20 @@ def test_only_the_last_edition_of_a_file_is_stored(store: Store, small_fold: Fol
     assert os.listdir(store.directory(small_fold.id) / EXPORTS_DIR) == [paths[-1].name]
 
 
-def test_derived_files_do_not_count_as_the_fold(store: Store, small_fold: FoldRow) -> None:
-    shop = Artifacts(store, on_stored=store.add_derived)
-    asyncio.run(shop.file(small_fold.id, "picture.png", lambda: b"a picture", of="plan"))
-    store.folders.keep_movie(small_fold.id, "movie.gif", store.directory(small_fold.id) / "plan")
-    assert store.folders.keep(small_fold.id, 1) == len("a plan")
+def test_derived_files_do_not_count_as_the_fold_and_may_be_stored_elsewhere(
+    store: Store, small_fold: FoldRow, tmp_path: Path
+) -> None:
+    def made(name: str, **where: Any) -> Path:
+        shop = Artifacts(store, on_stored=store.add_derived, **where)
+        return asyncio.run(shop.file(small_fold.id, name, lambda: b"made", of="plan"))
 
-
-def test_files_may_be_stored_elsewhere(store: Store, small_fold: FoldRow, tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
-
-    async def ask() -> Path:
-        shop = Artifacts(store, folder=elsewhere)
-        return await shop.file(small_fold.id, "x", lambda: b"x", of="plan")
-
-    assert asyncio.run(ask()).parent == elsewhere
+    assert made("picture.png", folder=elsewhere).parent == elsewhere
     assert os.listdir(store.directory(small_fold.id)) == ["plan"]
+    made("picture.png")
+    store.folders.keep_movie(small_fold.id, "movie.gif", store.directory(small_fold.id) / "plan")
+    assert store.folders.keep(small_fold.id, 1) == len("a plan")
 
 
 def test_failed_file_is_made_again(store: Store, small_fold: FoldRow) -> None:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
-import shutil
 import struct
 import time
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -15,12 +12,7 @@ import httpx
 import numpy as np
 import pytest
 
-from server.files.preview_scenes import PreviewScenes
-from server.settings import Settings
-from server.store.folds import Store
 from server.store.owner import new_token
-from server.store.previews import NoSuchPreviewError, Previews
-from server.store.tables import PreviewRow
 from tests.case import case
 from tests.server.service import PATIENCE_S, SNAKE, Service
 from web.pictures.isometric import isometric_svg
@@ -84,62 +76,28 @@ def test_mesh_becomes_about_as_many_modules_as_requested(desk: Service) -> None:
     assert report(desk, preview=found["id"], modules="128") == found
 
 
-def test_cells_without_a_path_are_explained_and_repaired(desk: Service) -> None:
-    found = report(desk, voxels(CROSS, name="cross"))
-    assert not found["has_path"]
-    assert found["feasibility"]["feasible"] is False
-    assert all(problem["detail"] for problem in found["feasibility"]["problems"])
-    assert found["feasibility"]["repairs"]
-    repaired = report(desk, preview=found["id"], repair="true")
-    assert repaired["has_path"]
-    assert is_path(repaired["cells"])
-    doubled = report(desk, preview=found["id"], method="blocks")
-    assert doubled["modules"] == 8 * len(CROSS)
-    assert is_path(doubled["cells"])
-
-
-def test_unordered_cells_are_previewed_as_voxels(desk: Service) -> None:
-    cells = box(4, 3, 2)[::-1]
-    cells[0], cells[7] = cells[7], cells[0]
-    data = json.dumps(cells).encode()
-    found = report(desk, data)
-    assert (found["kind"], found["as_voxels"]) == ("voxels", True)
-    assert found["notes"][0] == "Read as voxels, because cells 1 and 2 are not neighbours."
-    assert is_path(found["cells"])
-    assert {tuple(c) for c in found["cells"]} == {tuple(c) for c in cells}
-    asked = report(desk, data, as_voxels="true")
-    assert asked["cells"] == found["cells"]
-    assert not any(note.startswith("Read as voxels") for note in asked["notes"])
-    # A fold is told what to do; it does not guess.
-    status, problem = desk.refused(preview=found["id"])
-    assert (status, problem["code"]) == (422, "not-adjacent")
-    assert "voxels" in problem["detail"]
-    assert desk.fold(preview=found["id"], as_voxels="true")["id"]
-    refused = ask(desk, json.dumps([*box(2, 2, 1), [0, 0, 0]]).encode())
-    assert (refused.status_code, refused.json()["code"]) == (422, "repeated-cell")
-
-
-def test_path_starts_at_the_requested_cell(desk: Service) -> None:
+def test_path_starts_at_the_requested_cell_and_is_folded_so(desk: Service) -> None:
     found = report(desk, stl(), modules="64")
     cell = found["cells"][17]
     start = ",".join(map(str, cell))
     begun = report(desk, preview=found["id"], modules="64", start=start)
     assert (begun["cells"][0], begun["start"], begun["not_started"]) == (cell, cell, "")
     assert is_path(begun["cells"])
-    fold = desk.fold(preview=found["id"], modules="64", start=start)
+    asked = {"token": new_token(), "preview": found["id"]}
+    fold = desk.fold(**asked, modules="64", start=start)
     request = json.loads((desk.directory(fold["id"]) / "request.json").read_text())
-    assert request["start"] == cell
+    assert (request["start"], request["modules"]) == (cell, 64)
+    assert request["filename"] == "thing.bin"
+    assert desk.fold(**asked, modules="64", start=start)["id"] == fold["id"]
+    for other in ({"modules": "72"}, {"modules": "64", "ends": "surface"}):
+        assert desk.fold(**asked, **other)["id"] != fold["id"]
     nowhere = ask(desk, preview=found["id"], modules="64", start="99,0,0")
     assert (nowhere.status_code, nowhere.json()["code"]) == (422, "not-a-cell")
     assert ask(desk, preview=found["id"], start="here").json()["code"] == "bad-start"
-    odd = report(desk, voxels(box(3, 3, 3)), start="1,0,0")
-    assert odd["not_started"]
-    assert odd["cells"][0] != [1, 0, 0]
 
 
-@pytest.mark.parametrize("module", ["cube", "tetrahedron"])
-def test_preview_is_drawn_and_shown_in_3d(desk: Service, module: str) -> None:
-    found = report(desk, voxels(box(3, 2, 2), name="<script>"), module=module)
+def test_preview_is_drawn_and_shown_in_3d(desk: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = report(desk, voxels(box(3, 2, 2), name="<script>"))
     where, key = f"/previews/{found['id']}", found["key"]
     answer = desk.http.get(f"{where}/drawing.svg", params={"key": key})
     assert answer.status_code == 200
@@ -154,46 +112,14 @@ def test_preview_is_drawn_and_shown_in_3d(desk: Service, module: str) -> None:
     assert header["hull"]["modules"] == found["modules"]
     assert arrays["cells"].tolist() == found["cells"]
     assert {"/cells", "/path"} <= {m.get("name") for m in header["messages"]}
+    monkeypatch.setattr("server.files.preview_scenes.preview_scene_of", None)
+    assert desk.http.get(f"{where}/scene/{key}").content == answer.content  # made once
     for wrong in ("0" * 24, "upload.json", "..%2Fupload", key[:-1], key.upper()):
         assert desk.http.get(f"{where}/scene/{wrong}").status_code == 404
         assert desk.http.get(f"{where}/drawing.svg?key={wrong}").status_code == 404
     for preview in ("nosuch", "..", "x" * 40):
         assert desk.http.get(f"/previews/{preview}/scene/{key}").status_code == 404
         assert desk.http.get(f"/previews/{preview}/drawing.svg?key={key}").status_code == 404
-
-
-def test_scenes_are_cached_and_need_a_report(
-    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Limits of what is made at once: see tests/server/limits."""
-    previews = Previews(Settings(data_dir=tmp_path), store)
-    scenes = PreviewScenes(previews)
-    (tmp_path / "upload").mkdir()
-    (tmp_path / "upload" / "input").write_bytes(b"")
-    row = PreviewRow(id="thing", visitor="a", created_at=time.time(), seen_at=time.time())
-    previews.add(row, tmp_path / "upload")
-    key, other = ("0" * 23 + end for end in "12")
-    place = previews.directory("thing") / key
-    place.mkdir()
-    (place / "report.json").write_text(json.dumps({"cells": []}))
-    made: list[object] = []
-
-    def draw(report: object) -> bytes:
-        made.append(report)
-        return b"a scene"
-
-    monkeypatch.setattr("server.files.preview_scenes.preview_scene_of", draw)
-
-    def scene(key: str) -> bytes:
-        return asyncio.run(scenes.scene("thing", key, visitor="a"))
-
-    assert scene(key) == scene(key) == b"a scene" and len(made) == 1
-    with pytest.raises(NoSuchPreviewError):
-        scene(other)  # there is no report
-    shutil.rmtree(previews.directory("thing"))
-    with pytest.raises(NoSuchPreviewError):
-        scene(key)
-    scenes.close()
 
 
 def test_page_of_a_fold_draws_the_cells_of_its_preview(desk: Service) -> None:
@@ -224,13 +150,8 @@ def test_blocks_are_not_offered_for_cells_apart(desk: Service) -> None:
     crossed = desk.http.post("/api/folds", files={"file": ("cross.json", voxels(CROSS))})
     assert "'blocks'" in crossed.json()["detail"]
     whole = report(desk, voxels(CROSS), method="blocks")
+    assert (whole["modules"], is_path(whole["cells"])) == (8 * len(CROSS), True)
     assert any("There is always a path" in note for note in whole["notes"])
-
-
-def test_path_is_previewed_unchanged_with_its_knot(desk: Service) -> None:
-    found = report(desk, json.dumps(SNAKE).encode())
-    assert (found["kind"], found["modules"]) == ("path", len(SNAKE))
-    assert (found["knot"]["verdict"], found["feasibility"]) == ("unknot", None)
 
 
 def test_bad_options_and_files_are_refused(desk: Service) -> None:
@@ -286,27 +207,6 @@ def test_old_previews_make_room_for_new_ones(here_with) -> None:
     assert ask(service, preview=ids[0]).status_code == 404
 
 
-def test_fold_takes_a_preview_and_its_options(desk: Service) -> None:
-    found = report(desk, stl(), modules="64")
-    asked = {"token": new_token(), "preview": found["id"]}
-    first = desk.fold(**asked, modules="64")
-    request = json.loads((desk.directory(first["id"]) / "request.json").read_text())
-    assert (request["modules"], request["filename"]) == (64, "thing.bin")
-    assert desk.fold(**asked, modules="64")["id"] == first["id"]
-    for other in ({"modules": "72"}, {"modules": "64", "ends": "surface"}):
-        assert desk.fold(**asked, **other)["id"] != first["id"]
-
-
-@pytest.mark.slow
-def test_mesh_is_folded(service: Service) -> None:
-    accepted = service.http.post(
-        "/api/folds", files={"file": ("brick.stl", stl())}, data={"modules": "24"}
-    ).json()
-    state = service.wait_over(accepted["id"])
-    assert state["status"] == "verified", state
-    assert state["modules"] == report(service, stl(), modules="24")["modules"]
-
-
 def test_cells_are_previewed_without_a_search(desk: Service) -> None:
     cross = report(desk, voxels(CROSS), path="false")
     assert (cross["kind"], cross["has_path"], cross["feasibility"]) == ("voxels", False, None)
@@ -318,20 +218,8 @@ def test_cells_are_previewed_without_a_search(desk: Service) -> None:
     assert report(desk, preview=brick["id"], modules="16")["has_path"]
     path = report(desk, json.dumps(SNAKE).encode(), path="false")
     assert (path["kind"], path["has_path"], path["cells"]) == ("path", True, SNAKE)
-
-
-def test_pages_of_previews_and_of_their_folds(desk: Service) -> None:
-    found = report(desk, voxels(box(2, 2, 2), name="<script>alert(1)</script>"))
-    page = desk.http.get(found["links"]["page"])
-    assert page.status_code == 200
-    assert "unsafe-inline" not in page.headers["content-security-policy"].split("style-src")[0]
-    assert desk.http.get("/previews/nosuchpreview").status_code == 404
-    assert desk.http.get("/shapes/new").status_code == 200
-    assert desk.http.get("/shapes/mallet-64.svg").headers["content-type"] == "image/svg+xml"
-    assert desk.http.get("/shapes/nothing.svg").status_code == 404
-    for data, name in ((stl(), "brick.stl"), (voxels(box(4, 2, 2)), "box.json")):
-        accepted = desk.http.post("/api/folds", files={"file": (name, data)}).json()
-        assert desk.http.get(accepted["links"]["page"]).status_code == 200
+    path = report(desk, preview=path["id"])
+    assert (path["knot"]["verdict"], path["feasibility"]) == ("unknot", None)
 
 
 def test_preview_without_a_waiting_client_is_ended(here_with) -> None:

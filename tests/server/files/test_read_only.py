@@ -17,7 +17,7 @@ import pytest
 from server.doctor.data import database, directory
 from server.settings import Settings
 from server.store.tables import read_only_engine
-from tests.server.files.test_damage import ROUTES
+from tests.server.files.test_damage import ROUTES, shipping
 from tests.server.here import ServiceHere
 
 WORDS = "New folds cannot be accepted: the disk is read-only."
@@ -48,12 +48,11 @@ def read_only(place: Path) -> Generator[None]:
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ServiceHere, str]]:
     """A service that was started on a read-only disk, and a fold that it has."""
-    data_dir = tmp_path_factory.mktemp("read-only") / "data"
-    with ServiceHere(data_dir, finished_folds=True).start() as writing:
-        folds = writing.http.get("/api/folds").json()["folds"]
-        fold_id = min(folds, key=lambda fold: fold["modules"])["id"]
+    with shipping(tmp_path_factory.mktemp("read-only")) as writing:
+        (fold,) = writing.http.get("/api/folds").json()["folds"]
+    data_dir = writing.data_dir
     with read_only(data_dir), ServiceHere(data_dir, finished_folds=True).start() as here:
-        yield here, fold_id
+        yield here, fold["id"]
 
 
 def tree(place: Path) -> list[str]:

@@ -15,9 +15,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import numpy as np
 import pytest
 
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
+from planner.plan.packed import unpack
 from planner.plan.plan import Plan
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.trajectory import FRAMES_FILE, REST_FILE
@@ -34,7 +32,7 @@ from server.processes.children import Pool
 from server.processes.retime_task import clearance, motors, retime
 from server.processes.scratch import Scratch
 from tests.compiled_later import compiled_later
-from tests.server.service import SNAKE
+from tests.server.files.test_damage import SMALL
 
 IMPORTS = """
 import shutil
@@ -94,9 +92,8 @@ def make(here: Here, tmp_path: Path) -> Make:
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The plan of a small fold."""
-    directory = tmp_path_factory.mktemp("snake")
-    Workspace(directory).write_request(FoldRequest(), json.dumps(SNAKE).encode())
-    run_stages(directory)
+    directory = tmp_path_factory.mktemp("fold")
+    unpack(SMALL.read_bytes(), directory)
     return directory / "plan.npz"
 
 
@@ -254,22 +251,16 @@ def test_trajectories_in_use_are_bounded(make: Make, plan: Path) -> None:
     asyncio.run(ask())
 
 
-@pytest.mark.parametrize(
-    ("enough", "advice"), [(4.0, "use rate=4"), (None, "request a higher rate")]
-)
 def test_rate_at_which_modules_overlap_is_refused_with_advice(
-    make: Make,
-    here: Here,
-    plan: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    enough: float | None,
-    advice: str,
+    make: Make, here: Here, plan: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def overlapping(task: str, place: Path) -> dict[str, Any]:
-        assert json.loads((place / "request.json").read_bytes())["rate_hz"] == 1.0
-        found = {"min_clearance": -0.36, "clearance_bound": -0.36, "overlap": True}
-        return {**found, "sufficient_rate_hz": enough}
+    for enough, advice in ((4.0, "use rate=4"), (None, "request a higher rate")):
 
-    monkeypatch.setattr(here, "call", overlapping)
-    with pytest.raises(Unusable, match=advice):
-        asyncio.run(make().clearance(Wanted.of(plan, 1.0, 2.0), 1.0, "visitor"))
+        def overlapping(task: str, place: Path, enough: float | None = enough) -> dict[str, Any]:
+            assert json.loads((place / "request.json").read_bytes())["rate_hz"] == 1.0
+            found = {"min_clearance": -0.36, "clearance_bound": -0.36, "overlap": True}
+            return {**found, "sufficient_rate_hz": enough}
+
+        monkeypatch.setattr(here, "call", overlapping)
+        with pytest.raises(Unusable, match=advice):
+            asyncio.run(make().clearance(Wanted.of(plan, 1.0, 2.0), 1.0, "visitor"))

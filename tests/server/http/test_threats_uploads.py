@@ -380,7 +380,7 @@ def test_uploads_of_other_processes_are_left_alone(tmp_path: Path) -> None:
             with closing(Uploads(settings)) as second:
                 assert upload.directory.is_dir() and outside.is_dir()
                 left = {path.name for path in settings.uploads_dir.iterdir()}
-                assert left == {first.place.name, second.place.name}
+                assert left == {first._place.name, second._place.name}
         assert not upload.directory.exists()
     assert not list(settings.uploads_dir.iterdir())
 

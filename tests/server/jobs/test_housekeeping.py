@@ -8,10 +8,12 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from server.jobs import housekeeping as module
 from server.jobs.housekeeping import (
     CANCELLED_FOLD_S,
     DAY_S,
-    MAX_CANCELLED_FOLDS,
     MIN_DERIVED_AGE_S,
     MIN_ORPHAN_AGE_S,
     Housekeeping,
@@ -152,14 +154,23 @@ def test_cancelled_fold_is_removed_an_hour_after_the_last_look(
     assert left(store, old, late, pinned, seen) == [False, True, True, True]
 
 
-def test_only_the_latest_cancelled_folds_of_a_visitor_stay(store: Store) -> None:
-    folds = [
-        fold(store, days=n / 1e4, size=1, status="cancelled")
-        for n in range(MAX_CANCELLED_FOLDS + 2)
-    ]
+def test_only_the_latest_cancelled_folds_of_a_visitor_stay(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "MAX_CANCELLED_FOLDS", 3)
+    folds = [fold(store, days=n / 1e4, size=1, status="cancelled") for n in range(5)]
     others = fold(store, days=0.01, status="cancelled", visitor="another")
     limit_cancelled(store, "somebody")
-    assert left(store, *folds, others) == MAX_CANCELLED_FOLDS * [True] + [False, False, True]
+    assert left(store, *folds, others) == [True, True, True, False, False, True]
+    large = [
+        fold(store, days=n / 1e4, size=8 * MIB, status="cancelled", visitor="third")
+        for n in range(3)
+    ]
+    monkeypatch.setattr(module, "MAX_CANCELLED_BYTES", 8 * MIB)
+    limit_cancelled(store, "third")
+    there = [store.folders.place(name).exists() for name in large]
+    assert there == [True, True, False]  # the last one, and 8 MiB more
+    assert sum(store.fold(name).bytes for name in large) == 16 * MIB
 
 
 def test_sweep_reads_no_rows_that_stay(tmp_path: Path, store: Store) -> None:
@@ -183,17 +194,6 @@ def test_sweep_reads_no_rows_that_stay(tmp_path: Path, store: Store) -> None:
         sweeping.sweep()
     deleted = sum(one[0].startswith("DELETE") for one in said)
     assert deleted == len(old) and not any(one[0].startswith("DELETE") for one in again)
-
-
-def test_bytes_of_cancelled_folds_of_a_visitor_are_limited(store: Store) -> None:
-    large: dict[str, Any] = {"size": 8 * MIB, "status": "cancelled"}
-    folds = [fold(store, days=n / 1e4, **large) for n in range(8)]
-    others = fold(store, days=1e-4, visitor="another", **large)
-    limit_cancelled(store, "somebody")
-    there = [store.folders.place(name).exists() for name in folds]
-    assert there == [True, True, True] + 5 * [False]  # the last one, and 16 MiB more
-    assert sum(store.fold(name).bytes for name in folds) == 24 * MIB
-    assert left(store, others) == [True]
 
 
 def test_cancelled_and_repeated_folds_of_the_gallery_are_removed(

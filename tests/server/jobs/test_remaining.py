@@ -228,42 +228,24 @@ def test_smoothing_before_its_first_report_is_not_an_explosion(
     assert progress_of(store.fold(fold), remaining)["message"] == "smoothing"
 
 
-REPORT = {"modules": 160, "module": "cube"}
-
-
-def add_ended(store: Store, count: int) -> None:
-    for k in range(count):
-        store.add(a_fold(f"ended {k}", modules=160, progress={"stage_s": USUAL}), SOMEBODY)
-
-
-def told_everywhere(store: Store, tmp_path: Path) -> tuple[float, float]:
-    """What a preview tells of a shape of 160, and what the page of its fold tells then."""
-    estimates = Estimates(store)
-    preview = ExpectedTimes.of(REPORT, "floating", estimates.total_s)
-    leases = Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), 1000.0)
-    leases.heartbeat("one", host="here", pid=1, folds_at_once=1)
-    store.add(a_fold("asked", status="queued", modules=160, created_at=time.time()), SOMEBODY)
-    outlook = EtaEstimator(store, leases, estimates).of(store.fold("asked"))
-    assert outlook.remaining_s is not None
-    return preview.expected_s, outlook.remaining_s
-
-
 @pytest.mark.parametrize("measured", [False, True])
-def test_estimates_of_preview_and_fold_agree(store: Store, tmp_path: Path, measured: bool) -> None:
-    add_ended(store, MIN_SIMILAR_FOLDS - (not measured))
-    preview_s, fold_s = told_everywhere(store, tmp_path)
-    expected = expected_of_cost(plain_fold(160, FoldRequest()))
-    assert preview_s == pytest.approx(sum(USUAL.values()) if measured else expected)
-    assert fold_s == round(preview_s)
+def test_estimates_of_preview_and_fold_agree(
+    store: Store, remaining: EtaEstimator, measured: bool
+) -> None:
+    for k in range(MIN_SIMILAR_FOLDS - (not measured)):
+        store.add(a_fold(f"ended {k}", modules=160, progress={"stage_s": USUAL}), SOMEBODY)
+    shape, estimates = {"modules": 160, "module": "cube"}, Estimates(store)
+    preview = ExpectedTimes.of(shape, "floating", estimates.total_s)
+    store.add(a_fold("asked", status="queued", modules=160, created_at=time.time()), SOMEBODY)
+    outlook = EtaEstimator(store, remaining._leases, estimates).of(store.fold("asked"))
+    assert outlook.remaining_s == round(preview.expected_s)
 
+    def expected(**options: str) -> object:
+        return pytest.approx(expected_of_cost(plain_fold(160, FoldRequest(**options))))
 
-def test_estimate_of_other_options_uses_their_own_samples(store: Store) -> None:
-    add_ended(store, MIN_SIMILAR_FOLDS)
-    times = ExpectedTimes.of(REPORT, "floating", Estimates(store).total_s)
-    assert times.expected_as_published_s == pytest.approx(
-        expected_of_cost(plain_fold(160, FoldRequest(preset="paper")))
-    )
-    assert times.expected_preferred_s == pytest.approx(
-        expected_of_cost(plain_fold(160, FoldRequest(prefer="time")))
-    )
-    assert Estimates(store).stages_s(plain_fold(0, FoldRequest())) is None
+    usual = pytest.approx(sum(USUAL.values()))
+    assert preview.expected_s == (usual if measured else expected())
+    # Other options have samples of their own.
+    assert preview.expected_as_published_s == expected(preset="paper")
+    assert preview.expected_preferred_s == expected(prefer="time")
+    assert estimates.stages_s(plain_fold(0, FoldRequest())) is None

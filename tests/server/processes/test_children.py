@@ -30,6 +30,7 @@ from server.processes.limits import ChildLimits
 from tests.server.here import FORKS
 from tests.server.service import SNAKE
 
+CHECKOUT = Path(__file__).parents[3]
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
 pytestmark = pytest.mark.processes
 WITHOUT_LIBRARIES = """
@@ -40,11 +41,35 @@ def stand_in(name):
     sys.modules[name] = types.ModuleType(name)
     return sys.modules[name]
 
-for name in ("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse.csgraph", "zarr.codecs"):
+for name in ("interpolate", "ndimage", "optimize", "sparse.csgraph"):
+    stand_in(f"scipy.{name}")
+for name in ("mujoco", "trimesh", "zarr.codecs"):
     stand_in(name)
 stand_in("planner.pipeline.stages").run_stage = lambda *_, **__: {}
+warming = stand_in("planner.pipeline.warm_up")
+warming.warm_up = warming.warm_up_folding = lambda *_, **__: None
 """
 """Runs ahead of a child: it computes nothing, and takes no time to load."""
+OVERRUN = """
+import _thread, os, threading, time
+from contextlib import suppress
+
+def fail(error=MemoryError()):
+    raise error
+
+def to_files(do):
+    for n in range(3, 64):
+        with suppress(OSError):
+            do(n)
+
+def run_stage(stage, place, **_):
+    exec((place / "input").read_text(), globals())
+    time.sleep(30)
+    os._exit(3)
+
+sys.modules["planner.pipeline.stages"].run_stage = run_stage
+"""
+"""Has a child do what its upload says."""
 ONE = {"at_once": 1, "at_once_per_visitor": 1, "total": 9, "per_visitor": 6}
 
 
@@ -80,19 +105,17 @@ def test_stages_are_those_of_the_planner() -> None:
     assert tuple(stages.STAGES) == STAGES
 
 
-@pytest.mark.parametrize("forked", [True, False])
-def test_child_answers_repeatedly_until_it_hangs(directory: Path, forked: bool) -> None:
-    with made(fork_server=FORKS if forked else None) as child:
-        for _ in range(2):
-            found = child.call("check", directory, wall_s=60)
-            assert found == {"name": "snake", "module": "cube", "modules": 16}
-        os.kill(child.pid, signal.SIGSTOP)
-        with pytest.raises(ChildError, match="longer than") as late:
-            child.call("check", directory, wall_s=0.1)
-        assert late.value.code == "time-limit"
-        assert not child.alive
-        with pytest.raises(ChildError, match="SIGKILL"):
-            child.call("check", directory, wall_s=60)
+def test_child_answers_repeatedly_until_it_hangs(child: Child, directory: Path) -> None:
+    for _ in range(2):
+        found = child.call("check", directory, wall_s=60)
+        assert found == {"name": "snake", "module": "cube", "modules": 16}
+    os.kill(child.pid, signal.SIGSTOP)
+    with pytest.raises(ChildError, match="longer than") as late:
+        child.call("check", directory, wall_s=0.1)
+    assert late.value.code == "time-limit"
+    assert not child.alive
+    with pytest.raises(ChildError, match="SIGKILL"):
+        child.call("check", directory, wall_s=60)
 
 
 def test_task_slowed_by_a_busy_machine_is_not_to_blame(child: Child, directory: Path) -> None:
@@ -132,16 +155,25 @@ def test_start_of_a_child_is_limited(
         child.call("check", directory, wall_s=60)
 
 
+def running_first(place: Path, code: str) -> dict[str, str]:
+    """The environment of a process of this checkout that runs some code before anything else."""
+    (place / "sitecustomize.py").write_text(code)
+    return {"PYTHONPATH": f"{place}{os.pathsep}{CHECKOUT}"}
+
+
+def without_libraries(place: Path, more: str = "") -> dict[str, str]:
+    """The environment of a child that computes nothing."""
+    return running_first(place, WITHOUT_LIBRARIES + more)
+
+
 def test_reports_of_a_starting_child_are_passed_on(directory: Path, tmp_path: Path) -> None:
-    (tmp_path / "sitecustomize.py").write_text(
-        f"{WITHOUT_LIBRARIES}"
-        "it = stand_in('planner.pipeline.warm_up')\n"
+    environment = without_libraries(
+        tmp_path,
         "told = Progress(stage='read', fraction=0.0, message=COMPILING)\n"
-        "it.warm_up = lambda tell, soon, directory: tell(told)\n"
+        "warming.warm_up = lambda tell, soon, directory: tell(told)\n",
     )
     told: list[object] = []
-    limits, place = replace(LIMITS, warm=True), {"PYTHONPATH": str(tmp_path)}
-    with made("stages", limits, environment=place) as child:
+    with made("stages", replace(LIMITS, warm=True), environment=environment) as child:
         child.call("read", directory, wall_s=60, on_progress=lambda e: told.append(e["message"]))
     assert told[:1] == [COMPILING]
 
@@ -161,31 +193,6 @@ def test_memory_of_a_child_is_limited(directory: Path) -> None:
     ):
         child.call("check", directory, wall_s=60)
     assert greedy.value.code == "memory-limit"
-
-
-@pytest.mark.parametrize(
-    "task",
-    [
-        "threading.Thread(target=fail).start()",
-        "_thread.start_new_thread(fail, ())",
-        'fail(RuntimeError("can\'t start new thread"))',
-    ],
-)
-def test_thread_without_memory_ends_the_child(directory: Path, tmp_path: Path, task: str) -> None:
-    (tmp_path / "sitecustomize.py").write_text(
-        f"{WITHOUT_LIBRARIES}"
-        "stand_in('planner.pipeline.warm_up').warm_up = None\n"
-        "import _thread, threading\n"
-        "def fail(error=MemoryError()): raise error\n"
-        f"def run_stage(*_, **__): {task}; threading.Event().wait()\n"
-        "sys.modules['planner.pipeline.stages'].run_stage = run_stage\n"
-    )
-    with (
-        made("stages", environment={"PYTHONPATH": str(tmp_path)}) as child,
-        pytest.raises(ChildError, match="1024 MiB") as lost,
-    ):
-        child.call("read", directory, wall_s=60)
-    assert lost.value.code == "memory-limit"
 
 
 @pytest.fixture
@@ -212,47 +219,45 @@ def test_reader_that_died_or_hangs_is_replaced(directory: Path, pool: Pool) -> N
 
 @pytest.fixture(scope="module")
 def overrun(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
-    """Forks readers that do what an upload says with each of their open files ``n``."""
-    place = tmp_path_factory.mktemp("code")
-    (place / "sitecustomize.py").write_text(
-        "import sys\nif 'server.processes.forking' in sys.orig_argv:\n    import attack\n"
-    )
-    (place / "attack.py").write_text(
-        "import contextlib, os, time\nimport server.processes.read_task as it\n"
-        "def check(place):\n    does = compile((place / 'input').read_text(), 'input', 'exec')\n"
-        "    for n in range(3, 64):\n        with contextlib.suppress(OSError):\n"
-        "            exec(does, {'n': n, 'os': os})\n    time.sleep(30)\n    os._exit(3)\n"
-        "it.check = check\n"
-    )
-    server = ForkServer(["reader"], warm=False, environment={"PYTHONPATH": str(place)})
-    yield server
-    server.close()
+    """Forks children that do what an upload says."""
+    environment = without_libraries(tmp_path_factory.mktemp("code"), OVERRUN)
+    with closing(ForkServer(["stages"], warm=False, environment=environment)) as server:
+        yield server
 
 
 @pytest.mark.parametrize(
-    "does",
+    ("does", "words"),
     [
-        "os.closerange(3, 64)",
-        "os.write(n, b'rubbish\\n')",
-        """os.write(n, b'{"event": "done"}\\n')""",
-        "[os.write(n, bytes(2**16)) for _ in range(2**10)]",
+        ("os.closerange(3, 64)", "was stopped"),
+        ("to_files(lambda n: os.write(n, b'rubbish\\n'))", "was stopped"),
+        ("""to_files(lambda n: os.write(n, b'{"event": "done"}\\n'))""", "was stopped"),
+        (
+            "to_files(lambda n: [os.write(n, bytes(2**16)) for _ in range(2**10)])",
+            "was stopped",
+        ),
+        ("threading.Thread(target=fail).start()", "1024 MiB"),
+        ("_thread.start_new_thread(fail, ())", "1024 MiB"),
+        ('fail(RuntimeError("can\'t start new thread"))', "1024 MiB"),
     ],
 )
 def test_child_that_closes_its_output_or_sends_rubbish_is_ended(
-    directory: Path, overrun: ForkServer, does: str
+    directory: Path, overrun: ForkServer, does: str, words: str
 ) -> None:
+    """Or has a thread without memory."""
     (directory / "input").write_text(does)
-    with made(fork_server=overrun) as child:
-        with pytest.raises(ChildError, match="was stopped"):
-            child.call("check", directory, wall_s=60)
-        assert not child.alive
+    with made("stages", fork_server=overrun) as child:
+        with pytest.raises(ChildError, match=words) as ended:
+            child.call("read", directory, wall_s=60)
+        assert (ended.value.code == "memory-limit") == ("MiB" in words)
+        assert "MiB" in words or not child.alive
 
 
 def test_child_that_reports_endlessly_has_to_wait(directory: Path, overrun: ForkServer) -> None:
     event = {"event": "progress", **dict.fromkeys(EVENTS["progress"], 0)}
     line = json.dumps(event).encode() + b"\n"
-    (directory / "input").write_text(f"[os.write(n, {line!r}) for _ in range(10**6)]")
-    with made(fork_server=overrun) as child:
+    endless = f"[os.write(n, {line!r}) for _ in range(10**6)]"
+    (directory / "input").write_text(f"to_files(lambda n: {endless})")
+    with made("stages", fork_server=overrun) as child:
 
         def filled(_: object) -> None:
             # Takes nothing more, so that the queue fills however slow the child is.
@@ -261,7 +266,7 @@ def test_child_that_reports_endlessly_has_to_wait(directory: Path, overrun: Fork
             raise InterruptedError
 
         with pytest.raises(InterruptedError):
-            child.call("check", directory, wall_s=60, on_progress=filled)
+            child.call("read", directory, wall_s=60, on_progress=filled)
     assert not child.alive
 
 
@@ -291,10 +296,13 @@ def test_slow_upload_of_one_visitor_does_not_delay_others(directory: Path, pool:
         assert (slow.result()["modules"], second.result()["modules"]) == (16, 16)
 
 
-def test_child_ends_with_its_parent() -> None:
-    command = [sys.executable, "-P", "-m", "server.processes.child", "reader"]
+def test_child_ends_with_its_parent(tmp_path: Path) -> None:
+    command = [sys.executable, "-P", "-m", "server.processes.child", "stages"]
     with subprocess.Popen(
-        [*command, json.dumps(asdict(LIMITS))], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        [*command, json.dumps(asdict(LIMITS))],
+        env={**os.environ, **without_libraries(tmp_path)},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
     ) as child:
         assert json.loads(child.stdout.readline())["event"] == "ready"
         child.stdin.close()

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,12 @@ from server.processes import children
 from server.processes.children import LOST, ChildError
 from server.processes.fork_server import ForkServer, Kind
 from tests.server.here import FORKS
-from tests.server.processes.test_children import WITHOUT_LIBRARIES, made, upload_in
+from tests.server.processes.test_children import (
+    made,
+    running_first,
+    upload_in,
+    without_libraries,
+)
 from tests.server.service import PATIENCE_S
 
 pytestmark = pytest.mark.processes
@@ -33,38 +38,21 @@ def directory(tmp_path: Path) -> Path:
     return upload_in(tmp_path)
 
 
+def forking(place: Path, more: str = "", *, warm: bool = False) -> ForkServer:
+    """One whose children compute nothing, and that runs more code before anything else."""
+    place.mkdir()
+    return ForkServer(["stages"], warm=warm, environment=without_libraries(place, more))
+
+
 @pytest.fixture(scope="module")
-def server() -> Iterator[ForkServer]:
-    with closing(ForkServer(["reader"], warm=False)) as server:
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
+    with closing(forking(tmp_path_factory.mktemp("forks") / "code")) as server:
         yield server
 
 
 def pid_of(server: ForkServer) -> int:
     assert server.pid is not None
     return server.pid
-
-
-def spoiled(
-    place: Path, code: str, *, kinds: Sequence[Kind] = ("stages",), warm: bool = False
-) -> ForkServer:
-    """One that runs code before anything else."""
-    place.mkdir()
-    (place / "sitecustomize.py").write_text(code)
-    return ForkServer(kinds, warm=warm, environment={"PYTHONPATH": before_others(place)})
-
-
-def before_others(place: Path) -> str:
-    """Return a search path for modules that begins with a directory."""
-    return os.pathsep.join([str(place), *filter(None, [os.environ.get("PYTHONPATH")])])
-
-
-def test_fork_server_is_starting_until_it_can_fork(server: ForkServer, directory: Path) -> None:
-    assert not server.starting
-    server.start()
-    assert server.starting
-    with made(fork_server=server) as child:
-        assert child.call("check", directory, wall_s=60) == WHOLE
-    assert not server.starting
 
 
 def test_children_of_one_server_are_processes_of_their_own(directory: Path) -> None:
@@ -82,36 +70,40 @@ def test_children_of_one_server_are_processes_of_their_own(directory: Path) -> N
 def test_killed_fork_server_takes_its_children_along_and_is_replaced(
     server: ForkServer, directory: Path
 ) -> None:
-    with made(fork_server=server) as child:
-        child.call("check", directory, wall_s=60)
+    assert not server.starting
+    server.start()
+    assert server.starting
+    with made("stages", fork_server=server) as child:
+        assert child.call("read", directory, wall_s=60) == {}
+        assert not server.starting
         process, first = psutil.Process(child.pid), pid_of(server)
         os.kill(first, signal.SIGKILL)
         assert not psutil.wait_procs([process], timeout=PATIENCE_S)[1]
         with pytest.raises(ChildError) as ended:
-            child.call("check", directory, wall_s=60)
+            child.call("read", directory, wall_s=60)
         assert ended.value.code == LOST
-    with made(fork_server=server) as child:
-        assert child.call("check", directory, wall_s=60) == WHOLE
+    with made("stages", fork_server=server) as child:
+        assert child.call("read", directory, wall_s=60) == {}
     assert pid_of(server) != first
 
 
 def test_child_ended_before_it_was_forked_does_not_stay(
     server: ForkServer, directory: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with made(fork_server=server) as child:
-        child.call("check", directory, wall_s=60)
+    with made("stages", fork_server=server) as child:
+        child.call("read", directory, wall_s=60)
         os.kill(pid_of(server), signal.SIGSTOP)
         monkeypatch.setattr(children, "MAX_START_S", 0.0)
-        with made(fork_server=server) as early:
+        with made("stages", fork_server=server) as early:
             with pytest.raises(ChildError, match="did not start: took too long"):
-                early.call("check", directory, wall_s=60)
+                early.call("read", directory, wall_s=60)
             assert not early.alive
             os.kill(pid_of(server), signal.SIGCONT)
         monkeypatch.undo()
-        assert child.call("check", directory, wall_s=60) == WHOLE
+        assert child.call("read", directory, wall_s=60) == {}
         # It is forked in its turn, and finds that nobody is there.
-        with made(fork_server=server) as after:
-            after.call("check", directory, wall_s=60)
+        with made("stages", fork_server=server) as after:
+            after.call("read", directory, wall_s=60)
             deadline = time.monotonic() + PATIENCE_S
             wanted = {child.pid, after.pid}
             while {one.pid for one in psutil.Process(pid_of(server)).children()} != wanted:
@@ -120,8 +112,8 @@ def test_child_ended_before_it_was_forked_does_not_stay(
 
 
 def test_reason_why_a_fork_server_cannot_start_is_told(tmp_path: Path, directory: Path) -> None:
-    code = "import sys\nsys.modules['planner.pipeline.stages'] = None\n"
-    with closing(spoiled(tmp_path / "code", code)) as server:
+    without_stages = "sys.modules['planner.pipeline.stages'] = None\n"
+    with closing(forking(tmp_path / "code", without_stages)) as server:
         for _ in range(2):
             with made("stages", fork_server=server) as child:
                 told = "did not start: .*planner.pipeline.stages"
@@ -131,17 +123,16 @@ def test_reason_why_a_fork_server_cannot_start_is_told(tmp_path: Path, directory
 
 
 def test_progress_of_compiling_is_passed_on(tmp_path: Path, directory: Path) -> None:
-    server = spoiled(
+    server = forking(
         tmp_path / "code",
-        f"{WITHOUT_LIBRARIES}import time\n"
+        "import time\n"
         "from pathlib import Path\n"
-        "it = stand_in('planner.pipeline.warm_up')\n"
         "def warm_up(tell, soon, directory):\n"
         "    tell(Progress(stage='read', fraction=0.25, message=COMPILING))\n"
         f"    while not Path({str(tmp_path / '0.25')!r}).exists(): time.sleep(0.01)\n"
         "    tell(Progress(stage='read', fraction=0.5, message=COMPILING))\n"
         f"    while not Path({str(tmp_path / '0.5')!r}).exists(): time.sleep(0.01)\n"
-        "it.warm_up = warm_up\n",
+        "warming.warm_up = warm_up\n",
         warm=True,
     )
     told: list[tuple[str, float]] = []
@@ -170,9 +161,9 @@ compiling.beside = beside
 def test_previews_wait_for_their_kernels_and_paths_do_not(tmp_path: Path, directory: Path) -> None:
     """A confined process cannot store what it compiles, so that each preview would repeat it."""
     loaded = tmp_path / "loaded"
-    code = LATE.format(place=str(loaded))
+    environment = running_first(tmp_path, LATE.format(place=str(loaded)))
     kinds: tuple[Kind, ...] = ("reader", "preparer")
-    with closing(spoiled(tmp_path / "code", code, kinds=kinds, warm=True)) as server:
+    with closing(ForkServer(kinds, warm=True, environment=environment)) as server:
         with made("reader", fork_server=server) as child:
             assert child.call("check", directory, wall_s=60) == WHOLE
         with made("preparer", fork_server=server) as child:
@@ -186,55 +177,46 @@ def test_previews_wait_for_their_kernels_and_paths_do_not(tmp_path: Path, direct
 
 
 PARENT = """
-import json, sys, time
+import sys, time
 from pathlib import Path
-from server.processes.children import Child, LOST
-from server.processes.fork_server import ForkServer, Kind
+from server.processes.children import Child
+from server.processes.fork_server import ForkServer
 from server.processes.limits import ChildLimits
-server = ForkServer(["reader"], warm=False)
-limits = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
-child = Child("reader", limits, fork_server=server)
-child.call("check", Path(sys.argv[1]), wall_s=60)
-print(child.pid, server.pid, flush=True)
+warm = sys.argv[3] == "compiling"
+server = ForkServer(["stages"], warm=warm, environment={"PYTHONPATH": sys.argv[2]})
+server.start()
+if warm:
+    print(server.pid, flush=True)
+else:
+    limits = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
+    child = Child("stages", limits, fork_server=server)
+    child.call("read", Path(sys.argv[1]), wall_s=60)
+    print(child.pid, server.pid, flush=True)
 time.sleep(600)
+"""
+COMPILES = """
+def warm_up(tell, soon, directory):
+    while True:
+        pass
+warming.warm_up = warm_up
 """
 
 
-def test_fork_server_and_its_children_end_with_their_parent(directory: Path) -> None:
-    killed_parent(PARENT, str(directory))
-
-
-def killed_parent(code: str, argument: str) -> None:
-    """Kill a program that has told the ids of its processes: they end, too."""
+@pytest.mark.parametrize("busy", ["forking", "compiling"])
+def test_fork_server_that_compiles_ends_when_its_parent_is_killed(
+    tmp_path: Path, directory: Path, busy: str
+) -> None:
+    """And one that has forked, with its children."""
+    search = without_libraries(tmp_path, COMPILES if busy == "compiling" else "")["PYTHONPATH"]
     with subprocess.Popen(
-        [sys.executable, "-c", code, argument], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", PARENT, str(directory), search, busy],
+        stdout=subprocess.PIPE,
+        text=True,
     ) as parent:
         theirs = [psutil.Process(int(pid)) for pid in parent.stdout.readline().split()]
-        assert theirs
+        assert len(theirs) == (1 if busy == "compiling" else 2)
         parent.kill()
     alive = psutil.wait_procs(theirs, timeout=PATIENCE_S)[1]
     for process in alive:
         process.kill()
     assert not alive
-
-
-COMPILES = f"""{WITHOUT_LIBRARIES}
-it = stand_in('planner.pipeline.warm_up')
-def warm_up(tell, soon, directory):
-    while True:
-        pass
-it.warm_up = warm_up
-"""
-STARTS = """
-import os, signal, sys, time
-from server.processes.fork_server import ForkServer, Kind
-server = ForkServer(["stages"], warm=True, environment={"PYTHONPATH": sys.argv[1]})
-server.start()
-print(server.pid, flush=True)
-time.sleep(600)
-"""
-
-
-def test_fork_server_that_compiles_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
-    (tmp_path / "sitecustomize.py").write_text(COMPILES)
-    killed_parent(STARTS, before_others(tmp_path))

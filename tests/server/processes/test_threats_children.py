@@ -26,6 +26,7 @@ from server.processes.landlock import Allowed
 from server.processes.limits import ChildLimits
 from server.processes.movie_task import ask_for_movie
 from server.settings import Settings
+from tests.server.processes.test_children import running_first
 from web.movies.movie import Movie
 
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
@@ -107,14 +108,11 @@ threading.Thread(target=lambda: time.sleep(60), daemon=True).start()
 confined.confine(confined.Allowed(writable=(Path(sys.argv[1]),)))
 """
 FORKED = """
-import planner.pipeline.stages, server.processes.read_task, server.processes.retime_task
+import planner.pipeline.stages, planner.pipeline.warm_up
+import server.processes.read_task, server.processes.retime_task
 server.processes.read_task.check = server.processes.retime_task.retime = attack
-stages, server = planner.pipeline.stages, os.getpid()
-
-def run_stage(task, place, _honest=stages.run_stage, **more):  # the fork server folds itself, too
-    return _honest(task, place, **more) if os.getpid() == server else attack(place)
-
-stages.run_stage = run_stage
+planner.pipeline.stages.run_stage = lambda task, place, **_: attack(place)
+planner.pipeline.warm_up.warm_up_folding = lambda *_, **__: None
 """
 SPAWNED = """
 import web.movies.make_movie
@@ -177,10 +175,7 @@ def overrun(code: Path, process: str, places: str) -> dict[str, str]:
     code.mkdir()
     (code / "attack.py").write_text(f"{ATTACK}{places}")
     # Libraries start Python, too: those are left alone.
-    (code / "sitecustomize.py").write_text(
-        f"import sys\nif {process!r} in sys.orig_argv:\n    import attack\n"
-    )
-    return {"PYTHONPATH": str(code)}
+    return running_first(code, f"import sys\nif {process!r} in sys.orig_argv:\n    import attack\n")
 
 
 @pytest.fixture(scope="module")
@@ -220,7 +215,8 @@ def attacked(
         limits = replace(limits, folders=(str(settings.motions_dir),))
     child = Child(kind, limits, fork_server=forks, environment=environment)
     try:
-        found = child.call("retime" if kind == "retimer" else "check", place, wall_s=120)
+        task = {"retimer": "retime", "pictures": "picture"}.get(kind, "check")
+        found = child.call(task, place, wall_s=120)
     finally:
         child.close()
     return json.loads(found["reason"]) if kind == "movies" else found

@@ -7,7 +7,8 @@ import resource
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,9 +20,9 @@ from server.processes.children import Child
 from server.processes.limits import ChildLimits, environment_of_child
 from server.store.owner import new_token
 from tests.server.here import ServiceHere
+from tests.server.processes.test_children import without_libraries
 from tests.server.service import SNAKE, Service, bearer
 
-ServiceWith = Callable[..., Service]
 PAGE = {"Accept": "text/html,application/xhtml+xml"}
 
 
@@ -91,32 +92,31 @@ def test_health_and_metrics_work_without_a_database(broken: tuple[Service, str])
 
 
 def test_full_disk_refuses_uploads_and_nothing_else(
-    service_with: ServiceWith,
+    service: Service, finished: dict[str, Any]
 ) -> None:
-    service, token = service_with(workers=0), new_token()
+    token = new_token()
 
-    def sent(service: Service) -> dict[str, Any]:
+    def sent() -> dict[str, Any]:
         file = ("snake.json", json.dumps(SNAKE) + 10_000 * " ")
         answer = service.http.post("/api/folds", files={"file": file}, headers=bearer(token))
         assert answer.status_code == 202, answer.text
         return answer.json()
 
-    with ServiceHere(service.data_dir).start() as taking_in:
-        fold_id = sent(taking_in)["id"]
-    service.start()
+    fold_id = sent()["id"]
     before = resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE)
     resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, (1000, before[1]))
-    for data in (b"[" * 3_000_000, b"[" * 10_000):  # while it comes in, and when it is kept
-        for path in ("/api/folds", "/api/shapes/preview"):
-            answer = service.http.post(path, files={"file": ("a.json", data)})
-            assert answer.status_code == 507, answer.text
-            assert answer.headers["content-type"] == "application/problem+json"
-            assert int(answer.headers["retry-after"]) > 0
-            assert answer.json()["code"] == "no-room"
-    assert service.state(fold_id)["status"] == "queued"
-    assert service.http.get(f"/folds/{fold_id}").status_code == 200
-    resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, before)
-    assert sent(service)["id"] == fold_id  # it is kept before it is known
+    try:
+        for data in (b"[" * 3_000_000, b"[" * 10_000):  # while it comes in, and when it is kept
+            for path in ("/api/folds", "/api/shapes/preview"):
+                answer = service.http.post(path, files={"file": ("a.json", data)})
+                assert answer.status_code == 507, answer.text
+                assert answer.headers["content-type"] == "application/problem+json"
+                assert int(answer.headers["retry-after"]) > 0
+                assert answer.json()["code"] == "no-room"
+        assert service.http.get(f"/folds/{finished['id']}").status_code == 200
+    finally:
+        resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, before)
+    assert sent()["id"] == fold_id  # it is kept before it is known
     assert [p.name for p in service.data_dir.glob("uploads/*/*")] == []
 
 
@@ -152,12 +152,11 @@ def test_environment_of_a_child_holds_no_secrets() -> None:
 
 
 @pytest.mark.processes
-def test_child_has_limits_and_no_secrets(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_child_has_limits_and_no_secrets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "a-secret")
     monkeypatch.setenv("FOLDBACK_DATABASE_URL", "postgresql://us:a-secret@db/folds")
-    child = Child("reader", ChildLimits(memory_bytes=2**30, cpu_s=60.0))
+    limits_of_child = ChildLimits(memory_bytes=2**30, cpu_s=60.0)
+    child = Child("stages", limits_of_child, environment=without_libraries(tmp_path))
     try:
         assert child._wait_ready(None, None)
         limits = {

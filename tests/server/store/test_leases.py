@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -92,11 +90,16 @@ def test_worker_thought_dead_comes_back(leases: Leases, clock: Clock) -> None:
 def test_lock_tells_of_dead_workers_of_this_machine_at_once(
     leases: Leases, tmp_path: Path, clock: Clock
 ) -> None:
-    identity = WorkerIdentities(Settings(data_dir=tmp_path)).take()
-    beat(leases, identity.name)
+    identities = WorkerIdentities(Settings(data_dir=tmp_path))
+    living, identity = identities.take(), identities.take()
+    assert living.name != identity.name
+    for each in (living, identity):
+        beat(leases, each.name)
     assert leases.expired(()) == set()
-    identity.lock.close()
-    assert len(leases.expired(())) == 1
+    identity.lock.close()  # as the kernel does it when the process ends
+    assert leases.expired(()) == {identity.name}
+    assert identities.dead([living.name, identity.name, "another/machine/0"]) == {identity.name}
+    living.lock.close()
 
 
 def test_preparing_is_that_of_workers_until_one_is_ready(leases: Leases, clock: Clock) -> None:
@@ -140,51 +143,19 @@ print("begun", flush=True)
 while True:
     identities.dead([sys.argv[2]])
 """
-HOLD = """
-import sys
-from pathlib import Path
-from server.settings import Settings
-from server.store.worker_identity import WorkerIdentities
-identity = WorkerIdentities(Settings(data_dir=Path(sys.argv[1]))).take()
-print(identity.name, flush=True)
-sys.stdin.read()
-"""
-
-
-@contextmanager
-def process(code: str, *arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """A process that has said its first line."""
-    with subprocess.Popen(
-        [sys.executable, "-c", code, *arguments],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as started:
-        assert started.stdout is not None
-        try:
-            yield started, started.stdout.readline().strip()
-        finally:
-            started.kill()
 
 
 def test_probe_for_dead_workers_takes_no_name(tmp_path: Path) -> None:
     identities = WorkerIdentities(Settings(data_dir=tmp_path))
     identity = identities.take()
     identity.lock.close()
-    with process(PROBE, str(tmp_path), identity.name), process(PROBE, str(tmp_path), identity.name):
-        for _ in range(300):
-            taken = identities.take()
-            taken.lock.close()
-            assert taken.name == identity.name
-
-
-def test_killed_worker_is_dead_at_once(tmp_path: Path) -> None:
-    identities = WorkerIdentities(Settings(data_dir=tmp_path))
-    with process(HOLD, str(tmp_path)) as (worker, name):
-        mine = identities.take()
-        assert mine.name != name
-        assert identities.dead([name, mine.name, "another/machine/0"]) == set()
-        worker.kill()
-        worker.wait()
-        assert identities.dead([name, mine.name]) == {name}
-    mine.lock.close()
+    probe = [sys.executable, "-c", PROBE, str(tmp_path), identity.name]
+    with subprocess.Popen(probe, stdout=subprocess.PIPE) as probing:
+        try:
+            assert probing.stdout.readline() == b"begun\n"
+            for _ in range(300):
+                taken = identities.take()
+                taken.lock.close()
+                assert taken.name == identity.name
+        finally:
+            probing.kill()

@@ -120,35 +120,25 @@ def test_movie_requested_at_once_is_one_job(processes: Processes) -> None:
     assert both[0].row().status == "queued"
 
 
-def test_limits_of_movies_hold_over_all_processes(processes: Processes) -> None:
-    here, there = processes(movies_waiting_of_visitor=1, movies_waiting=2)
-    here.ask(MOVIES[0], "somebody")
-    with pytest.raises(TooMany) as refused:
-        there.ask(MOVIES[1], "somebody")
-    assert refused.value.code == "too-many-movies"
-    there.ask(MOVIES[1], "another")
-    with pytest.raises(Unavailable) as full:
-        here.ask(MOVIES[2], "a third")
-    assert full.value.code == "busy"
-    # The same again is no other movie.
-    assert not there.ask(MOVIES[0], "somebody")[1]
-
-
-def test_movies_of_one_network_leave_room_for_others(
-    processes: Processes,
-) -> None:
+def test_movies_of_one_network_leave_room_for_others(processes: Processes) -> None:
     here, there = processes(movies_waiting_of_visitor=1, movies_waiting=4)
     home = [visitor_at(f"2001:db8:1:{k}::1") for k in range(3)]
     here.ask(MOVIES[0], home[0])
+    with pytest.raises(TooMany) as refused:
+        there.ask(MOVIES[1], home[0])
+    assert refused.value.code == "too-many-movies"
+    assert not there.ask(MOVIES[0], home[0])[1]  # the same again is no other movie
     there.ask(MOVIES[1], home[1])
     with pytest.raises(TooMany, match="from your network"):
         here.ask(MOVIES[2], home[2])
-    assert here.ask(MOVIES[2], visitor_at("2001:db8:2::1"))[1]
+    for k in range(2):
+        assert here.ask(MOVIES[2 + k], visitor_at(f"2001:db8:{2 + k}::1"))[1]
+    with pytest.raises(Unavailable) as full:
+        there.ask(Movie.of({"seconds": 5}), visitor_at("2001:db8:9::1"))
+    assert full.value.code == "busy"
 
 
-def test_repeatedly_lost_movie_fails_and_is_requested_again(
-    processes: Processes,
-) -> None:
+def test_repeatedly_lost_movie_fails_and_is_requested_again(processes: Processes) -> None:
     here, there = processes()
     here.ask(MOVIES[0], "somebody")
     claim = MovieClaim("a1", MOVIES[0].key, here.row().job, "worker:1", losses=MAX_LOSSES)

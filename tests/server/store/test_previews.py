@@ -16,7 +16,8 @@ import sqlalchemy as sa
 
 from planner.pipeline.request import PreviewRequest
 from server.errors import TooMany, Unusable
-from server.files.preview_reports import MAX_OPTION_SETS, Asker, PreviewReports
+from server.files import preview_reports
+from server.files.preview_reports import Asker, PreviewReports
 from server.files.uploads import Uploads
 from server.processes.children import ChildError, Reader
 from server.settings import Settings
@@ -28,16 +29,15 @@ from server.store.previews import (
     NoSuchPreviewError,
     Previews,
     PreviewSize,
-    PreviewView,
     superfluous,
 )
 from server.store.tables import PreviewRow
+from tests.case import case
 from tests.server.here import give_tables
 from tests.server.postgres import DATABASES
 from tests.server.rows import new_owner
 
 MIB = 2**20
-CUP = PreviewView(name="Cup", modules=16, module="cube", key="0" * 24, query="seed=1")
 
 
 class Desk:
@@ -85,13 +85,20 @@ class Desk:
         (place / "report.json").write_text('{"cells": []}')
 
 
-@pytest.fixture(params=DATABASES)
-def desk_with(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[..., Desk]]:
+@pytest.fixture
+def database() -> str:
+    """The kind of database of a test that does not hold for each."""
+    return "sqlite"
+
+
+@pytest.fixture
+def desk_with(
+    request: pytest.FixtureRequest, database: str, tmp_path: Path
+) -> Iterator[Callable[..., Desk]]:
     """Makes a desk with some settings."""
     made: list[Desk] = []
-    url = None
-    if request.param != "sqlite":
-        url = request.getfixturevalue("postgres").migrated()
+    sqlite = database == "sqlite"
+    url = None if sqlite else request.getfixturevalue("postgres").migrated()
 
     def make(name: str = "here", **settings: Any) -> Desk:
         chosen = Settings(data_dir=tmp_path / name, database_url=url, **settings)
@@ -139,16 +146,21 @@ def test_superfluous_with_many_small_previews_returns_the_oldest_of_the_largest_
     assert deleted(settings, stored, 20.0) == ["b0", "b1", "b2", "b3"]
 
 
-def test_reports_of_strangers_leave_the_uploader_its_own(desk_with: Callable[..., Desk]) -> None:
+@pytest.mark.parametrize("database", DATABASES)
+def test_reports_of_strangers_leave_the_uploader_its_own(
+    desk_with: Callable[..., Desk], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    most = 20
+    monkeypatch.setattr(preview_reports, "MAX_OPTION_SETS", most)
     desk = desk_with()
     preview_id = desk.add()
-    for seed in range(MAX_OPTION_SETS):
+    for seed in range(most):
         desk.report(preview_id, seed, "stranger")
     with pytest.raises(TooMany):
         desk.report(preview_id, 1000, "another")
     desk.report(preview_id, 1001)
     (stored,) = desk.previews._sizes()
-    assert stored.own < 64 * 1024 < MAX_OPTION_SETS * 4096 <= stored.foreign
+    assert stored.own < 64 * 1024 < most * 4096 <= stored.foreign
 
 
 def test_reports_that_fail_count_once(desk_with: Callable[..., Desk]) -> None:
@@ -171,6 +183,7 @@ def test_remove_leaves_the_files_to_the_sweep(desk_with: Callable[..., Desk]) ->
     assert not desk.names
 
 
+@pytest.mark.parametrize("database", DATABASES)
 def test_sweep_deletes_expired_previews_and_measures_no_files(
     desk_with: Callable[..., Desk], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -221,17 +234,6 @@ def test_flood_of_previews_leaves_those_of_others(desk_with: Callable[..., Desk]
     assert desk.exists(mine) and not desk.exists(flood[0])
 
 
-def test_list_of_owner_has_what_it_viewed_last(desk_with: Callable[..., Desk]) -> None:
-    desk, owner = desk_with(), new_owner()
-    first, second, _unseen = (desk.add(owner=owner) for _ in range(3))
-    for preview_id in (second, first):
-        desk.previews.note_view(preview_id, owner, CUP)
-    desk.previews.note_view(second, new_owner(), CUP)
-    listed = desk.previews.owned(owner)
-    assert [row.id for row in listed] == [first, second]
-    assert (listed[0].query, listed[0].modules) == (CUP.query, CUP.modules)
-
-
 def test_key_differs_for_each_option() -> None:
     changes: dict[str, Any] = {"modules": 64, "method": "exact", "ends": "surface", "seed": 1}
     changes |= {"repair": True, "as_voxels": True, "path": False, "start": (0, 0, 0)}
@@ -241,13 +243,11 @@ def test_key_differs_for_each_option() -> None:
     assert len({options.key for options in (PreviewRequest(), *others)}) == len(others) + 1
 
 
-@pytest.mark.parametrize("preview_id", ["", "..", "a/b", "a\x00", "é", "a" * 33, "nosuchpreview"])
-def test_row_of_unknown_id_raises(preview_id: str, tmp_path: Path) -> None:
-    with (
-        closing(Desk(Settings(data_dir=tmp_path))) as desk,
-        pytest.raises(NoSuchPreviewError),
-    ):
-        desk.previews.row(preview_id)
+def test_row_of_unknown_id_raises(tmp_path: Path) -> None:
+    with closing(Desk(Settings(data_dir=tmp_path))) as desk:
+        for preview_id in ("", "..", "a/b", "a\x00", "é", "a" * 33, "nosuchpreview"):
+            with case(preview_id), pytest.raises(NoSuchPreviewError):
+                desk.previews.row(preview_id)
 
 
 @pytest.mark.processes

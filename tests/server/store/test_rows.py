@@ -47,25 +47,20 @@ def test_content_keys_secrets_and_ids_are_checked(store: Store) -> None:
             store.directory(bad)
 
 
-def test_ended_fold_stays_as_it_ended(store: Store) -> None:
-    fold = row("key")
-    store.add(fold, OWNER)
-    assert store.begin(fold.id, "read", "one") == 1
-    assert store.finish(fold.id, "verified", summary={"status": "verified"})
-    assert store.finish(fold.id, "failed", summary={}, repeatable=False)
-    assert store.fold(fold.id).status == "verified"
-    assert store.begin(fold.id, "explode", "one") is None
-    assert store.cancel(fold.id, OWNER)
-    assert store.fold(fold.id).status == "verified"
-
-
-def test_cancelled_fold_ends_as_cancelled_whatever_its_worker_reports(store: Store) -> None:
-    fold = row("key")
-    store.add(fold, OWNER)
-    store.begin(fold.id, "export", "one")
-    assert store.cancel(fold.id, OWNER)
-    assert store.finish(fold.id, "verified", summary={"status": "verified"}, size=10)
-    ended = store.fold(fold.id)
+def test_ended_or_cancelled_fold_stays_as_it_ended(store: Store) -> None:
+    verified, cancelled = row("a"), row("b")
+    for fold in (verified, cancelled):
+        store.add(fold, OWNER)
+        assert store.begin(fold.id, "export", "one") == 1
+    assert store.finish(verified.id, "verified", summary={"status": "verified"})
+    assert store.finish(verified.id, "failed", summary={}, repeatable=False)
+    assert store.begin(verified.id, "explode", "one") is None
+    assert store.cancel(verified.id, OWNER)
+    assert store.fold(verified.id).status == "verified"
+    assert store.cancel(cancelled.id, OWNER)
+    # Whatever its worker reports.
+    assert store.finish(cancelled.id, "verified", summary={"status": "verified"}, size=10)
+    ended = store.fold(cancelled.id)
     assert (ended.status, ended.summary, ended.error, ended.bytes) == ("cancelled", {}, None, 10)
 
 
@@ -90,7 +85,7 @@ def test_requested_fold_is_never_one_that_is_just_cancelled(each_store: Store) -
     store = each_store
     outcomes: set[tuple[bool, str]] = set()
     with ThreadPoolExecutor(3) as threads:
-        for number in range(20):
+        for number in range(8):
             first, second = new_owner(), new_owner()
             fold = row(f"key{number}", public=True, shape="wrench-24")
             store.add(fold, first)
@@ -152,27 +147,6 @@ def test_places_in_the_queue_and_the_waits_for_them(store: Store) -> None:
     assert wait_s(ahead_s=ahead_s, running_s=running_s, at_once=0) is None
 
 
-def test_visitors_take_turns_in_the_queue(store: Store) -> None:
-    folds = rows_in(
-        store,
-        *(row(name=f"greedy {i}", visitor="greedy") for i in range(4)),
-        *(row(name=f"modest {i}", visitor="modest") for i in range(2)),
-    )
-    assert order(store, folds) == [
-        *("greedy 0", "modest 0", "greedy 1", "modest 1", "greedy 2", "greedy 3"),
-    ]
-
-
-def test_short_and_gallery_folds_go_first(store: Store) -> None:
-    folds = rows_in(
-        store,
-        row(name="long", visitor="a", modules=250),
-        row(name="short", visitor="b", modules=16),
-        row(name="gallery", visitor="c", modules=200, public=True),
-    )
-    assert order(store, folds) == ["gallery", "short", "long"]
-
-
 @pytest.mark.parametrize(
     ("patient", "overtaking", "least"),
     [
@@ -194,13 +168,27 @@ def test_long_fold_is_overtaken_a_limited_number_of_times(
     assert least <= served < 99
 
 
-def test_networks_take_turns_whatever_their_visitors(store: Store) -> None:
-    folds = rows_in(
-        store,
-        *(row(name=f"many {i}", visitor=f"2001:db8::/48|{i}") for i in range(3)),
-        *(row(name=f"one {i}", visitor="2001:db8:1::/48|0") for i in range(3)),
-    )
-    assert order(store, folds) == ["many 0", "one 0", "many 1", "one 1", "many 2", "one 2"]
+TURNS: dict[str, list[dict[str, Any]]] = {
+    "greedy 0, modest 0, greedy 1, modest 1, greedy 2, greedy 3": [
+        *({"name": f"greedy {i}", "visitor": "greedy"} for i in range(4)),
+        *({"name": f"modest {i}", "visitor": "modest"} for i in range(2)),
+    ],
+    "many 0, one 0, many 1, one 1": [
+        *({"name": f"many {i}", "visitor": f"2001:db8::/48|{i}"} for i in range(2)),
+        *({"name": f"one {i}", "visitor": "2001:db8:1::/48|0"} for i in range(2)),
+    ],
+    "gallery, short, long": [
+        {"name": "long", "visitor": "a", "modules": 250},
+        {"name": "short", "visitor": "b", "modules": 16},
+        {"name": "gallery", "visitor": "c", "modules": 200, "public": True},
+    ],
+}
+
+
+@pytest.mark.parametrize("turns", TURNS)
+def test_networks_take_turns_whatever_their_visitors(store: Store, turns: str) -> None:
+    """And visitors, and after them short folds before long ones."""
+    assert ", ".join(order(store, rows_in(store, *(row(**r) for r in TURNS[turns])))) == turns
 
 
 def a_running_fold(store: Store, **values: Any) -> tuple[FoldRow, int]:
