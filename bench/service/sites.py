@@ -25,8 +25,8 @@ from tests.browser.conftest import FLAGS
 from tests.tools import CHROMIUM
 
 SITE_FOLDS: Final = 20
-"""Number of folds, from the shortest chains of the gallery to the longest, of which the benchmark
-writes a static website. The size of the website grows with it. Chosen."""
+"""Number of folds of which the benchmark writes a static website: those that come with the package,
+and others from the gallery, short to long. The size of the website grows with it. Chosen."""
 MAX_SITE_BYTES: Final = 40e6
 """Target of the benchmark: a static website of 20 folds has at most this size, in bytes. Above it
 the target is reported as not met. Chosen."""

@@ -29,9 +29,9 @@ MAX_FOLLOWERS: Final = 100
 """Maximum number of browsers that follow one class (a leader whose 3D view of a fold others see
 live); further ones are refused. A larger value lets one class delay other visitors more. Chosen."""
 MAX_VIEW_LENGTH: Final = 200
-"""Maximum length of a message in which the leader of a class states what is seen (frame, camera,
-colours), in characters; a longer one ends the class. Messages with the longest permitted values are
-shorter; a larger value only lets longer texts in."""
+"""Maximum length of a message in which the leader of a class (a shared live 3D view of a fold)
+states what is seen (frame, camera, colours), in characters; a longer one ends the class. A smaller
+value could refuse valid messages. Chosen."""
 VIEW_WORDS: Final = {
     "frame": re.compile(r"[0-9]{1,9}"),
     "module": re.compile(r"[0-9]{1,9}"),

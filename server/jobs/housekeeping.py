@@ -71,9 +71,9 @@ MAX_CANCELLED_FOLDS: Final = 32
 """Maximum number of cancelled folds that are stored for one visitor; older ones are deleted. A
 larger value makes each cancellation slower. Chosen."""
 DELETION_BATCH_ROWS: Final = 500
-"""Maximum number of rows of the table of folds that one database query reads when cancelled or
-expired folds are deleted. A larger value takes more memory; a smaller one needs more queries.
-Chosen."""
+"""Maximum number of folds that one database query reads when cancelled or expired folds are
+deleted; further queries read the rest. A larger value takes more memory; a smaller one needs more
+queries. Chosen."""
 MAX_DELETION_BATCHES: Final = 20
 """Maximum number of batches, of up to ``DELETION_BATCH_ROWS`` folds each, that one regular clean-up
 deletes of cancelled folds, and again of expired ones; the next one continues. A larger value delays

@@ -33,16 +33,16 @@ quick folds wait longer for each other; with a smaller one more folds wait for l
 half of the shapes of fewer than 300 modules are quick."""
 SLICE_COST_FACTOR: Final = 3.0
 """Time for which a fold computes before it pauses for any other waiting fold, as a multiple of its
-expected computing time. A smaller value interrupts and repeats more stages; a larger one lets
-others wait longer. Chosen."""
+expected computing time. A smaller value interrupts folds more often, which then repeat a part of
+their work; a larger one lets others wait longer. Chosen."""
 FIRST_SLICE_DIVISOR: Final = 3.0
-"""Divisor of the configured duration of a fold's first time slice; the quotient is the minimum time
-for which a fold computes before it pauses for any other waiting fold. With a larger value short
-folds pause earlier. Chosen."""
+"""Divisor of the configured time that a fold first computes before it pauses for cheaper folds; the
+quotient is the minimum time before it pauses for any other fold. With a larger value short folds
+pause earlier. Chosen."""
 SLICE_GROWTH: Final = 3.0
-"""Factor by which the time slice of a fold grows with each pause; at its end the fold makes room
-for cheaper folds. With this value pauses waste at most half of the last slice's work; a larger one
-lets cheaper folds wait longer. Chosen."""
+"""Factor by which the time that a fold computes before it pauses for cheaper folds grows with each
+pause. With this value pauses waste at most half of the work since the last one; a larger one lets
+cheaper folds wait longer. Chosen."""
 
 
 def ticks(cost_s: float) -> int:
