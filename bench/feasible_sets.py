@@ -15,12 +15,15 @@ Ints = NDArray[np.int64]
 Cell = tuple[int, int, int]
 
 FEASIBLE_SETS_SEED = 94
-"""First entry of the seeds that all sets are drawn from. Other values draw other sets, which are
-not those of the stored results."""
+"""Random seed of all one hundred sets of cells through which the benchmark searches paths. Another
+value draws other sets, for which the stored results do not hold, so the benchmark ends with an
+error. Chosen."""
 MIN_SET_CELLS, MAX_SET_CELLS = 94, 300
 """Smallest and largest number of cells of a set."""
 FEASIBLE_SETS_PER_KIND = 25
-"""Number of sets of each of the four kinds; the stored results are for this number."""
+"""Number of sets of cells of each of the four kinds through which the benchmark searches paths:
+loose, dense and packed random walks, and solids. The stored results are for this number; a larger
+one takes longer."""
 NEIGHBOUR_WEIGHTS = {"loose": 1.0, "dense": 4.0, "packed": 20.0}
 """Weight of a step of a random walk, by kind of set: the base whose exponent is the number of the
 new cell's neighbours on the walk. Larger values make denser sets."""

@@ -15,10 +15,13 @@ from bench.feasible_sets import MAX_SET_CELLS, MIN_SET_CELLS, Cell, FeasibleSet
 from planner.pathfinding.lattice import STEPS, colours
 
 HARD_SETS_SEED = 300
-"""First entry of the seeds that all sets are drawn from. Other values draw other sets, which are
-not those of the stored results."""
+"""Random seed of all 48 sets of cells of which it is unknown in advance if they have a path.
+Another value draws other sets, for which the stored results do not hold, so the benchmark ends with
+an error. Chosen."""
 HARD_SETS_PER_KIND = 12
-"""Number of sets of each of the four kinds; the stored results are for this number."""
+"""Number of sets of cells of each of the four kinds (random growths, sponges, thin walls, sheets
+with holes) of which it is unknown in advance if they have a path. The stored results are for this
+number; a larger one takes longer."""
 
 
 def hard_sets() -> Iterator[FeasibleSet]:

@@ -13,9 +13,13 @@ from planner import Chain, Path
 from planner.simulation.model import Material, compiled, tree_spec
 
 REFERENCE_STEPS = 1000
-"""Steps of the reference run. All times in reference units change with it."""
+"""Number of MuJoCo time steps of the reference simulation, whose duration on a machine is the unit
+(r) in which the benchmarks state times, to compare machines. With a larger value all times in r
+become smaller."""
 REFERENCE_MODULES = 160
-"""Cubes of the chain in the reference run. All times in reference units change with it."""
+"""Number of cubes of the chain in the reference simulation, whose duration on a machine is the unit
+(r) in which the benchmarks state times, to compare machines. With a larger value all times in r
+become smaller."""
 
 
 def machine() -> dict[str, Any]:

@@ -21,14 +21,19 @@ from planner.shapes.solid import Solid
 from planner.shapes.voxelise import voxelise
 
 MESH_CELLS = 1000
-"""Number of cells that each mesh is voxelised to."""
+"""Number of cells that is requested when the benchmark turns each triangle mesh into cells and
+measures their overlap with the solid. A larger value gives more overlap and takes longer."""
 MIN_MEAN_IOU = 0.85
-"""Minimum mean intersection over union (IoU) of cells and solid, over ten meshes. Chosen."""
+"""Target of the benchmark: mean intersection over union (IoU) of the cells and the solid that they
+approximate, over the ten meshes of a set; 1 is a perfect match. Below it the target is reported as
+not met. Chosen."""
 MAX_LARGE_MESH_S = 3.0
-"""Maximum wall time from the large mesh's file to a path, process and imports included, s.
-Chosen."""
+"""Target of the benchmark: the command that turns a mesh of 100 000 triangles into a path takes
+less wall time than this, in s, with the start of the process. At or above it the target is reported
+as not met. Chosen."""
 MAX_LARGE_MESH_MIB = 500.0
-"""Maximum memory of the process that turns the large mesh into a path, MiB. Chosen."""
+"""Target of the benchmark: the command that turns a mesh of 100 000 triangles into a path takes
+less memory than this, in MiB. At or above it the target is reported as not met. Chosen."""
 
 Mesh = trimesh.Trimesh
 

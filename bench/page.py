@@ -30,19 +30,22 @@ SHAPE = "wrench-160"
 LARGE = (10, 10, 10)
 """Sides of the box whose fold is played to measure frame rates, in cells."""
 LARGE_FRAMES = 600
-"""Number of frames of the fold of 1000 modules that is played. More frames take longer to fetch."""
+"""Number of frames of the motion of 1000 modules that the page plays while its frame rate is
+measured. A larger value takes longer to fetch before."""
 WINDOWS = ((1280, 720), (640, 400))
 """Widths and heights of the browser windows, in CSS pixels. The first one is used for scrubbing."""
 SCRUBS = 120
-"""Number of frames that a slider jumps to for each percentile. More give steadier percentiles.
-Chosen."""
+"""Number of random frames to which the page's slider jumps while the time until the new picture is
+measured. A larger value gives steadier percentiles. Chosen."""
 FAR_ROUND_TRIP_MS = 150
-"""Round-trip time that Chromium adds to each request, to measure a distant service; ms. Chosen."""
+"""Round-trip time that Chromium adds to each request, in ms, to measure the page with a distant
+service. A larger value imitates a more distant one. Chosen."""
 RUNS_PER_MEASUREMENT = 3
-"""Number of runs of each measurement, of which the median counts."""
+"""Number of times that the landing page and a dropped file are measured; the median counts. A
+larger value takes longer and gives steadier results."""
 PLAYED_S = 8.0
-"""Seconds for which the fold is played while drawn frames are counted. Longer times average over
-more frames. Chosen."""
+"""Time for which the page plays the fold of 1000 modules while the drawn pictures per second are
+counted, in s. A larger value averages over more pictures. Chosen."""
 DROP = """([text, name]) => {
   const files = new DataTransfer();
   files.items.add(new File([text], name, { type: "application/json" }));

@@ -25,11 +25,15 @@ from planner.pipeline.warm_up import warm_up
 from planner.plan.shape_files import write_path
 
 SCALING_MODULE_SIZE: Final = 0.98
-"""Module size of all cases, as a fraction of the pitch. Larger modules leave less clearance."""
+"""Size of the modules for which all folds of this benchmark must be free of collisions, as a
+fraction of the pitch. A larger value leaves smaller gaps between neighbouring modules, so that
+fewer folds are verified. Chosen."""
 MAX_MEMORY_MIB: Final = 1000.0
-"""Maximum memory of a command with about 10 000 modules, MiB. Chosen."""
+"""Target of the benchmark: a command that folds about 10 000 modules takes less memory than this,
+in MiB. At or above it the target is reported as not met. Chosen."""
 MAX_TIME_EXPONENT: Final = 1.15
-"""Maximum exponent k of the wall time ∝ modules^k of boxes; 1 is linear. Chosen."""
+"""Target of the benchmark: the wall time of folding boxes grows at most as the number of modules to
+this power; 1 would be linear. A larger fitted exponent is reported as not met. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,17 +40,19 @@ from planner.progress import STAGES
 from planner.readers.gallery import Gallery
 
 RUNS_PER_COMMAND: Final = 3
-"""Runs of each command, of which the median counts."""
+"""Number of times that each command is run; the median of its times counts. A larger value takes
+longer and gives steadier results."""
 ODE_R: Final = 267.0
-"""Reference runs that the published algorithm takes for the wrench of 160 modules, in C++ with ODE.
+"""Time that the published algorithm, in C++ with the physics engine ODE, takes for the wrench of
+160 modules, in durations of the reference simulation. It is only printed for comparison.
 Measured."""
 WRENCH: Final = "wrench-160"
 """Case that is compared with the published algorithm."""
 BOX_SIDES: Final = (10, 10, 10)
 """Sides of the box of 1000 modules, in cells."""
 SIMULATE_ALL_MODULES: Final = 10**6
-"""Limit of modules for simulated playbacks that exceeds every chain, so that all playbacks are
-simulated."""
+"""Maximum number of modules up to which the measured folds are simulated with motors and contacts
+(``dynamic_up_to``). It exceeds every chain, so that none is computed by kinematics only."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,7 +22,8 @@ from planner.plan.plan import Plan
 
 TABLE_FILE = "table.json"
 MM_PER_M = 1000.0
-"""Number of millimetres in a metre."""
+"""Millimetres in a metre: the command line takes and prints lengths in millimetres, and computes
+with metres."""
 
 
 def table(

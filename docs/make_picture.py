@@ -32,11 +32,14 @@ SIZE = (640, 360)
 PICTURES_PER_PHASE = (26, 54)
 """Number of frames of the explosion and of the playback. More make a larger file."""
 FRAME_MS = 90
-"""Duration of a frame, ms. Larger values play more slowly."""
+"""Duration of each frame of the animated GIF in the documentation, in ms. A larger value plays more
+slowly. Chosen."""
 PAUSE_MS = 900
-"""Duration of the straight and of the folded frame, ms, so that they can be seen."""
+"""Duration of the frames with the straight and the folded chain in the animated GIF of the
+documentation, in ms, so that they can be seen at leisure. Chosen."""
 PALETTE_COLOURS = 48
-"""Number of colours of the GIF. More make a larger file."""
+"""Number of colours of the animated GIF in the documentation. A larger value shows shades more
+exactly and makes a larger file. Chosen."""
 SEEK = """(frame) => {
   const scrub = document.getElementById("scrub");
   scrub.value = frame;

@@ -25,7 +25,8 @@ OUT: Final = ROOT / "docs" / "pictures" / "viser.webp"
 SIZE: Final = (1100, 620)
 """Width and height of the picture, px."""
 SHOWN_AT: Final = 0.86
-"""Position of the shown frame in the motion, as a fraction. Larger values show it more folded."""
+"""Position of the frame that the documentation's picture of the viser window shows, as a fraction
+of the motion, 0 being the straight chain. A larger value shows the chain more folded. Chosen."""
 
 
 def main() -> None:

@@ -18,8 +18,8 @@ from planner.robot.sizing import at_which_pitch, who_would_do
 from words.quantities import STRATEGY_LABELS, length_m, quantity, sentence
 
 CERTIFICATE_DIGITS: Final = 2
-"""Number of significant digits of a certificate's figures, such as joint errors, on pages.
-Chosen."""
+"""Number of significant digits to which pages round a certificate's figures, such as joint errors.
+A larger value makes the texts longer and more exact. Chosen."""
 NOT_SIMULATED: Final = "not simulated"
 NOT_KNOWN: Final = "unknown: computed by an earlier version"
 MAX_NAMED_SERVOS: Final = 8
@@ -33,9 +33,9 @@ ON_TABLE_PITCH: Final = 1e-3
 """Distance of a module's corner from the table top, above or below, within which a page says that
 it lies on the table, in pitches. A smaller value displays rounding errors as gaps. Chosen."""
 ROUNDING_PITCH: Final = 1e-9
-"""Overlap of two modules up to which it is the rounding error of a contact and is not reported, in
-pitches; torques, in w·p, are rounded up with the same tolerance. A larger value hides real
-overlaps. Chosen."""
+"""Overlap of two modules, in pitches, up to which a page does not report it, as it is only the
+rounding error of a contact; torques, in w·p (module weight × pitch), are rounded up with the same
+tolerance. A larger value hides real overlaps. Chosen."""
 
 
 def headline(certificate: CertificateFigures) -> str:

@@ -39,8 +39,8 @@ SUPERLATIVES: Final[dict[Preference, str]] = {
 MILLI_PER_UNIT: Final = 1e3
 """Number of thousandths in a unit, to convert N·m to mN·m."""
 CLEARANCE_DECIMALS: Final = 4
-"""Number of decimal places of clearances between modules, in pitches, in the comparison of plans:
-enough to show their differences. Chosen."""
+"""Number of decimal places of the clearances between modules, in pitches, in the comparison of
+plans. With fewer, different clearances would look equal. Chosen."""
 
 
 class PlanDot(TypedDict):

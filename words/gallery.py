@@ -39,8 +39,8 @@ CARD_STATUS_LABELS: Final = {
 METHOD_LABELS: Final = {"direct": "direct servoing", "paper": "published method"}
 """Labels on a fold's card for presets of planner settings other than the default preset."""
 MAX_ZERO_TORQUE_WP: Final = 0.05
-"""Joint torque below which gallery cards say that a fold on a table needs no motor torque, in w·p
-(module weight × pitch). A larger value hides small torques. Chosen."""
+"""Joint torque of a fold on a table below which its gallery card says that it needs no motor
+torque, in w·p (module weight × pitch). A larger value hides small torques. Chosen."""
 
 
 def module_count(modules: int, module: str) -> str:

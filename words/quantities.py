@@ -11,7 +11,8 @@ from typing import Final, cast
 from planner.parameters.parameters import PRESET_CHOICES, STRATEGY_CHOICES
 
 SIGNIFICANT_DIGITS: Final = 3
-"""Default number of significant digits of a displayed number. Chosen."""
+"""Default number of significant digits to which displayed numbers are rounded. A larger value makes
+texts longer and more exact. Chosen."""
 MAX_WHOLE_VALUE: Final = 1e6
 """Value below which a displayed number of at least 1 is written as a whole number, without a power
 of ten. A larger value writes longer numbers. Chosen."""

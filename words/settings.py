@@ -20,8 +20,8 @@ from planner.parameters.settings import (
 from words.quantities import quantity
 
 SETTING_DIGITS: Final = 6
-"""Maximum number of significant digits of a displayed setting's value, enough to show any default
-exactly. Chosen."""
+"""Maximum number of significant digits of a displayed setting's value. With fewer, some default
+values could be displayed rounded. Chosen."""
 PAPER_PRESET: Final = preset("paper")
 SOURCE_LABELS: Final[dict[Source, str]] = {
     "published": "Value given in the paper.",

@@ -45,11 +45,13 @@ SOURCES: Final = {
 }
 """Shapes of the gallery and options of the folds that are forged."""
 MIN_VIOLATION_PITCH: Final = 1e-6
-"""Minimum distance, in pitches, by which modules are nearer than claimed in a motion that counts as
-forged: rounding of the distance. Chosen."""
+"""Minimum difference between the clearance that a forged plan claims and the true distance of its
+modules, in pitches, from which on its claim counts as certainly false, so that a checker must
+reject it. A smaller value could count rounding errors as violations. Chosen."""
 FORGERIES_PER_TASK: Final = 100
-"""Number of forgeries of one source in one task. Larger values distribute less evenly over the
-processes."""
+"""Number of forged plans that one task of the process pool makes from one genuine plan and checks.
+With a larger value the work is distributed less evenly over the processes; a smaller one loads the
+genuine plans more often."""
 
 
 def certainly_false(path: FilePath) -> bool:

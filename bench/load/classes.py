@@ -14,18 +14,24 @@ from bench.load.visitors import percentile_ms
 from bench.tables import Section
 
 FOLLOWERS = 100
-"""Number of followers of the class; the service sends each view to all of them."""
+"""Number of browsers that follow one class: the service sends each change of its leader's camera or
+frame to all of them. A larger value loads the service more; it permits 100."""
 LED_S = 60.0
-"""Seconds for which the leader sends views. Longer times give steadier percentiles. Chosen."""
+"""Time for which the class's leader sends changes of camera and frame, in s, while the delays are
+measured. A larger value gives steadier percentiles. Chosen."""
 VIEWS_PER_SECOND = 10
-"""Views that the leader sends per second, as while dragging the picture. More load the service
-more."""
+"""Number of changes of camera and frame that the class's leader sends per second, as many as the
+page while the picture is dragged. A larger value loads the service more; more than 30 end the
+class."""
 PAGES_PER_SECOND = 4
-"""Pages that another visitor loads per second meanwhile. More measure the percentile better."""
+"""Number of pages that another visitor loads per second while the class runs, to measure how much
+it delays others. A larger value gives a steadier percentile and loads the service more."""
 MAX_VIEW_DELAY_MS = 300
-"""Maximum 95th percentile of the delay of a view at a follower, ms. Chosen."""
+"""Maximum 95th percentile of the time from the leader's change of camera or frame to its arrival at
+a follower, in ms; above it the load test fails. Chosen."""
 MAX_PAGE_DURING_CLASS_MS = 100
-"""Maximum 95th percentile of the time of another visitor's page, ms. Chosen."""
+"""Maximum 95th percentile of the time to load a fold's page for another visitor while the class
+runs, in ms; above it the load test fails. Chosen."""
 
 
 def classes(short: bool = False) -> Section:

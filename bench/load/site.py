@@ -26,8 +26,8 @@ from tests.server.service import Service
 MARK: Final = "FOLDBACK_LOAD_SITE"
 """Environment variable by which the processes of a site are recognised."""
 SITE_TIMEOUT_S: Final = 180.0
-"""Seconds after which a service that is not ready, or a process that does not end, fails the test.
-Chosen."""
+"""Maximum time that the service under test may take to become ready, and its processes to end, in
+s; beyond it the test fails. A smaller value fails on slow machines. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

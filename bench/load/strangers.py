@@ -21,18 +21,23 @@ from tests.planner.peels import snake
 from tests.server.service import SNAKE, Service
 
 MAX_PAGE_BESIDE_ROBOTS_MS: Final = 200
-"""Maximum 95th percentile of another visitor's page, ms. Chosen."""
+"""Target for the 95th percentile of the time to load a page while other visitors occupy the service
+with simulated robots or very large plans, in ms; at or above it the load test fails. Chosen."""
 MAX_WEB_GROWTH_MB: Final = 300
-"""Maximum growth of the resident memory of the web process meanwhile, MB. Chosen."""
+"""Maximum growth of the resident memory of the web process while visitors occupy it with simulated
+robots or very large plans, in MB; above it the load test fails. Chosen."""
 ADDRESSES, ROBOTS_PER_ADDRESS = 3, 8
 """Number of client addresses, and of robots that each of them connects."""
 PLAN_MB: Final = 96
-"""Size of a padded plan.json, MB: that of a simulated fold of 1000 modules in an earlier
-version."""
+"""Size to which the test pads the plan.json of each of four folds, in MB, before their pages are
+opened for the first time. A larger value loads the service more; chosen as the size of a simulated
+fold of 1000 modules in an earlier version."""
 WITNESS_POLL_S: Final = 0.05
-"""Seconds between two requests of the witness. Shorter intervals add load. Chosen."""
+"""Pause between two requests of the client that measures how much others delay it, in s. A smaller
+value gives steadier percentiles and loads the service more. Chosen."""
 ROBOT_RETRY_S: Final = 0.2
-"""Seconds that a robot waits for a message, and before it connects again. Chosen."""
+"""Maximum time that a simulated robot waits for a message before it reports its joint error again,
+and pause before it connects again, in s. A smaller value loads the service more. Chosen."""
 
 
 def strangers(short: bool = False) -> Section:

@@ -15,7 +15,8 @@ from bench.tables import Section
 from tests.server.service import SNAKE, Service
 
 MAX_FOLD_S = 1800.0
-"""Seconds after which a fold that has not ended counts as stalled. Chosen."""
+"""Maximum time that the load test waits for the end of an accepted fold, in s; one that is still
+queued or running then fails the test. A smaller value fails on slow machines. Chosen."""
 
 
 def uploads(short: bool = False) -> Section:

@@ -24,10 +24,12 @@ import numpy as np
 from bench.load.loopback import checked
 
 SETTLE_S = 2.0
-"""Seconds from the arrival of the last visitor until all of them have loaded their page. Requests
-before count as arriving."""
+"""Time after the arrival of the last simulated visitor, in s, before which requests are reported
+separately, as pages are still loading. A smaller value mixes the rush of arrivals into the steady
+state. Chosen."""
 FRAMES_PER_BATCH = 128
-"""Maximum number of frames in one batch that a page requests."""
+"""Number of frames of a motion that a simulated visitor requests at once after it has moved the
+slider. A larger value makes the answers larger and slower."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

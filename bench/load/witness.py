@@ -18,7 +18,9 @@ import numpy as np
 from tests.server.service import over
 
 FOLDS_POLL_S: Final = 0.05
-"""Seconds between two polls of the folds. Longer intervals miss short states. Chosen."""
+"""Time between two checks of all folds by the thread that looks for lost, incomplete or changed
+ones, in s. A larger value can miss states that last for a shorter time; a smaller one loads the
+service more. Chosen."""
 FILES: Final = ("plan.json", "plan.npz", "certificate.json", "model.xml")
 """Files of a verified fold that are compared."""
 

@@ -46,11 +46,16 @@ UNITS: Final = {
 }
 """Units and definitions of columns."""
 MIN_SHOWN_ERROR_PITCH: Final = 1e-4
-"""Smallest end error that is shown, pitches; smaller ones are shown as less than it. Chosen."""
+"""Smallest deviation of a folded chain from its shape that is written as a number, in pitches;
+smaller ones are written as less than this value. A smaller value would state rounding errors as
+results. Chosen."""
 PUBLISHED_STEP_S: Final = 0.01
-"""Simulated time of a step in the paper, s (160 000 steps in 1600 s)."""
+"""Simulated time of one time step of the published algorithm, in s: section 4 of the paper that
+docs/reproduction.md names states 160 000 steps as 1600 s. It converts the published numbers of
+steps to times, for comparison."""
 BUSY_TIME_RATIO: Final = 1.5
-"""Ratio of the slowest to the fastest reference run above which the machine counts as busy.
+"""Ratio of the slowest to the fastest duration of the reference simulation before the runs, above
+which the text says that the machine was also doing other work. A smaller value says so more often.
 Chosen."""
 SOURCES: Final = {
     "published": "published",

@@ -14,15 +14,15 @@ from bench.service.browsing import service_and_browser
 from bench.tables import Section
 
 DROPPED_MESHES: Final = 4
-"""Number of dropped meshes, each a little different, so that none has been folded before. The
-median counts."""
+"""Number of slightly different meshes that are uploaded and folded, none of which is known to the
+service; the median time counts. A larger value takes longer and gives steadier results."""
 SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
 """Size of the browser window, CSS pixels."""
 WARM: Final = "wrench-24"
 """Shape that is folded first, so that the worker is warm."""
 PAUSE_BEFORE_DROP_MS: Final = 1500
-"""Pause on the landing page before the drop, ms: the time that a visitor needs to find a file.
-Chosen."""
+"""Pause between opening the landing page and uploading the mesh, in ms, as a visitor takes time to
+find a file. A larger value leaves the service more time to prepare itself. Chosen."""
 FOLDABLE: Final = "() => document.getElementById('fold')?.disabled === false"
 """True once the preview offers to fold."""
 MOVING: Final = """() => {

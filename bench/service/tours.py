@@ -41,12 +41,17 @@ from planner.plan.tour import Stop, Tour
 
 Array = NDArray[np.float64]
 MAX_DRAFT_S: Final = 1.0
-"""Maximum time to draft a tour, including the search for its moments, s. Chosen."""
+"""Target of the benchmark: composing the guided tour of a fold (captions at selected frames) takes
+at most this wall time, in s, with the search for the frames. Above it the target is reported as not
+met. Chosen."""
 DRAFTS_PER_TOUR: Final = 3
-"""Drafts of each tour, of which the fastest counts: other processes slow some of them down."""
+"""Number of times that the guided tour of each fold is composed; the fastest counts, as other
+processes only slow some of them down. A larger value gives steadier results."""
 STRAIGHT_TOLERANCE: Final = 1e-9
-"""Largest joint angle of a chain that counts as straight, rad; also the largest difference of its
-modules' distances, pitch: rounding."""
+"""Tolerance for rounding errors with which the benchmark checks a caption that calls a chain
+straight: all joint angles, in rad, and, of cubes, the differences between the vectors from each
+module's centre to the next, in pitches, must be smaller. A larger value accepts slightly bent
+chains."""
 
 
 def tours(reference_seconds: float, count: int | None = None) -> Section:

@@ -29,17 +29,21 @@ KINDS: Final = ("page", "embed", "file")
 SIZE: Final[ViewportSize] = {"width": 960, "height": 640}
 """Size of the browser window, CSS pixels."""
 VIEWS_PER_FOLD: Final = 5
-"""Number of views of each fold and kind of page whose links are compared."""
+"""Number of camera positions of each fold, on each kind of page, for which the picture is compared
+with the one that the link to it shows. A larger value takes longer and checks more. Chosen."""
 MIN_DIFFERENCE_LEVELS: Final = 8
-"""Difference of a pixel's channel, of 255 levels, above which the pixel counts as different.
+"""Difference of the red, green or blue value of a pixel (0 to 255) above which the pixel counts as
+different in the comparison of two pictures. A smaller value counts rounding errors of drawing.
 Chosen."""
 MAX_DIFFERENT_SHARE: Final = 0.01
-"""Maximum fraction of different pixels between a view and its link. Chosen."""
+"""Target of the benchmark: at most this fraction of the pixels differs between a picture in the
+page and the one that the link to it shows. Above it the target is reported as not met. Chosen."""
 FRAMES_PER_CHECK: Final = 10
-"""Frames from one frame that is checked for modules outside of the picture to the next. Smaller
-values check more frames. Chosen."""
+"""Every n-th frame, n being this value, is checked for modules outside of the picture while the
+camera follows the chain. A smaller value checks more frames and takes longer. Chosen."""
 FOLLOWED_SHAPES: Final = 10
-"""Number of shapes that are checked for modules outside of the picture."""
+"""Number of the gallery's shapes whose folds are checked for modules outside of the picture while
+the camera follows the chain. A larger value checks more and takes longer. Chosen."""
 SHARE_WINDOWS: Final = (
     ("fold", 1366, 768),
     ("fold", 390, 844),

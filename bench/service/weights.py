@@ -18,7 +18,8 @@ SHAPES: Final = ("wrench-24", "wrench-80")
 SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
 """Size of the browser window, CSS pixels."""
 IDLE_MS: Final = 1500
-"""Milliseconds without a request after which a page counts as loaded. Chosen."""
+"""Time without a new request after which a page counts as completely loaded, in ms; then its
+requests and bytes are added up. A smaller value can miss late requests. Chosen."""
 UNCOVERED: Final = "() => document.getElementById('cover').classList.contains('gone')"
 """True once the first frame is drawn."""
 MAIN_CONTENT_SHOWN: Final = {

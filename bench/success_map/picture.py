@@ -12,15 +12,22 @@ from html import escape
 from typing import Final
 
 CELL_PX: Final = 24
-"""Side of a cell with its margin, px."""
+"""Width and height of one cell of the success map's picture, with its margin, in SVG pixels. A cell
+shows the verified fraction for one method, kind of path and number of modules. A larger value makes
+the picture larger. Chosen."""
 LABELS_PX: Final = 76
-"""Width of the column with the kinds of paths, px."""
+"""Width of the column at the left of the success map's picture, in SVG pixels, which holds the
+names of the kinds of paths. With a smaller value long names are cut off. Chosen."""
 GAP_PX: Final = 18
-"""Space between two fields, px."""
+"""Width of the gap between the tables of two methods in the success map's picture, in SVG pixels. A
+larger value makes the picture larger. Chosen."""
 FIELDS_PER_ROW: Final = 4
-"""Maximum number of fields side by side. Larger values make a wider picture."""
+"""Maximum number of methods whose tables are drawn side by side in the success map's picture;
+further ones begin a new row. A larger value makes the picture wider and lower. Chosen."""
 HEAD_PX: Final = 64
-"""Height above the cells of a field, px: its name and the numbers of modules."""
+"""Height of the heading above each method's table in the success map's picture, in SVG pixels: the
+method's name and the slanted numbers of modules. With a smaller value they overlap the table.
+Chosen."""
 STYLE: Final = """
 svg { background: #faf9f7; }
 text { fill: #2a2e35; font: 12px system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; }

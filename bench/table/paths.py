@@ -25,7 +25,8 @@ from tests.planner.table_search import table_paths
 SHAPES = Path(__file__).parents[2] / "examples" / "shapes"
 """Directory of the gallery."""
 MAX_SHAPE_CELLS = 64
-"""Default maximum number of cells of a shape. Larger values take longer."""
+"""Default maximum number of cells of the gallery's shapes for which paths that can fold on a table
+are searched; larger shapes are skipped. A larger value takes longer."""
 MAX_SEARCH_S = ((64, 2.0), (160, 5.0))
 """Maximum search times, s, of shapes up to a number of cells. Chosen."""
 

@@ -39,39 +39,51 @@ from planner.statics.stable_poses import resting_poses
 
 Array = NDArray[np.float64]
 SEEDS_PER_CHAIN: Final = 12
-"""Number of seeds for each chain. More seeds estimate the success rate more exactly."""
+"""Number of random seeds with which the simulation tries to unfold each chain of tetrahedra on a
+table. A larger value estimates the success rate more exactly and takes longer. Chosen."""
 VERIFY_SIZE: Final = 0.95
-"""Module size, as a fraction of the pitch, at which frames must be free of contacts. Larger values
-reject more frames. Chosen."""
+"""Size of the tetrahedra, as a fraction of the pitch, at which they must not collide; frames with a
+collision are rejected. A larger value leaves smaller gaps and rejects more frames. Chosen."""
 MAX_TORQUE_WP: Final = 8.0
-"""Maximum of the torque bound, and of the torque of a spring, w·p. Chosen."""
+"""Maximum joint torque that a frame may need under gravity, and maximum torque of a spring that
+straightens a hinge, in w·p (module weight × pitch). A larger value makes unfolding easier and
+demands stronger motors. Chosen."""
 FIRST_BOUND_WP: Final = 1.5
-"""Torque bound at the beginning, w·p. Smaller values take longer and find gentler motions.
-Chosen."""
+"""Smallest initial limit of the joint torque that a frame may need under gravity, in w·p (module
+weight × pitch); the limit rises when too many frames are rejected. A smaller value takes longer and
+finds motions of smaller torque. Chosen."""
 BOUND_FACTOR: Final = 1.15
-"""Factor by which the torque bound is raised. Larger values end sooner at a higher torque.
-Chosen."""
+"""Factor by which the limit of the joint torque is raised after too many rejected frames. A larger
+value unfolds the chain sooner, and at a higher torque. Chosen."""
 REJECTIONS_PER_RAISE: Final = 12
-"""Rejections for torque, less a fifth for each accepted frame, above which the bound is raised;
-five times as many end the trial. Larger values search longer at each bound. Chosen."""
+"""Number of rejected frames, less a fifth of the accepted ones, above which the next rejection for
+too high a torque raises the torque limit; five times as many end the trial. A larger value searches
+longer at each limit. Chosen."""
 TIME_STEP: Final = 0.025
-"""Time step of the simulation, √(pitch / gravity). Larger values are less stable."""
+"""Time step of the simulation, in √(pitch / gravity). A larger value is faster and less stable."""
 SATURATION_RAD: Final = 0.2
-"""Bend above which a spring exerts its full torque, rad. Smaller values make springs stiffer."""
-SPRING_TORQUE_WP: Final = 2.0
-"""Scale of the torque of the springs, w·p; each draw multiplies it by 0.5 to 2. Chosen."""
-MAX_STALLED_FRAMES: Final = 1500
-"""Accepted frames without less bend after which a trial has stalled. Larger values try longer."""
-MAX_TRIAL_PENETRATION_PITCH: Final = 0.012
-"""Maximum depth of a module in the table in an accepted frame, pitches: contacts are soft.
+"""Hinge angle at and above which the spring that straightens the hinge exerts its full torque, in
+rad; below it the torque is proportional to the angle. A smaller value makes the springs stiffer.
 Chosen."""
+SPRING_TORQUE_WP: Final = 2.0
+"""Typical maximum torque of the springs that straighten the hinges, in w·p (module weight × pitch);
+each draw multiplies it by a random factor. A larger value unfolds faster, and more frames are
+rejected for their torque. Chosen."""
+MAX_STALLED_FRAMES: Final = 1500
+"""Number of accepted frames without a smaller sum of the hinge angles, beyond which the trial is
+given up. A larger value tries longer. Chosen."""
+MAX_TRIAL_PENETRATION_PITCH: Final = 0.012
+"""Maximum depth by which a module may penetrate the table, whose contacts are soft, in pitches;
+deeper frames are rejected. A larger value accepts less realistic motions. Chosen."""
 MAX_TRIAL_BEND_RAD: Final = 0.02
-"""Maximum bend of a hinge of a chain that counts as straight, rad. Chosen."""
+"""Hinge angle below which all hinges must be for the chain to count as straight, in rad, which ends
+the trial with success. A larger value ends it sooner. Chosen."""
 FRAME_SPACING: Final = (0.05, 0.15)
 """Rotation of a hinge, rad, and displacement of a module, pitches, after which a frame is recorded.
 Smaller values check more frames."""
 CORNER_RADIUS_PITCH: Final = 0.002
-"""Radius of the spheres at the corners of a module, pitches; only these touch the table."""
+"""Radius of the small spheres at the corners of a module, in pitches, which are its only parts that
+touch the table in the simulation. A larger value rounds the corners more. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

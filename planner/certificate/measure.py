@@ -38,15 +38,16 @@ from planner.parameters.parameters import Parameters
 
 Array = NDArray[np.float64]
 SPLINE_MARGIN_FRAMES: Final = 32
-"""Number of frames beyond each end of a chunk that the chunk's spline is fitted to as well. A
-frame's influence falls to a quarter from one frame to the next, so that 32 make rates and
-accelerations independent of the division into chunks."""
+"""Number of frames beyond each end of a chunk of a motion that the spline for the chunk's rates and
+accelerations is fitted to as well. A frame's influence falls to a quarter from one frame to the
+next, so that 32 make the result independent of the division into chunks; fewer do not, more take
+time. Computed."""
 MAX_MEASURE_THREADS: Final = 4
-"""Maximum number of threads that compute figures of a plan's frames. Larger values are faster on
-more cores and take more memory. Chosen."""
+"""Maximum number of threads that compute the torques, clearances and other figures of a plan's
+frames for its certificate. Larger values are faster on more cores and take more memory. Chosen."""
 MIN_MOVING_RATE_RAD_S: Final = 1e-9
-"""Speed of the fastest hinge, in rad/s, up to which no hinge of a frame counts as moving, because
-such speeds are rounding. Chosen."""
+"""Speed of the fastest hinge of a frame, rad/s, up to which the certificate counts none of the
+frame's hinges as moving, because such speeds are rounding. Chosen."""
 EXPLOSION: Final = PHASES.index("explosion")
 
 

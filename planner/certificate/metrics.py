@@ -25,8 +25,9 @@ Floats = NDArray[np.float32]
 Integers = NDArray[np.int32]
 FIGURES_FORMAT: Final = "foldback-figures/1"
 CLEARANCE_REACH_PITCH: Final = 1.0
-"""Maximum clearance of a module that is stored for plots, in pitches; larger ones are cut to it.
-Larger values compute more pairs of modules, more slowly. Chosen."""
+"""Largest distance from a module to the nearest other one that is stored for plots, in pitches;
+larger distances are stored as this one. Larger values compute more pairs of modules, more slowly.
+Chosen."""
 FIGURE_FRAMES_PER_CHUNK: Final = 128
 """Number of frames in one zarr chunk of figures with a value for each module or hinge. Larger
 values make fewer files, of which a viewer loads more at once. Chosen."""

@@ -33,8 +33,9 @@ from planner.statics.stable_poses import resting_poses
 
 Array = NDArray[np.float64]
 MAX_TABLE_ENTRY_PITCH: Final = 0.02
-"""Maximum depth of modules below the table's surface, in pitches, in a plan that is verified for a
-table. Larger values accept worse plans. Chosen: as far as modules may stand above the table."""
+"""Maximum depth, in pitches, to which modules may sink below the table's surface in a plan that is
+verified for folding on a table; with a larger depth the plan is not verified. Larger values accept
+worse plans. Chosen: as far as modules may stand above the table."""
 ON_TABLE_TOLERANCE_PITCH: Final = 0.1
 """Maximum distance, in pitches, of every frame's lowest corner from the table, for which a motion
 counts as made on the table; other motions are laid down on it frame by frame. Larger values take

@@ -21,9 +21,10 @@ from planner.chain.trail import Trail, hinge_axes
 from planner.errors import InputError
 
 Array = NDArray[np.float64]
-OVERLAP_TOLERANCE = 0.98
-"""Module size, as a fraction of the pitch, at which the modules of a folded chain must not overlap;
-a chain in which they do is refused. Larger values refuse more chains. Chosen."""
+MIN_CENTRE_DISTANCE_SHARE = 0.98
+"""Minimum distance between the centres of any two modules of a folded chain, as a fraction of the
+diameter of the largest ball inside a module. A chain with a smaller one is refused, as its modules
+surely overlap. Larger values refuse more chains; at 1 rounding would refuse good ones. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -250,7 +251,7 @@ def check_overlap(chain: Chain) -> None:
         InputError: ``overlap``, naming the first two modules along the chain.
     """
     positions = chain.folded_poses.positions
-    closest = 2.0 * chain.module.inner_radius * OVERLAP_TOLERANCE
+    closest = 2.0 * chain.module.inner_radius * MIN_CENTRE_DISTANCE_SHARE
     pair = first_close_pair(positions, closest)
     if pair is not None:
         i, j = pair

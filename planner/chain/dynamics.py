@@ -18,8 +18,9 @@ MIN_ANGLES_PER_THREAD: Final = 20_000
 """Minimum number of joint angles (hinges × frames) per thread that computes torques. Smaller values
 start threads that cost more than they save. Chosen."""
 MIN_SPLINE_TIMES: Final = 4
-"""Minimum number of different times of a motion whose rates and accelerations are computed by a
-cubic spline; they are NaN for shorter motions."""
+"""Minimum number of different times in a motion for its hinge rates and accelerations to be
+computed: a cubic spline without given rates at its ends needs four. For shorter motions both are
+NaN."""
 
 
 def floating_torques(

@@ -20,8 +20,9 @@ from planner.chain.trail import hinge_axes
 
 Nodes = NDArray[np.int64]
 TETRAHEDRA_PER_RING: Final = 12
-"""Number of tetrahedral modules of the closed ring that fills a cube of side 2 in the honeycomb of
-right-angle tetrahedra."""
+"""Number of tetrahedral modules in the closed ring that fills one cubic cell of a shape, of side 2
+in the coordinates of this honeycomb of right-angle tetrahedra. A shape of n cells thus becomes a
+chain of 12 n modules. A fact of geometry."""
 _RING_PAIRS: Final = (
     *("123-223", "213-223", "312-322", "122-132", "212-312", "221-231"),
     *("321-322", "221-321", "212-213", "122-123", "231-232", "132-232"),

@@ -14,13 +14,14 @@ from planner.kernels.module import Hull, Joint
 
 Array = NDArray[np.float64]
 LONG_CHAIN: Final = 600
-"""Number of modules from which on a chain counts as long: it gets a path whose cells can be removed
-one after the other, so that peeling (releasing the chain from its end, group by group) explodes it.
+"""Minimum number of modules for which a chain gets a path whose cells can be removed one after the
+other from one end. Such a chain can be unfolded by peeling: released from its end, group by group.
 Smaller values restrict the paths of more shapes. Decision 0013."""
-UNSMOOTHED_FROM_MODULES: Final = 1500
-"""Number of modules above which a recorded motion is played back frame by frame, without a smooth
-curve through its frames, which would take gigabytes. Simulations then stop hinges a little earlier,
-as no curve cuts off angles beyond a joint's range. Chosen."""
+MAX_SMOOTH_CURVE_MODULES: Final = 1500
+"""Maximum number of modules of a chain whose recorded motion is played back along a smooth curve,
+which takes gigabytes for longer chains. Their motion is played back frame by frame, and its
+simulation stops hinges 0.01 rad earlier, as no curve corrects angles beyond a joint's range.
+Chosen."""
 RELIEF_SAMPLES: Final = 64
 """Number of points along each side of a module at which its relief is sampled (material that must
 be removed so that linked modules can turn), to compute its volume. Larger values are more exact and

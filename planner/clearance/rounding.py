@@ -13,11 +13,13 @@ import numpy as np
 from planner.chain.chain import Chain
 
 UNIT_ROUNDOFF: Final = 2.0**-53
-"""Largest relative error of one operation in double precision."""
+"""Largest relative error of one operation in IEEE double precision, 2⁻⁵³. Every proved clearance is
+reduced by a bound of the rounding errors, which is a multiple of it."""
 BERNSTEIN_NORM: Final = 14.5
-"""Upper bound of the maximum norm of the matrix from values at five Chebyshev nodes to Bernstein
-coefficients, by which the independent checker amplifies rounding. With it, the certificate states
-no more than that checker can prove. Computed."""
+"""Factor by which the independent checker (``foldback_check.py``) amplifies rounding errors: upper
+bound of the maximum norm of its matrix from values at five Chebyshev nodes to Bernstein
+coefficients. Proved clearances are reduced by as much, so that a certificate states no more than
+the checker can prove. Computed."""
 
 
 def clearance_rounding(chain: Chain, size: float) -> float:

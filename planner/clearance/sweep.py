@@ -38,14 +38,16 @@ from planner.progress import Cancelled, never
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 FRAMES_PER_TASK: Final = 64
-"""Number of frames between which one task of a thread checks for collisions. Smaller values cost
-more calls; larger ones leave threads idle at the end of a motion. Chosen."""
+"""Number of intervals between frames that a thread checks for collisions before it takes the next
+ones. Smaller values cost more calls; larger ones leave threads idle at the end of a motion.
+Chosen."""
 MAX_THREADS: Final = 4
 """Maximum number of threads that check one motion for collisions. Larger values check faster and
 take processors from other folds. Chosen."""
 CLEARANCE_CAP: Final = 0.2
-"""Distance of modules, in pitches, from which on their exact clearance is not computed. Larger
-values compute more pairs of modules, so that collision checks are slower. Chosen."""
+"""Distance of two modules, in pitches, from which on a collision check does not compute it exactly,
+as it only looks for the smallest distance in the motion. If no modules come nearer, the check is
+repeated with a cap of 3 pitches. Larger values check more pairs, more slowly. Chosen."""
 EXTENDED_CLEARANCE_CAP: Final = 3.0
 """Cap in pitches up to which the distances of modules are computed exactly for motions, mostly of
 short chains, whose modules all keep farther apart than the usual cap of 0.2 pitches. Larger values
@@ -58,9 +60,9 @@ decision 0012."""
 EXACT: Final = Tolerance(0.0, 0.0, 0.0, 0.0)
 """Tolerance of a motion whose hinges follow the plan without errors, in radians."""
 ALLOWANCE_CAP: Final = 1e-3
-"""Distance of modules, in pitches, that errors of hinges must leave for a motion to stand them.
-Larger values prove smaller errors. Smaller ones take more time, and let the number of moments grow
-at which independent errors are bounded (lemma 12 of decision 0012). Chosen."""
+"""Distance of two modules, in pitches, above which a proof that a motion tolerates errors of hinges
+does not compute it exactly: the proof only needs a distance above 0 after these errors are
+subtracted. Larger values check more pairs, more slowly. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -38,8 +38,9 @@ TETHER_MODULES: Final = 4
 With 0 or 1, packed blocks hinge into each other and jam; more are slower to simulate:
 docs/decisions/0015-hard-paths.md."""
 BLOCK_TENSION_SCALE: Final = 4.0
-"""Factor of the force that pulls the chain straight while blocks are rigid, as blocks are heavier
-than single modules. Larger values part blocks sooner and press contacts deeper. Chosen."""
+"""Factor of the force that pulls the chain straight during the stage in which groups of modules
+move as rigid blocks, as blocks are heavier than single modules. Larger values part blocks sooner
+and press contacts deeper. Chosen."""
 MAX_BLOCK_STEP_IN_CONTACT_S: Final = 0.1
 """Maximum simulation time step, s, while modules touch and blocks are rigid. Larger values take
 fewer steps and press contacts deeper. Chosen."""

@@ -48,9 +48,9 @@ TOUCHING_CENTRES_PITCH: Final = 1.1
 """Maximum distance between the centres of two cubes that count as touching, pitches; it is 1 for
 cubes face to face. Larger values join more modules into one cluster of contacts. Chosen."""
 MIN_CLUSTER_SHARE: Final = 0.25
-"""Minimum fraction of a stalled chain's modules in its largest cluster of touching modules for the
-failure to be reported as ``contacts``; else it is reported as ``joints``, as larger values do more
-often. Chosen."""
+"""Minimum fraction of a stalled chain's modules that touch each other in one cluster for the
+failure to be reported as caused by contacts (``contacts``); otherwise bent joints are reported
+(``joints``). Larger values report joints more often. Chosen."""
 MAX_DIAGNOSED_MODULES: Final = 200
 """Maximum number of bent modules that the report on a failed unfolding lists; further ones are left
 out. Larger values make stored reports longer. Chosen."""

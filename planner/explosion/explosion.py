@@ -42,9 +42,9 @@ RADIAL_GAIN_JITTER: Final = 0.02
 seed, so that another seed gives another unfolding. Larger values make attempts differ more.
 Chosen."""
 UNREPELLED_LINKS: Final = 1
-"""Maximum number of links between two modules that do not repel each other: 1 exempts direct
-neighbours along the chain (eq. 3 of the paper). Larger values weaken the repulsion inside tight
-bends. Chosen."""
+"""Maximum number of links between two modules that do not repel each other in a simulated
+unfolding: 1 exempts direct neighbours along the chain, as eq. 3 of the published method
+(docs/reproduction.md) does. Larger values weaken the repulsion inside tight bends. Chosen."""
 
 S = TypeVar("S")
 S_co = TypeVar("S_co", covariant=True)

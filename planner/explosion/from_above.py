@@ -14,16 +14,17 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 MIN_PROJECTED_SHARE: Final = 0.3
-"""Minimum length of a link in the projection onto the table, as a fraction of its real length, for
-its direction there to count as a heading; steeper links take the one of the link before. Larger
-values ignore more links. Chosen."""
+"""Minimum length of a link (the line between two neighbouring modules' centres) in the projection
+onto the table, as a fraction of its real length, for its direction in the projection to be used.
+Steeper links take the direction of the link before. Larger values ignore more links. Chosen."""
 HEADING_LINKS: Final = 3
-"""Number of consecutive links over which a chain's heading on the table is averaged, as single
-links may be steep. Larger values smooth the heading more and blur sharp turns. Chosen."""
+"""Number of consecutive links (lines between neighbouring modules' centres) over which the
+direction of a chain on the table is averaged, as single links may be steep. The directions count
+how often the chain turns around. Larger values smooth more and blur sharp turns. Chosen."""
 MIN_CROSSING_LINKS: Final = 3
-"""Minimum difference of the indices of two links that are tested for crossing in the view from
-above; nearer links share a joint or stand upright. Smaller values report false crossings.
-Chosen."""
+"""Minimum difference of the numbers of two links (lines between neighbouring modules' centres) that
+are tested for crossing each other, seen from above; nearer ones share a joint or stand upright.
+Smaller values report false crossings. Chosen."""
 MAX_HEADING_CHANGE_RAD: Final = 1.25 * np.pi
 """Maximum angle, rad, to either side, between the heading (direction in the table's plane) of the
 first link that moves and the heading that the chain's tail is turned towards. Larger values let the

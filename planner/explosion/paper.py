@@ -40,39 +40,44 @@ from planner.simulation.segments import Segments
 
 Array = NDArray[np.float64]
 MAX_STRAIGHT_BEND_RAD: Final = 0.05
-"""Maximum angle of any hinge of a chain that counts as straight, rad; then the simulation with the
-published gains ends. Larger values end it earlier and leave more to the jump to exactly straight.
-Chosen."""
+"""Maximum angle of any hinge of a chain that counts as straight, rad; then an unfolding by the
+published method (preset ``paper``) ends. Larger values end it earlier and leave more to the jump to
+exactly straight. Chosen."""
 MIN_STRAIGHT_SPAN_SHARE: Final = 0.99
 """Minimum distance between the two ends of a chain that counts as straight, as a fraction of the
-chain's length. Smaller values end the simulation with the published gains earlier. Chosen."""
+chain's length; then an unfolding by the published method (preset ``paper``) ends. Smaller values
+end it earlier. Chosen."""
 STRAIGHT_CHECK_STEPS: Final = 25
-"""Number of simulation steps between two checks of whether the chain is straight. Smaller values
-end the run sooner and check more often. Chosen."""
+"""Number of simulation steps between two checks of whether the chain is straight, which ends an
+unfolding by the published method (preset ``paper``). Smaller values end the run sooner and check
+more often. Chosen."""
 COMMIT_EVERY_SNAPSHOTS: Final = 10
 """Number of recorded snapshots after which the new ones are passed on to the viewer, all at once.
 Larger values show the motion later. Chosen."""
 REST_CHECK_STEPS: Final = 5000
-"""Number of simulation steps between two checks of whether nothing moves any more, in which case
-the run ends as stalled. Larger values notice a chain at rest later. Chosen."""
+"""Number of simulation steps between two checks of whether nothing moves any more, in which case an
+unfolding by the published method (preset ``paper``) ends as failed. Larger values notice a chain at
+rest later. Chosen."""
 REST_RATE_RAD_S: Final = 1e-7
-"""Rate of the fastest hinge, rad/s, below which a chain counts as at rest: at this rate it would
-not become straight within the allowed steps. Larger values give up earlier. Chosen."""
+"""Rate of the fastest hinge, rad/s, below which a chain counts as at rest, so that an unfolding by
+the published method (preset ``paper``) ends as failed: at this rate it would not become straight
+within the permitted steps. Larger values give up earlier. Chosen."""
 MAX_SNAPSHOT_ANGLES: Final = 20_000_000
 """Maximum number of hinge angles in all snapshots of one run together (160 MB of memory); beyond it
 the run fails and asks for a longer snapshot interval. The wrench of 160 cubes needs 3 million.
 Chosen."""
 FRAME_SPACING_RAD: Final = 0.03
-"""Turn of a hinge since the last frame of the displayed motion, rad, at which the next snapshot of
-the published simulation, one every 10 steps, becomes a frame. Larger values display a coarser
-motion. Chosen."""
+"""Turn of a hinge since the last displayed frame, rad, at which a recorded configuration becomes
+the next displayed frame, in an unfolding by the published method, which records one every 10 steps.
+Larger values display a coarser motion. Chosen."""
 FRAME_SPACING_PITCH: Final = 1.0
-"""Displacement of a module since the last frame of the displayed motion, pitches, at which the next
-snapshot becomes a frame. Larger values display a coarser motion. Chosen."""
+"""Displacement of a module since the last displayed frame, pitches, at which a recorded
+configuration becomes the next displayed frame, in an unfolding by the published method. Larger
+values display a coarser motion. Chosen."""
 BETWEEN_FRAMES_SIZE: Final = 0.95
-"""Size of the modules, as a fraction of the pitch, at which the clearance between two frames of the
-published simulation is checked; a loss of clearance adds a frame. Larger values add more frames.
-Chosen."""
+"""Size of the modules, as a fraction of the pitch, with which the clearance between two displayed
+frames of an unfolding by the published method is checked; where modules come closer than in both
+frames, a frame is added. Larger values add more frames. Chosen."""
 
 
 def explode_as_published(

@@ -54,15 +54,17 @@ AHEAD_WEIGHT: Final = 2.0
 table for the straight unfolded part (tail): the score of a heading contains this weight times the
 cosine of the angle between both. Larger values prefer to leave straight ahead. Chosen."""
 OUTWARD_WEIGHT: Final = 0.3
-"""Weight of the direction away from the middle of the folded part in the same score, likewise times
-a cosine. Larger values prefer to lead outwards. Chosen."""
+"""Weight of the direction away from the middle of the folded part, when a heading is chosen on a
+table for the straight unfolded part (tail): a heading's score contains this weight times the cosine
+of the angle between both. Larger values prefer to lead outwards. Chosen."""
 PREVIOUS_HEADING_WEIGHT: Final = 0.7
-"""Weight of the previous heading in the same score, likewise times a cosine. Larger values turn the
-tail less often. Chosen."""
+"""Weight of the tail's previous heading, when a heading is chosen on a table for the straight
+unfolded part (tail): a new heading's score contains this weight times the cosine of the angle
+between both. Larger values turn the tail less often. Chosen."""
 CLEARANCE_DEFICIT_WEIGHT: Final = 3.0
-"""Points that a heading loses in the same score for each pitch by which its distance from the
-folded part falls short of the wanted distance. Larger values prefer free headings to short turns.
-Chosen."""
+"""Points that the score of a heading for the straight unfolded part (tail) on a table loses for
+each pitch by which the tail would come closer to the folded part than wanted; preferred directions
+give it points of about 1. Larger values prefer free headings to short turns. Chosen."""
 
 
 class Core:

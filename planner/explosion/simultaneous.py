@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.module import UNSMOOTHED_FROM_MODULES
+from planner.chain.module import MAX_SMOOTH_CURVE_MODULES
 from planner.explosion.checkpoint import (
     MAX_CHECKPOINT_RETRIES,
     MAX_STALLED_PULSES,
@@ -176,7 +176,7 @@ class Simultaneous(Explosion[WholeChain, Step]):
             stiffness=parameters.spring,
             armature=parameters.armature,
             stop_rad=chain.module.stop_rad
-            - (STOP_COMPLIANCE_RAD if len(chain) > UNSMOOTHED_FROM_MODULES else 0.0),
+            - (STOP_COMPLIANCE_RAD if len(chain) > MAX_SMOOTH_CURVE_MODULES else 0.0),
         )
         engine = (
             Segments(chain, material)

@@ -23,11 +23,11 @@ Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 MIN_KEYFRAME_TOLERANCE: Final = 3e-3
 """Smallest tolerance that is tried for the difference between a GLB animation, interpolated between
-keyframes, and the plan, in pitches and in components of unit quaternions; it is doubled until the
-keyframes fit into ``MAX_KEYFRAME_BYTES``. Smaller values need more keyframes. Chosen."""
+keyframes, and the plan, in pitches and in components of unit quaternions; it is doubled until all
+keyframes take at most 32 MiB. Smaller values need more keyframes. Chosen."""
 MAX_KEYFRAME_BYTES: Final = 32 * 2**20
-"""Maximum size of all keyframes of a GLB file, in bytes. A smaller value makes the animation follow
-the plan less closely. Chosen."""
+"""Maximum size of all keyframes of a GLB file, in bytes; an animation that needs more gets fewer
+keyframes and follows the plan less closely. Larger values make larger files. Chosen."""
 POSE_BYTES_SINGLE: Final = 28
 """Size of one module's pose in a GLB animation, in bytes: position and quaternion, seven numbers of
 single precision."""

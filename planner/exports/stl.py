@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 MM_PER_M: Final = 1000.0
-"""Millimetres in a metre: slicers for 3D printing read lengths in STL files as millimetres."""
+"""Millimetres in a metre: exported STL files state lengths in millimetres, as slicers for 3D
+printing expect."""
 STL_HEADER: Final = b"foldback: the outer solid of one module, in millimetres".ljust(80)
 
 

@@ -39,8 +39,8 @@ MAX_TOUCH_DEPTH_PITCH: Final = 1e-6
 than as a collision: rounding. Larger values would accept real overlaps. Chosen."""
 MAX_RATE_DOUBLINGS: Final = 10
 """Maximum number of times that a sampling rate is doubled in search of one at which an exported
-trajectory, interpolated linearly, is proved free of collisions. Larger values search longer.
-Chosen."""
+trajectory, interpolated linearly, is proved free of collisions; then no rate is recommended. Larger
+values search longer. Chosen."""
 
 
 def times(trajectory: Trajectory, rate_hz: float | None) -> Array:

@@ -61,8 +61,8 @@ MIN_FLUSH_PERIOD_S: Final = 0.15
 sooner and spend more time on writing. Chosen."""
 FLUSH_TIME_SHARE: Final = 0.1
 """Maximum fraction of a simulation's time that is spent on writing new frames to disk: after a slow
-write the next one waits longer, up to ``MAX_FLUSH_PERIOD_S``. Larger values show frames sooner and
-slow the simulation down. Chosen."""
+write the next one waits longer, up to 1 s. Larger values show frames sooner and slow the simulation
+down. Chosen."""
 MAX_FLUSH_PERIOD_S: Final = 1.0
 """Maximum time between two writes of new frames to disk, s, even if writes are slow. Larger values
 show frames to viewers later. Chosen."""

@@ -27,8 +27,8 @@ MAX_SEARCHES: Final = 6
 """Maximum number of searches for one path through blocks of cells, in layers along z, y and x in
 turn. Larger values find more paths, more slowly. Chosen."""
 PATHS_PER_SIDE: Final = 3
-"""Number of random paths that are made for each length of the blocks' sides, in cells, into which a
-shape can be divided. Larger values find better paths, more slowly. Chosen."""
+"""Number of random paths that are made for each side length of blocks, in cells, into which a shape
+can be divided; the best path is chosen. Larger values find better paths, more slowly. Chosen."""
 VISITS_PER_BLOCK: Final = 10
 """Maximum number of steps of one search for a path through blocks of cells, as a multiple of the
 number of blocks. Larger values find harder paths, more slowly. Chosen."""

@@ -18,14 +18,16 @@ Arc = tuple[int, int]
 Status = Literal["found", "infeasible", "undecided"]
 
 CONFLICTS_PER_EFFORT: Final = 80_000
-"""Conflicts of the SAT solver that make up one unit of effort, the deterministic measure of time
-that limits a path search: about one second of processor time. Measured."""
+"""Number of conflicts (dead ends in its search) of the SAT solver that make up one unit of effort,
+by which path searches are limited instead of by time, so that they are reproducible: about one
+second of processor time. Larger values search longer. Measured."""
 CONFLICTS_PER_ROUND: Final = 20
-"""Conflicts that every call of the SAT solver adds to its own, where effort is counted, for the
-work around the call. Larger values end a path search earlier. Chosen."""
+"""Conflicts (dead ends in its search) by which each call of the SAT solver uses up the effort of a
+path search in addition to its own, to account for the work around the call. Larger values end a
+path search earlier. Chosen."""
 MAX_CONFLICTS_PER_CALL: Final = 2000
-"""Maximum number of conflicts of one call of the SAT solver; between calls, time limits and Ctrl-C
-are checked. Larger values delay these checks. Chosen."""
+"""Maximum number of conflicts (dead ends in its search) of the SAT solver in one call; between
+calls, time limits and Ctrl-C are checked. Larger values delay these checks. Chosen."""
 
 
 class CircuitSolver:

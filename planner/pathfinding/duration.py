@@ -8,11 +8,13 @@ from planner.chain.module import LONG_CHAIN
 from planner.parameters.parameters import FLOATING
 
 CHOICE_FACTOR: Final = 8.0
-"""Expected duration of a fold that computes several plans and chooses the best, relative to a fold
-that takes the first one. A larger value announces longer durations. Measured."""
+"""Duration of a fold that computes several plans and chooses the best, relative to one that takes
+the first plan, by which the duration is estimated that users are told before a fold. Larger values
+announce longer durations. Measured."""
 MAX_IMPROVING_S: Final = 300.0
-"""Maximum expected time, in s, by which a fold that chooses the best of several plans takes longer
-than a fold that takes the first one. A larger value announces longer durations. Chosen."""
+"""Maximum time, in s, that the duration that users are told before a fold is longer if several
+plans are computed and the best is chosen, rather than the first. Larger values announce longer
+durations. Chosen."""
 
 TABLE_MODULES: Final = 96
 """Number of modules of the longest chain whose fold on a table was timed. The expected duration of

@@ -26,17 +26,20 @@ Ints = NDArray[np.int64]
 Cells: TypeAlias = frozenset[Cell]
 
 FEASIBILITY_LIMIT_S: Final = 2.0
-"""Default wall-clock limit, in s, of the check if a shape has a path, and of the search for
-repairs. Larger values decide more shapes, and delay a preview. Chosen."""
+"""Default wall-clock limit, in s, of the check whether a path through all cells of a shape exists,
+and of the search for repairs of a shape without one; after it the answer is "undecided", or fewer
+repairs are offered. Larger values decide more shapes, and delay a preview. Chosen."""
 MAX_SEARCHED_CELLS: Final = 2_000
 """Maximum number of cells of a shape for which a path is searched to decide if there is one; for
 larger shapes the check leaves it open. Larger values decide more shapes, more slowly. Chosen."""
 MAX_CHANGES: Final = 12
-"""Number of cells that a repair (a changed shape that has a path) may always add or drop; large
-shapes may have more changes. Larger values repair more shapes, and change them more. Chosen."""
+"""Number of cells that a repair (a changed shape that has a path) may add or drop in any shape;
+shapes of more than 120 cells may change by a tenth of their cells. Also the maximum number of cells
+that join separate parts. Larger values repair more shapes, and change them more. Chosen."""
 MAX_CHANGED_SHARE: Final = 0.1
-"""Fraction of a large shape's cells that a repair (a changed shape that has a path) may add or
-drop. Larger values repair more shapes, and change them more. Chosen."""
+"""Fraction of a shape's cells that a repair (a changed shape that has a path) may add or drop, if
+this is more than the 12 cells that it may change in any shape. Larger values repair more shapes,
+and change them more. Chosen."""
 MAX_COMPARED_CELLS: Final = 60
 """Maximum number of candidate cells that are compared for each cell that a repair adds or drops.
 Larger values find smaller repairs, more slowly. Chosen."""

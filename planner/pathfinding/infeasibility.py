@@ -17,7 +17,7 @@ Ints = NDArray[np.int64]
 
 MAX_NAMED_CELLS: Final = 200
 """Maximum number of cells that the report of a shape without a path lists as the cause of one
-problem. Larger values make larger reports. Chosen."""
+problem; further ones are left out. Larger values make larger reports. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 Ints = NDArray[np.int64]
 
 UNIT_CELLS: Final = 32
-"""Number of cells in a group that peeling (releasing the chain from its end, group by group)
-releases together: the default of ``PeelingParameters.unit``. The analysis of how easily a path
-comes apart counts such groups."""
+"""Number of consecutive cells in one group when it is analysed how easily a path comes apart from
+its end on, group by group. It equals the default number of modules that the simulation releases at
+a time (``PeelingParameters.unit``). Larger groups come free less easily. Chosen."""
 DIRECTIONS_26: Final = tuple(way for way in product((-1, 0, 1), repeat=3) if any(way))
 """Vectors from a cube's centre towards its 6 faces, 12 edges and 8 corners, along which the removal
 of cells is analysed."""

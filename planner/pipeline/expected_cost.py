@@ -33,9 +33,9 @@ PUBLISHED_MODULES: Final = 64
 number of steps of other chains is estimated with a power of their number of modules, relative to
 this one."""
 PUBLISHED_POWER: Final = 0.27
-"""Exponent of the number of modules in the expected number of simulation steps of an explosion with
-the paper's method (preset ``paper``: all modules driven apart at once). A larger value expects more
-steps for long chains. Fitted to chains of 64 and 160 modules."""
+"""Exponent of the number of modules in the expected number of simulation steps of an unfolding by
+the published method (preset ``paper``: all modules driven apart at once). A larger value expects
+more steps for long chains. Fitted to chains of 64 and 160 modules."""
 SHORT_RANGE_WEIGHT: Final = 0.125
 """Weight, from 0 to 1, of repulsion and hinge springs relative to the radial force, where the cost
 of the published method is estimated; both act only near contacts or straight hinges. A larger value
@@ -55,8 +55,9 @@ CONTACT_STEP_S: Final = 30e-6
 the shape's angles, with many contacts. A larger value expects such folds to cost more. Measured: 14
 to 45 µs."""
 DIRECT_SETTLING_STEPS: Final = 500
-"""Number of simulation steps between the end of the servos' ramp and the chain's rest, where the
-cost of the parameter preset ``direct`` is estimated. A larger value expects more cost. Chosen."""
+"""Expected number of simulation steps until the chain comes to rest after its servos have been
+turned straight to the shape's angles (preset ``direct``); it enters the estimated cost of a fold. A
+larger value expects more cost. Chosen."""
 ROBOT_COST_S: Final = (3.5e-3, 9e-6)
 """Processor time to simulate and certify the playback of one robot with random errors, in s: per
 module, and per square of the number of modules. Larger values expect folds to cost more. Measured:

@@ -37,7 +37,8 @@ MODULE_SIZE_RANGE: Final = (0.1, 1.0)
 """Minimum and maximum module size that a request may ask for, as a fraction of the pitch (distance
 between neighbouring modules). Smaller modules leave more clearance. Chosen."""
 MAX_SEED: Final = 2**32 - 1
-"""Maximum random seed of a request: the largest unsigned integer of 32 bits. Chosen."""
+"""Maximum random seed of a request, the largest unsigned integer of 32 bits; a larger one is
+refused. Chosen."""
 SMOOTH_SPACING_RAD: Final = 0.06
 """Distance of the control points of the curve that plays back a smoothed motion, in rad of joint
 motion. Smaller values reproduce the corners between the motion's frames; larger ones cut corners

@@ -12,11 +12,13 @@ from planner.errors import InputError
 
 MOMENTS_FORMAT: Final = "foldback-moments/1"
 CONTACT_PITCH: Final = 0.1
-"""Distance of two modules, in pitches, below which they count as having met. A larger value finds
-the first contact of a fold earlier. Chosen."""
+"""Distance of two modules, in pitches, below which they count as having met, when a fold's page
+names the first moment at which parts of the chain meet. A larger value names an earlier moment.
+Chosen."""
 CONTACT_LINKS: Final = 3
-"""Minimum number of links between two modules that can meet: nearer ones in the chain are always
-close to each other. Larger values find the first contact later. Chosen."""
+"""Minimum number of links along the chain between two modules for them to count when the first
+moment is searched at which parts of the chain meet: nearer ones are always close to each other.
+Larger values name a later moment. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

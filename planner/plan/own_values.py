@@ -17,14 +17,16 @@ from planner.names import clean_name
 _bad: Final = partial(unexpected, "bad-values")
 VALUES_FORMAT: Final = "foldback-values/1"
 MAX_OWN_VALUES: Final = 45_000
-"""Maximum number of an owner's values for the modules of a fold, over all rows: one for each module
-of the longest chains, or about 300 rows for a chain of 150. More would not fit into the body of a
-request. Chosen."""
+"""Maximum number of values of the owner's own, such as measurements, that can be stored with a fold
+to colour its modules: one for each module and each of several times. More times are refused, as
+they would not fit into the body of a request; one value per module is always accepted. Chosen: 300
+times for 150 modules."""
 MAX_VALUES_NAME_CHARACTERS: Final = 80
-"""Maximum number of characters of the name of an owner's values, which a menu shows. Chosen."""
+"""Maximum number of characters of the name that the owner of a fold gives to the values by which
+its modules are coloured, and which a menu shows; a longer one is refused. Chosen."""
 MAX_UNIT_CHARACTERS: Final = 20
-"""Maximum number of characters of the unit of an owner's values, which stands beside their colour
-scale. Chosen."""
+"""Maximum number of characters of the unit of the values by which an owner colours a fold's
+modules, which stands beside the colour scale; a longer one is refused. Chosen."""
 FIELDS: Final = frozenset({"format", "name", "unit", "low", "high", "rows", "data"})
 
 

@@ -62,8 +62,9 @@ steps make smaller and less exact files; the quaternion needs a finer one, as it
 the chain. Chosen."""
 ROOT_ARRAYS: Final = tuple(ROOT_STEPS)
 CLEARANCE_STEP_PITCH: Final = 2.0**-10
-"""Quantisation, in pitches, of the clearances for plots in a packed fold. A larger step makes
-smaller and less exact files. Chosen."""
+"""Step, in pitches, to multiples of which the distances between modules for plots are rounded in a
+packed fold (all files of a fold as one small file, as shipped with the program). A larger step
+makes smaller and less exact files. Chosen."""
 DIFFERENCE_ORDERS: Final = {"joint_angles_rad": 2, "reference_rad": 3}
 """A packed fold stores each array of joint angles as differences between frames, which are small
 numbers. Order of the differences (1: from frame to frame; 2: differences of those) that makes the

@@ -14,16 +14,22 @@ from planner.names import clean_name
 TOUR_FORMAT: Final = "foldback-tour/1"
 _bad: Final = partial(unexpected, "bad-tour")
 MAX_STOPS: Final = 50
-"""Maximum number of stops of a tour; a longer one is refused. Chosen."""
+"""Maximum number of stops of a tour (a guided sequence of captioned frames of a fold, which a page
+shows one after the other); a tour with more is refused. Chosen."""
 MAX_CAPTION: Final = 300
-"""Maximum number of characters of a stop's caption; a longer one is refused. A larger value permits
-captions that cover the fold on small screens. Chosen."""
+"""Maximum number of characters of the caption of one stop of a tour (a guided sequence of captioned
+frames of a fold); a tour with a longer one is refused. With larger values captions could cover the
+fold on small screens. Chosen."""
 MAX_TITLE: Final = 200
-"""Maximum number of characters of a tour's title; a longer one is refused. Chosen."""
+"""Maximum number of characters of the title of a tour (a guided sequence of captioned frames of a
+fold); a tour with a longer title is refused. Chosen."""
 MAX_STOP_MODULES: Final = 8
-"""Maximum number of modules that a stop highlights. Chosen."""
+"""Maximum number of modules that one stop of a tour (a guided sequence of captioned frames of a
+fold) highlights; a tour with more is refused. Chosen."""
 MAX_NUMBER: Final = 999_999_999
-"""Largest number of a frame or module in a tour, as in the address of a fold's page."""
+"""Largest number of a frame or module that is accepted in a tour (a guided sequence of captioned
+frames of a fold) if the fold's own size is not known; a larger one is refused. Chosen: nine digits,
+as many as the address of a fold's page may hold."""
 DECIMAL: Final = r"-?\d{1,3}(?:\.\d{1,4})?"
 CAMERA_PATTERN: Final = rf"(?:{DECIMAL})?,(?:{DECIMAL})?,{DECIMAL}(?:,{DECIMAL},{DECIMAL})?"
 """Matches a camera in an address: azimuth and elevation in degrees (or empty), distance as a

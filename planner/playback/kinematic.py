@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.module import UNSMOOTHED_FROM_MODULES
+from planner.chain.module import MAX_SMOOTH_CURVE_MODULES
 from planner.motion.angle_steps import snapped
 from planner.motion.motion import Motion, Phase
 from planner.parameters.playback import PlaybackParameters
@@ -47,7 +47,7 @@ def kinematic_frames(
         frame_rad: Approximate turn of a hinge between two frames, rad.
         unfolding: Motion by which the chain becomes straight first; None if it is straight.
     """
-    if recorded.is_windowed or (len(chain) > UNSMOOTHED_FROM_MODULES and unfolding is None):
+    if recorded.is_windowed or (len(chain) > MAX_SMOOTH_CURVE_MODULES and unfolding is None):
         yield _as_recorded(chain, recorded, parameters, start_s)
         return
     reference = clear_reference(

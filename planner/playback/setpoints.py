@@ -23,17 +23,17 @@ SETTLE_STEPS: Final = 15
 planned curve, so that joint errors decay before the final frame. Larger values end closer to the
 goal and take more time. Chosen."""
 AT_REST_RATE_RAD_S: Final = 1e-4
-"""Speed of the fastest hinge, rad/s, below which a chain counts as at rest when the playback rule
-of the paper, or the straight motion of preset ``direct``, has reached its last target. Smaller
-values end playbacks later, closer to equilibrium. Chosen."""
+"""Speed of the fastest hinge, rad/s, below which a chain counts as at rest at the end of a playback
+by the published rule (preset ``paper``), or straight to the folded angles (preset ``direct``).
+Smaller values end playbacks later, closer to equilibrium. Chosen."""
 REST_STEPS: Final = 500
-"""Number of consecutive simulation steps at rest after which a playback by the rule of the paper,
-or by preset ``direct``, ends. Larger values take more time; with smaller ones a playback may end
-while the chain only pauses. Chosen."""
+"""Number of consecutive simulation steps at rest after which a playback by the published rule
+(preset ``paper``), or straight to the folded angles (preset ``direct``), ends. Larger values take
+more time; with smaller ones a playback may end while the chain only pauses. Chosen."""
 STALL_STEPS: Final = 3000
-"""Maximum number of simulation steps, beyond the minimum, for which one recorded snapshot is the
-target of a playback by the rule of the paper, which waits until all hinges are near it; then the
-playback ends. Larger values report jams later. Chosen."""
+"""A playback by the published rule (preset ``paper``) waits until all hinges are near a recorded
+configuration before it goes on to the next. This is the maximum number of simulation steps, beyond
+the minimum, that it waits; then it ends as jammed. Larger values report jams later. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

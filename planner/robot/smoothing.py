@@ -38,16 +38,17 @@ Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 MAX_EVALUATIONS: Final = 20_000
-"""Maximum number of configurations of the chain whose clearance is checked to smooth one motion.
-Larger values smooth more and take more time. Chosen."""
+"""Maximum number of configurations of the chain that smoothing checks for collisions in one motion;
+then it ends with the shortest motion found so far. Larger values shorten motions more and take more
+time. Chosen."""
 TORQUE_WEIGHTS: Final = ((0.6, 0.15), (1.0, 0.6))
 """Stages of smoothing a motion: (fraction of the budget of clearance checks at which the stage
 ends, weight of torque in the minimised cost; at 1 torque counts as much as path length at first).
 Larger weights give less torque, but shorten tangled motions less. Chosen."""
 TIGHT_SIZE: Final = 0.98
-"""Module size, as a fraction of the pitch, at which a motion is smoothed unless its modules are
-larger: modules of this size come no closer than in the recorded motion. Larger values keep more
-clearance and smooth less. Chosen."""
+"""Smallest module size, as a fraction of the pitch, with which smoothing checks for collisions; it
+uses the actual size if that is larger. Modules of this size come no closer than in the recorded
+motion, so larger values keep more clearance and smooth less. Chosen."""
 SMOOTHED_FRAMES: Final = 150
 """Approximate number of frames with which a motion is smoothed, within the limits of their spacing.
 Larger values smooth finer details, more slowly. Chosen."""
@@ -66,24 +67,28 @@ MIN_PART_FRAMES: Final = 4
 """Minimum mean number of frames of the parts into which smoothing divides a motion; it is divided
 no further. Smaller values smooth finer details, more slowly. Chosen."""
 HALVING_ROUNDS: Final = 1
-"""Number of rounds at the beginning of a smoothing, which moves a motion towards a shorter one, in
-which hinges between modules that would collide go half as far; in later rounds they stay. Larger
-values shorten more, more slowly. Chosen."""
+"""Smoothing moves hinges towards a shorter motion and reduces this step, round by round, where
+modules would collide. In this number of first rounds the hinges concerned make half of their step;
+in later rounds they keep their angle. Larger values shorten motions more, more slowly. Chosen."""
 WHOLE_FRAME_FROM_ROUND: Final = 6
-"""Round of a smoothing from which on a collision holds back all hinges of its frame. Larger values
-shorten more, but more attempts fail. Chosen."""
+"""Number of rounds after which a collision makes all hinges of its frame keep their angles when
+smoothing moves a motion towards a shorter one; in earlier rounds only the hinges between the two
+colliding modules do. Larger values shorten motions more, but more attempts fail. Chosen."""
 MAX_FOLLOWING_ROUNDS: Final = 14
-"""Maximum number of rounds of a smoothing in which colliding hinges are held back; with collisions
-left after them, the attempt is given up. Larger values shorten more, more slowly. Chosen."""
+"""Maximum number of rounds in which smoothing holds back hinges between colliding modules while it
+moves a motion towards a shorter one; with collisions left after them, this attempt is given up.
+Larger values shorten motions more, more slowly. Chosen."""
 MIN_FOLLOWED_SHARE: Final = 0.02
-"""Minimum fraction of its way towards the shorter motion that a hinge is moved by smoothing; with
-less it keeps its angle. Larger values shorten less and check fewer frames. Chosen."""
+"""Smallest step of a hinge, as a fraction of the difference between its angle and that in the
+shorter motion towards which smoothing moves it. A hinge that collisions restrict to less keeps its
+angle. Larger values shorten motions less and check fewer frames. Chosen."""
 MIN_PASS_GAIN: Final = 0.005
 """Minimum relative decrease of a motion's cost (length and torque) by one pass of smoothing; two
 passes in a row with less end the smoothing. Smaller values smooth longer. Chosen."""
 MAX_RESAMPLINGS: Final = 6
-"""Maximum number of times that evenly spaced frames of a motion are supplemented by its own frames
-where even spacing cuts a corner too closely; beyond it, the motion is not resampled. Chosen."""
+"""Maximum number of times that frames are added where a motion with evenly spaced frames cuts a
+corner and modules come closer than before; with such places left, the motion keeps its own frames.
+Larger values resample more motions, more slowly. Chosen."""
 MARGIN_ROUNDING_PITCH: Final = 1e-9
 """Loss of clearance, in pitches, that a smoothed motion may have against the given one:
 rounding."""
@@ -98,8 +103,9 @@ MIN_STEP_LENGTH_RAD: Final = 1e-6
 """Minimum length of motion between two frames, in rad, by which angle differences are divided in
 smoothing, to avoid a division by zero."""
 DISTANCE_WEIGHT: Final = 0.03
-"""Length of motion, in rad, that smoothing counts for a module's displacement of one pitch, the
-same as in playbacks. A larger value shortens the modules' ways more than the hinges'. Chosen."""
+"""Radians of hinge rotation that count as much as a displacement of a module by one pitch, where
+smoothing measures the length of a motion that it shortens. Larger values shorten the ways of
+modules more than the turns of hinges. Chosen: as in playbacks."""
 SWEEP_STEPS: Final = 6
 """Number of consecutive intervals between frames that one sweep checks for collisions in smoothing;
 a sweep reports its closest place only. Smaller values find more close places at once, more slowly.

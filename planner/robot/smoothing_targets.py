@@ -12,9 +12,9 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 FADE_FRAMES: Final = 3
-"""Half width, in frames, of the averaging filters that shape the weight with which smoothing
-changes a section of a motion: from 0 at its start and back to 0 at its end; the rise and the fall
-take about twice as many frames each. Larger values change speeds more gently. Chosen."""
+"""Half width, in frames, of the averaging filters by which the effect of smoothing fades in at the
+start of a changed section of a motion, and out at its end; each takes about twice as many frames.
+Larger values change speeds more gently. Chosen."""
 MIN_TARGET_WEIGHT: Final = 1e-9
 """Minimum weight, from 0 to 1, by which smoothing moves a frame towards a straight line or an
 average. Smaller weights count as 0: they are rounding errors of the running sums that compute the

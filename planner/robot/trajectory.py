@@ -17,12 +17,13 @@ REST_FILE: Final = "rest.npz"
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 CELLS_PER_PIECE: Final = 2
-"""Number of grid cells, for the fastest timing along a path, on each straight piece and on each
-half of a blended corner. Larger values made motions faster by less than one per cent, and take
-longer. Measured."""
+"""Number of grid intervals, in the computation of the fastest timing of a motion along its path,
+for each straight piece of the path and each half of a rounded corner. Larger values made motions
+faster by less than one per cent, and take longer. Measured."""
 MIN_PATH_CELLS: Final = 200
-"""Approximate minimum number of grid cells for the fastest timing along a whole path, so that paths
-of few frames get a fine grid as well. Larger values are more exact and slower. Chosen."""
+"""Approximate minimum number of grid intervals in the computation of the fastest timing of a motion
+along its whole path, so that paths of few frames get a fine grid as well. Larger values are more
+exact and slower. Chosen."""
 MIN_PIECE_SHARE: Final = 1e-6
 """Minimum length of a straight piece between two blended corners of a path, as a fraction of the
 step between frames; a shorter one is rounding and is left out. Chosen."""

@@ -23,9 +23,9 @@ COUNT_TOLERANCE: Final = 0.1
 """Maximum deviation from the requested number of modules, as a fraction of it, for a voxelisation
 of a solid to count as near. Larger values give the fit to the solid more weight. Chosen."""
 COUNT_PENALTY: Final = 0.3
-"""Overlap with the solid (IoU, 0 to 1) that a voxelisation must gain to deviate by 100 % from the
-requested number of modules; less in proportion. Larger values come nearer to that number.
-Chosen."""
+"""Amount that is subtracted from the score of a voxelisation (its overlap with the solid, IoU from
+0 to 1) if its number of modules deviates by 100 % from the requested one; less in proportion.
+Larger values come nearer to that number. Chosen."""
 SCORE_TOLERANCE: Final = 0.01
 """Difference of scores (overlap with the solid, IoU from 0 to 1) within which two voxelisations
 count as equally good. Larger values let the number of modules decide more often. Chosen."""
@@ -52,16 +52,17 @@ OTHER_COUNTS: Final = {False: (0.85, 0.7, 0.5), True: (1.18, 1.4, 2.0)}
 """Factors on the number of modules next to the chosen one that are tried in order, above (True) and
 below (False), if no other voxelisation to offer is found nearby. Chosen."""
 MAX_OFFER_FACTOR: Final = 2.5
-"""Maximum ratio of a larger number of modules that is offered, to the number next above the chosen
-one; smaller offered numbers are at least the number next below divided by it. Larger values offer
-more distant numbers. Chosen."""
+"""When a solid is divided into modules, other numbers of modules that also fit it well are offered
+to the user. This is the largest ratio, upwards or downwards, of an offered number to the nearest
+one that could be offered. Larger values offer more distant numbers. Chosen."""
 MAX_OFFERS_TRIED: Final = 8
-"""Maximum number of promising numbers of modules, above and below the chosen one each, that are
-voxelised in full to offer another one. Larger values find more offers, more slowly. Chosen."""
+"""Maximum number of promising numbers of modules, above and below the chosen one each, for which a
+solid is voxelised in full, until one is found that is offered to the user as an alternative. Larger
+values find more alternatives, more slowly. Chosen."""
 MAX_OFFER_COUNTS: Final = 400
 """Maximum number of different numbers of modules, above and below the chosen one each, whose
-estimated scores are compared to offer another one. Larger values find more offers, more slowly.
-Chosen."""
+estimated fit to the solid is compared to offer the user an alternative. Larger values find more
+alternatives, more slowly. Chosen."""
 MAX_FIT_SAMPLES: Final = 1.2e8
 """Maximum number of samples, points at which a solid is sampled to fit cells to it, of all fits
 that are tried for one number of modules. Larger values try more cell sizes and orientations, more
@@ -75,9 +76,9 @@ MAX_FITS: Final = 120
 of modules, however small the solid is. Larger values fit small solids better, more slowly.
 Chosen."""
 THOROUGH_FROM_FITS: Final = 30
-"""Number of fits (cell sizes and orientations) of a solid that the limit of samples allows, from
-which on more of the best ones are compared in full. Smaller values compare more for large solids,
-more slowly. Chosen."""
+"""Minimum number of fits (cell sizes and orientations of a solid) that may be tried within the
+limit of sample points for the choice to be thorough: then up to 10, instead of 4, of the best fits
+are voxelised and compared. Smaller values are thorough for larger solids, more slowly. Chosen."""
 PITCHES_PER_SIDE: Final = 4
 """Number of cell sizes (pitches), 1.25 % apart, that are tried on either side of the one that is
 estimated to give the requested number of modules. Larger values find cells that fit better, more

@@ -31,8 +31,9 @@ from planner.statics.friction import Friction, drifting, rays, wider
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 MIN_TORQUE_WP: Final = 0.01
-"""Largest torque of a hinge, in w·p (module weight × pitch), that counts as zero in the equilibrium
-of a chain on a table. Larger values end the search for smaller torques sooner. Chosen."""
+"""Minimum torque of a hinge, in w·p (module weight × pitch), that differs from zero in the
+equilibrium of a chain on a table: the search for equilibria with smaller torques ends there, and
+smaller torques are reported as zero. Chosen."""
 EQUILIBRIUM_TOLERANCE_W: Final = 1e-3
 """Maximum residual force (module weights) or moment (module weight × pitch) on the whole chain in a
 computed equilibrium; with more, the configuration counts as without equilibrium. Chosen:

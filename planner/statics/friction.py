@@ -24,27 +24,31 @@ from planner.statics.contacts import Contacts
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 CONE_SIDES: Final = 8
-"""Number of edges of the pyramid that approximates the friction cone of a sticking corner from
-inside. Larger values allow nearly all friction forces of the cone, more slowly. Chosen."""
+"""Number of edges of the pyramid, inside the friction cone, that approximates the permitted contact
+forces of a module's corner that sticks to the table. Larger values allow nearly all forces of the
+cone, so that more equilibria are found, more slowly. Chosen."""
 SLIP_THRESHOLD: Final = 1e-3
-"""Minimum displacement of a corner on the table, as a fraction of the largest displacement of a
-module, to count as slipping rather than sticking. Larger values let more corners stick. Chosen."""
+"""Displacement of a module's corner on the table in the next moment of a motion, as a fraction of
+the largest displacement of a module, above which the corner slips and friction acts against its
+motion; otherwise it sticks. Larger values let more corners stick. Chosen."""
 DRIFT_SLIP_THRESHOLD: Final = 0.02
-"""Minimum displacement of a corner on the table, as a fraction of the largest displacement of a
-module, to count as slipping if the chain drifts as a whole. Larger values let more corners stick.
-Chosen: larger than without drift, as the drift is only estimated."""
+"""Displacement of a module's corner on the table in the next moment of a motion, as a fraction of
+the largest displacement of a module, above which the corner slips if the chain slides on the table
+as a whole. Larger values let more corners stick. Chosen: larger than for a chain that does not
+slide, as the sliding is only estimated."""
 DIRECTION_SPREADS_RAD: Final = (0.2, 0.8)
 """Friction acts opposite to slipping, but the drift of a chain on a table is only estimated.
 Angles, rad, to either side within which friction may point; the second is used if there is no
 equilibrium with the first. Larger ones find more equilibria, also false ones. Chosen."""
 REDUCED_FRICTION_SHARE: Final = 2e-3
-"""Displacement of a corner on the table, as a fraction of the largest displacement of a module,
-below which friction is reduced in proportion to estimate where the chain drifts; Coulomb friction
-acts at full strength however little a corner slips. Smaller values are more exact and converge more
+"""Displacement of a module's corner on the table, as a fraction of the largest displacement of a
+module, below which friction is reduced in proportion while it is estimated how the whole chain
+slides; real (Coulomb) friction is not reduced. Smaller values are more exact and converge more
 slowly. Chosen."""
 MAX_DRIFT_ITERATIONS: Final = 100
-"""Maximum number of iterations that estimate the drift of a whole chain on the table. Larger values
-are more exact if the estimate converges slowly, and take more time. Chosen."""
+"""Maximum number of iterations that estimate how the whole chain slides on the table; beyond it the
+last estimate is used. Larger values are more exact if the estimate converges slowly, and take more
+time. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -26,8 +26,9 @@ from planner.table_paths.table_paths import paths_or_reasons
 Kind = Literal["repair", "modules", "blocks"]
 
 OFFERS_LIMIT_S: Final = 20.0
-"""Wall-clock limit, in s, of the search for variants of a shape that can fold on a table. A larger
-value finds more of them, later. Chosen."""
+"""Wall-clock limit, in s, of the search for changed shapes that can fold on a table, to be offered
+instead of one that cannot. After it those found so far are offered; a larger value finds more of
+them, later. Chosen."""
 MAX_COUNTS: Final = 12
 """Maximum number of other numbers of modules, above and below the requested one each, that are
 tried to find a variant that can fold on a table. Larger values find more variants, more slowly.

@@ -19,8 +19,9 @@ from planner.table_paths.rules import FLAT_STEPS
 Ints = NDArray[np.int64]
 
 FRONT_WINDOW_CELLS: Final = 4
-"""Number of consecutive cells of a path whose mean position follows the front of the fold; paths
-whose front moves sideways less are preferred. Larger values ignore short detours. Chosen."""
+"""Number of consecutive cells of a path over which its horizontal position is averaged, to score
+how far the place where the chain folds moves sideways; paths that move it less are preferred.
+Larger values ignore short detours. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,8 +23,9 @@ MAX_UNREPORTED_BEND_RAD: Final = float(np.deg2rad(60.0))
 """Maximum bend, in rad, of hinges that the evidence of a jam may leave out as straight; evidence
 that leaves out more is refused. Larger values accept evidence with fewer hinges. Chosen."""
 MAX_BLOCKED_MOVE_PITCH: Final = 1.0
-"""Maximum displacement, in pitches, by which the evidence of a jam may show that a group of modules
-collides: a group that can move by a whole cell counts as free."""
+"""Maximum displacement, in pitches, at which a group of modules must collide for the stored
+evidence that a chain is jammed to be accepted. With a larger one the evidence is refused, as a
+group that can move by a whole cell counts as free. Chosen."""
 SINGLE_PRECISION_ANGLE_RAD: Final = 1e-5
 """Maximum difference, in rad, between the angles of the part of a chain that a jam's evidence
 states as still folded and the folded angles: the record is in single precision."""

@@ -14,8 +14,9 @@ from planner.plan.plan import EARLIER_FORMATS, Plan
 from planner.playback.playback import Playback
 
 JSON_ROUNDING: Final = 1e-9
-"""Maximum difference between numbers in ``plan.json`` and ``plan.npz`` for plans in earlier
-formats, whose JSON has twelve decimals."""
+"""Maximum difference between numbers in ``plan.json`` and ``plan.npz`` with which verification
+accepts plans in earlier formats, whose JSON is rounded to twelve decimals. Larger values would
+accept altered plans."""
 
 
 def forms_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:

@@ -35,20 +35,27 @@ from planner.errors import InputError
 from planner.plan.differences import Differences
 
 STEPS_PER_PART: Final = 4
-"""Number of equal steps of each part of a motion, at whose ends the deviation from a straight part
-is measured; ``SPREAD`` and ``REMAINDER`` hold for 4. Chosen: an odd number of inner moments has one
-in the middle."""
+"""Number of equal time steps of each piece of a motion in which the IPC Toolkit lets all corners of
+modules move straight. The distance from the real, curved motion is measured at the 3 moments
+between the steps. Larger values bound it more tightly, more slowly, and need other ``SPREAD`` and
+``REMAINDER``. Chosen."""
 SPREAD: Final = 1.87
-"""Largest sum of the absolute Lagrange polynomials of the three inner ones of five equidistant
-nodes, rounded up."""
+"""Ratio of the largest deviation of a curved motion from a straight one anywhere in a piece of it
+to the largest of the three measured, for a polynomial of degree 4: largest sum of the absolute
+Lagrange polynomials of the three inner ones of five equidistant nodes, rounded up. Computed."""
 REMAINDER: Final = 3.0e-5
-"""Largest product of distances from five equidistant nodes of [0, 1], divided by 5!, rounded up."""
+"""Interpolation error, per unit of the fifth derivative, of the polynomial through five equidistant
+nodes of [0, 1]: the largest product of distances from them, divided by 5!, rounded up. It is added
+to the deviation of the motion that the IPC Toolkit checks from the real one. Computed."""
 DISTANCE_SHARE: Final = 0.9
-"""Distance that ipctk must confirm, in claimed clearances. Larger values confirm more and need
-smaller deviations. Chosen."""
+"""Distance between modules that the IPC Toolkit must confirm for a plan, as a fraction of the
+clearance that the plan claims; where modules come closer, a contact is reported. Larger values
+confirm more and need smaller deviations from straight motion. Chosen."""
 DEVIATION_SHARE: Final = 0.02
-"""Maximum deviation of straight motion, in claimed clearances. Smaller values confirm more, at a
-cost that grows with the root of their inverse. Chosen: 0.9 - 2 · 0.02 of the claim is confirmed."""
+"""Maximum distance of a module's corner from the straight motion with which the IPC Toolkit checks
+it, as a fraction of the clearance that the plan claims; with more, the motion is divided into more
+pieces. Smaller values confirm more, more slowly. Chosen: 0.9 − 2 · 0.02 = 86 % of the claim is
+confirmed."""
 IPCTK_MISSING: Final = (
     "The IPC Toolkit is not installed; expected the package ipctk. Install it: "
     "pip install 'foldback[ipctk]'."

@@ -33,8 +33,8 @@ MESH_SUFFIXES: Final = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
 """File name suffixes of uploads that are triangle meshes, in lower case. Other uploads hold voxels,
 paths of cells, or chains."""
 MAX_ID_CHARS: Final = 64
-"""Maximum length of an id in a form; no id is longer. A larger value only lets longer texts in
-before they are refused."""
+"""Maximum length of the id of a fold or a preview in a form, in characters; a longer text is
+refused, as no id is longer. A smaller value could refuse valid ids. Chosen."""
 OPTIONAL_ID: Final = "^[A-Za-z0-9_-]*$"
 Cells = list[list[int]]
 Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]

@@ -22,11 +22,16 @@ from server.settings import Settings
 CODE_LETTERS: Final = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"
 """Characters of a code: those that people do not confuse, as codes are read aloud."""
 CODE_LENGTH: Final = 12
-"""Length of the code of a class, 60 bits. A smaller value makes codes easier to guess. Chosen."""
+"""Number of characters of the code in the link to a class (a leader whose 3D view of a fold others
+see live), of 31 letters and digits: 59 bits. A smaller value makes codes easier to guess.
+Chosen."""
 MAX_FOLLOWERS: Final = 100
-"""Maximum number of followers of one class. A larger value delays views and other visitors."""
+"""Maximum number of browsers that follow one class (a leader whose 3D view of a fold others see
+live); further ones are refused. A larger value lets one class delay other visitors more. Chosen."""
 MAX_VIEW_LENGTH: Final = 200
-"""Maximum length of a view, in characters: all words with their longest values are shorter."""
+"""Maximum length of a message in which the leader of a class (a shared live 3D view of a fold)
+states what is seen (frame, camera, colours), in characters; a longer one ends the class. A smaller
+value could refuse valid messages. Chosen."""
 VIEW_WORDS: Final = {
     "frame": re.compile(r"[0-9]{1,9}"),
     "module": re.compile(r"[0-9]{1,9}"),

@@ -22,28 +22,36 @@ SLICE_EVENTS: Final = 64
 that are processed in one turn of the event loop, about 2 ms. A larger value delays other
 connections. Chosen."""
 REQUEST_EVENTS: Final = 20
-"""Number of protocol events that one HTTP request counts as in the rate limit: answering it costs
-about 0.5 ms, parsing one event (a chunk or a frame) 0.025 ms. Measured."""
+"""Number of protocol events (HTTP chunks, websocket frames) as which one HTTP request counts in the
+rate limit, beyond which a connection is not read for a while. Answering a request costs about 0.5
+ms, parsing a chunk or a frame 0.025 ms. Measured."""
 HEADER_FIELDS_PER_EVENT: Final = 4
-"""Number of header fields that count as one protocol event in the rate limit. With a larger value
-requests with many fields may take more processor time. Chosen."""
+"""Number of HTTP header fields that count as one protocol event (HTTP chunk, websocket frame) in
+the rate limit, beyond which a connection is not read for a while. With a larger value requests with
+many fields may take more processor time. Chosen."""
 EVENT_RATE_RESERVE: Final = 2.0
-"""Limit of a visitor's protocol events per second, as a multiple of the events that its permitted
-requests per second count as. A larger value lets a flood take more processor time; a smaller one
-slows uploads and streams. Chosen."""
+"""Limit of a visitor's protocol events (HTTP chunks, websocket frames) per second, as a multiple of
+what its permitted requests per second count as; beyond it the visitor's connections are not read
+for a while. A larger value lets a flood take more processor time; a smaller one slows uploads and
+streams. Chosen."""
 EVENT_BURST_S: Final = 5.0
-"""Capacity of the token bucket that limits protocol events, in seconds of its rate. With a larger
-value a burst delays other visitors for longer: at this value for about 0.5 s. Chosen."""
+"""Number of protocol events (HTTP chunks, websocket frames) that a visitor or a connection may
+cause at once after a pause, in seconds of its permitted rate. With a larger value a burst delays
+other visitors for longer: at this value for about 0.5 s. Chosen."""
 MIN_BURST_EVENTS: Final = 1000.0
-"""Minimum capacity of the token bucket that limits protocol events, in events, so that a low rate
-does not stop ordinary page loads. A larger value permits longer bursts. Chosen."""
+"""Minimum number of protocol events (HTTP chunks, websocket frames) that a visitor or a connection
+may cause at once after a pause, so that a low permitted rate does not stop ordinary page loads. A
+larger value permits longer bursts. Chosen."""
 CONNECTION_FRACTION: Final = 0.25
 """Limit of protocol events (HTTP chunks, websocket frames) of one connection, as a fraction of its
-visitor's limit: 1000 of 4000 per second by default. A robot may send 400 messages per second. A
-larger value lets one connection use up the visitor's limit. Chosen."""
+visitor's limit: 1000 of 4000 per second by default; beyond it the connection is not read for a
+while. A robot may send 400 messages per second. A larger value lets one connection use up the
+visitor's limit. Chosen."""
 VISITORS_AT_FULL_RATE: Final = 4
-"""Limit of protocol events of all visitors together, as a multiple of the limit of one visitor. A
-larger value lets floods from many addresses take more processor time. Chosen."""
+"""Limit of protocol events (HTTP chunks, websocket frames) of all visitors together, as a multiple
+of one visitor's limit. Beyond it the connections of visitors that have used half of their own
+reserve are not read for a while. A larger value lets floods from many addresses take more processor
+time. Chosen."""
 ALL_VISITORS: Final = "all"
 
 

@@ -18,15 +18,16 @@ CLOSE_HANDSHAKE_S: Final = 1.0
 """Time that a client may take to answer the close frame of a websocket, in s; then the connection
 is aborted. A larger value leaves more connections open to clients that do not answer. Chosen."""
 PARSED_BYTES: Final = 512
-"""Number of received websocket bytes that are parsed before their events count in the rate limit;
+"""Number of received websocket bytes that are parsed before their frames count in the rate limit;
 they hold at most 85 frames. A larger value lets a flood of small frames take more processor time
-before it is noticed. Chosen."""
+before it is slowed down. Chosen."""
 MAX_FRAGMENTS: Final = 256
 """Maximum number of frames in which a client may send one websocket message; with more the
 connection is closed. A larger value lets one message take more memory. Chosen."""
 BYTES_PER_EVENT: Final = 8192
-"""Number of received websocket bytes that count as one protocol event in the rate limit, in
-addition to each frame. A larger value lets long messages take more processor time. Chosen."""
+"""Number of received websocket bytes that count as one frame in the rate limit, in addition to the
+frames themselves, so that long messages are limited, too. A larger value lets them take more
+processor time. Chosen."""
 
 
 class _CountingServer(ServerProtocol):

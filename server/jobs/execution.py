@@ -35,9 +35,9 @@ UPLOAD_INTERVAL_S: Final = 0.7
 """Time between two copies of a running fold's motion to the object store, in s. A larger value
 shows frames later; a smaller one transfers more. Chosen."""
 MAX_CRASHES: Final = 3
-"""Number of crashes of the computing process within one stage after which a fold fails. With 1 a
-single accident fails a fold; with a larger value a fold that always crashes occupies a worker for
-longer. Chosen."""
+"""Number of crashes of the computing process within one stage of a fold (such as the explosion or
+the certificate) after which the fold fails. With 1 a single accident fails a fold; with a larger
+value a fold that always crashes occupies a worker for longer. Chosen."""
 log = logging.getLogger("foldback.worker")
 
 

@@ -44,14 +44,14 @@ MIN_UNUSED_S: Final = 3600.0
 s. A larger value may leave the disk full; a smaller one deletes folds that are still in use.
 Chosen."""
 ORPHAN_SWEEP_S: Final = 3600.0
-"""Time between two searches for folds' files that belong to no row of the database, in s. A larger
-value leaves such files on the disk for longer. Chosen."""
+"""Time between two searches for files of folds that are not in the database, in s, to delete them.
+A larger value leaves such files on the disk for longer. Chosen."""
 NAMES_PER_SWEEP: Final = 500
-"""Maximum number of folds whose files one sweep compares with the database; later sweeps continue.
-A larger value delays the worker's other duties. Chosen."""
+"""Maximum number of folds' directories that one search for files without an entry in the database
+checks; the next search continues. A larger value delays the worker's other duties. Chosen."""
 MIN_ORPHAN_AGE_S: Final = 3600.0
-"""Minimum age of files that belong to no row of the database before they are deleted, in s: a new
-fold has files before it has a row. A smaller value may delete new folds; a larger one occupies the
+"""Minimum age of files of folds that are not in the database before they are deleted, in s: a new
+fold has files before it is entered. A smaller value may delete new folds; a larger one occupies the
 disk for longer. Chosen."""
 MIN_DERIVED_AGE_S: Final = 600.0
 """Minimum age of a derived file (an export or a movie) before it may be deleted to make room, in s,
@@ -71,9 +71,9 @@ MAX_CANCELLED_FOLDS: Final = 32
 """Maximum number of cancelled folds that are stored for one visitor; older ones are deleted. A
 larger value makes each cancellation slower. Chosen."""
 DELETION_BATCH_ROWS: Final = 500
-"""Maximum number of rows of the table of folds that one database query reads when cancelled or
-expired folds are deleted. A larger value takes more memory; a smaller one needs more queries.
-Chosen."""
+"""Maximum number of folds that one database query reads when cancelled or expired folds are
+deleted; further queries read the rest. A larger value takes more memory; a smaller one needs more
+queries. Chosen."""
 MAX_DELETION_BATCHES: Final = 20
 """Maximum number of batches, of up to ``DELETION_BATCH_ROWS`` folds each, that one regular clean-up
 deletes of cancelled folds, and again of expired ones; the next one continues. A larger value delays

@@ -25,9 +25,10 @@ from server.store.tables import ENDED, FoldRow, MovieRow
 from words.fold import RUNNING_STATUSES
 
 MAX_LOSSES: Final = 100
-"""Number of executions of a fold or a movie that may be lost with their worker between two finished
-stages; then it fails. With a larger value something that always crashes its worker delays other
-folds for longer; a smaller one may fail folds on machines that are restarted often. Chosen."""
+"""Number of times that a fold or a movie may be lost with its worker (a crash or a restart of the
+machine) without a finished stage in between; then it fails. With a larger value something that
+always crashes its worker delays other folds for longer; a smaller one may fail folds on machines
+that are restarted often. Chosen."""
 
 
 class Lane(StrEnum):

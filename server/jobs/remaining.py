@@ -41,15 +41,17 @@ MIN_REMAINING_S: Final = 0.1
 """Smallest remaining time that is reported for a running fold, in s, as 0 means that the fold takes
 longer than usual. A larger value overestimates the end. Chosen."""
 LATE_FACTOR: Final = 2.0
-"""Multiple of a stage's typical duration after which the stage counts as late, so that no remaining
-time is displayed. With a larger value wrong estimates are displayed for longer. Chosen."""
+"""Multiple of the typical duration of a fold's stage (such as the explosion) after which the stage
+counts as late, so that no remaining time is displayed. With a larger value wrong estimates are
+displayed for longer. Chosen."""
 LATE_MARGIN_S: Final = 3.0
-"""Time on top of a multiple of a stage's typical duration before the stage counts as late, in s, so
-that short stages are not late at once. A larger value reports delays later. Chosen."""
+"""Time by which a fold's stage (such as the explosion) may exceed the multiple ``LATE_FACTOR`` of
+its typical duration before it counts as late, in s, so that short stages are not late at once. With
+a larger value wrong estimates are displayed for longer. Chosen."""
 MIN_REMAINING_FRACTION: Final = 0.1
-"""Smallest estimated remaining time of a running stage, as a fraction of its typical duration; it
-applies once the typical duration is almost over. A larger value makes estimates of late stages
-longer. Chosen."""
+"""Smallest estimated remaining time of a fold's running stage (such as the explosion), as a
+fraction of the stage's typical duration, also if the stage has taken longer. A larger value makes
+estimates longer near the end of a stage. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

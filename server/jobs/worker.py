@@ -35,11 +35,13 @@ RECOVERY_POLL_S: Final = 2.0
 """Maximum time between two checks of a worker for expired workers and lost jobs, in s. With a
 larger value a dead worker's folds continue later. Chosen."""
 HEARTBEATS_PER_LEASE: Final = 5
-"""Number of heartbeats that a worker sends within the lease time, without which it counts as dead.
-A larger value tolerates more lost heartbeats and writes to the database more often. Chosen."""
+"""Number of times that a worker reports to the database (heartbeat) within the configured time
+``lease_s``; after this time without a report it counts as dead. A larger value tolerates more lost
+reports and writes to the database more often. Chosen."""
 RECOVERY_POLLS_PER_LEASE: Final = 8
-"""Minimum number of checks for expired workers within the lease time, after which a worker without
-heartbeats counts as dead. With a smaller value dead workers are noticed later. Chosen."""
+"""Minimum number of times that a worker looks for dead workers within the configured time
+``lease_s``, after which a worker without reports counts as dead. With a smaller value the folds of
+dead workers continue later. Chosen."""
 WORKER_SWEEP_S: Final = 60.0
 """Minimum time between two deletions of expired files and jobs by a worker, in s. A larger value
 occupies the disk for longer. Chosen."""

@@ -24,8 +24,9 @@ NETWORK_HEX_DIGITS: Final = 12
 """Number of hexadecimal digits of a network's pseudonym (a keyed hash of its address). With fewer
 digits different networks share a pseudonym, and thus limits, more often. Chosen."""
 VISITOR_HEX_DIGITS: Final = 32
-"""Number of hexadecimal digits of the hash that identifies a visitor's address. With the digits of
-its two networks a pseudonym has 58 characters, of 64 that the database column holds. Chosen."""
+"""Number of hexadecimal digits of the keyed hash that identifies a visitor's address. A larger
+value could exceed the database column: with the digits of the visitor's two networks it takes 58 of
+64 characters. Chosen."""
 
 
 def visitor_at(host: str) -> str:

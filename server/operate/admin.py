@@ -31,7 +31,8 @@ PSEUDONYM_CHARACTERS: Final = 8
 part of the hash of the visitor's network of IP addresses, so visitors of one network look the same.
 A larger value makes the lists wider. Chosen."""
 PENDING_EXIT_CODE: Final = 3
-"""Exit code of ``migrate --check`` if a migration would change tables."""
+"""Exit code of ``migrate --check`` if the database has tables of an older version, which a
+migration would change. Scripts can tell it from 0 (up to date) and 1 (error)."""
 
 admin = typer.Typer(
     add_completion=False,

@@ -16,8 +16,8 @@ from server.operate.errors import AdminError
 
 MANIFEST: Final = "manifest.json"
 BACKUP_FORMAT: Final = 1
-"""Version number of the manifest's format. Backups of another format are refused; it rises when an
-older foldback could not restore a new backup. Chosen."""
+"""Version number of the format of backups, which is stored in each. Restoring a backup of another
+version is refused; the number rises when an older foldback could not restore a new backup."""
 DATABASE_NAME: Final = re.compile(r"rows\.(sqlite|dump)")
 FILE_NAMES: Final = re.compile(
     r"folds/[0-9A-Za-z]{1,32}(/(?!\.)[^/\\\x00-\x1f]{1,255}){1,32}"

@@ -32,8 +32,9 @@ _CARD_STATUSES: Final = {
     "failed": "failed",
 }
 MAX_INCLUDED_FOLDS: Final = 10_000
-"""Maximum number of public folds that are read to find those which came with the package. With more
-public folds some would be missing from pages. Chosen."""
+"""Maximum number of public folds, newest first, among which pages look for the finished folds that
+come with the package. With more public folds some of these would be missing from pages; a larger
+value takes longer. Chosen."""
 FEATURED_SHAPES: Final = (
     "tetra-ring",
     "wrench-24",

@@ -64,7 +64,7 @@ MAX_EVENT_BYTES: Final = 2**20
 invalid. A larger value lets a faulty process take more memory. Chosen."""
 MAX_BUFFERED_EVENTS: Final = 32
 """Maximum number of unprocessed messages from a computing process that are held in memory; with
-more the process has to wait. Chosen."""
+more the process has to wait until some are processed. A larger value takes more memory. Chosen."""
 LOST: Final = "lost"
 """Error code if a computing process ended because its parent, the fork server, ended. The task is
 not the cause and may be repeated."""
@@ -72,8 +72,9 @@ CRASHED: Final = "crashed"
 """Error code if a computing process exited by itself, was ended by a signal, or sent an invalid
 message."""
 MAX_LOST_ATTEMPTS: Final = 3
-"""Number of attempts at a short task, such as a preview, if the fork server, which starts computing
-processes, ends during each. A larger value lets the client wait longer for an error. Chosen."""
+"""Maximum number of attempts at a short task, such as a preview, whose computing process is lost
+because the fork server, which starts such processes, has ended; then the client gets an error. With
+a larger value it gets the error later. Chosen."""
 EVENTS: Final = {
     "ready": set[str](),
     "progress": {

@@ -29,9 +29,9 @@ MAX_STORED_CELLS: Final = 4000
 larger shapes have no such drawing. Equals ``MAX_DRAWN_MODULES`` of ``server.pages.fold``.
 Chosen."""
 OFFERS_TIME_FACTOR: Final = 2.0
-"""Time limit of the search for variants of a shape that can fold on a table, as a multiple of the
-time limit of one path search. A larger value finds more variants and could exceed the time limit of
-a preview. Chosen."""
+"""Maximum time of the search for changed versions of a shape that can fold on a table, as a
+multiple of the time limit of the search for one path through the shape. A larger value finds more
+versions and could exceed the time limit of a preview. Chosen."""
 
 
 def warm_up() -> None:

@@ -59,8 +59,9 @@ A smaller value writes more often; with a larger one unused folds are ordered le
 Chosen."""
 TURN_COUNTER: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
 SLICE_END_S: Final = 1.0
-"""Time that a fold is assumed to take to pause for another one after its time slice, in s: a check
-of the queue and the end of a step. A larger value makes estimated waiting times longer. Chosen."""
+"""Time that a running fold is assumed to take until it has paused for another one, in s: the check
+of the queue and the end of a computing step. A larger value makes estimated waiting times longer.
+Chosen."""
 CANCELLATION_MEMORY_S: Final = 3600.0
 """Time, in s, for which gallery folds of a visitor who has cancelled one no longer go before all
 others in the queue. With a smaller value visitors who start and cancel gallery folds again and

@@ -14,11 +14,11 @@ from sqlalchemy.orm import InstrumentedAttribute
 from server.store.tables import FoldRow
 
 MIN_TOKEN_CHARS: Final = 24
-"""Minimum length of an owner token, in characters; a shorter one counts as none, since it could be
-guessed. Chosen."""
+"""Minimum length of the secret token that proves the ownership of folds, in characters; a shorter
+one counts as none. A smaller value permits tokens that could be guessed. Chosen."""
 MAX_TOKEN_CHARS: Final = 200
-"""Maximum length of an owner token, in characters; a longer one counts as none. A larger value
-permits larger headers. Chosen."""
+"""Maximum length of the secret token that proves the ownership of folds, in characters; a longer
+one counts as none. A larger value permits larger request headers. Chosen."""
 DigestColumn = InstrumentedAttribute[str] | InstrumentedAttribute[str | None]
 """Column with digests of owner tokens."""
 

@@ -36,29 +36,33 @@ MAX_LISTED_PREVIEWS: Final = 50
 """Maximum number of previews in the list of an owner's previews; older ones are left out. A larger
 value makes the list slower. Chosen."""
 MAX_PREVIEW_ACCESS_AGE_S: Final = 60.0
-"""Maximum age of a preview's stored time of the last access when it is used again, in s, but at
-most an eighth of its lifetime. A smaller value writes to the database more often; with a larger one
-unused previews are ordered less accurately. Chosen."""
+"""Time by which the stored time of the last access to a preview may be out of date before an access
+updates it, in s, but at most an eighth of the preview's lifetime. A smaller value writes to the
+database more often; with a larger one the least recently used previews are known less accurately.
+Chosen."""
 PREVIEW_SWEEP_S: Final = 60.0
 """Maximum time between two deletions of expired previews, in s. With a larger value expired
 previews occupy the disk for longer. Chosen."""
 PREVIEW_SWEEP_BYTES: Final = 16 * 2**20
-"""Number of newly written bytes of uploads and previews after which expired previews are deleted,
-at most an eighth of the limit for all previews. With a larger value the limit is exceeded further
-in between. Chosen."""
+"""Number of newly written bytes of uploads and previews after which expired previews are deleted to
+make room, but at most an eighth of the limit for all previews. With a larger value the limit is
+exceeded further in between. Chosen."""
 STORED_SWEEP_S: Final = 600.0
-"""Minimum time between two searches of the object store for previews without a row, in s. With a
-larger value such files occupy storage for longer; a smaller value lists the store more often.
-Chosen."""
+"""Minimum time between two searches of the object store for files of previews that are not in the
+database, in s, to delete them. With a larger value such files occupy storage for longer; a smaller
+value lists the store more often. Chosen."""
 MIN_LOST_AGE_S: Final = 600.0
-"""Minimum age of a preview without files, or of files that are being fetched, before a sweep
-deletes them, in s. A smaller value may delete an upload that is being stored. Chosen."""
+"""Age up to which a preview whose files are missing, and files that a request may still be
+fetching, are not deleted, in s. A smaller value may delete an upload that is being stored; a larger
+one occupies storage for longer. Chosen."""
 UNREAD_UPLOAD_S: Final = 60.0
-"""Time for which a new upload without a preview is not deleted by a sweep, in s, as it may still be
-read. A smaller value may delete uploads during reading. Chosen."""
+"""Age up to which an upload without a preview is not deleted to make room, in s, as a process may
+still be reading it. A smaller value may delete uploads that are being read; a larger one protects
+abandoned uploads for longer. Chosen."""
 MAX_PROTECTED_UPLOADS: Final = 4
-"""Maximum number of one visitor's newest uploads that sweeps do not delete while they are being
-read. With a larger value a flood of uploads could exceed the limit of the disk. Chosen."""
+"""Maximum number of one visitor's newest uploads that are not deleted to make room on the disk
+while they are being read. With a larger value a flood of uploads could exceed the disk space for
+previews. Chosen."""
 STAT_BLOCK_BYTES: Final = 512
 """Size of the blocks that ``st_blocks`` of a file's status counts, in bytes (POSIX)."""
 log = logging.getLogger("foldback.web")

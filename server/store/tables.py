@@ -301,8 +301,9 @@ MISSING_LOG_ERRORS: Final = ("unable to open", "readonly database")
 """Texts in SQLite's error messages if a database in a read-only directory lacks the files of its
 write-ahead log; the database is then opened as immutable."""
 MIGRATION_LOCK = 0x666F6C65
-"""Key of the advisory lock of PostgreSQL that a process holds while it migrates the tables, so that
-two processes never do so at the same time. Any number that no other lock uses."""
+"""Key of the advisory lock of PostgreSQL that a process holds while it changes the tables to a new
+version, so that two processes never do so at the same time. Any number that no other lock uses; all
+processes must use the same."""
 
 
 def engine_of(settings: Settings) -> sa.Engine:

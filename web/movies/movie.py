@@ -43,10 +43,12 @@ MAX_TURN_DEG: Final = 720.0
 """Maximum angle by which a movie's camera may orbit around the chain, in degrees in either
 direction. A larger value permits faster orbits. Chosen."""
 READING_CHARS_PER_S: Final = 17.0
-"""Reading speed, in characters per s: the usual limit for subtitles. With a smaller value a movie
-rests for longer at the stops of a tour."""
+"""Assumed reading speed, in characters per s, that gives the time for which a movie pauses at a
+caption of a guided tour: the usual limit for subtitles. With a smaller value the movie pauses for
+longer."""
 MIN_READING_S: Final = 1.5
-"""Shortest rest of a movie at a stop of a tour, in s. Chosen."""
+"""Minimum time for which a movie pauses at a caption of a guided tour, in s. With a larger value
+the movie pauses for longer at short captions, and the chain moves faster in between. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,8 +34,8 @@ GROUND_GAP_PITCH: Final = 0.35
 """Gap between the lowest module and the drawn ground in movies and pictures of chains without a
 table, in pitches. A larger value makes the chain seem to float higher. Chosen."""
 MIN_STRAIGHT_MODULES: Final = 40
-"""Minimum number of straight modules that the camera keeps in view next to the folded part of a
-long chain. A larger value shows the folded part smaller. Chosen."""
+"""Minimum number of modules of the still straight part of a long chain that the camera keeps in
+view beside the folded part. A larger value shows the folded part smaller. Chosen."""
 
 
 _DIRECTIONS_13: Final = np.array(

@@ -28,7 +28,8 @@ NAME_PX: Final = 44
 """Largest font size of the fold's name in a picture's caption, in pixels; a long name is drawn
 smaller. Chosen."""
 VERDICT_PX: Final = 30
-"""Font size of the verdict in a picture's caption, in pixels. Chosen."""
+"""Font size of the fold's result (such as *verified*) in the caption of a preview picture, in
+pixels. A larger value leaves less room for the fold's name. Chosen."""
 FONT_FILE: Final = Path(__file__).with_name("dejavu-sans.ttf")
 """The Latin, Greek and Cyrillic letters of DejaVu Sans, with punctuation and some signs."""
 STRIP_FONT: Final = 1 / 26
@@ -37,7 +38,8 @@ to read and leaves less room for the chain. Chosen."""
 MIN_STRIP_FONT_PX: Final = 11
 """Smallest size of a caption's font in a movie, in pixels; smaller letters cannot be read."""
 MAX_STRIP_LINES: Final = 4
-"""Maximum number of lines of a caption in a movie; the rest is cut off. Chosen."""
+"""Maximum number of lines of a caption in a movie; the rest of the text is cut off. A larger value
+hides more of the chain. Chosen."""
 STRIP_OPACITY: Final = 0.86
 """Opacity of the strip behind a caption in a movie. A smaller value shows more of the chain, and
 the text is harder to read. Chosen."""

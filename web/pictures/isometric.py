@@ -16,7 +16,8 @@ Point = tuple[float, float]
 
 PITCH_UNITS: Final = 24.0
 """Length of one pitch (distance between neighbouring module centres) in an isometric drawing, in
-user units of its SVG. Chosen."""
+user units of its SVG. A larger value makes all coordinates larger; the drawing can be scaled to any
+size. Chosen."""
 DRAWN_MODULE_SIZE: Final = 0.93
 """Edge length of a cube in an isometric drawing, in pitches; smaller values widen the gaps between
 modules. Chosen."""
@@ -24,7 +25,8 @@ EDGE_STROKE_PITCH: Final = 0.1
 """Width of the stroke around each face in an isometric drawing, in pitches. A larger value rounds
 the corners of faces more. Chosen."""
 DRAWING_MARGIN_PITCH: Final = 0.6
-"""Width of the empty margin around an isometric drawing, in pitches. Chosen."""
+"""Width of the empty margin around an isometric drawing, in pitches. A larger value shows the shape
+smaller. Chosen."""
 SINE, COSINE = 0.5, math.sqrt(0.75)
 
 # Lit from above and from the left. Pages may restyle the classes; alone the file has these tones,

@@ -16,8 +16,8 @@ from planner.motion.stuck_figures import KnotFigures
 
 Array = NDArray[np.float64]
 DRAWING_SIDE: Final = 160
-"""Width and height of the square drawing of a chain's knot diagram, in SVG user units; strokes are
-a few units wide. Chosen."""
+"""Width and height of the square drawing of a chain's knot diagram, in SVG user units. A larger
+value makes its strokes, which are a few units wide, look thinner. Chosen."""
 DRAWING_RADIUS: Final = 66.0
 """Radius of the circle that the drawing of a chain's knot diagram fits into, in SVG user units; the
 square has 160. A larger value leaves less margin. Chosen."""
@@ -32,8 +32,8 @@ POINTS_PER_VERTEX: Final = 8
 """Number of points of the drawn curve per vertex of a knot drawing's layout. More make the curve
 smoother and the SVG larger. Chosen."""
 MAX_DRAWN_CROSSINGS: Final = 60
-"""Maximum number of crossings of a knot diagram that is drawn; with more the drawing would be too
-dense to read. Chosen."""
+"""Maximum number of crossings of a chain's knot diagram that is drawn; with more there is no
+drawing, as it would be too dense to read. Chosen."""
 Face = list[int]
 
 

@@ -18,9 +18,11 @@ MODULE_BEVEL: Final = 0.075
 """Width of the bevel along the edges of a displayed module, in pitches. A larger value makes
 modules look rounder. Chosen."""
 STUD_RADIUS: Final = 0.21
-"""Radius of the disc that marks the free end of a displayed chain, in pitches. Chosen."""
+"""Radius of the disc that marks the free end of a displayed chain, in pitches. A larger value makes
+the mark easier to see and less like a part of the module. Chosen."""
 STUD_HEIGHT: Final = 0.09
-"""Height of the disc that marks the free end of a displayed chain, in pitches. Chosen."""
+"""Height by which the disc that marks the free end of a displayed chain stands out of the module's
+face, in pitches. A larger value makes the mark easier to see from the side. Chosen."""
 STUD_SIDES: Final = 20
 """Number of sides of the polygon that approximates the disc at the free end of a displayed chain.
 More are rounder and slower to draw. Chosen."""

@@ -19,7 +19,8 @@ SHORT_FORM_PATTERN: Final = rf"^\d{{1,9}},{CAMERA_PATTERN}$"
 distance as a multiple of the default one and, if the camera does not follow the chain, its
 horizontal and vertical offset."""
 MAX_SHORT_FORM_LENGTH: Final = 64
-"""Maximum length of a camera view in an address, in characters; a longer one is ignored. Chosen."""
+"""Maximum length of the text in a link that states the position of the camera, in characters; a
+longer one is ignored, so that the default position is used. Chosen."""
 MAX_ELEVATION_RAD: Final = 1.56
 """Largest elevation of the camera, in rad; at π/2 it would look straight down, where the upward
 direction of the picture is undefined. ``js/player/camera_rig.js`` has the same. Chosen."""

@@ -20,8 +20,8 @@ MAX_DRAWN_POLYHEDRA: Final = 4_000
 """Maximum number of modules other than cubes in the drawing of an uploaded shape; larger shapes
 have no drawing. All their outer faces are drawn, which takes longer than for cubes. Chosen."""
 DRAWING_SIZE_PX: Final = 480
-"""Width and height of the drawing of an uploaded shape, in CSS pixels; as an SVG it can be scaled.
-Chosen."""
+"""Nominal width and height of the drawing of an uploaded shape, in CSS pixels. As an SVG it can be
+scaled without loss, so a larger value does not make it finer. Chosen."""
 QUARTER_TURN: Final[NDArray[np.int64]] = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
 """Rotation matrix by +90° about z, from the frame of the 3D view to that of isometric drawings
 (p_drawing = R p_view), so that both show nearly the same sides of a shape."""

@@ -22,14 +22,17 @@ MIN_TABLE_SIDE_PITCH: Final = 10.0
 """Minimum width and length of the displayed table, in pitches. A larger value shows a larger table
 under short chains. Chosen."""
 CORNER_RADIUS_FRACTION: Final = 0.12
-"""Radius of the displayed table's rounded corners, as a fraction of its shorter side. Chosen."""
+"""Radius of the displayed table's rounded corners, as a fraction of its shorter side. A larger
+value makes the table rounder. Chosen."""
 TABLE_BEVEL: Final = 0.12
 """Width of the bevel along the displayed table's upper edge, as a fraction of twice the table's
 thickness; it is at most half a pitch. A larger value rounds the edge more. Chosen."""
 THICKNESS_FRACTION: Final = 0.025
-"""Thickness of the displayed table, as a fraction of its longer side. Chosen."""
+"""Thickness of the displayed table, as a fraction of its longer side, but not less than
+``MIN_THICKNESS_PITCH``. A larger value makes the table look heavier. Chosen."""
 MIN_THICKNESS_PITCH: Final = 0.45
-"""Minimum thickness of the displayed table, in pitches. Chosen."""
+"""Minimum thickness of the displayed table, in pitches. A smaller value makes the table under short
+chains look like a sheet of paper. Chosen."""
 CORNER_STEPS: Final = 12
 """Number of points of the arc at each of the displayed table's corners. More are rounder.
 Chosen."""

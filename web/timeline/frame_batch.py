@@ -36,8 +36,9 @@ UNLIMITED_BYTES: Final = 2**40
 """Limit for the size of a batch of frames that is to hold a whole motion, in bytes: larger than any
 motion. Chosen."""
 WINDOW_HEADER_BYTES: Final = 80
-"""Number of bytes of one frame of a long chain, which stores only the section that moves, in
-addition to that section's angles and errors. It serves to estimate the size of batches."""
+"""Number of bytes of one frame of a long chain besides the angles and errors of its moving section,
+the only ones that such a frame stores. A batch of frames ends when their estimated size reaches its
+limit; a larger value makes the estimate larger."""
 WINDOWS_PER_READ: Final = 512
 """Number of frames of a long chain that are read at once until a batch is full; each frame stores
 only the section that moves, so their sizes are unknown before. A larger value reads more frames in

@@ -34,8 +34,8 @@ Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 SCENE_SIZE: Final = 4.0
-"""Longest side of the shape in a 3D preview, in units of the viser scene, so that shapes of all
-sizes fit into it. Chosen."""
+"""Length to which the longest side of the shape is scaled in a 3D preview, in units of the viser
+scene, so that shapes of all sizes fit into it. A larger value shows the shape larger. Chosen."""
 PATH_WIDTH_PITCH: Final = 0.3
 """Width of the rods that show the chain's path through the cells in a 3D preview, in pitches. A
 larger value hides more of the path behind. Chosen."""

@@ -33,7 +33,8 @@ MAX_SCENE_PITCH: Final = 0.25
 """Maximum length of a pitch in units of the viser scene. With a larger value the modules of short
 chains would fill the screen. Chosen."""
 PATH_THICKNESS_PITCH: Final = 0.18
-"""Thickness of the line through the modules' centres in the viser scene, in pitches. Chosen."""
+"""Thickness of the line through the modules' centres in the viser scene, in pitches. A larger value
+is easier to see from afar and hides more of the modules. Chosen."""
 TABLE_DISC_OPACITY: Final = 0.85
 """Opacity (0 to 1) of the discs in the viser scene that show the forces of modules on the table. A
 larger value hides more of the table top. Chosen."""

@@ -30,6 +30,7 @@ from server.processes.limits import ChildLimits
 from tests.server.here import FORKS
 from tests.server.service import SNAKE
 
+CHECKOUT = Path(__file__).parents[3]
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
 pytestmark = pytest.mark.processes
 WITHOUT_LIBRARIES = """
@@ -155,10 +156,9 @@ def test_start_of_a_child_is_limited(
 
 
 def running_first(place: Path, code: str) -> dict[str, str]:
-    """The environment of a process that runs some code before anything else."""
+    """The environment of a process of this checkout that runs some code before anything else."""
     (place / "sitecustomize.py").write_text(code)
-    others = filter(None, [os.environ.get("PYTHONPATH")])
-    return {"PYTHONPATH": os.pathsep.join([str(place), *others])}
+    return {"PYTHONPATH": f"{place}{os.pathsep}{CHECKOUT}"}
 
 
 def without_libraries(place: Path, more: str = "") -> dict[str, str]:

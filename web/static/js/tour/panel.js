@@ -39,17 +39,22 @@ export class TourPanel {
     this.run = button("button primary", "Play tour", () => this.toggle());
     this.edit = button("button quiet", "Edit", () => this.fold(Boolean(this.editor.hidden)), { "aria-expanded": "false", hidden: !id });
     this.list = element("ol", { class: "tour-list" });
-    this.undo = button("button", "Undo", () => { this.state?.undo(); this.show(); });
-    this.save = button("button primary", "Save", () => this.keep());
-    this.editor = element("div", { class: "tour-editor", hidden: true }, this.list, element("div", { class: "tour-ways" },
-      button("button", "Add a stop here", () => this.add()), this.undo, button("button", "Draft anew", () => this.draft()),
-      this.save, button("button quiet", "Download", () => this.download())));
+    this.editor = element("div", { class: "tour-editor", hidden: true });
     this.box = element("section", { class: "tour", "aria-label": "Tour", hidden: true }, this.caption,
       element("div", { class: "tour-ways" }, this.before, this.run, this.after, this.count, this.edit,
         button("button quiet", "Close", () => this.close())), this.editor);
+    if (id) this.fillEditor();
     get("main").append(this.box);
     addStyle(STYLE);
     addEventListener("keydown", (event) => this.key(event));
+  }
+
+  fillEditor() {
+    this.undo = button("button", "Undo", () => { this.state?.undo(); this.show(); });
+    this.save = button("button primary", "Save", () => this.keep());
+    this.editor.append(this.list, element("div", { class: "tour-ways" },
+      button("button", "Add a stop here", () => this.add()), this.undo, button("button", "Draft anew", () => this.draft()),
+      this.save, button("button quiet", "Download", () => this.download())));
   }
 
   // Opens the tour at a stop, counted from 1; with `view` false, the view is as the address says.
@@ -140,8 +145,8 @@ export class TourPanel {
   // Writes what can be done now.
   offer() {
     this.say();
-    this.undo.disabled = !this.state?.undone.length;
-    this.save.disabled = !this.state?.changed;
+    if (this.undo) this.undo.disabled = !this.state?.undone.length;
+    if (this.save) this.save.disabled = !this.state?.changed;
   }
 
   /**
