@@ -115,7 +115,7 @@ def test_tour_is_played_edited_and_kept(visit: Visit, service: Service) -> None:
 def test_compare_plays_and_turns_two_folds_together(
     visit: Visit, service: Service, wrench: str
 ) -> None:
-    page = visit(f"/folds/{wrench}", width=960, height=440, view=False)
+    page = visit(f"/folds/{wrench}", view=False)
     page.locator("#compare").click()
     page.get_by_role("button", name="Direct servoing").click()
     page.wait_for_url("**/compare?a=*&b=*")
@@ -138,9 +138,9 @@ def test_compare_plays_and_turns_two_folds_together(
 
     left, right = (side.locator("canvas") for side in sides)
     before, box = right.screenshot(), left.bounding_box()
-    page.mouse.move(box["x"] + 100, box["y"] + 100)
+    page.mouse.move(box["x"] + 100, box["y"] + 150)
     page.mouse.down()
-    page.mouse.move(box["x"] + 160, box["y"] + 140, steps=3)
+    page.mouse.move(box["x"] + 160, box["y"] + 190, steps=3)
     page.mouse.up()
     page.wait_for_url(re.compile(r"#frame=11&camera=-?[\d.]+,[\d.]+,1$"))
     assert right.screenshot() != before
