@@ -40,8 +40,8 @@ ALL_FILE_RIGHTS: Final = {1: (1 << 13) - 1, 2: (1 << 14) - 1, 3: (1 << 15) - 1, 
 """Bit mask of all access rights to files that Landlock restricts, by the version of its interface
 that introduced the mask (linux/landlock.h)."""
 TCP_RIGHTS: Final = 0b11
-"""Bit mask of the Landlock rights to bind and to connect TCP sockets, which version 4 of its
-interface introduced (linux/landlock.h)."""
+"""Bit mask of the Landlock rights to bind (1) and to connect (2) TCP sockets. Confined processes
+are denied both. Defined by linux/landlock.h for version 4 of the interface and later ones."""
 SCOPES: Final = 0b11
 """Bit mask with which Landlock isolates a process from other processes' abstract Unix sockets and
 from sending them signals, since version 6 of its interface (linux/landlock.h)."""
