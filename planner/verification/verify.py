@@ -46,9 +46,9 @@ from planner.verification.timelines import (
 )
 
 MAX_DIFFERENCES: Final = 8
-"""Maximum number of differences that a verification lists for each thing that it checks (the motion,
-the model, the certificate, …): values or files that are not what a new computation gives. Further
-ones are only counted. Larger values make longer reports. Chosen."""
+"""Maximum number of differences that a verification lists for each thing that it checks (motion,
+model, certificate, …): values or files that are not what a new computation gives. Further ones are
+only counted. Larger values make longer reports. Chosen."""
 EXEMPT_PAIR_LINE: Final = re.compile(r'<exclude body1="module_(\d+)" body2="module_(\d+)"/>')
 """Matches the line of an MJCF model that exempts a pair of modules from collision; its groups are
 the two modules' numbers."""
