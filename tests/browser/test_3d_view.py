@@ -51,7 +51,7 @@ def test_view_shows_figures_and_the_path_and_rests(
     seek(page, int(np.nanargmax(figures.peak_torque_nm)))
     menu = page.locator("#colour-by")
     expect(menu.locator("option[disabled]")).to_have_count(0)
-    expect(menu.locator("option")).to_have_count(7)
+    expect(menu.locator("option")).to_have_count(8)
     before = picture(page)
     menu.select_option("torque")
     expect(page.locator("#legend-high")).to_have_text(re.compile(r"N·m$"))

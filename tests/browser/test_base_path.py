@@ -26,7 +26,7 @@ def test_pages_below_a_path_ask_for_nothing_beside_it(
     data = tmp_path_factory.mktemp("below") / "data"
     service = Service(data, base_path=BASE, workers=0, finished_folds=True).start()
     try:
-        walk(f"{service.http.base_url}{BASE}", browser)
+        walk(f"http://127.0.0.1:{service.http.base_url.port}{BASE}", browser)
     finally:
         assert service.stop() == 0
 
