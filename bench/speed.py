@@ -25,7 +25,7 @@ from bench.success_map.__main__ import path_of
 from bench.tables import Section
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
-from planner.explosion.blocks import explode_blocks_first
+from planner.explosion.blocks_first import explode_blocks_first
 from planner.explosion.simultaneous import explode
 from planner.motion.record import Record
 from planner.parameters.parameters import Parameters

@@ -13,7 +13,8 @@ from rich.table import Table
 from cli.inputs import make_directory, refuse
 from cli.options import AsJson, FoldDirectory
 from planner.errors import InputError
-from planner.exports import EXPORTS, Export, export_named, exports_of
+from planner.exports.export import Export
+from planner.exports.formats import EXPORTS, export_named, exports_of
 from planner.file_names import PLAN
 from planner.files import write_whole
 from planner.plan.plan import Plan

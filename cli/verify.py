@@ -12,7 +12,7 @@ from rich.console import Console
 
 from cli.inputs import refuse
 from cli.options import AsJson, FoldDirectory
-from planner.certificate.certificate import followed
+from planner.certificate.sweeps import followed
 from planner.clearance.margins import largest_size as find_largest
 from planner.errors import InputError, TimelineError
 from planner.file_names import PLAN, PLAYBACK

@@ -22,7 +22,7 @@ from rich.table import Table
 
 from bench.success_map.picture import Shares, picture
 from bench.success_map.stored import judge, run_missing
-from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED
+from planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.kernels.backbite import grow

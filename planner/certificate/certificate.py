@@ -15,33 +15,25 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.certificate.earlier_certificates import told_honestly
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
+from planner.certificate.sweeps import Sweeper, Sweeps, followed
 from planner.certificate.table import table_certificate
 from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
-from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED, told_honestly
+from planner.certificate.verdict import distances_from_shape, find_verdict, rms
 from planner.chain.chain import Chain
-from planner.chain.rotations import aligned_distances
 from planner.chain.statics import GRAVITY_M_S2, static_torque
 from planner.clearance.linked import ExemptPairs, Place, exempt_pairs
 from planner.clearance.margins import Margins, margins
-from planner.clearance.rounding import clearance_rounding
-from planner.clearance.sweep import BOUND_RATIO, Sweep, sweep
 from planner.errors import InputError
-from planner.motion.motion import PHASES, Motion
+from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
-from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD
 from planner.progress import Cancelled, Progress, Report, never, silent
 
 Array = NDArray[np.float64]
-MAX_VERIFIED_ERROR_PITCH: Final = 0.01
-"""Maximum RMS position error of the modules, in pitches, at the end of a simulated playback that is
-certified as verified. Larger values verify less exact shapes. Chosen."""
-MAX_START_ERROR_PITCH: Final = 1e-6
-"""Maximum distance, in pitches, of modules from the cells of the first shape at the beginning of a
-playback from one shape to another: rounding. A larger distance fails the certificate. Chosen."""
 MOVING_SPEED_SHARE: Final = 0.1
 """Minimum speed of a hinge that counts as moving, as a fraction of the fastest hinge's speed at
 that time; certificates report the number of moving hinges. Larger values count fewer. Chosen."""
@@ -214,7 +206,7 @@ def certify(
     if record is not None and playback is not None:
         # As the timeline has them, which holds one layout: a table's record is windowed.
         record = replace(record, frames=record.frames.in_layout_of(playback.frames, chain))
-    sweeper = _Sweeper(chain=chain, size=size, progress=progress, cancelled=cancelled)
+    sweeper = Sweeper(chain=chain, size=size, progress=progress, cancelled=cancelled)
     with ThreadPoolExecutor(1) as beside:
         motions = () if playback is None else followed(playback)
         exempt = beside.submit(exempt_pairs, chain, motions, size=size)
@@ -225,7 +217,7 @@ def certify(
     elif sweeper.is_cancelled:
         verdict = "failed: it was cancelled"
     else:
-        verdict = _verdict(chain, start, record, playback, sweeps, figures, size)
+        verdict = find_verdict(chain, start, record, playback, sweeps, figures, size)
     on_table = None
     if parameters.world == "table" and playback is not None and not sweeper.is_cancelled:
         progress(Progress(stage="certify", fraction=0.9, message="balancing every frame"))
@@ -268,91 +260,6 @@ def _module_size(parameters: Parameters) -> float:
             "bad-module-size", f"got a module size of {size}, expected a number above 0."
         )
     return size
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Sweeps:
-    """Sweeps of a fold's motions; None of a motion that is not there, or not swept to its end."""
-
-    record: Sweep | None = None
-    plan: Sweep | None = None
-    playback: Sweep | None = None
-    others: tuple[Sweep, ...] = ()
-
-    @property
-    def of_robots(self) -> tuple[Sweep | None, ...]:
-        """Sweeps of the simulated playbacks: the one that is shown, and those of other robots."""
-        return (self.playback, *self.others)
-
-    def figures(self) -> dict[str, Any]:
-        """Return the figures of a certificate that come from sweeps alone."""
-        record, plan, playback = self.record, self.plan, self.playback
-        bounds = [found.bound for found in (plan, *self.of_robots) if found is not None]
-        # A sweep that serves two motions counts once.
-        different = {
-            id(found): found for found in (record, plan, *self.of_robots) if found is not None
-        }
-        return {
-            "min_clearance": plan and plan.clearance,
-            "min_clearance_at": _place(plan),
-            "clearance_bound": min(bounds, default=None),
-            "min_clearance_playback": playback and playback.clearance,
-            "min_clearance_playback_at": _place(playback),
-            "min_clearance_record": record and record.clearance,
-            "min_clearance_record_at": _place(record),
-            "in_betweens": sum(found.in_betweens for found in different.values()),
-        }
-
-
-@dataclass(slots=True, kw_only=True)
-class _Sweeper:
-    """Sweeps the motions of a fold, until it is cancelled."""
-
-    chain: Chain
-    size: float
-    progress: Report
-    cancelled: Cancelled
-    is_cancelled: bool = False
-
-    def sweep_all(
-        self, record: Record | None, playback: Playback | None, sink: Callable[[Array], None] | None
-    ) -> _Sweeps:
-        """Return the sweeps of all motions; none at all if it was cancelled."""
-        of_record = of_plan = of_playback = None
-        of_others: tuple[Sweep, ...] = ()
-        if playback is not None:
-            of_plan = self._sweep(playback.reference, "plan", 0.35)
-            if sink is not None and not self.is_cancelled:
-                sink(of_plan.per_frame)
-            if playback.simulated:
-                of_playback = self._sweep(playback.frames, "playback", 0.7)
-                of_others = tuple(
-                    self._sweep(one, "playback of another robot", 0.8) for one in others(playback)
-                )
-        if record is not None:
-            frames = None if playback is None else playback.frames
-            if frames is not None and frames.is_windowed and record.frames.passes_as(frames[::-1]):
-                of_record = of_plan  # the same places, and the same ways between them
-            else:
-                # Nothing is proved of a record, whose clearance is only told.
-                of_record = self._sweep(record.frames, "record", 0.0, share=0.0)
-        if self._stops():
-            # What was not looked at to its end proves nothing; nobody knows what is least in it.
-            return _Sweeps()
-        return _Sweeps(record=of_record, plan=of_plan, playback=of_playback, others=of_others)
-
-    def _sweep(
-        self, motion: Motion, name: str, fraction: float, share: float = BOUND_RATIO
-    ) -> Sweep:
-        message = f"checking the {name}"
-        self.progress(Progress(stage="certify", fraction=fraction, message=message))
-        found = sweep(self.chain, motion, size=self.size, share=share, cancelled=self._stops)
-        rounding = clearance_rounding(self.chain, self.size) if found.bound > 0.0 else 0.0
-        return replace(found, bound=found.bound - rounding)
-
-    def _stops(self) -> bool:
-        self.is_cancelled = self.is_cancelled or self.cancelled()
-        return self.is_cancelled
 
 
 def _on_table(
@@ -451,22 +358,8 @@ def _unusable_angles(playback: Playback, joints: int) -> str:
     return ""
 
 
-def followed(playback: Playback) -> tuple[Motion, ...]:
-    """Return the motions that have to be clear: the plan, and the simulated playbacks."""
-    plan = playback.reference
-    if not playback.simulated:
-        return (plan,)
-    return (plan, playback.frames, *others(playback))
-
-
-def others(playback: Playback) -> tuple[Motion, ...]:
-    """Return the motion of each robot whose playback is not the one that is shown."""
-    told = playback.others_rad
-    return () if told is None else tuple(playback.frames.with_angles(one) for one in told)
-
-
 def _robots(
-    chain: Chain, playback: Playback | None, sweeps: _Sweeps
+    chain: Chain, playback: Playback | None, sweeps: Sweeps
 ) -> tuple[RobotFigures, ...] | None:
     """Return the figures of each robot; None if there are none with model errors."""
     if playback is None or playback.robots is None:
@@ -478,7 +371,7 @@ def _robots(
         found.append(
             RobotFigures(
                 max_angle_error_rad=_largest_difference(motion, plan),
-                rms_position_error=_rms(_off(chain, motion.angles_at(chain, -1))),
+                rms_position_error=rms(distances_from_shape(chain, motion.angles_at(chain, -1))),
                 min_clearance=swept.clearance,
                 clearance_bound=swept.bound,
             )
@@ -489,16 +382,6 @@ def _robots(
 def _largest_difference(motion: Motion, plan: Motion) -> float:
     """Return the largest difference of a robot's hinges from the plan at its frames, rad."""
     return float(np.abs(motion.angles_rad - plan.angles_rad).max(initial=0.0))
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt((values**2).mean()))
-
-
-def _off(chain: Chain, angles: Array) -> Array:
-    """Return the (n,) distances of modules from the folded shape, pitches, after alignment."""
-    ends = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    return aligned_distances(ends.positions, chain.folded_poses.positions)
 
 
 def _largest_angle(motion: Motion) -> float:
@@ -553,12 +436,12 @@ def _plan_figures(
 def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
     """Return the end error and the largest joint error of a simulated playback."""
     simulated = playback.frames
-    distances = _off(chain, simulated.angles_at(chain, -1))
+    distances = distances_from_shape(chain, simulated.angles_at(chain, -1))
     # The playback says how far off its hinges were at any step; its frames must bear it out.
     off = playback.max_angle_error_rad or 0.0
     off = max(off, _largest_difference(simulated, playback.reference))
     return {
-        "rms_position_error": _rms(distances),
+        "rms_position_error": rms(distances),
         "max_position_error": float(distances.max()),
         "max_angle_error_rad": off,
     }
@@ -566,124 +449,3 @@ def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
 
 def _end_error(chain: Chain, plan: Motion) -> float:
     return float(np.abs(plan.angles_at(chain, -1) - chain.folded_rad).max(initial=0.0))
-
-
-def _verdict(
-    chain: Chain,
-    start: Chain | None,
-    record: Record | None,
-    playback: Playback | None,
-    sweeps: _Sweeps,
-    figures: dict[str, Any],
-    size: float,
-) -> str:
-    if record is not None and record.status != "straight":
-        return f"failed: the explosion {record.status}: {record.reason}"
-    if playback is None or sweeps.plan is None:
-        return "failed: there is no playback"
-    motions: dict[str, Sweep | None] = {"plan": sweeps.plan}
-    for number, of_playback in enumerate(sweeps.of_robots):
-        robot = f" of robot {number + 1}" if number else ""
-        motions[f"simulated playback{robot}"] = of_playback
-    for name, found in motions.items():
-        if found is not None and found.clearance < 0.0:
-            return (
-                f"failed: in the {name}, modules {_pair(found)} overlap by {-found.clearance:.3g} "
-                f"pitch at module size {size:g}, {_percent(found):.0f} % into the fold (frame "
-                f"{found.frame:g} of the {name})"
-            )
-    if playback.status != "folded":
-        return f"failed: the playback {playback.status}: {playback.reason}"
-    if begins_otherwise := _begins_otherwise(chain, start, playback):
-        return f"failed: {begins_otherwise}"
-    if figures["plan_end_error_rad"] > MAX_ANGLE_DIFFERENCE_RAD:
-        return "failed: the plan does not end folded"
-    for name, motion in zip(motions, followed(playback), strict=False):
-        if beyond := _beyond_range(chain, motion):
-            return f"failed: the {name} {beyond} of the {name})"
-    if playback.simulated and figures["rms_position_error"] > MAX_VERIFIED_ERROR_PITCH:
-        return (
-            f"failed: the playback ends {figures['rms_position_error']:.2g} pitch (RMS) from the "
-            "folded shape"
-        )
-    for other in others(playback):
-        if (error := _rms(_off(chain, other.angles_at(chain, -1)))) > MAX_VERIFIED_ERROR_PITCH:
-            return (
-                f"failed: the playback of another robot ends {error:.2g} pitch (RMS) from the "
-                "folded shape"
-            )
-    for name, found in motions.items():
-        if found is not None and found.bound <= 0.0:
-            return f"failed: {_unproved(name, found)}"
-    return SIMULATED if playback.simulated else KINEMATICS_ONLY
-
-
-def _unproved(name: str, found: Sweep) -> str:
-    """Describe the frame at which the clearance of a motion could not be proved positive."""
-    if found.unbounded is None:
-        return f"in the {name}, modules {_pair(found)} touch (frame {found.frame:g} of the {name})"
-    return (
-        f"in the {name}, the clearance between two frames could not be bounded "
-        f"(frame {found.unbounded:g} of the {name})"
-    )
-
-
-def _beyond_range(chain: Chain, motion: Motion) -> str:
-    """Describe the joint that a motion bends beyond its range; empty if there is none."""
-    limit, angles = chain.module.angle_limit_rad, motion.angles_rad
-    if not angles.size or np.abs(angles).max() <= limit + MAX_ANGLE_DIFFERENCE_RAD:
-        return ""
-    worst = int(np.abs(angles).argmax())
-    frame = int(np.searchsorted(motion.offsets, worst, side="right")) - 1
-    hinge = int(motion.first[frame] + worst - motion.offsets[frame])
-    return (
-        f"bends {chain.joint_names[hinge]} to {np.rad2deg(angles[worst]):.4g}°, beyond its "
-        f"range of ±{np.rad2deg(limit):.4g}° (frame {frame}"
-    )
-
-
-def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> str:
-    """Describe an error of the beginning, or of a refold until it is straight; empty if none."""
-    frames, plan = playback.frames, playback.reference
-    straight = int((frames.phase == PHASES.index("unfolding")).sum())
-    expected = np.full(len(frames), PHASES.index("playback"), dtype=np.uint8)
-    if start is not None:
-        expected[:straight] = PHASES.index("unfolding")
-    if not np.array_equal(frames.phase, expected) or straight == len(frames):
-        return "the phases of the playback are out of order"
-    if np.abs(plan.angles_at(chain, straight)).max() > MAX_ANGLE_DIFFERENCE_RAD:
-        passes = "start" if start is None else "become"
-        return f"the plan does not {passes} straight"
-    if start is None:
-        return ""
-    if plan.is_windowed:
-        return f"a playback of windows does not start folded as {start.name}"
-    off_rad = np.abs(plan.joint_angles_rad[0] - start.folded_rad).max() if straight else np.inf
-    if off_rad > MAX_ANGLE_DIFFERENCE_RAD:
-        return f"the plan does not start folded as {start.name}"
-    simulated = frames.joint_angles_rad
-    first = frames.poses(chain, 0, 1)
-    if (
-        np.abs(simulated[0] - start.folded_rad).max() > MAX_ANGLE_DIFFERENCE_RAD
-        or np.abs(first.positions[0] - start.folded_poses.positions).max() > MAX_START_ERROR_PITCH
-    ):
-        return f"the playback does not start folded as {start.name}"
-    still, identity = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-    passed = chain.poses(simulated[straight], still, identity).positions
-    line = chain.poses(np.zeros_like(start.folded_rad), still, identity).positions
-    off = _rms(aligned_distances(passed, line))
-    if off > MAX_VERIFIED_ERROR_PITCH:
-        return f"the playback passes {off:.2g} pitch (RMS) from straight"
-    return ""
-
-
-def _percent(found: Sweep) -> float:
-    return 100.0 * found.frame / max(1, len(found.per_frame) - 1)
-
-
-def _pair(found: Sweep) -> str:
-    return "?" if found.modules is None else f"{found.modules[0]} and {found.modules[1]}"
-
-
-def _place(found: Sweep | None) -> Place | None:
-    return None if found is None else Place(frame=found.frame, modules=found.modules)

@@ -5,9 +5,14 @@ Values that an earlier version did not write are missing. Units are those of the
 
 from __future__ import annotations
 
-from typing import Any, NotRequired, Required, TypedDict
+from typing import Any, Final, NotRequired, Required, TypedDict
 
 from planner.motion.stuck_figures import StuckFigures
+
+SIMULATED: Final = "verified (simulated)"
+"""Verdict of a verified plan whose playback was simulated."""
+KINEMATICS_ONLY: Final = "verified (kinematics only)"
+"""Verdict of a verified plan whose playback follows it by kinematics."""
 
 
 class PlaceFigures(TypedDict):

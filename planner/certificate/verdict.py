@@ -1,90 +1,163 @@
-"""Verdicts: their texts, and the meaning of those of earlier versions.
-
-No simulation is imported here, for pages that only show a certificate.
-"""
+"""Verdict of a certificate: the first condition that a plan fails, or how it was verified."""
 
 from __future__ import annotations
 
-from typing import Final, cast
+from typing import Any, Final
 
-from planner.certificate.figures import CertificateFigures, FoldSummary, PlaybackFigures
+import numpy as np
+from numpy.typing import NDArray
 
-SIMULATED: Final = "verified (simulated)"
-KINEMATICS_ONLY: Final = "verified (kinematics only)"
-NOT_TOLD: Final = "verified (whether it was simulated is not known)"
-"""Verdict that replaces ``verified`` in certificates of earlier versions, which do not state if the
-playback was simulated."""
+from planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
+from planner.certificate.sweeps import Sweeps, followed, others
+from planner.chain.chain import Chain
+from planner.chain.rotations import aligned_distances
+from planner.clearance.sweep import Sweep
+from planner.motion.motion import PHASES, Motion
+from planner.motion.record import Record
+from planner.playback.playback import Playback
+from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD
+
+Array = NDArray[np.float64]
+MAX_VERIFIED_ERROR_PITCH: Final = 0.01
+"""Maximum RMS position error of the modules, in pitches, at the end of a simulated playback that is
+certified as verified. Larger values verify less exact shapes. Chosen."""
+MAX_START_ERROR_PITCH: Final = 1e-6
+"""Maximum distance, in pitches, of modules from the cells of the first shape at the beginning of a
+playback from one shape to another: rounding. A larger distance fails the certificate. Chosen."""
 
 
-def told_honestly(
-    values: CertificateFigures, playback: PlaybackFigures | None = None
-) -> CertificateFigures:
-    """Return a certificate as a dict without figures that were reported without a simulation.
-
-    Earlier versions called all plans ``verified``, and reported no errors for kinematic playbacks.
-    Figures that they did not compute become None.
+def find_verdict(
+    chain: Chain,
+    start: Chain | None,
+    record: Record | None,
+    playback: Playback | None,
+    sweeps: Sweeps,
+    figures: dict[str, Any],
+    size: float,
+) -> str:
+    """Return the verdict of a fold: the first condition that it fails, or how it was verified.
 
     Args:
-        values: Plain values of a certificate; those of this version are returned unchanged.
-        playback: Summary of the playback, as far as it is known.
+        chain, start, record, playback: As in ``certify``.
+        sweeps: Sweeps of the motions.
+        figures: Figures of the plan and the simulated playback.
+        size: Module size as a fraction of the pitch.
     """
-    if "robots" not in values and "verdict" in values:
-        values = {**values, "robots": None}
-    if "simulated" in values or "verdict" not in values:
-        return values
-    kind = (playback or {}).get("kind")
-    off = values.get("max_angle_error_rad")
-    simulated = None
-    if kind is not None:
-        simulated = kind == "dynamic"
-    elif off:  # a kinematic playback never said that it was off
-        simulated = True
-    verdict = str(values.get("verdict", ""))
-    if verdict.startswith("verified with gaps"):
-        verdict = f"failed: {verdict.removeprefix('verified with gaps: ')}"
-    elif verdict == "verified":
-        verdict = {True: SIMULATED, False: KINEMATICS_ONLY, None: NOT_TOLD}[simulated]
-    unknown = dict.fromkeys(name for name in _FIGURES_ADDED_LATER if name not in values)
-    # What was proved then was of the plan alone.
-    unproved = dict.fromkeys(_SIMULATION_FIGURES if simulated is False else ("clearance_bound",))
-    if simulated is None:
-        unproved |= dict.fromkeys(_SIMULATION_FIGURES)
-    told = {**values, **unknown, **unproved, "verdict": verdict, "simulated": simulated}
-    return cast(CertificateFigures, told)
+    if record is not None and record.status != "straight":
+        return f"failed: the explosion {record.status}: {record.reason}"
+    if playback is None or sweeps.plan is None:
+        return "failed: there is no playback"
+    motions: dict[str, Sweep | None] = {"plan": sweeps.plan}
+    for number, of_playback in enumerate(sweeps.of_robots):
+        robot = f" of robot {number + 1}" if number else ""
+        motions[f"simulated playback{robot}"] = of_playback
+    for name, found in motions.items():
+        if found is not None and found.clearance < 0.0:
+            return (
+                f"failed: in the {name}, modules {_pair(found)} overlap by {-found.clearance:.3g} "
+                f"pitch at module size {size:g}, {_percent(found):.0f} % into the fold (frame "
+                f"{found.frame:g} of the {name})"
+            )
+    if playback.status != "folded":
+        return f"failed: the playback {playback.status}: {playback.reason}"
+    if begins_otherwise := _begins_otherwise(chain, start, playback):
+        return f"failed: {begins_otherwise}"
+    if figures["plan_end_error_rad"] > MAX_ANGLE_DIFFERENCE_RAD:
+        return "failed: the plan does not end folded"
+    for name, motion in zip(motions, followed(playback), strict=False):
+        if beyond := _beyond_range(chain, motion):
+            return f"failed: the {name} {beyond} of the {name})"
+    if playback.simulated and figures["rms_position_error"] > MAX_VERIFIED_ERROR_PITCH:
+        return (
+            f"failed: the playback ends {figures['rms_position_error']:.2g} pitch (RMS) from the "
+            "folded shape"
+        )
+    for other in others(playback):
+        error = rms(distances_from_shape(chain, other.angles_at(chain, -1)))
+        if error > MAX_VERIFIED_ERROR_PITCH:
+            return (
+                f"failed: the playback of another robot ends {error:.2g} pitch (RMS) from the "
+                "folded shape"
+            )
+    for name, found in motions.items():
+        if found is not None and found.bound <= 0.0:
+            return f"failed: {_unproved(name, found)}"
+    return SIMULATED if playback.simulated else KINEMATICS_ONLY
 
 
-def summary_told_honestly(summary: FoldSummary) -> FoldSummary:
-    """Return a plan's summary without figures that were reported without a simulation."""
-    told, playback = summary.copy(), summary.get("playback")
-    if playback is not None and playback.get("kind") == "kinematic":
-        nothing = dict.fromkeys(_DYNAMIC_PLAYBACK_FIGURES)
-        told["playback"] = playback = cast(PlaybackFigures, {**playback, **nothing})
-    if certificate := summary.get("certificate"):
-        told["certificate"] = told_honestly(certificate, playback)
-    return told
+def _unproved(name: str, found: Sweep) -> str:
+    """Describe the frame at which the clearance of a motion could not be proved positive."""
+    if found.unbounded is None:
+        return f"in the {name}, modules {_pair(found)} touch (frame {found.frame:g} of the {name})"
+    return (
+        f"in the {name}, the clearance between two frames could not be bounded "
+        f"(frame {found.unbounded:g} of the {name})"
+    )
 
 
-_DYNAMIC_PLAYBACK_FIGURES: Final = ("rms_position_error", "max_angle_error_rad")
-"""Figures in a summary of a playback that only a dynamic simulation has; they become None for a
-kinematic playback."""
-_SIMULATION_FIGURES: Final = (
-    "min_clearance_playback",
-    "min_clearance_playback_at",
-    "rms_position_error",
-    "max_position_error",
-    "max_angle_error_rad",
-)
-"""Figures of a certificate that only a simulated playback has; they become None for plans that were
-not simulated."""
-_FIGURES_ADDED_LATER: Final = (
-    "exempt_pairs",
-    "min_clearance_record_at",
-    "frames",
-    "plan_end_error_rad",
-    "max_angle_rad",
-    "max_angle_record_rad",
-    "torque_source",
-    "torque_frames",
-)
-"""Figures of a certificate that earlier versions did not compute; they become None when a
-certificate of an earlier version is read."""
+def _beyond_range(chain: Chain, motion: Motion) -> str:
+    """Describe the joint that a motion bends beyond its range; empty if there is none."""
+    limit, angles = chain.module.angle_limit_rad, motion.angles_rad
+    if not angles.size or np.abs(angles).max() <= limit + MAX_ANGLE_DIFFERENCE_RAD:
+        return ""
+    worst = int(np.abs(angles).argmax())
+    frame = int(np.searchsorted(motion.offsets, worst, side="right")) - 1
+    hinge = int(motion.first[frame] + worst - motion.offsets[frame])
+    return (
+        f"bends {chain.joint_names[hinge]} to {np.rad2deg(angles[worst]):.4g}°, beyond its "
+        f"range of ±{np.rad2deg(limit):.4g}° (frame {frame}"
+    )
+
+
+def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> str:
+    """Describe an error of the beginning, or of a refold until it is straight; empty if none."""
+    frames, plan = playback.frames, playback.reference
+    straight = int((frames.phase == PHASES.index("unfolding")).sum())
+    expected = np.full(len(frames), PHASES.index("playback"), dtype=np.uint8)
+    if start is not None:
+        expected[:straight] = PHASES.index("unfolding")
+    if not np.array_equal(frames.phase, expected) or straight == len(frames):
+        return "the phases of the playback are out of order"
+    if np.abs(plan.angles_at(chain, straight)).max() > MAX_ANGLE_DIFFERENCE_RAD:
+        passes = "start" if start is None else "become"
+        return f"the plan does not {passes} straight"
+    if start is None:
+        return ""
+    if plan.is_windowed:
+        return f"a playback of windows does not start folded as {start.name}"
+    off_rad = np.abs(plan.joint_angles_rad[0] - start.folded_rad).max() if straight else np.inf
+    if off_rad > MAX_ANGLE_DIFFERENCE_RAD:
+        return f"the plan does not start folded as {start.name}"
+    simulated = frames.joint_angles_rad
+    first = frames.poses(chain, 0, 1)
+    if (
+        np.abs(simulated[0] - start.folded_rad).max() > MAX_ANGLE_DIFFERENCE_RAD
+        or np.abs(first.positions[0] - start.folded_poses.positions).max() > MAX_START_ERROR_PITCH
+    ):
+        return f"the playback does not start folded as {start.name}"
+    still, identity = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    passed = chain.poses(simulated[straight], still, identity).positions
+    line = chain.poses(np.zeros_like(start.folded_rad), still, identity).positions
+    off = rms(aligned_distances(passed, line))
+    if off > MAX_VERIFIED_ERROR_PITCH:
+        return f"the playback passes {off:.2g} pitch (RMS) from straight"
+    return ""
+
+
+def _percent(found: Sweep) -> float:
+    return 100.0 * found.frame / max(1, len(found.per_frame) - 1)
+
+
+def _pair(found: Sweep) -> str:
+    return "?" if found.modules is None else f"{found.modules[0]} and {found.modules[1]}"
+
+
+def rms(values: Array) -> float:
+    """Return the root of the mean square of values."""
+    return float(np.sqrt((values**2).mean()))
+
+
+def distances_from_shape(chain: Chain, angles: Array) -> Array:
+    """Return the (n,) distances of modules from the folded shape, pitches, after alignment."""
+    ends = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    return aligned_distances(ends.positions, chain.folded_poses.positions)

@@ -29,9 +29,9 @@ from planner.explosion.explosion import (
 )
 from planner.explosion.peeling_recorder import Proof, WindowRule
 from planner.explosion.peeling_run import SAME_HEADING_COSINE, Peeling
+from planner.explosion.radial_forces import radial_weights
 from planner.explosion.recorder import Mark, Recorder, Refusal
 from planner.explosion.step_control import ContactDepth, StepControl
-from planner.explosion.whole_chain import radial_weights
 from planner.explosion.window import (
     Peelable,
     ReleasePoint,

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.chain.from_above import Above
 from planner.chain.kinematics import forward_kinematics
 from planner.errors import InputError
-from planner.explosion.from_above import Above
 from planner.kernels.folded_core import box_cover, distances_at
 
 Array = NDArray[np.float64]

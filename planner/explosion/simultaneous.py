@@ -34,10 +34,11 @@ from planner.explosion.explosion import (
     return_to_checkpoint,
     run,
 )
+from planner.explosion.radial_forces import RadialForces, radial_weights
 from planner.explosion.recorder import FrameRule, Recorder, Step
 from planner.explosion.step_control import ContactDepth, StepControl
 from planner.explosion.straightening import straightening
-from planner.explosion.whole_chain import RadialForces, WholeChain, body_cap_scale, radial_weights
+from planner.explosion.whole_chain import WholeChain, body_cap_scale
 from planner.motion.motion import Motion
 from planner.motion.record import Record, Spent
 from planner.parameters.explosion import ExplosionParameters

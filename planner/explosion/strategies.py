@@ -16,7 +16,7 @@ import numpy as np
 from planner.chain.chain import Chain
 from planner.chain.module import LONG_CHAIN
 from planner.errors import InputError
-from planner.explosion.blocks import explode_blocks_first
+from planner.explosion.blocks_first import explode_blocks_first
 from planner.explosion.expected_cost import by_cost
 from planner.explosion.one_joint_at_a_time import unbend_one_by_one
 from planner.explosion.paper import explode_as_published

@@ -19,10 +19,10 @@ from typing import ClassVar, Final
 import numpy as np
 
 from planner.chain.chain import Chain
+from planner.chain.from_above import Above
 from planner.chain.rotations import matrix_from_wxyz
 from planner.explosion.checkpoint import Pulses
 from planner.explosion.explosion import End, Watch, run
-from planner.explosion.from_above import Above
 from planner.explosion.peeling import build_peeling
 from planner.explosion.peeling_core import CoreOnTable
 from planner.explosion.peeling_run import Peeling

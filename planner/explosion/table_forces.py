@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.explosion.from_above import Above, nearest_way
+from planner.chain.from_above import Above, nearest_way
 from planner.explosion.peeling import crossed
 from planner.explosion.step_control import StepControl
 from planner.explosion.window import Window

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.readers.json_text import parse
 from planner.readers.limits import Source, quote
-from planner.readers.polygons import fans
 from planner.readers.trimesh_meshes import Triangles, incomplete, joined, placed
+from planner.shapes.polygons import fans
 from planner.shapes.solid import Solid, check_triangles
 
 GLB_MAGIC: Final = b"glTF"

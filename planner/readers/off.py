@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
-from planner.readers.polygons import fans
 from planner.readers.tables import Table, chunks, table, whole
 from planner.readers.text import HASH_COMMENT
+from planner.shapes.polygons import fans
 from planner.shapes.solid import Solid, check_triangles
 
 KIND: Final = re.compile(r"(?:ST)?C?N?4?n?OFF(?=[\s#]|$)")

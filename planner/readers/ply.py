@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
-from planner.readers.polygons import fans
+from planner.shapes.polygons import fans
 from planner.shapes.solid import Solid, check_triangles
 
 MAX_PLY_HEADER_BYTES: Final = 65_536

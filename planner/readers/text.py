@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.chain.path import DEFAULT_PITCH_M, MAX_COORDINATE, Path
 from planner.errors import InputError
-from planner.readers.file_signatures import wrong_kind
 from planner.readers.limits import Source, quote
+from planner.readers.refused_formats import wrong_kind
 from planner.shapes.shape import Shape
 
 NUMBER_PATTERN: Final = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?\Z")

@@ -10,7 +10,7 @@ from fastapi.responses import FileResponse, Response
 from numpy.typing import NDArray
 
 from planner.errors import DamagedError, InputError, TimelineError
-from planner.exports import EXPORTS, export_named, exports_of
+from planner.exports.formats import EXPORTS, export_named, exports_of
 from planner.file_names import CERTIFICATE, MODEL, PLAN, PLAN_TEXT, RECORD, TIMELINE
 from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import result

@@ -11,9 +11,9 @@ from typing import Any, Final, Literal, cast, overload
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
+from planner.certificate.earlier_certificates import summary_told_honestly
 from planner.certificate.figures import FoldSummary
-from planner.certificate.verdict import summary_told_honestly
-from planner.exports import Export
+from planner.exports.export import Export
 from planner.parameters.parameters import World
 from planner.pipeline.request import FoldRequest
 from planner.progress import Stage

@@ -17,8 +17,8 @@ from fastapi import FastAPI
 from fastapi.responses import RedirectResponse
 
 from cli.tour import stored_tour
+from planner.certificate.earlier_certificates import told_honestly
 from planner.certificate.figures import CertificateFigures, FoldSummary
-from planner.certificate.verdict import told_honestly
 from planner.errors import InputError, TimelineError
 from planner.explosion.diagnosis import stuck_of
 from planner.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE

@@ -8,7 +8,7 @@ from typing import Final
 from zipfile import BadZipFile
 
 from planner.errors import InputError
-from planner.exports import Export
+from planner.exports.export import Export
 from planner.file_names import PLAN
 from planner.motion.angle_steps import unpacked_bytes
 from planner.readers.limits import megabytes

@@ -8,13 +8,13 @@ from typing import Final, NotRequired, TypedDict, cast
 
 import numpy as np
 
+from planner.certificate.earlier_certificates import summary_told_honestly, told_honestly
 from planner.certificate.figures import (
     CertificateFigures,
     FoldSummary,
 )
-from planner.certificate.verdict import summary_told_honestly, told_honestly
 from planner.errors import UNREADABLE
-from planner.exports import exports_of
+from planner.exports.formats import exports_of
 from planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLAN, RECORD, TIMELINE
 from planner.files import json_of
 from planner.motion.record import TableRecord

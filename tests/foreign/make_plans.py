@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.exports import EXPORTS
+from planner.exports.formats import EXPORTS
 from planner.exports.urdf import centre_of
 from planner.plan.plan import Plan
 

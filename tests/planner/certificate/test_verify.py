@@ -13,7 +13,7 @@ import pytest
 import zarr
 
 from planner.certificate.certificate import Place, certify
-from planner.certificate.verdict import KINEMATICS_ONLY, SIMULATED
+from planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
 from planner.errors import InputError, TimelineError
 from planner.exports import mjcf
 from planner.files import write_json

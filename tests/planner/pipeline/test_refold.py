@@ -17,7 +17,7 @@ from planner.certificate.metrics import Figures
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.exports import export_named
+from planner.exports.formats import export_named
 from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline

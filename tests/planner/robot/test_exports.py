@@ -27,7 +27,9 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from planner.chain.kinematics import Poses
 from planner.errors import InputError
-from planner.exports import EXPORTS, Export, export_named, glb
+from planner.exports import glb
+from planner.exports.export import Export
+from planner.exports.formats import EXPORTS, export_named
 from planner.exports.mjcf import KEY_PERCENTS
 from planner.exports.urdf import DRAKE_NAMESPACE, centre_of
 from planner.pipeline.fold import fold

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from planner.exports import EXPORTS, export_named
+from planner.exports.formats import EXPORTS, export_named
 from server.errors import NoRoom, NotFound, TooLarge, Unavailable
 from server.files import exports as exports_module
 from server.files.artifacts import FILES_AT_ONCE, MAX_PENDING_FILES, Artifacts

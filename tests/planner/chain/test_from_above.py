@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.explosion.from_above import Above, crosses_itself
+from planner.chain.from_above import Above, crosses_itself
 
 UP = np.array([0.0, 0.0, 1.0])
 

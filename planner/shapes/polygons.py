@@ -1,4 +1,4 @@
-"""Polygons of mesh files, cut into triangles."""
+"""Polygons of meshes, cut into triangles."""
 
 from __future__ import annotations
 

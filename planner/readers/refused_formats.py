@@ -1,4 +1,4 @@
-"""Signatures of unsupported files, recognised only for the error message."""
+"""Formats that are refused: their signatures, recognised only for the error message."""
 
 from __future__ import annotations
 

@@ -1,0 +1,124 @@
+"""Sweeps of a fold's motions, and which motions have to be clear."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.clearance.linked import Place
+from planner.clearance.rounding import clearance_rounding
+from planner.clearance.sweep import BOUND_RATIO, Sweep, sweep
+from planner.motion.motion import Motion
+from planner.motion.record import Record
+from planner.playback.playback import Playback
+from planner.progress import Cancelled, Progress, Report
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sweeps:
+    """Sweeps of a fold's motions; None of a motion that is not there, or not swept to its end."""
+
+    record: Sweep | None = None
+    plan: Sweep | None = None
+    playback: Sweep | None = None
+    others: tuple[Sweep, ...] = ()
+
+    @property
+    def of_robots(self) -> tuple[Sweep | None, ...]:
+        """Sweeps of the simulated playbacks: the one that is shown, and those of other robots."""
+        return (self.playback, *self.others)
+
+    def figures(self) -> dict[str, Any]:
+        """Return the figures of a certificate that come from sweeps alone."""
+        record, plan, playback = self.record, self.plan, self.playback
+        bounds = [found.bound for found in (plan, *self.of_robots) if found is not None]
+        # A sweep that serves two motions counts once.
+        different = {
+            id(found): found for found in (record, plan, *self.of_robots) if found is not None
+        }
+        return {
+            "min_clearance": plan and plan.clearance,
+            "min_clearance_at": _place(plan),
+            "clearance_bound": min(bounds, default=None),
+            "min_clearance_playback": playback and playback.clearance,
+            "min_clearance_playback_at": _place(playback),
+            "min_clearance_record": record and record.clearance,
+            "min_clearance_record_at": _place(record),
+            "in_betweens": sum(found.in_betweens for found in different.values()),
+        }
+
+
+@dataclass(slots=True, kw_only=True)
+class Sweeper:
+    """Sweeps the motions of a fold, until it is cancelled."""
+
+    chain: Chain
+    size: float
+    progress: Report
+    cancelled: Cancelled
+    is_cancelled: bool = False
+
+    def sweep_all(
+        self, record: Record | None, playback: Playback | None, sink: Callable[[Array], None] | None
+    ) -> Sweeps:
+        """Return the sweeps of all motions; none at all if it was cancelled."""
+        of_record = of_plan = of_playback = None
+        of_others: tuple[Sweep, ...] = ()
+        if playback is not None:
+            of_plan = self._sweep(playback.reference, "plan", 0.35)
+            if sink is not None and not self.is_cancelled:
+                sink(of_plan.per_frame)
+            if playback.simulated:
+                of_playback = self._sweep(playback.frames, "playback", 0.7)
+                of_others = tuple(
+                    self._sweep(one, "playback of another robot", 0.8) for one in others(playback)
+                )
+        if record is not None:
+            frames = None if playback is None else playback.frames
+            if frames is not None and frames.is_windowed and record.frames.passes_as(frames[::-1]):
+                of_record = of_plan  # the same places, and the same ways between them
+            else:
+                # Nothing is proved of a record, whose clearance is only told.
+                of_record = self._sweep(record.frames, "record", 0.0, share=0.0)
+        if self._stops():
+            # What was not looked at to its end proves nothing; nobody knows what is least in it.
+            return Sweeps()
+        return Sweeps(record=of_record, plan=of_plan, playback=of_playback, others=of_others)
+
+    def _sweep(
+        self, motion: Motion, name: str, fraction: float, share: float = BOUND_RATIO
+    ) -> Sweep:
+        message = f"checking the {name}"
+        self.progress(Progress(stage="certify", fraction=fraction, message=message))
+        found = sweep(self.chain, motion, size=self.size, share=share, cancelled=self._stops)
+        rounding = clearance_rounding(self.chain, self.size) if found.bound > 0.0 else 0.0
+        return replace(found, bound=found.bound - rounding)
+
+    def _stops(self) -> bool:
+        self.is_cancelled = self.is_cancelled or self.cancelled()
+        return self.is_cancelled
+
+
+def followed(playback: Playback) -> tuple[Motion, ...]:
+    """Return the motions that have to be clear: the plan, and the simulated playbacks."""
+    plan = playback.reference
+    if not playback.simulated:
+        return (plan,)
+    return (plan, playback.frames, *others(playback))
+
+
+def others(playback: Playback) -> tuple[Motion, ...]:
+    """Return the motion of each robot whose playback is not the one that is shown."""
+    told = playback.others_rad
+    return () if told is None else tuple(playback.frames.with_angles(one) for one in told)
+
+
+def _place(found: Sweep | None) -> Place | None:
+    return None if found is None else Place(frame=found.frame, modules=found.modules)

@@ -1,0 +1,136 @@
+"""Formats in which a plan can be exported, in the order in which they are offered.
+
+Each file is made from a plan alone::
+
+    plan = Plan.load(Path("wrench/plan.npz"))
+    Path("wrench.urdf").write_bytes(export_named("urdf").write(plan))
+
+A format's own parts are imported when it is written.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Final
+
+from planner.errors import InputError
+from planner.exports.export import Export, Write, write_json, write_npz
+from planner.file_names import MODEL, PLAN, PLAN_TEXT
+
+if TYPE_CHECKING:
+    from planner.plan.plan import Plan
+
+
+def _by(module: str) -> Write:
+    def write(plan: Plan) -> bytes:
+        return import_module(f"planner.exports.{module}").write(plan)
+
+    return write
+
+
+EXPORTS: Final = (
+    Export(
+        name="json",
+        label="Plan",
+        hint="JSON: joint angles, poses, certificate",
+        media_type="application/json",
+        filename=PLAN_TEXT,
+        write=write_json,
+    ),
+    Export(
+        name="npz",
+        label="Plan",
+        hint="NumPy arrays, the same numbers",
+        media_type="application/octet-stream",
+        filename=PLAN,
+        write=write_npz,
+    ),
+    Export(
+        name="csv",
+        label="Table",
+        hint="CSV: joint angles in radians, root pose in metres",
+        media_type="text/csv; charset=utf-8",
+        filename="plan.csv",
+        write=_by("csv_table"),
+        moving=True,
+    ),
+    Export(
+        name="mjcf",
+        label="Robot model",
+        hint="MJCF for MuJoCo, with keyframes of the fold; lengths in pitches",
+        media_type="application/xml",
+        filename=MODEL,
+        write=_by("mjcf"),
+    ),
+    Export(
+        name="urdf",
+        label="Robot model",
+        hint="URDF for ROS and others, in metres; tetrahedra also need module.obj",
+        media_type="application/xml",
+        filename="model.urdf",
+        write=_by("urdf"),
+    ),
+    Export(
+        name="srdf",
+        label="Collision pairs",
+        hint="SRDF for MoveIt and others: linked modules, which may overlap; belongs to the URDF",
+        media_type="application/xml",
+        filename="model.srdf",
+        write=_by("srdf"),
+    ),
+    Export(
+        name="mcap",
+        label="Robot log",
+        hint="MCAP with ROS 2 joint states and one joint trajectory, for Foxglove and rosbag",
+        media_type="application/octet-stream",
+        filename="joints.mcap",
+        write=_by("mcap_log"),
+        moving=True,
+    ),
+    Export(
+        name="glb",
+        label="Animated scene",
+        hint="GLB for Blender, slides and web pages, in metres",
+        media_type="model/gltf-binary",
+        filename="fold.glb",
+        write=_by("glb"),
+        moving=True,
+    ),
+    Export(
+        name="stl",
+        label="Module",
+        hint="STL of one module's outer solid, without its joints; in millimetres",
+        media_type="model/stl",
+        filename="module.stl",
+        write=_by("stl"),
+        shared=True,
+    ),
+    Export(
+        name="obj",
+        label="Mesh for the URDF",
+        hint="OBJ of the same solid, in metres",
+        media_type="model/obj",
+        filename="module.obj",
+        write=_by("obj"),
+        shared=True,
+    ),
+)
+"""All file formats in which a plan can be exported, in the order in which they are offered."""
+
+
+def exports_of(*, moving: bool) -> tuple[Export, ...]:
+    """Return the exports of a plan, with or without those that show its motion."""
+    return tuple(export for export in EXPORTS if moving or not export.moving)
+
+
+def export_named(name: str) -> Export:
+    """Return the export of that name.
+
+    Raises:
+        InputError: ``unknown-export`` when there is none.
+    """
+    for export in EXPORTS:
+        if export.name == name:
+            return export
+    known = ", ".join(export.name for export in EXPORTS)
+    raise InputError("unknown-export", f"got the export {name[:40]!r}, expected one of: {known}.")
