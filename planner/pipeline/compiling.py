@@ -90,7 +90,7 @@ def beside(part: str, directory: Path | None) -> subprocess.Popen[bytes]:
     """Warm up in another process, which ends as soon as this one has, however it ends.
 
     Args:
-        part: ``motions``, ``paths``, or ``all``, for which it has a low priority.
+        part: ``motions``, ``paths``, or ``all``; for the last two it has a low priority.
         directory: Directory of the locks; beside the compiled kernels if None.
     """
     place = [] if directory is None else [str(directory)]
