@@ -31,9 +31,9 @@ class ValuesBody(Body):
     format: str
     """`foldback-values/1`"""
     name: str
-    """What they are; at most 80 characters."""
+    """Name of the quantity; at most 80 characters."""
     unit: str
-    """Their unit; at most 20 characters."""
+    """Unit of the numbers; at most 20 characters."""
     low: float
     """Least number."""
     high: float

@@ -70,7 +70,7 @@ class ProblemBody(Body):
     code: str
     """Short name of the problem, for programs; it never changes."""
     detail: str
-    """What the request contained, what was expected, and what to do."""
+    """Description of the problem: the given value, the expected one, and the remedy."""
     message: str
     """The detail in plain sentences for people."""
     where: str | None
@@ -233,9 +233,9 @@ class Fold(Body):
     shape: str | None
     """Gallery shape of the fold, if any."""
     refold: str | None
-    """For a refold: the shape in which the chain starts; null if it starts straight."""
+    """Shape in which the chain of a refold starts; null if it starts straight."""
     smooths: str | None
-    """For a smoothed fold: the id of the fold whose plan was smoothed; otherwise null."""
+    """Id of the fold whose plan was smoothed; null if this is no smoothed fold."""
     preset: str
     settings: str
     """Settings that differ from the preset's, for example `damping=0.05,step_s=0.005`."""
