@@ -22,7 +22,7 @@ import pytest
 from planner.errors import InputError
 from planner.pipeline import stages
 from planner.progress import COMPILING, STAGES
-from server.limits.quota import Quota
+from server.limits.concurrency_quota import Quota
 from server.processes import children
 from server.processes.children import EVENTS, Child, ChildError, Pool, Reader
 from server.processes.fork_server import ForkServer, Kind
