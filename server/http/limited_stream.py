@@ -1,4 +1,4 @@
-"""Streams: answers that have a permit of a quota for as long as they last."""
+"""Limited streams: responses that hold a permit of a quota, and are sent within a maximum time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from starlette.types import Receive, Scope, Send
 from server.limits.concurrency_quota import Permit
 
 
-class Stream(StreamingResponse):
+class LimitedStream(StreamingResponse):
     """An answer that is computed as it is sent.
 
     Args:
