@@ -10,7 +10,7 @@ import pytest
 
 from server.store.folds import Store
 from tests.server.contract.things import ACTORS, MOVIE_ID, TOUR, VALUES, Thing
-from tests.server.here import ServiceHere
+from tests.server.service_thread import ServiceThread
 
 MATRIX = """
 action        thing                         none     short    stranger asker    owner    heir
@@ -121,7 +121,7 @@ CODES = {
 def make(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Thing]]:
     """Makes a thing of its words."""
     place = tmp_path_factory.mktemp("ownership") / "data"
-    with ServiceHere(place).start() as service, closing(Store(service.settings)) as store:
+    with ServiceThread(place).start() as service, closing(Store(service.settings)) as store:
         yield partial(Thing, service, store)
 
 

@@ -11,7 +11,7 @@ from server.store.owned import change_fold, folds_made
 from server.store.owner import Owner, new_token
 from server.store.previews import Previews
 from tests.server.rows import new_owner, statements
-from tests.server.service import SNAKE, Service, bearer
+from tests.server.service_process import SNAKE, Service, bearer
 
 LISTS = ("folds", "previews", "movies")
 
