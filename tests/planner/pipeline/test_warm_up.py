@@ -18,7 +18,7 @@ from planner.pipeline.compiling_lock import FIRST_KERNELS_BYTES, FIRST_LOCK
 from planner.pipeline.warm_up import warm_up
 from planner.progress import COMPILING
 from tests.compiled_later import compiled_later
-from tests.server.service import PATIENCE_S
+from tests.server.service_process import PATIENCE_S
 
 pytestmark = pytest.mark.slow
 
