@@ -57,7 +57,7 @@ def table(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check if a plan works on a table, and compute the joint torques.
+    """Check whether a plan works on a table, and compute the joint torques.
 
     Exits with 3 when it does not rest.
     """

@@ -91,7 +91,10 @@ def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
             "Final position error (RMS)",
             _of_simulation(certificate, "rms_position_error", CERTIFICATE_DIGITS),
         ),
-        ("Largest joint move per frame", quantity(certificate.get("max_joint_step_rad"), "rad")),
+        (
+            "Largest joint rotation per frame",
+            quantity(certificate.get("max_joint_step_rad"), "rad"),
+        ),
         (
             "Largest number of hinges moving at once",
             quantity(certificate.get("hinges_moving_most")),

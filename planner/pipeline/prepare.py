@@ -294,7 +294,7 @@ def check_for_table(chain: Chain) -> None:
         raise InputError(
             "unsuited-world",
             f"got the module {chain.module.name} for a fold on a table, expected {CUBE.name}; use "
-            "the world floating for other modules.",
+            "the world 'floating' for other modules.",
             where="world",
         )
     faults = faults_of(np.rint(chain.folded_poses.positions).astype(np.int64))

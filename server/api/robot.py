@@ -130,7 +130,7 @@ async def get_trajectory(
 ) -> StreamingResponse:
     """Return the fastest motion along the plan within the bounds, at rest at both ends.
 
-    Rows of a verified plan are refused where modules overlap between them.
+    A rate so low that modules overlap between two rows of a verified plan is refused.
     """
     from planner.exports.trajectory import export
 

@@ -57,7 +57,7 @@ async def preview_in_form(
     path: Annotated[
         bool,
         Form(
-            description="Search for a path. Without a search, the answer for voxels and meshes "
+            description="Search for a path. Without a search, the response for voxels and meshes "
             "comes sooner, but contains only their cells."
         ),
     ] = True,

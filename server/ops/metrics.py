@@ -30,7 +30,7 @@ class Metrics:
         ProcessCollector(registry=self._registry)
         self._seconds = Histogram(
             "foldback_request_seconds",
-            "Duration of answers; event streams count until they are closed.",
+            "Time to send a response; event streams count until they are closed.",
             ("method", "route", "status"),
             buckets=BUCKETS_S,
             registry=self._registry,
