@@ -53,16 +53,16 @@ class Settings(BaseSettings):
     port: int = Field(default=8000, ge=0, le=65535)
     """Port to listen on; 0 picks a free one."""
     base_path: str = Field(default="", pattern=r"^(/[A-Za-z0-9_.~-]+)*$")
-    """Path of the service behind a proxy, as `/fold`. Default: the root."""
+    """Path of the service behind a proxy, such as `/fold`. Default: the root."""
     data_dir: Path = Path("data")
     """Directory of folds and database."""
     database_url: str | None = None
-    """Database address, as postgresql://…. Default: SQLite in data_dir."""
+    """Database address, such as postgresql://…. Default: SQLite in data_dir."""
     jobs_url: str | None = None
     """Not used: the queue is in database_url. Kept so that old settings still work."""
     storage_url: str | None = None
-    """Object store for the files of folds, as s3://bucket/prefix, configured by the usual AWS_…
-    variables. Needs pip install 'foldback[storage]'. Default: data_dir."""
+    """Object store for the files of folds, such as s3://bucket/prefix, configured by the usual
+    AWS_… variables. Needs pip install 'foldback[storage]'. Default: data_dir."""
     cache_bytes: int = Field(default=2048 * MIB_BYTES, ge=MIB_BYTES)
     """Disk space for local copies of files from the object store."""
     storage_bytes: int | None = Field(default=None, ge=MIB_BYTES)
@@ -75,8 +75,8 @@ class Settings(BaseSettings):
     """Days after which a fold that is not viewed is deleted. Default: never. Gallery folds and
     pinned folds stay."""
     imprint_url: str | None = None
-    """Address of a page about the operator of the service, as https://…. The page `/privacy` links
-    to it."""
+    """Address of a page about the operator of the service, such as https://…. The page `/privacy`
+    links to it."""
     origins: Names = ()
     """Other origins (scheme://host), separated by commas, whose pages may change folds of this
     service."""
@@ -108,7 +108,8 @@ class Settings(BaseSettings):
     workers: int = Field(default=1, ge=0, le=64)
     """Worker processes started by `serve`."""
     folds_per_worker: int = Field(default=1, ge=1, le=64)
-    """Folds that a worker computes at once. It also runs as many folds of up to 10 s."""
+    """Folds that a worker computes at once. In addition, it runs the same number of short folds (up
+    to 10 s)."""
     prewarm: bool = True
     """Prepare the compiled solvers and the first page at start. `false` saves about 500 MB while
     the service is idle, but the first visitor waits some seconds longer. Start each new version
@@ -214,8 +215,8 @@ class Settings(BaseSettings):
     movies_waiting_of_visitor: Count = 2
     """Maximum number of waiting movies for one visitor."""
     movies_of_fold: Count = 12
-    """Maximum number of stored movies that a fold's owner requested, and of those that others
-    requested. The oldest are deleted first."""
+    """Maximum number of movies stored for the owner of a fold, and again for all others together.
+    The oldest are deleted first."""
     movie_seconds: PositiveFloat = 600.0
     """Maximum time to create a movie."""
 
@@ -240,7 +241,7 @@ class Settings(BaseSettings):
     max_followers_of_visitor: Count = 100
     """Maximum number of followers from one address."""
     embed_origins: Names = ()
-    """Sites that may embed folds, as `https://…`, separated by commas; `*` allows all."""
+    """Sites that may embed folds, such as `https://…`, separated by commas; `*` allows all."""
     frames_per_answer: Count = 2000
     """Maximum number of frames in one response of the API."""
     numbers_per_answer: int = Field(default=2_000_000, ge=1000)

@@ -342,7 +342,7 @@ class Motion:
         ):
             raise InputError(
                 "bad-windows",
-                f"got windows that are not within {hinges} hinges or not as long as they say, "
+                f"got windows that extend beyond {hinges} hinges or have wrong lengths, "
                 "expected windows of this chain.",
             )
         if not np.isfinite(self.angles_rad).all():

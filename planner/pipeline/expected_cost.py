@@ -191,7 +191,7 @@ def _ours(modules: int, request: FoldRequest, parameters: Parameters) -> Expecte
         LOWER_BOUND_FRACTION * robots_s,
     )
     stage, cause = "play_back", f"{modules} modules and {parameters.playback.robot.runs} robots"
-    remedy = "Use fewer robots, or fewer modules in simulated_modules."
+    remedy = "Use fewer robots, or a smaller simulated_modules."
     if request.world != FLOATING and LOWER_BOUND_FRACTION * usual_s > least_s:
         least_s, stage, cause = (
             LOWER_BOUND_FRACTION * usual_s,

@@ -119,7 +119,7 @@ async def figures(
     fold_id: str,
     part: Annotated[int | None, Query(ge=0, le=1_000_000)] = None,
 ) -> Response:
-    """Return figures of a finished fold: curves of all frames, or all figures of one part."""
+    """Return figures of a finished fold: curves of all frames, or every figure of some frames."""
 
     def answer() -> Response:
         found = found_fold(request, fold_id)

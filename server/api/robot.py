@@ -261,7 +261,7 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
     """Send a robot its joint angles in real time, waiting while the robot falls behind.
 
     Limits are checked before the socket is accepted, because until then an error can be sent as an
-    HTTP answer.
+    HTTP response.
     """
     context = cast("Context", websocket.app.state.context)
     visitor = address_of(websocket)

@@ -41,7 +41,9 @@ class Metrics:
             registry=self._registry,
         )
         self._websockets = Gauge(
-            "foldback_websockets_open", "Open views and robots.", registry=self._registry
+            "foldback_websockets_open",
+            "Open websockets of pages and robots.",
+            registry=self._registry,
         )
 
     def count(self, *, method: str, route: str, status: int, seconds: float) -> None:
