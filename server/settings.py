@@ -215,8 +215,8 @@ class Settings(BaseSettings):
     movies_waiting_of_visitor: Count = 2
     """Maximum number of waiting movies for one visitor."""
     movies_of_fold: Count = 12
-    """Maximum number of movies stored for the owner of a fold, and again for all others together.
-    The oldest are deleted first."""
+    """Maximum number of stored movies of one fold, counted separately for its owner and for all
+    others. The oldest are deleted first."""
     movie_seconds: PositiveFloat = 600.0
     """Maximum time to create a movie."""
 
