@@ -22,7 +22,7 @@ from planner.motion.timeline import TimelineWriter
 from planner.pathfinding.snake import snake_path
 from planner.readers.gallery import Gallery
 from tests.browser.conftest import FLAGS
-from tests.server.service import Service
+from tests.server.service_process import Service
 from tests.tools import CHROMIUM
 
 SHAPE = "wrench-160"

@@ -1,6 +1,6 @@
 """File names: the files in the directory of a fold.
 
-They stand here, below all rooms, so that a program can find a file without what computes it.
+They stand here, in the lowest layer, so that a program can find a file without what computes it.
 """
 
 from __future__ import annotations

@@ -56,8 +56,8 @@ from server.http.security import (
 from server.http.uploads import MAX_FORM_FIELD_BYTES, MAX_FORM_FIELDS, MAX_FORM_FILES, UploadsAtOnce
 from server.jobs.movies import Movies
 from server.jobs.remaining import EtaEstimator
+from server.limits.concurrency_quota import Quota
 from server.limits.fair_threads import FairThreads
-from server.limits.quota import Quota
 from server.limits.single_flight import SingleFlight
 from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics

@@ -17,7 +17,7 @@ from httpx._transports import default as http_transports
 from hypothesis import settings
 
 from tests import progress
-from tests.server.service import Service
+from tests.server.service_process import Service
 from tests.web.blog import Blog
 
 # Programs that tests start, and this one with its rewritten assertions, compile what they import

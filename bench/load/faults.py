@@ -28,7 +28,7 @@ from bench.load.site import ONE_MACHINE, NotReadyError, Setup, Site
 from bench.load.witness import Witness
 from bench.tables import Section
 from planner.progress import STAGES
-from tests.server.service import SNAKE
+from tests.server.service_process import SNAKE
 
 OUT: Final = Path("out/load")
 """Directory of the data and logs of a run; a run without errors deletes its own."""

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 
 class NotHereError(ValueError):

@@ -17,7 +17,7 @@ import psutil
 from bench.load.loopback import serving
 from bench.load.mutations import Upload, made, valid
 from bench.tables import Section
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 OUT: Final = Path("out/load/mutated")
 """Directory of the files that caused an error, and of the log."""

@@ -12,7 +12,7 @@ import psutil
 from bench.load.loopback import serving
 from bench.load.visitors import Visits, percentile_ms
 from bench.tables import Section
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
 
 SHAPE = "wrench-160"
 """Shape of the gallery that most visitors look at."""

@@ -21,7 +21,7 @@ from bench.load.clocks import Clock
 from bench.load.disks import Disk
 from bench.load.loopback import checked
 from server.settings import MIB_BYTES
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 MARK: Final = "FOLDBACK_LOAD_SITE"
 """Environment variable by which the processes of a site are recognised."""

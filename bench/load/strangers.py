@@ -18,7 +18,7 @@ from bench.load.loopback import serving
 from bench.load.visitors import percentile_ms
 from bench.tables import Section
 from tests.planner.peels import snake
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
 
 MAX_PAGE_BESIDE_ROBOTS_MS: Final = 200
 """Target for the 95th percentile of the time to load a page while other visitors occupy the service

@@ -12,7 +12,7 @@ import httpx
 
 from bench.load.loopback import serving
 from bench.tables import Section
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
 
 MAX_FOLD_S = 1800.0
 """Maximum time that the load test waits for the end of an accepted fold, in s; one that is still

@@ -16,7 +16,7 @@ from websockets.exceptions import WebSocketException
 
 from bench.load.loopback import serving
 from bench.tables import Section
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
 
 MAX_VIEWERS_GROWTH_MB = 50
 """Maximum growth of the resident memory of the web process from the first 20 viewers to 5 s after

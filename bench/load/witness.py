@@ -15,7 +15,7 @@ from typing import Any, Final
 import httpx
 import numpy as np
 
-from tests.server.service import over
+from tests.server.service_process import over
 
 FOLDS_POLL_S: Final = 0.05
 """Time between two checks of all folds by the thread that looks for lost, incomplete or changed

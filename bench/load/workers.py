@@ -10,7 +10,7 @@ import psutil
 
 from bench.load.loopback import serving
 from bench.tables import Section
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
 
 MIN_SPEED_UP = 1.8
 """Minimum ratio of the wall times of the same folds with one worker and with two. Below it the load

@@ -10,7 +10,7 @@ from pathlib import Path
 from playwright.sync_api import Browser, sync_playwright
 
 from tests.browser.conftest import FLAGS
-from tests.server.service import Service
+from tests.server.service_process import Service
 from tests.tools import CHROMIUM
 
 

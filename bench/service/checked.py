@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, ViewportSize
 from bench.scaling import CASES
 from bench.service.browsing import service_and_browser
 from bench.tables import Section
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 MAX_PROOF_S: Final = {"wrench-160": 1.0, "simultaneous-512": 30.0, "ball-1000": 15.0}
 """Maximum seconds, as the page reports them, to prove the plan of each case. Chosen."""

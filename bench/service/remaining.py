@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from bench.tables import Section
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 KNOWN_SHAPES: Final = (
     *("wrench-80", "mallet-160", "wrench-24", "cactus", "hammer", "ring", "boat", "elephant"),

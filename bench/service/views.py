@@ -16,7 +16,7 @@ from bench.service.browsing import service_and_browser
 from bench.tables import Section
 from tests.browser.conftest import AT_REST, NO_VIEW
 from tests.browser.test_small_frames import MIN_PICTURE_SHARE, PICTURE_SHARE
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 SHAPES: Final = (
     *("tetra-ring", "mallet-24", "tetra-dodecahedron", "wrench-24", "box-4x4x4", "letter-f"),

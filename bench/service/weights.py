@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page, Request, ViewportSize
 
 from bench.service.browsing import service_and_browser
 from bench.tables import Section
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 SHAPES: Final = ("wrench-24", "wrench-80")
 """Shapes of the gallery whose folds are opened."""

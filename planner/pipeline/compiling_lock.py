@@ -19,6 +19,9 @@ if sys.platform != "win32":
 FIRST_LOCK: Final = "compiling-first.lock"
 """Name of the lock file for compiling the kernels (numba functions) that a first fold needs; it
 keeps two processes from compiling the same kernels."""
+PATHS_LOCK: Final = "compiling-paths.lock"
+"""Name of the lock file for compiling the kernels (numba functions) that find paths; it keeps two
+processes from compiling the same kernels."""
 REST_LOCK: Final = "compiling-rest.lock"
 """Name of the lock file for compiling the kernels (numba functions) that a first fold does not
 need; it keeps two processes from compiling the same kernels."""

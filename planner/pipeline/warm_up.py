@@ -30,8 +30,8 @@ from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.playback import RobotParameters
 from planner.parameters.published import PaperExplosionParameters
 from planner.pathfinding.assembly import layered_snake
-from planner.pipeline.compiling import Compiling, beside, end_with_parent, motions_beside
-from planner.pipeline.compiling_lock import FIRST_LOCK, REST_LOCK, CompilingLock
+from planner.pipeline.compiling import Compiling, beside, end_with_parent, second_process
+from planner.pipeline.compiling_lock import FIRST_LOCK, PATHS_LOCK, REST_LOCK, CompilingLock
 from planner.pipeline.fold import fold, smooth_plan
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
@@ -49,10 +49,6 @@ from planner.simulation.robot import Robot
 BACKGROUND_NICENESS: Final = 10
 """Niceness (POSIX) of a process that compiles kernels in advance. A larger value leaves more of the
 processor to folds. Chosen."""
-PATHS_NICENESS: Final = 5
-"""Niceness (POSIX) of a process that compiles the kernels of path finding while another one
-compiles those of folding. A smaller value lets the first previews of a new machine start earlier,
-and its first fold later. Chosen by measuring both (decision 0021)."""
 PEELED_BOX_CELLS: Final = (2, 4, 5)
 """Size of the box along x, y and z, in cells, that is exploded by peeling to compile all kernels of
 peeling in advance: larger than one group of modules that peeling releases together, so that both
@@ -103,8 +99,9 @@ def warm_up_folding(
     place = _locks_in(directory)
     with Compiling(progress, lock=CompilingLock(place / FIRST_LOCK)) as compiling:
         chain = warm_up_chains()
-        with motions_beside(place, compiling) if compiling.told and cores() > 1 else nullcontext():
+        with second_process(place, compiling) if compiling.told and cores() > 1 else nullcontext():
             warm_up_clearance(chain)
+            warm_up_torques(chain)
         warm_up_motions(chain)
         with TemporaryDirectory() as folder:  # figures are only made of what is written
             plan = fold(Path.from_cells(list(WARM_UP_CELLS), name="warm-up"), directory=folder)
@@ -119,11 +116,18 @@ def warm_up_clearance(chain: Chain) -> None:
     clearances_of(chain, still, size=0.95)
 
 
-def warm_up_motions(chain: Chain) -> None:
-    """Begin to explode a chain, compute torques of a motion, and step a robot."""
-    explode(chain, ExplosionParameters(), cancelled=lambda: True)
+def warm_up_torques(chain: Chain) -> None:
+    """Compute the torques of a motion."""
     still = np.tile(chain.folded_rad, (2, 1))
     floating_torques(CUBE, still, 0.0 * still, 0.0 * still)
+
+
+def warm_up_motions(chain: Chain) -> None:
+    """Step a robot, and begin to explode a chain.
+
+    The explosion comes last: it uses kernels of the clearance, which another process has compiled
+    by then.
+    """
     contacts = robot_contacts(chain, geom_size=0.95, step_s=0.01)
     contacts.prepare(len(chain))
     robot = Robot(chain, contacts, RobotParameters(), peak_torque=1.0, seed=[0], step_s=0.01)
@@ -132,6 +136,7 @@ def warm_up_motions(chain: Chain) -> None:
     robot.follow(chain.folded_rad, 0.0 * chain.folded_rad, 0.0 * chain.folded_rad)
     robot.end_step()
     robot.stop_drifting()
+    explode(chain, ExplosionParameters(), cancelled=lambda: True)
 
 
 def _many_contacts(chain: Chain) -> None:
@@ -173,15 +178,16 @@ def main() -> None:
         return
     part, directory = sys.argv[1], FilePath(sys.argv[2]) if sys.argv[2:] else None
     end_with_parent()
-    if part == "motions":
-        with Compiling(lock=CompilingLock(_locks_in(directory) / FIRST_LOCK), joined=True):
-            warm_up_motions(warm_up_chains())
-    elif part == "paths":
-        os.nice(PATHS_NICENESS)
-        warm_up_paths()
-    else:
+    if part == "all":
         os.nice(BACKGROUND_NICENESS)
         warm_up(directory=directory)
+        return
+    place = _locks_in(directory)
+    with Compiling(lock=CompilingLock(place / PATHS_LOCK)):
+        warm_up_paths()
+    if part == "paths-and-motions":
+        with Compiling(lock=CompilingLock(place / FIRST_LOCK), joined=True):
+            warm_up_motions(warm_up_chains())
 
 
 def _locks_in(directory: FilePath | None) -> FilePath:

@@ -21,8 +21,8 @@ from server.http.classes import Classes
 from server.http.client_address import address_of
 from server.jobs.movies import Movies
 from server.jobs.remaining import EtaEstimator
+from server.limits.concurrency_quota import Quota
 from server.limits.networks import hidden
-from server.limits.quota import Quota
 from server.limits.single_flight import SingleFlight
 from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics

@@ -15,7 +15,7 @@ from typing import Final
 
 from planner.errors import TimelineError
 from server.errors import TooMany
-from server.limits.quota import Holder, Quota
+from server.limits.concurrency_quota import Holder, Quota
 from web.timeline.view import TimelineView
 
 FRAME_POLL_S: Final = 0.1

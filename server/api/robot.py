@@ -51,7 +51,7 @@ from server.errors import (
 )
 from server.files.trajectories import MotorsWanted, Retimed, Wanted
 from server.http.client_address import address_of
-from server.http.streams import Stream
+from server.http.limited_stream import LimitedStream
 from server.store.folds import FoldRow, NoSuchFoldError
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
@@ -161,7 +161,7 @@ async def get_trajectory(
         )
     except InputError as error:
         raise Unusable.of(error) from error
-    return Stream(
+    return LimitedStream(
         parts,
         context.trajectories.stream(visitor),
         media_type=TRAJECTORY_MEDIA_TYPES[form],

@@ -22,7 +22,7 @@ from cli.tour import drafted, stored_tour
 from planner.errors import InputError
 from planner.file_names import TIMELINE
 from planner.pipeline.fold_layout import result
-from server.ops.starting import settings_of
+from server.ops.startup_errors import settings_of
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
 from server.processes.movie_task import ask_for_movie, is_on_table, run_movie

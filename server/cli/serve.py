@@ -14,7 +14,7 @@ import typer
 from planner.may_compile import forbid_compiling
 from server.errors import READ_ONLY_WORDS
 from server.ops.logs import set_up_logs
-from server.ops.starting import settings_of, starting, warn_of_unknown_names
+from server.ops.startup_errors import settings_of, starting, warn_of_unknown_names
 from server.processes.limits import keep_secrets
 
 MAX_HEAD_BYTES: Final = 32 * 1024

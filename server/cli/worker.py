@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from server.ops.starting import settings_of
+from server.ops.startup_errors import settings_of
 from server.processes.limits import keep_secrets
 
 

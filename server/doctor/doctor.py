@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from server.doctor import children, data, drawing, machine
 from server.doctor.finding import Check, Finding, examine
-from server.ops.starting import REMEDY, settings_words
+from server.ops.startup_errors import REMEDY, settings_words
 from server.settings import Settings
 
 CHECKS: Final[tuple[tuple[str, Check], ...]] = (

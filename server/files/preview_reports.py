@@ -17,8 +17,8 @@ from planner.parameters.option import OPTIONS_KEY_CHARS
 from planner.pipeline.request import PreviewRequest
 from server.errors import ServiceError, TooMany, TooSlow, Unavailable, Unusable
 from server.files.uploads import Upload
+from server.limits.concurrency_quota import BUSY_RETRY_S
 from server.limits.disk_space import check_space
-from server.limits.quota import BUSY_RETRY_S
 from server.processes.children import ChildError, Reader
 from server.settings import Settings
 from server.store.folds import new_id

@@ -16,7 +16,7 @@ from zipfile import BadZipFile, ZipFile
 
 from planner.readers.limits import megabytes
 from server.errors import NotFound, ServiceError, TooLarge, Unavailable, Unusable, no_room
-from server.limits.quota import Permit, Quota
+from server.limits.concurrency_quota import Permit, Quota
 from server.limits.single_flight import SingleFlight
 from server.processes.children import ChildError, Pool
 from server.processes.scratch import MOTORS_FILE, PLAN, Scratch

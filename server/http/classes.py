@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from server.errors import NoSuch, TooMany
-from server.limits.quota import OPEN_RETRY_S, Quota
+from server.limits.concurrency_quota import OPEN_RETRY_S, Quota
 from server.settings import Settings
 
 CODE_LETTERS: Final = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"

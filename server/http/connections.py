@@ -23,8 +23,8 @@ from server.http.event_rate import (
 )
 from server.http.request_rate import EXEMPT_PATH
 from server.http.websocket_protocol import BoundedWebSocket
+from server.limits.concurrency_quota import Permit, Quota
 from server.limits.networks import visitor_at
-from server.limits.quota import Permit, Quota
 from server.settings import Settings
 
 CONNECTION_POLL_S: Final = 2.0

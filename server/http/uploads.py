@@ -12,8 +12,8 @@ from server.errors import ServiceError, not_stored
 from server.http.client_address import address_of
 from server.http.problems import response_of
 from server.http.security import SAFE_METHODS, announced, forget
+from server.limits.concurrency_quota import Quota
 from server.limits.disk_space import check_space
-from server.limits.quota import Quota
 from server.settings import Settings
 
 FORM_MEDIA_TYPES: Final = ("multipart/form-data", "application/x-www-form-urlencoded")

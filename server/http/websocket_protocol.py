@@ -11,8 +11,8 @@ from websockets.http11 import Request
 from websockets.server import ServerProtocol
 
 from server.http.event_rate import GatedTransport, Pace
+from server.limits.concurrency_quota import Permit
 from server.limits.networks import visitor_at
-from server.limits.quota import Permit
 
 CLOSE_HANDSHAKE_S: Final = 1.0
 """Time that a client may take to answer the close frame of a websocket, in s; then the connection

@@ -21,9 +21,9 @@ from planner.file_names import TIMELINE
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.errors import Conflict, NoSuch, NotFound, TooMany, Unavailable
+from server.limits.concurrency_quota import Holder, network_share
 from server.limits.disk_space import check_space
 from server.limits.networks import networks_of
-from server.limits.quota import Holder, network_share
 from server.settings import Settings
 from server.store.folds import Store, new_id
 from server.store.object_store import StorageError

@@ -23,7 +23,7 @@ from server.jobs.movie_runner import MovieJobs
 from server.jobs.queue import Lane, Queue
 from server.jobs.runner import Runner
 from server.ops.logs import set_up_logs
-from server.ops.starting import settings_of, starting, warn_of_unknown_names
+from server.ops.startup_errors import settings_of, starting, warn_of_unknown_names
 from server.ops.tracing import send_rest, start_tracing
 from server.processes.limits import keep_secrets
 from server.settings import Settings

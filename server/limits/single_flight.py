@@ -12,8 +12,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Final, TypeVar
 
 from server.errors import ServiceError, TooMany, Unavailable
+from server.limits.concurrency_quota import Holder, Permit, Quota
 from server.limits.fair_threads import complete
-from server.limits.quota import Holder, Permit, Quota
 
 PENDING_RETRY_S: Final = 3
 """Value of the ``Retry-After`` header, in s, if a derived file or another result cannot be computed

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
-from server.ops.starting import settings_of
+from server.ops.startup_errors import settings_of
 
 if TYPE_CHECKING:
     from server.operate.fold_tasks import AdminTasks

@@ -28,7 +28,7 @@ from server.processes.fork_server import Forked, ForkServer, Kind, environment_w
 from server.processes.limits import ChildLimits, memory_words
 
 if TYPE_CHECKING:
-    from server.limits.quota import Quota
+    from server.limits.concurrency_quota import Quota
 
 CHILD_POLL_S: Final = 0.05
 """Maximum time between two checks of a computing process for its memory limit and for a

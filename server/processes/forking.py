@@ -26,6 +26,7 @@ from types import FrameType
 from typing import Any, Final, NoReturn
 
 from planner.pipeline.compiling import Compiling, beside
+from planner.pipeline.compiling_lock import compiling_fraction
 from planner.progress import Progress, silent
 from server.processes.child import Task, serve, task_of
 from server.processes.confined import end_threads, load_kernels
@@ -250,14 +251,22 @@ def _tasks(
     late = None
     if warm and len(tasks) > 1 and compiling.told:
         if PREPARER in tasks:
-            load = partial(task_of, PREPARER, warm=True, progress=silent, directory=directory)
+            load = partial(_load_preparer, directory)
             late = _Late(kind=PREPARER, compiling=beside("paths", directory), load=load)
-        beside("all", directory)
+        else:
+            beside("all", directory)
     if "stages" in tasks and not warm:  # else each fold would load its kernels, for 1.5 s
         from planner.pipeline.warm_up import warm_up_folding
 
         warm_up_folding(requests.progress, directory=directory)
     return tasks, late
+
+
+def _load_preparer(directory: Path | None) -> Task:
+    """Return the task that prepares previews; have all kernels compiled where no worker does."""
+    if directory is None or compiling_fraction(directory) is None:
+        beside("all", directory)
+    return task_of(PREPARER, warm=True, progress=silent, directory=directory)
 
 
 def _prepare_to_fork() -> None:

@@ -20,7 +20,7 @@ from playwright.sync_api import (
     sync_playwright,
 )
 
-from tests.server.service import Service, bearer
+from tests.server.service_process import Service, bearer
 from tests.tools import CHROMIUM
 
 PATIENCE_MS = 90_000

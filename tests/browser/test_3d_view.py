@@ -10,7 +10,7 @@ from playwright.sync_api import expect
 
 from planner.certificate.metrics import Figures
 from tests.browser.conftest import Visit, picture, seek, shot, until, with_view
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 pytestmark = pytest.mark.long
 COUNT_PICTURES = """() => {

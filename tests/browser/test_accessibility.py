@@ -12,7 +12,7 @@ from playwright.sync_api import Page, expect
 from server.store.owner import new_token
 from tests.browser.conftest import Visit, answered, previewed
 from tests.server.files.test_preview import CROSS, stl, voxels
-from tests.server.service import SNAKE, Service, bearer
+from tests.server.service_process import SNAKE, Service, bearer
 
 pytestmark = pytest.mark.long
 

@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, expect
 
 from foldback_client import Client
 from tests.browser.conftest import LOOK
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 BASE = "/fold"
 ADDRESSES = """() => [...document.querySelectorAll("[href], [src], [action], [data-timeline]")]

@@ -10,7 +10,7 @@ from playwright.sync_api import Locator, expect
 from foldback_check import Plan
 from planner.motion.timeline import Timeline
 from tests.browser.conftest import WIDTH, Visit
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 
 def checked(check: Locator) -> Locator:

@@ -12,7 +12,7 @@ from playwright.sync_api import Page, expect
 
 from tests.browser.conftest import WIDTH, Visit, cancel_fold, choose, opened_fold
 from tests.server.files.test_preview import stl
-from tests.server.service import SPIRAL, Service
+from tests.server.service_process import SPIRAL, Service
 
 
 def opened(page: Page, name: str, data: bytes) -> None:

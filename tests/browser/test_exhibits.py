@@ -8,7 +8,7 @@ from playwright.sync_api import Page, WebSocketRoute, expect
 
 from bench.service.kiosk import faster
 from tests.browser.conftest import Visit, seek
-from tests.server.service import STAIRS, Service
+from tests.server.service_process import STAIRS, Service
 
 TARGET_PX = 64
 SPEED = 6

@@ -10,7 +10,7 @@ from playwright.sync_api import Page, expect
 import foldback_check_refusals
 from tests.browser.conftest import Visit, picture, shown_frame, with_view
 from tests.planner.pathfinding.test_knots import OVERHAND, walk
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 pytestmark = pytest.mark.long
 TAIL = 20

@@ -20,7 +20,7 @@ from tests.browser.conftest import (
     picture,
     seek,
 )
-from tests.server.service import STAIRS, Service
+from tests.server.service_process import STAIRS, Service
 
 
 def redness(image: np.ndarray) -> float:

@@ -9,7 +9,7 @@ from playwright.sync_api import Page, expect
 
 from server.store.owner import new_token
 from tests.browser.conftest import Visit, keep_as_mine
-from tests.server.service import SNAKE, STAIRS, Service, bearer
+from tests.server.service_process import SNAKE, STAIRS, Service, bearer
 
 HOSTILE = '<img src=x onerror="document.title=1">'
 

@@ -20,7 +20,7 @@ from tests.browser.conftest import (
     with_view,
 )
 from tests.server.api.test_table import voxels
-from tests.server.service import STAIRS, Service
+from tests.server.service_process import STAIRS, Service
 
 
 @pytest.mark.long

@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 
 from planner.certificate.metrics import Figures
 from tests.browser.conftest import at_frame, seek, shown_frame, visits
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 GROUND = "() => getComputedStyle(document.body).backgroundColor"
 

@@ -22,7 +22,7 @@ from tests.browser.conftest import (
 )
 from tests.server.api.test_table import SLAB
 from tests.server.files.test_preview import stl, voxels
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 
 def settled(page: Page) -> None:

@@ -11,7 +11,7 @@ from PIL import Image
 from playwright.sync_api import expect
 
 from tests.browser.conftest import NO_WEBGL, Visit, keep_as_mine, picture
-from tests.server.service import STAIRS, Service
+from tests.server.service_process import STAIRS, Service
 from tests.web.blog import Blog
 from web.static_files import STATIC
 

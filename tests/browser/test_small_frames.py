@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.browser.conftest import AT_REST, Visit, until
-from tests.server.service import Service
+from tests.server.service_process import Service
 from tests.web.blog import Blog
 
 MIN_PICTURE_SHARE = 0.55

@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 
 from tests.browser.conftest import WIDTH, Visit, keep_as_mine, opened_fold
 from tests.browser.test_accessibility import findings
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 pytestmark = pytest.mark.long
 

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Route, expect
 
 from tests.browser.conftest import Visit, choose, opened_fold, path_file, until
-from tests.server.service import STAIRS
+from tests.server.service_process import STAIRS
 
 MOVING = {"reduced_motion": "no-preference", "width": 320, "height": 240}
 """A small window, since each frame is drawn by software."""

@@ -16,7 +16,7 @@ from viser import _messages as messages
 
 from tests.browser.conftest import Visit
 from tests.server.files.test_preview import stl
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 SMALL = {"width": 320, "height": 240}
 """Window size in pixels that software rendering paints quickly."""

@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 
 from tests.browser.conftest import Visit, choose, until
 from tests.browser.test_accessibility import findings
-from tests.server.service import Service, owner
+from tests.server.service_process import Service, owner
 
 SLOW = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 80_000}
 """Of a network, in bytes a second."""

@@ -15,7 +15,7 @@ EXAMPLES = (
     "compose.yaml",
     "Dockerfile",
     "Caddyfile",
-    "example.env",
+    "compose.example.env",
     "alerts.yml",
     "prometheus.yml",
     "systemd/foldback-.service.d/common.conf",
@@ -30,7 +30,7 @@ def settings_named(text: str) -> set[str]:
     return set(re.findall(r"\bFOLDBACK_([A-Z0-9_]+)\b", text))
 
 
-def variables(name: str = "example.env") -> dict[str, str]:
+def variables(name: str = "compose.example.env") -> dict[str, str]:
     """Return the variables that a file of deploy/ sets."""
     lines = (DEPLOY / name).read_text().splitlines()
     return dict(line.split("=", 1) for line in lines if line and not line.startswith("#"))
@@ -43,7 +43,7 @@ def compose(given: Mapping[str, str]) -> dict[str, Any]:
         name, way, default = found.groups()
         if name in given:
             return given[name]
-        assert way == ":-", f"{name} is not in example.env"
+        assert way == ":-", f"{name} is not in compose.example.env"
         return default
 
     text = (DEPLOY / "compose.yaml").read_text()

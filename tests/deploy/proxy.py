@@ -11,7 +11,7 @@ from pathlib import Path
 
 import httpx
 
-from tests.server.service import PATIENCE_S
+from tests.server.service_process import PATIENCE_S
 from tests.tools import CADDY
 
 CADDYFILE = Path(__file__).parents[2] / "deploy" / "Caddyfile"

@@ -27,7 +27,7 @@ import httpx
 
 from foldback_client import Client
 from tests.deploy.files import DEPLOY, check, compose, variables
-from tests.server.service import SNAKE
+from tests.server.service_process import SNAKE
 from tests.tools import CADDY, POSTGRES
 
 ROOT = DEPLOY.parent

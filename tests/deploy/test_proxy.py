@@ -13,7 +13,7 @@ from websockets.sync.client import connect
 
 from foldback_client import Client
 from tests.deploy.proxy import Proxy, free_ports
-from tests.server.service import SNAKE, STAIRS, Service
+from tests.server.service_process import SNAKE, STAIRS, Service
 
 SETTINGS = {
     "workers": 0,

@@ -14,7 +14,7 @@ def test_named_settings_exist(name: str) -> None:
     assert settings_named((DEPLOY / name).read_text()) <= known
 
 
-@pytest.mark.parametrize("name", ["example.env", "systemd/foldback.env"])
+@pytest.mark.parametrize("name", ["compose.example.env", "systemd/foldback.env"])
 def test_example_settings_are_valid(name: str) -> None:
     lines = (DEPLOY / name).read_text().splitlines()
     # Those that are commented out are examples as well.

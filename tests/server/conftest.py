@@ -12,18 +12,18 @@ import pytest
 from server.settings import Settings
 from server.store.folds import Store
 from tests.server.bucket import Bucket
-from tests.server.here import ServiceHere, give_tables
 from tests.server.postgres import DATABASES, Postgres
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
+from tests.server.service_thread import ServiceThread, give_tables
 
 
 @pytest.fixture
-def here_with(tmp_path: Path) -> Iterator[Callable[..., ServiceHere]]:
+def here_with(tmp_path: Path) -> Iterator[Callable[..., ServiceThread]]:
     """Makes services of one's own in this process, with settings; they are stopped at the end."""
-    made: list[ServiceHere] = []
+    made: list[ServiceThread] = []
 
-    def make(**settings: object) -> ServiceHere:
-        made.append(ServiceHere(tmp_path / f"here-{len(made)}", **settings))
+    def make(**settings: object) -> ServiceThread:
+        made.append(ServiceThread(tmp_path / f"here-{len(made)}", **settings))
         return made[-1]
 
     yield make
@@ -97,10 +97,10 @@ def bucket() -> Iterator[Bucket]:
 
 
 @pytest.fixture(scope="session")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceHere]:
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceThread]:
     """A service that takes folds in and has no worker: what is queued stays queued."""
     kept = tempfile.tempdir
-    service = ServiceHere(
+    service = ServiceThread(
         tmp_path_factory.mktemp("desk") / "data",
         max_upload_bytes=200_000,
         max_modules=1000,

@@ -13,7 +13,7 @@ import obstore.store
 
 from tests.server.bucket import Bucket
 from tests.server.postgres import Postgres
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 
 class Hosts:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from planner.motion.timeline import Timeline
-from tests.server.service import Service
+from tests.server.service_process import Service
 from tests.web.blog import Blog
 from web.timeline.columns import decode
 from web.viser.scene_bundle import opened_scene

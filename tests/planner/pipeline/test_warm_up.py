@@ -18,7 +18,7 @@ from planner.pipeline.compiling_lock import FIRST_KERNELS_BYTES, FIRST_LOCK
 from planner.pipeline.warm_up import warm_up
 from planner.progress import COMPILING
 from tests.compiled_later import compiled_later
-from tests.server.service import PATIENCE_S
+from tests.server.service_process import PATIENCE_S
 
 pytestmark = pytest.mark.slow
 
@@ -128,15 +128,22 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
     def noted(name: str) -> None:
         monkeypatch.setattr(module, name, lambda *_, **__: here.append(name))  # pyright: ignore[reportUnknownLambdaType]
 
-    first, rest = ["warm_up_clearance", "warm_up_motions"], ["retime", "smooth_plan"]
-    rest += ["table_certificate", "_many_contacts", "_explode_as_published", "_peel"]
+    first = ["warm_up_clearance", "warm_up_torques", "warm_up_motions"]
+    rest = [
+        "retime",
+        "smooth_plan",
+        "table_certificate",
+        "_many_contacts",
+        "_explode_as_published",
+        "_peel",
+    ]
     rest.append("warm_up_paths")
     for name in first + rest:
         noted(name)
     plan = SimpleNamespace(chain=None, motion=None)
     monkeypatch.setattr(module, "fold", lambda *_, **__: plan)  # pyright: ignore[reportUnknownLambdaType]
     monkeypatch.setattr(module, "beside", start)
-    monkeypatch.setattr(module, "motions_beside", partial(start, "motions"))
+    monkeypatch.setattr(module, "second_process", partial(start, "second"))
     monkeypatch.setattr(module, "cores", lambda: 2)
     warm_up(soon=True, directory=tmp_path)
     assert (beside, here) == ([], first + rest)
@@ -150,7 +157,7 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
 
     monkeypatch.setattr(module, "warm_up_chains", chains_by_new_kernel)
     warm_up(soon=True, directory=tmp_path)
-    assert (beside, here) == (["motions", "all"], first)
+    assert (beside, here) == (["second", "all"], first)
 
 
 @pytest.mark.long

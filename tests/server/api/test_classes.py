@@ -15,7 +15,7 @@ from server.errors import NoSuch, TooMany
 from server.http.classes import CODE_LENGTH, MAX_FOLLOWERS, Classes, is_view
 from server.pages.classes import MAX_VIEWS_PER_SECOND
 from server.settings import Settings
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
 
 VIEW = "frame=12&module=4&camera=-62.5,24,0.6,0.05,-0.1&colour=speed&path=1&follow=0"
 PATIENCE_S = 30

@@ -18,9 +18,9 @@ import pytest
 from foldback_client import Client, Problem, Progress, Retries
 from foldback_client.upload import FoldOptions, MovieOptions, ShapeOptions
 from tests.case import case
-from tests.server.here import ServiceHere
 from tests.server.relay import Relay, Trouble, relayed
-from tests.server.service import PATIENCE_S, SNAKE, Service
+from tests.server.service_process import PATIENCE_S, SNAKE, Service
+from tests.server.service_thread import ServiceThread
 
 ROOT = Path(__file__).parents[3]
 QUICK = Retries(first_s=0.01)
@@ -65,7 +65,7 @@ def test_fold_is_followed_and_downloaded(service: Service, finished: Any, tmp_pa
 def test_frames_of_long_fold_come_in_pages(service: Service, finished: Any) -> None:
     # A second web process on the same folds, which gives few frames at once.
     with (
-        ServiceHere(service.data_dir, frames_per_answer=20).start() as sparing,
+        ServiceThread(service.data_dir, frames_per_answer=20).start() as sparing,
         client_of(sparing) as client,
     ):
         pages = list(client.get(finished["id"]).frames(start=3))

@@ -18,8 +18,8 @@ from planner.chain.path import Path
 from planner.motion.timeline import Timeline
 from server.settings import Settings
 from server.store.folds import Store
-from tests.server.here import ServiceHere
-from tests.server.service import SNAKE, STAIRS, Service, owner
+from tests.server.service_process import SNAKE, STAIRS, Service, owner
+from tests.server.service_thread import ServiceThread
 
 
 def get(service: Service, finished: dict[str, Any], part: str, **params: Any) -> httpx.Response:
@@ -122,12 +122,12 @@ def test_running_fold_is_cancelled_requested_again_and_deleted(service: Service)
         time.sleep(0.05)
 
 
-def test_first_shape_is_folded_once(here_with: Callable[..., ServiceHere]) -> None:
+def test_first_shape_is_folded_once(here_with: Callable[..., ServiceThread]) -> None:
     service = here_with().start("--first-shape", "mallet-64")
     (first,) = _gallery_folds(service)
     assert first["shape"] == "mallet-64"
     assert service.stop() == 0
-    with ServiceHere(service.data_dir).start("--first-shape", "mallet-64") as again:
+    with ServiceThread(service.data_dir).start("--first-shape", "mallet-64") as again:
         assert [fold["id"] for fold in _gallery_folds(again)] == [first["id"]]
 
 

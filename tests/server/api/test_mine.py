@@ -14,9 +14,9 @@ from server.settings import Settings
 from server.store.folds import Store
 from server.store.owned import change_fold, folds_made
 from server.store.owner import Owner, new_token
-from tests.server.here import ServiceHere
 from tests.server.rows import SOMEBODY, a_fold
-from tests.server.service import SNAKE, Service, bearer
+from tests.server.service_process import SNAKE, Service, bearer
+from tests.server.service_thread import ServiceThread
 
 
 def made(service: Service, token: str, what: str = "folds", **query: Any) -> dict[str, Any]:
@@ -150,7 +150,7 @@ def test_previews_of_an_owner_are_listed_with_their_last_options(desk: Service) 
     assert made(desk, mine, "previews")["previews"] == []
 
 
-def test_client_lists_and_renames(desk: ServiceHere) -> None:
+def test_client_lists_and_renames(desk: ServiceThread) -> None:
     with Client(str(desk.http.base_url)) as client, closing(Store(desk.settings)) as store:
         fold = client.fold(SNAKE, seed=30)
         mine = Owner.from_token(client.token)

@@ -15,7 +15,7 @@ from planner.readers.gallery import Gallery
 from planner.verification.verify import verify
 from server.cli.command_line import application
 from tests.planner.plans import changed
-from tests.server.service import SNAKE, Service, owner
+from tests.server.service_process import SNAKE, Service, owner
 
 
 def test_finished_fold_is_refolded_into_another_shape_unlisted(

@@ -21,8 +21,8 @@ from planner.plan.plan import Plan
 from server.files import trajectories
 from tests.case import case
 from tests.server.cli.test_command_line import foldback
-from tests.server.here import ServiceHere
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
+from tests.server.service_thread import ServiceThread
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "06_drive_a_robot.py"
 Finished = dict[str, Any]
@@ -181,7 +181,7 @@ def test_bad_options_of_play_are_refused(service: Service, finished: Finished) -
 
 
 def test_only_finished_and_verified_folds_are_played(
-    service: Service, desk: Service, finished: Finished, here_with: Callable[..., ServiceHere]
+    service: Service, desk: Service, finished: Finished, here_with: Callable[..., ServiceThread]
 ) -> None:
     assert denial(address(desk, "no-such-fold")) == ("no-such-fold", 404)
     assert denial(address(desk, desk.fold(SNAKE)["id"])) == ("not-ready", 409)
@@ -201,7 +201,7 @@ def test_number_of_robots_of_a_visitor_is_limited(
 ) -> None:
     # A second one on the same folds, which lets a visitor drive one robot.
     monkeypatch.setattr(trajectories, "STREAMS_OF_ADDRESS", 0)
-    with ServiceHere(service.data_dir, max_robots_of_visitor=1).start() as other:
+    with ServiceThread(service.data_dir, max_robots_of_visitor=1).start() as other:
         with played(other, finished) as first:
             assert first.hear()["is"] == "begin"
             assert denial(address(other, finished["id"])) == ("too-many-robots", 429)

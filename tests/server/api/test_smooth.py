@@ -16,8 +16,8 @@ from planner.verification.verify import verify
 from server.cli.command_line import application
 from server.operate.fold_tasks import AdminTasks
 from server.store.folds import Store
-from tests.server.here import ServiceHere
-from tests.server.service import Service, owner
+from tests.server.service_process import Service, owner
+from tests.server.service_thread import ServiceThread
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_smoothed_fold_outlives_the_original_and_starts_again_from_its_record(
     service: Service,
     plain: str,
     smoothed: dict[str, Any],
-    here_with: Callable[..., ServiceHere],
+    here_with: Callable[..., ServiceThread],
 ) -> None:
     shown = smoothed["state"]["id"]
     assert plain in service.http.get(f"/folds/{shown}").text

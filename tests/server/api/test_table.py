@@ -12,7 +12,7 @@ import pytest
 
 from server.processes import children
 from tests.case import case
-from tests.server.service import Service
+from tests.server.service_process import Service
 from web.timeline.columns import decode
 
 SLAB = [[x, y, 0] for x in range(3) for y in range(3) if (x, y) != (1, 0)]

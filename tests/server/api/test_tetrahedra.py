@@ -10,7 +10,7 @@ import trimesh
 
 from tests.case import case
 from tests.server.cli.test_command_line import foldback
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 RING = "- - - + - - - + - - -"
 

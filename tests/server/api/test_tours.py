@@ -9,7 +9,7 @@ import pytest
 
 from planner.plan.own_values import VALUES_FORMAT
 from planner.plan.tour import Tour
-from tests.server.service import Service, bearer
+from tests.server.service_process import Service, bearer
 from words.certificate import clearance, torque
 
 

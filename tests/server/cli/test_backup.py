@@ -27,9 +27,9 @@ from server.store.folds import NoSuchFoldError, Store
 from server.store.schema_version import config
 from server.store.tables import engine_for
 from tests.case import case
-from tests.server.here import give_tables
 from tests.server.postgres import Postgres
 from tests.server.rows import SOMEBODY, a_fold
+from tests.server.service_thread import give_tables
 
 
 @dataclass(frozen=True)

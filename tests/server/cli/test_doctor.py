@@ -27,7 +27,7 @@ from server.store.tables import engine_for, migrate
 from tests.server.cli.test_command_line import foldback
 from tests.server.postgres import Postgres
 from tests.server.rows import a_fold
-from tests.server.service import Service
+from tests.server.service_process import Service
 from tests.web.blog import Blog
 
 

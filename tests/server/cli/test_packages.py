@@ -16,7 +16,7 @@ TYPES = ".d.ts"
 
 
 def test_packages_import_no_tests_and_rooms_below_http_no_http() -> None:
-    """That all imports go downwards: see tests/test_house.py."""
+    """That all imports go downwards: see tests/test_architecture.py."""
     low = [f"server/{room}" for room in ("limits", "store", "files", "processes", "jobs")]
     for places, forbidden in (
         (["planner", "web", "server"], r"tests|examples|\."),

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from planner.pipeline.request import MAX_SEED
 from server.cli.command_line import application
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 BAD = {
     "preset": ("hasty", "unknown-preset"),

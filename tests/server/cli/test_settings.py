@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from server.cli.command_line import application
 from server.doctor import machine
 from server.doctor.doctor import examined
-from server.ops.starting import settings_of, warn_of_unknown_names
+from server.ops.startup_errors import settings_of, warn_of_unknown_names
 from server.settings import Settings
 
 

@@ -12,7 +12,7 @@ from planner.plan.packed import unpack
 from server.api.finished import FINISHED_FOLDS_DIR
 from server.store.folds import Store
 from tests.server.rows import a_fold
-from tests.server.service import SNAKE
+from tests.server.service_process import SNAKE
 from tests.words.test_certificate import SIMULATED
 
 DAY = 1_700_000_000.0

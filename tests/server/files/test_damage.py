@@ -26,8 +26,8 @@ from planner.verification.integrity import check
 from server.api.finished import FINISHED_FOLDS_DIR
 from server.app import ROUTERS
 from server.pages.pictures import file_of
-from tests.server.here import ServiceHere
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
+from tests.server.service_thread import ServiceThread
 
 SMALL = FINISHED_FOLDS_DIR / "tetra-cube-2.fold"
 MOTION = "The stored motion of this fold is damaged"
@@ -176,23 +176,23 @@ def test_fold_made_again_of_damaged_input_is_refused(
 
 
 @contextmanager
-def shipping(place: Path) -> Iterator[ServiceHere]:
+def shipping(place: Path) -> Iterator[ServiceThread]:
     """A service that came with one finished fold."""
     shutil.copy(SMALL, place)
     with (
         patch("server.api.finished.FINISHED_FOLDS_DIR", place),
-        ServiceHere(place / "data", finished_folds=True).start() as here,
+        ServiceThread(place / "data", finished_folds=True).start() as here,
     ):
         yield here
 
 
 @pytest.fixture(scope="module")
-def shipped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceHere]:
+def shipped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceThread]:
     with shipping(tmp_path_factory.mktemp("shipped")) as here:
         yield here
 
 
-def test_route_that_makes_something_of_damaged_source_refuses(shipped: ServiceHere) -> None:
+def test_route_that_makes_something_of_damaged_source_refuses(shipped: ServiceThread) -> None:
     """Also where an export or a picture was stored before."""
     fold_id = shipped.http.get("/api/folds").json()["folds"][0]["id"]
     place = shipped.directory(fold_id)
@@ -240,7 +240,7 @@ def test_timeline_of_earlier_version_is_compared_with_the_manifest(tmp_path: Pat
 
 
 @pytest.mark.long
-def test_no_route_of_private_fold_lets_shared_caches_store_it(shipped: ServiceHere) -> None:
+def test_no_route_of_private_fold_lets_shared_caches_store_it(shipped: ServiceThread) -> None:
     """Every route that names a fold and answers GET, but the endless stream of events."""
     fold_id = shipped.http.get("/api/folds").json()["folds"][0]["id"]
     with sqlite3.connect(shipped.data_dir / "foldback.db", timeout=60) as database:

@@ -26,7 +26,7 @@ from server.store.shown import Found
 from server.store.tables import FoldRow
 from tests.server.cli.test_command_line import foldback
 from tests.server.rows import SOMEBODY
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
 from tests.server.store.test_rows import row
 from words.fold import ShownFold
 

@@ -14,7 +14,7 @@ import pytest
 
 from server.store.owner import new_token
 from tests.case import case
-from tests.server.service import PATIENCE_S, SNAKE, Service
+from tests.server.service_process import PATIENCE_S, SNAKE, Service
 from web.pictures.isometric import isometric_svg
 from web.timeline.columns import decode
 

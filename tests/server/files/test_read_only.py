@@ -18,7 +18,7 @@ from server.doctor.data import database, directory
 from server.settings import Settings
 from server.store.tables import read_only_engine
 from tests.server.files.test_damage import ROUTES, shipping
-from tests.server.here import ServiceHere
+from tests.server.service_thread import ServiceThread
 
 WORDS = "New folds cannot be accepted: the disk is read-only."
 
@@ -46,12 +46,12 @@ def read_only(place: Path) -> Generator[None]:
 
 
 @pytest.fixture(scope="module")
-def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ServiceHere, str]]:
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ServiceThread, str]]:
     """A service that was started on a read-only disk, and a fold that it has."""
     with shipping(tmp_path_factory.mktemp("read-only")) as writing:
         (fold,) = writing.http.get("/api/folds").json()["folds"]
     data_dir = writing.data_dir
-    with read_only(data_dir), ServiceHere(data_dir, finished_folds=True).start() as here:
+    with read_only(data_dir), ServiceThread(data_dir, finished_folds=True).start() as here:
         yield here, fold["id"]
 
 
@@ -60,7 +60,7 @@ def tree(place: Path) -> list[str]:
 
 
 def test_service_on_read_only_disk_shows_folds_and_writes_nothing(
-    stored: tuple[ServiceHere, str],
+    stored: tuple[ServiceThread, str],
 ) -> None:
     service, fold_id = stored
     before = tree(service.data_dir)
@@ -78,7 +78,7 @@ def test_service_on_read_only_disk_shows_folds_and_writes_nothing(
 
 
 def test_change_on_read_only_disk_is_refused_in_the_same_words(
-    stored: tuple[ServiceHere, str],
+    stored: tuple[ServiceThread, str],
 ) -> None:
     service, fold_id = stored
     here = f"/api/folds/{fold_id}"
@@ -99,7 +99,7 @@ def test_change_on_read_only_disk_is_refused_in_the_same_words(
         assert (page.status_code, WORDS in page.text) == (507, True)
 
 
-def test_readiness_and_doctor_on_read_only_disk_say_why(stored: tuple[ServiceHere, str]) -> None:
+def test_readiness_and_doctor_on_read_only_disk_say_why(stored: tuple[ServiceThread, str]) -> None:
     service, _ = stored
     ready = service.http.get("/ready")
     assert (ready.status_code, ready.json()["reasons"][0]) == (503, WORDS)
@@ -108,7 +108,7 @@ def test_readiness_and_doctor_on_read_only_disk_say_why(stored: tuple[ServiceHer
     assert database(settings).verdict == "ok"
 
 
-def test_worker_on_read_only_disk_ends_in_one_line(stored: tuple[ServiceHere, str]) -> None:
+def test_worker_on_read_only_disk_ends_in_one_line(stored: tuple[ServiceThread, str]) -> None:
     service, _ = stored
     worker = [sys.executable, "-P", "-m", "server.jobs.worker"]
     ended = subprocess.run(worker, env=service.environment, capture_output=True, text=True)

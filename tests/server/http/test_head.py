@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from tests.server.here import ServiceHere
 from tests.server.http.test_threats_answers import ROUTES, filled
-from tests.server.service import Service
+from tests.server.service_process import Service
+from tests.server.service_thread import ServiceThread
 
 PATHS = sorted({route.path for route in ROUTES if "GET" in (route.methods or ())})
 
 
-def test_every_get_route_answers_head(desk: ServiceHere) -> None:
+def test_every_get_route_answers_head(desk: ServiceThread) -> None:
     for number, path in enumerate(PATHS):
         address = filled(path, "x")
         visitor = {"X-Forwarded-For": f"10.9.{number}.1"}
@@ -33,7 +33,7 @@ def test_head_of_a_fold_ends_at_once(service: Service, finished: dict[str, Any])
     assert int(service.http.head(f"{api}/plan.npz").headers["content-length"]) > 1000
 
 
-def test_icon_and_manifest_are_served(desk: ServiceHere) -> None:
+def test_icon_and_manifest_are_served(desk: ServiceThread) -> None:
     icon = desk.http.get("/favicon.ico")
     assert icon.content[:4] == b"\0\0\1\0"
     manifest = desk.http.get("/manifest.webmanifest").json()
@@ -57,7 +57,7 @@ def test_oembed_describes_a_fold_of_this_service(
     assert xml.status_code == 501
 
 
-def test_oembed_refuses_other_addresses(desk: ServiceHere) -> None:
+def test_oembed_refuses_other_addresses(desk: ServiceThread) -> None:
     origin = str(desk.http.base_url).rstrip("/")
     for url in ("", "http://[", "https://example.org/folds/x", "/folds/x", f"{origin}/folds/none"):
         answer = desk.http.get("/oembed", params={"url": url})

@@ -13,8 +13,8 @@ from fastapi.responses import Response
 
 from server.http.response_cache import RESPONSE_CACHE_S, ResponseCache, mark
 from tests.server.asgi import asked
-from tests.server.here import ServiceHere
-from tests.server.service import Service, owner
+from tests.server.service_process import Service, owner
+from tests.server.service_thread import ServiceThread
 
 
 class Desk:
@@ -81,7 +81,7 @@ def test_deletion_ends_reuse_at_once(desk: Desk) -> None:
 
 
 def test_deleted_fold_is_gone_from_all_its_addresses(
-    service: Service, finished: dict[str, Any], here_with: Callable[..., ServiceHere]
+    service: Service, finished: dict[str, Any], here_with: Callable[..., ServiceThread]
 ) -> None:
     other = here_with()
     other.take_over(service, finished["id"])

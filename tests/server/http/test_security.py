@@ -14,7 +14,7 @@ from websockets.sync.client import connect
 
 from server.http.security import AllowedHosts, SameOrigin, hosts_of
 from tests.server.asgi import asked
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
 
 
 def test_every_answer_carries_the_headers(desk: Service) -> None:

@@ -11,9 +11,9 @@ from fastapi.routing import APIRoute
 
 from server.api import robot
 from server.app import ROUTERS
-from tests.server.here import ServiceHere
 from tests.server.rows import statements
-from tests.server.service import SNAKE, Service, bearer
+from tests.server.service_process import SNAKE, Service, bearer
+from tests.server.service_thread import ServiceThread
 
 TOKEN = bearer("T" * 32)
 INTERNAL = re.compile(
@@ -42,7 +42,7 @@ def filled(path: str, value: str) -> str:
 
 
 def test_every_route_but_health_is_in_the_rate_of_requests(
-    here_with: Callable[..., ServiceHere],
+    here_with: Callable[..., ServiceThread],
 ) -> None:
     service = here_with(requests_per_second_of_visitor=0.001, requests_at_once_of_visitor=1).start()
     for number, route in enumerate(ROUTES):
@@ -56,7 +56,7 @@ def test_every_route_but_health_is_in_the_rate_of_requests(
 
 
 def test_every_route_that_reads_many_rows_is_in_the_rate_of_lists(
-    here_with: Callable[..., ServiceHere],
+    here_with: Callable[..., ServiceThread],
 ) -> None:
     service = here_with(lists_per_second_of_visitor=0.001).start()
     refused: set[str] = set()

@@ -18,9 +18,9 @@ from websockets.sync.client import connect
 from server.http.client_address import address_of
 from server.limits.token_buckets import TokenBuckets
 from server.settings import Settings
-from tests.server.here import ServiceHere
 from tests.server.http.test_threats_uploads import connected, status_of
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
+from tests.server.service_thread import ServiceThread
 
 ServiceWith = Callable[..., Service]
 
@@ -50,7 +50,7 @@ def test_websocket_holds_its_connection_until_it_is_closed(
     service: Service, finished: dict[str, Any]
 ) -> None:
     # A second service on the same folds, to which 127.0.0.1 is a visitor.
-    other = ServiceHere(
+    other = ServiceThread(
         service.data_dir, trusted_proxies="192.0.2.0/24", max_connections_of_visitor=2
     )
     with other.start(), ExitStack() as stack:
@@ -71,7 +71,7 @@ def test_refused_websocket_is_closed_whatever_its_peer_does(desk: Service) -> No
 
 def test_pings_are_limited_by_a_rate(service: Service, finished: dict[str, Any]) -> None:
     with (
-        ServiceHere(service.data_dir, requests_per_second_of_visitor=1).start() as other,
+        ServiceThread(service.data_dir, requests_per_second_of_visitor=1).start() as other,
         connected(other) as client,
     ):
         assert upgraded(client, finished["id"])

@@ -11,13 +11,13 @@ from server.store.owned import change_fold, folds_made
 from server.store.owner import Owner, new_token
 from server.store.previews import Previews
 from tests.server.rows import new_owner, statements
-from tests.server.service import SNAKE, Service, bearer
+from tests.server.service_process import SNAKE, Service, bearer
 
 LISTS = ("folds", "previews", "movies")
 
 
 def test_lists_need_a_key_in_their_header(desk: Service) -> None:
-    """Keys that are missing, short or of others: see tests/server/contract/test_ownership.py."""
+    """Keys that are missing, short or of others: see tests/server/api/test_access_rights.py."""
     for what in LISTS:
         here = f"/api/mine/{what}"
         for headers in (bearer("a" * 201), {"Authorization": "Basic YTpi"}):
@@ -41,7 +41,7 @@ def test_key_is_never_stored_or_sent_back(desk: Service) -> None:
 
 
 def test_replaced_key_opens_nothing(desk: Service) -> None:
-    """What else it does not change: see tests/server/contract/test_ownership.py."""
+    """What else it does not change: see tests/server/api/test_access_rights.py."""
     leaked = new_token()
     fold = desk.fold(SNAKE, seed="203", token=leaked)
     answer = desk.http.post("/api/mine/key", headers=bearer(leaked))

@@ -12,7 +12,7 @@ from planner.exports.export import export_name
 from planner.names import MAX_NAME_LENGTH, clean_name
 from server.api.source import clean_filename
 from tests.case import case
-from tests.server.service import SNAKE, Service, bearer
+from tests.server.service_process import SNAKE, Service, bearer
 
 INVISIBLE = {
     "Hangul fillers": "\u3164\uffa0",

@@ -6,7 +6,7 @@ from typing import Any
 
 from server.store.owner import new_token
 from tests.server.http.test_threats_strangers import path_file
-from tests.server.service import SNAKE, Service, bearer, owner
+from tests.server.service_process import SNAKE, Service, bearer, owner
 
 
 def sent(desk: Service, filename: str, data: bytes, token: str | None = None) -> dict[str, Any]:

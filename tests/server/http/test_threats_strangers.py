@@ -16,7 +16,7 @@ from server.pages.page import script_json
 from server.settings import Settings
 from server.store.folds import new_id
 from server.store.owner import new_token
-from tests.server.service import Service
+from tests.server.service_process import Service
 
 ServiceWith = Callable[..., Service]
 PAGE = {"Accept": "text/html"}

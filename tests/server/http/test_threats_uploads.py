@@ -22,8 +22,8 @@ from server.files.uploads import Uploads
 from server.jobs import housekeeping
 from server.settings import Settings
 from tests.case import case
-from tests.server.here import ServiceHere
-from tests.server.service import PATIENCE_S, SNAKE, Service, owner
+from tests.server.service_process import PATIENCE_S, SNAKE, Service, owner
+from tests.server.service_thread import ServiceThread
 
 ServiceWith = Callable[..., Service]
 MIB = 2**20
@@ -136,7 +136,7 @@ def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """A service that waits for nobody."""
     patience = pytest.MonkeyPatch()
     patience.setattr("server.http.security.MAX_DRAIN_S", 0.5)
-    service = ServiceHere(
+    service = ServiceThread(
         tmp_path_factory.mktemp("hasty") / "data",
         upload_idle_s=0.5,
         header_seconds=0.5,

@@ -20,7 +20,7 @@ from server.api import frames as frame_routes
 from server.jobs.remaining import EtaEstimator
 from server.store.tables import FoldRow
 from tests.server.http.test_threats_crowding import from_address
-from tests.server.service import PATIENCE_S, SNAKE, Service
+from tests.server.service_process import PATIENCE_S, SNAKE, Service
 from tests.web.conftest import unfolding
 from web.timeline.view import TimelineView
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from planner.readers.gallery import Gallery
 from server.store.owner import new_token
 from tests.case import case
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
 
 ServiceWith = Callable[..., Service]
 TOKEN = new_token()

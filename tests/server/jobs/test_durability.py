@@ -25,11 +25,11 @@ from server.jobs.runner import Runner
 from server.jobs.slices import Slice
 from server.processes.children import CRASHED, LOST, Child, ChildError
 from server.store.folds import Store
-from tests.server.here import FORKS, ServiceHere
-from tests.server.service import SNAKE, STAIRS, Service, over
+from tests.server.service_process import SNAKE, STAIRS, Service, over
+from tests.server.service_thread import FORKS, ServiceThread
 
 pytestmark = pytest.mark.slow
-HereWith = Callable[..., ServiceHere]
+HereWith = Callable[..., ServiceThread]
 
 
 def check_finished(service: Service, fold_id: str) -> None:
@@ -42,7 +42,7 @@ def check_finished(service: Service, fold_id: str) -> None:
 
 
 @contextmanager
-def running(service: ServiceHere, claim: FoldClaim) -> Iterator[tuple[Store, Execution]]:
+def running(service: ServiceThread, claim: FoldClaim) -> Iterator[tuple[Store, Execution]]:
     """What a worker runs a fold with; its stages are computed in a child, as everywhere."""
     with closing(Store(service.settings)) as store:
         runner = Runner(service.settings, store, fork_server=FORKS)
@@ -52,7 +52,7 @@ def running(service: ServiceHere, claim: FoldClaim) -> Iterator[tuple[Store, Exe
             runner.stop()
 
 
-def compute(service: ServiceHere, fold_id: str, *, losses: int = 0) -> dict[str, Any]:
+def compute(service: ServiceThread, fold_id: str, *, losses: int = 0) -> dict[str, Any]:
     """Does what a worker does with a fold, and tells how it stands then."""
     claim = FoldClaim(fold_id, "tests", STAGES[0], files=0, losses=losses)
     with running(service, claim) as (_, execution):

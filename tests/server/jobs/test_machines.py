@@ -23,7 +23,7 @@ from tests.server.hosts import Hosts
 from tests.server.jobs.test_movies import SMALL
 from tests.server.jobs.test_movies import wait as wait_movie
 from tests.server.postgres import Postgres
-from tests.server.service import PATIENCE_S, SNAKE, Service, bearer, over, owner
+from tests.server.service_process import PATIENCE_S, SNAKE, Service, bearer, over, owner
 from tests.tools import OPENGL
 
 pytestmark = pytest.mark.slow

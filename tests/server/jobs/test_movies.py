@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from server.cli.command_line import application
 from server.processes.movie_task import is_on_table
-from tests.server.service import PATIENCE_S, Service, bearer
+from tests.server.service_process import PATIENCE_S, Service, bearer
 from tests.tools import OPENGL
 from web.movies.encoding import find_ffmpeg
 

@@ -8,8 +8,8 @@ import threading
 import pytest
 
 from server.errors import ServiceError, TooMany, Unavailable
+from server.limits.concurrency_quota import Permit, Quota, network_share
 from server.limits.networks import PSEUDONYM_SEPARATOR, hidden, networks_of, visitor_at
-from server.limits.quota import Permit, Quota, network_share
 from server.limits.single_flight import SingleFlight
 from server.limits.token_buckets import TokenBuckets
 

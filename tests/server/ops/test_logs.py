@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from server.ops.logs import JsonLines, TextLines, about, escaped
-from tests.server.service import PATIENCE_S, Service
+from tests.server.service_process import PATIENCE_S, Service
 
 FORGED = 'x\n{"level": "error", "message": "forged"}\r\x1b[2K\u2028\x85'
 

@@ -20,7 +20,7 @@ from server.store.leases import Leases
 from server.store.stats import Stats
 from server.store.tables import WorkerRow
 from tests.server.rows import a_fold, statements
-from tests.server.service import METRICS_TOKEN, SNAKE, Service
+from tests.server.service_process import METRICS_TOKEN, SNAKE, Service
 
 
 def figures(service: Service) -> dict[tuple[str, tuple[tuple[str, str], ...]], float]:

@@ -15,9 +15,9 @@ from server.settings import Settings
 from server.store.folds import Store
 from server.store.leases import Leases
 from server.store.stats import Stats
-from tests.server.here import ServiceHere, give_tables
 from tests.server.postgres import Postgres
-from tests.server.service import Service
+from tests.server.service_process import Service
+from tests.server.service_thread import ServiceThread, give_tables
 
 
 @contextmanager
@@ -73,7 +73,7 @@ def test_missing_database_is_a_reason(tmp_path: Path, postgres: Postgres) -> Non
         assert ready.state().ready
 
 
-def test_stopping_service_is_not_ready(here_with: Callable[..., ServiceHere]) -> None:
+def test_stopping_service_is_not_ready(here_with: Callable[..., ServiceThread]) -> None:
     service = here_with(leave_s=1).start()
     with httpx.Client(base_url=service.http.base_url) as other:
         assert other.get("/ready").status_code == 200

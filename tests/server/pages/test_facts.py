@@ -25,7 +25,7 @@ from server.store.shown import Found
 from server.store.worker_identity import WorkerIdentities
 from tests.case import case
 from tests.server.rows import SOMEBODY, a_fold
-from tests.server.service import SNAKE, Service
+from tests.server.service_process import SNAKE, Service
 from tests.web.conftest import unfolding
 from words import quantities
 from words.fold import ShownFold

@@ -19,7 +19,7 @@ from server.pages import paper, same_for_all, static
 from server.pages.page import script_addresses
 from server.pages.static import IMMUTABLE_CACHE_CONTROL
 from tests.server.asgi import asked
-from tests.server.service import SNAKE, Service, bearer
+from tests.server.service_process import SNAKE, Service, bearer
 from web.static_files import VERSIONED, scripts_version
 from web.timeline.columns import decode
 

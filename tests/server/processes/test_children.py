@@ -22,13 +22,13 @@ import pytest
 from planner.errors import InputError
 from planner.pipeline import stages
 from planner.progress import COMPILING, STAGES
-from server.limits.quota import Quota
+from server.limits.concurrency_quota import Quota
 from server.processes import children
 from server.processes.children import EVENTS, Child, ChildError, Pool, Reader
 from server.processes.fork_server import ForkServer, Kind
 from server.processes.limits import ChildLimits
-from tests.server.here import FORKS
-from tests.server.service import SNAKE
+from tests.server.service_process import SNAKE
+from tests.server.service_thread import FORKS
 
 CHECKOUT = Path(__file__).parents[3]
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)

@@ -19,14 +19,14 @@ from planner.progress import COMPILING
 from server.processes import children
 from server.processes.children import LOST, ChildError
 from server.processes.fork_server import ForkServer, Kind
-from tests.server.here import FORKS
 from tests.server.processes.test_children import (
     made,
     running_first,
     upload_in,
     without_libraries,
 )
-from tests.server.service import PATIENCE_S
+from tests.server.service_process import PATIENCE_S
+from tests.server.service_thread import FORKS
 
 pytestmark = pytest.mark.processes
 

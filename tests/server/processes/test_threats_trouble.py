@@ -19,9 +19,9 @@ from server.http.problems import of_trouble
 from server.processes.children import Child
 from server.processes.limits import ChildLimits, environment_of_child
 from server.store.owner import new_token
-from tests.server.here import ServiceHere
 from tests.server.processes.test_children import without_libraries
-from tests.server.service import SNAKE, Service, bearer
+from tests.server.service_process import SNAKE, Service, bearer
+from tests.server.service_thread import ServiceThread
 
 PAGE = {"Accept": "text/html,application/xhtml+xml"}
 
@@ -29,7 +29,7 @@ PAGE = {"Accept": "text/html,application/xhtml+xml"}
 @pytest.fixture(scope="module")
 def broken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, str]]:
     """A service whose database has lost its tables, and the id of a fold that it had."""
-    service = ServiceHere(tmp_path_factory.mktemp("broken") / "data").start()
+    service = ServiceThread(tmp_path_factory.mktemp("broken") / "data").start()
     fold_id = service.fold(SNAKE)["id"]
     with sqlite3.connect(service.data_dir / "foldback.db", timeout=60) as database:
         for table in ("folds", "movies"):

@@ -33,9 +33,9 @@ from server.store.previews import (
 )
 from server.store.tables import PreviewRow
 from tests.case import case
-from tests.server.here import give_tables
 from tests.server.postgres import DATABASES
 from tests.server.rows import new_owner
+from tests.server.service_thread import give_tables
 
 MIB = 2**20
 

@@ -107,7 +107,7 @@ export function view({ source, figures, load, over = true, details = null, play 
     if (!open() && !shown && !player.story.telling && play) player.send({ do: "play" });
   });
   window.foldback = { timeline, player }; // for the console
-  if (window.name === "foldback-fold" && window.parent !== window) import("./guest.js").then(({ answer }) => answer({ player, timeline, open }));
+  if (window.name === "foldback-fold" && window.parent !== window) import("./embed_messages.js").then(({ answer }) => answer({ player, timeline, open }));
   return { timeline, player, stage, sketch, bar, place, plots };
 }
 

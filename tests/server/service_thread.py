@@ -1,4 +1,4 @@
-"""A real service in a thread of the tests' own process, for what no process of its own proves."""
+"""A real service for tests, in a thread of their own process, where it starts faster."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from server.ops.logs import TextLines
 from server.processes.fork_server import ForkServer
 from server.settings import VARIABLE_PREFIX, Settings
 from server.store.folds import Store
-from tests.server.service import PATIENCE_S, Service
+from tests.server.service_process import PATIENCE_S, Service
 
 NOWHERE = "NO_TEST_SETS_THIS_"
 """Names of settings in the environment begin so for it: those of the machine count for nothing."""
@@ -49,14 +49,14 @@ def give_tables(settings: Settings) -> None:
         TABLES.append(path.read_bytes())
 
 
-class ServiceHere(Service):
+class ServiceThread(Service):
     """What ``foldback serve --workers 0`` runs, on a port of its own: it starts in no time.
 
     It has no process that could be killed, and starts no worker. What others in this process have
     to say stands in its log, too.
     """
 
-    def start(self, *arguments: str) -> ServiceHere:
+    def start(self, *arguments: str) -> ServiceThread:
         assert arguments[:1] in ((), ("--first-shape",)), "others are for a process: take a Service"
         given = {
             name.removeprefix(VARIABLE_PREFIX).lower(): value
@@ -118,7 +118,7 @@ class ServiceHere(Service):
         self._telling.close()
         return int(self._thread.is_alive())
 
-    def __enter__(self) -> ServiceHere:
+    def __enter__(self) -> ServiceThread:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -1,5 +1,6 @@
-// A fold in the frame of a <foldback-fold> element of another page (../../foldback-fold.js): does what its messages say
-// and tells what is shown. Who may frame the page is decided before; only names, numbers and texts cross.
+// Messages between a fold in a frame and the <foldback-fold> element of the page that embeds it (../../foldback-fold.js):
+// does what they ask for and reports what is shown. Who may frame the page is decided before; only names, numbers and
+// texts cross.
 
 /**
  * @param {{ player: import("../player/player.js").Player, timeline: import("../player/timeline.js").Timeline, open: (stop: number) => boolean }} shown

@@ -1,4 +1,4 @@
-"""Streams: answers that have a permit of a quota for as long as they last."""
+"""Limited streams: responses that hold a permit of a quota, and are sent within a maximum time."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from collections.abc import AsyncIterator, Iterator, Mapping
 from fastapi.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
-from server.limits.quota import Permit
+from server.limits.concurrency_quota import Permit
 
 
-class Stream(StreamingResponse):
+class LimitedStream(StreamingResponse):
     """An answer that is computed as it is sent.
 
     Args:

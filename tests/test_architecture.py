@@ -1,4 +1,4 @@
-"""The rooms of the code: each of a size to live in, each importing from lower floors only."""
+"""Architecture: components of 5 to 25 files, each of which imports from lower layers only."""
 
 from __future__ import annotations
 
@@ -6,50 +6,50 @@ import re
 
 import pytest
 
-from docs.make_house import (
+from docs.make_architecture import (
     COLUMNS,
     ELSEWHERE,
-    FLOOR_OF,
+    LAYER_OF,
     PAGE,
     PICTURE,
     ROOT,
     about,
+    component_of,
     drawn,
     imports,
     modules,
-    room_of,
     with_table,
 )
 from tests.case import case
 
 FEWEST, MOST = 5, 25
-ROOMS = [room for room in FLOOR_OF if room not in COLUMNS and modules()[room].name == "__init__.py"]
+FOLDERS = [c for c in LAYER_OF if c not in COLUMNS and modules()[c].name == "__init__.py"]
 
 
-def test_imports_point_to_lower_floors() -> None:
+def test_imports_point_to_lower_layers() -> None:
     up = [
         f"{each.module} imports {each.imported}"
         for each in imports()
-        if (room := room_of(each.module)) is not None
-        and (other := room_of(each.imported)) not in (None, room)
-        and FLOOR_OF[str(other)] >= FLOOR_OF[room]
-        and each.module != "planner"  # hands on the names of all rooms, each when it is asked for
+        if (component := component_of(each.module)) is not None
+        and (other := component_of(each.imported)) not in (None, component)
+        and LAYER_OF[str(other)] >= LAYER_OF[component]
+        and each.module != "planner"  # loads the names of all components on first use
     ]
     assert up == []
 
 
 def test_packages_have_a_purpose_and_5_to_25_files() -> None:
-    for room in ROOMS:
-        with case(room):
-            files = [path for path in modules()[room].parent.iterdir() if path.is_file()]
+    for component in FOLDERS:
+        with case(component):
+            files = [path for path in modules()[component].parent.iterdir() if path.is_file()]
             assert FEWEST <= len(files) <= MOST
-            assert about(room).endswith(".")
+            assert about(component).endswith(".")
 
 
-def test_all_packages_have_a_floor() -> None:
+def test_all_packages_have_a_layer() -> None:
     folders = {".".join(p.parent.relative_to(ROOT).parts) for p in modules().values()}
     named = {f for f in folders if not f.startswith(ELSEWHERE) and f not in COLUMNS}
-    assert named == set(ROOMS)
+    assert named == set(FOLDERS)
 
 
 @pytest.mark.parametrize("folder", ["tests", "bench", "examples", "docs", "web/static/js"])
@@ -59,14 +59,14 @@ def test_other_folders_have_at_most_25_files(folder: str) -> None:
             assert len([p for p in path.iterdir() if p.is_file()]) <= MOST, path
 
 
-def test_house_page_and_picture_are_current() -> None:
+def test_page_and_picture_are_current() -> None:
     page = PAGE.read_text(encoding="utf-8")
-    assert with_table(page) == page, "run `python -m docs.make_house`"
-    assert drawn() == PICTURE.read_text(encoding="utf-8"), "run `python -m docs.make_house`"
+    assert with_table(page) == page, "run `python -m docs.make_architecture`"
+    assert drawn() == PICTURE.read_text(encoding="utf-8"), "run `python -m docs.make_architecture`"
 
 
-def test_paths_on_the_house_page_exist() -> None:
-    page, _, _ = PAGE.read_text(encoding="utf-8").partition("<!-- rooms -->")
+def test_paths_on_the_page_exist() -> None:
+    page, _, _ = PAGE.read_text(encoding="utf-8").partition("<!-- components -->")
     named = [name for name in re.findall(r"`([\w./]+)`", page) if "/" in name]
     assert named
     assert [name for name in named if not (ROOT / name).exists()] == []

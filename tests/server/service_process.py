@@ -1,4 +1,4 @@
-"""A real service for tests: `foldback serve` with its workers, on a free port, in a new place."""
+"""A real service for tests, in a process of its own: `foldback serve` with its workers."""
 
 from __future__ import annotations
 

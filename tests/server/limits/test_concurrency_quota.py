@@ -1,4 +1,4 @@
-"""Quotas: few expensive computations at once, and no visitor occupies all slots or the queue."""
+"""Concurrency quotas: few costly computations at once; no visitor takes all slots or the queue."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pytest
 
 from server.errors import ServiceError, TooMany, Unavailable
 from server.files.artifacts import Artifacts
+from server.limits.concurrency_quota import Permit, Quota
 from server.limits.fair_threads import CURRENT_VISITOR, FairThreads
 from server.limits.queue_room import Waiting, check_room
-from server.limits.quota import Permit, Quota
 from server.settings import Settings
 from server.store.folds import Store
 from tests.case import case

@@ -17,9 +17,9 @@ from server.store.folds import Store, new_id
 from server.store.owner import Owner, new_token
 from server.store.tables import FoldRow, MovieRow, PreviewRow, TourRow, ValuesRow
 from server.store.tours import write_beside
-from tests.server.here import ServiceHere
 from tests.server.rows import a_fold, a_movie
-from tests.server.service import bearer
+from tests.server.service_process import bearer
+from tests.server.service_thread import ServiceThread
 
 ACTORS = ("none", "short", "stranger", "asker", "owner", "heir")
 """Holders of no token, of one that is too short, of a random one; the client that has requested the
@@ -52,7 +52,7 @@ class Thing:
         words: Its state, and what has happened to it since, as in ``gallery+shared``.
     """
 
-    def __init__(self, service: ServiceHere, store: Store, words: str) -> None:
+    def __init__(self, service: ServiceThread, store: Store, words: str) -> None:
         self.fold_id = new_id()
         self.tokens: dict[str, str | None] = {actor: new_token() for actor in ACTORS}
         self.tokens |= {"none": None, "short": "short-and-guessable"}

@@ -1,4 +1,4 @@
-"""Quotas: limits on concurrent use, in total, per visitor and per network.
+"""Concurrency quotas: limits on concurrent use, in total, per visitor and per network.
 
 Three rules share a quota out:
 

@@ -1,4 +1,4 @@
-"""Starting: errors if a process of the service cannot start, or not as configured."""
+"""Startup errors: messages if a process of the service cannot start, or not as configured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rights of clients: a table of actions, things and actors, with the status of each answer."""
+"""Access rights: a table of actions, things and actors, with the status of each answer."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from functools import partial
 import pytest
 
 from server.store.folds import Store
-from tests.server.contract.things import ACTORS, MOVIE_ID, TOUR, VALUES, Thing
-from tests.server.here import ServiceHere
+from tests.server.api.owned_things import ACTORS, MOVIE_ID, TOUR, VALUES, Thing
+from tests.server.service_thread import ServiceThread
 
 MATRIX = """
 action        thing                         none     short    stranger asker    owner    heir
@@ -84,10 +84,10 @@ list-movies   gallery+asked-movie           401      401      no       yes      
 list-previews verified+preview              401      401      no       no       yes      no
 list-previews verified+preview+rekeyed      401      401      no       no       no       yes
 """
-"""Row: an action and its thing (see ``things.py``). Column: an actor. Cell: status of the answer;
-401 has the code ``no-owner-token``, 403 ``not-owner``, 403p ``public``, 404 ``no-such-…``. After a
-status with = nothing has changed, although the answer is no refusal. Lists: ``yes`` if the thing is
-in them."""
+"""Row: an action and its thing (see ``owned_things.py``). Column: an actor. Cell: status of the
+answer; 401 has the code ``no-owner-token``, 403 ``not-owner``, 403p ``public``, 404 ``no-such-…``.
+After a status with = nothing has changed, although the answer is no refusal. Lists: ``yes`` if the
+thing is in them."""
 
 ACTIONS: dict[str, tuple[str, str, object]] = {
     "list-all": ("GET", "/api/folds", None),
@@ -120,8 +120,8 @@ CODES = {
 @pytest.fixture(scope="module")
 def make(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Thing]]:
     """Makes a thing of its words."""
-    place = tmp_path_factory.mktemp("ownership") / "data"
-    with ServiceHere(place).start() as service, closing(Store(service.settings)) as store:
+    place = tmp_path_factory.mktemp("access-rights") / "data"
+    with ServiceThread(place).start() as service, closing(Store(service.settings)) as store:
         yield partial(Thing, service, store)
 
 

@@ -1,7 +1,7 @@
-"""Draw the packages of the code and the imports between them, and list them in house.md.
+"""Draw the packages of the code and the imports between them, and list them in architecture.md.
 
-A "room" is a folder or a module of a package. Tests check that imports follow the floors below, and
-that both files are current.
+A component is a folder or a module of a package. Tests check that imports follow the layers below,
+and that both files are current.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import Final
 
 HERE: Final = Path(__file__).parent
 ROOT: Final = HERE.parent
-PAGE: Final = HERE / "house.md"
-PICTURE: Final = HERE / "pictures" / "house.svg"
-BEGIN, END = "<!-- rooms -->\n", "<!-- end of rooms -->\n"
-FLOORS: Final = (
+PAGE: Final = HERE / "architecture.md"
+PICTURE: Final = HERE / "pictures" / "architecture.svg"
+BEGIN, END = "<!-- components -->\n", "<!-- end of components -->\n"
+LAYERS: Final = (
     ("planner",),
     ("planner.kernels",),
     ("planner.chain",),
@@ -54,13 +54,13 @@ FLOORS: Final = (
     ("server.doctor", "server.operate"),
     ("server.cli",),
 )
-"""Rooms by floor, from the lowest floor up. A room imports only from lower floors, or from
-itself."""
-FLOOR_OF: Final = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
+"""Components by layer, from the lowest layer up. A component imports only from lower layers, or
+from itself."""
+LAYER_OF: Final = {name: layer for layer, names in enumerate(LAYERS) for name in names}
 ELSEWHERE: Final = ("server.migrations",)
-"""Folders whose layout alembic prescribes; they belong to no room."""
+"""Folders whose layout alembic prescribes; they belong to no component."""
 WIDTH, COLUMN, STEP, BOX = 1020, 340, 58, 38
-"""Width of the picture, width of a column, distance between floors, and height of a box, px."""
+"""Width of the picture, width of a column, distance between layers, and height of a box, px."""
 COLOURS: Final = {
     "planner": "#2f6fb2",
     "web": "#3a8a5c",
@@ -93,21 +93,23 @@ def modules() -> dict[str, Path]:
     return {name.removesuffix(".__init__"): path for name, path in sorted(named.items())}
 
 
-def room_of(module: str) -> str | None:
-    """Return the room that a module is in; None for modules that belong to no room.
+def component_of(module: str) -> str | None:
+    """Return the component that a module is in; None for modules that belong to no component.
 
     Raises:
-        KeyError: Its folder is not listed in ``FLOORS``.
+        KeyError: Its folder is not listed in ``LAYERS``.
     """
     if module.startswith(ELSEWHERE):
         return None
     package, _, rest = module.partition(".")
-    room = f"{package}.{rest.partition('.')[0]}"
-    if room in FLOOR_OF:
-        return room
+    component = f"{package}.{rest.partition('.')[0]}"
+    if component in LAYER_OF:
+        return component
     if modules()[module].parent == ROOT / package:
-        return package if package in FLOOR_OF else None
-    raise KeyError(f"{module} is in no room: add its folder to FLOORS in docs/make_house.py")
+        return package if package in LAYER_OF else None
+    raise KeyError(
+        f"{module} is in no component: add its folder to LAYERS in {Path(__file__).name}"
+    )
 
 
 @cache
@@ -128,32 +130,32 @@ def imports() -> tuple[Import, ...]:
 
 
 def arrows() -> set[tuple[str, str]]:
-    """Return the pairs of different rooms of which the first imports from the second."""
-    pairs = ((room_of(each.module), room_of(each.imported)) for each in imports())
+    """Return the pairs of different components of which the first imports from the second."""
+    pairs = ((component_of(each.module), component_of(each.imported)) for each in imports())
     return {(a, b) for a, b in pairs if a and b and a != b}
 
 
-def files_of(room: str) -> list[Path]:
-    """Return the files of a room without its ``__init__.py``."""
+def files_of(component: str) -> list[Path]:
+    """Return the files of a component without its ``__init__.py``."""
     return [
         path
         for module, path in modules().items()
-        if path.name != "__init__.py" and room_of(module) == room
+        if path.name != "__init__.py" and component_of(module) == component
     ]
 
 
-def about(room: str) -> str:
-    """Return the first line of a room's docstring."""
-    path = modules()[room]
+def about(component: str) -> str:
+    """Return the first line of a component's docstring."""
+    path = modules()[component]
     return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")[0]
 
 
 def table() -> str:
-    """Return the rooms from the top down as a table in Markdown."""
-    lines = ["| room | what it is for | files |", "|---|---|---|"]
-    for room in (room for floor in reversed(FLOORS) for room in floor):
-        names = ", ".join(f"`{path.stem}`" for path in files_of(room))
-        lines.append(f"| `{room.replace('.', '/')}` | {about(room)} | {names} |")
+    """Return the components from the top down as a table in Markdown."""
+    lines = ["| component | what it is for | files |", "|---|---|---|"]
+    for component in (component for layer in reversed(LAYERS) for component in layer):
+        names = ", ".join(f"`{path.stem}`" for path in files_of(component))
+        lines.append(f"| `{component.replace('.', '/')}` | {about(component)} | {names} |")
     return "\n".join(lines) + "\n"
 
 
@@ -165,42 +167,41 @@ def with_table(page: str) -> str:
 
 
 def drawn() -> str:
-    """Return the picture as SVG: a column per package, a box per room, lines for imports."""
+    """Return the picture as SVG: a column per package, a box per component, lines for imports."""
     columns = {
         column: [
-            rooms
-            for rooms in ([r for r in floor if r.split(".")[0] in packages] for floor in FLOORS)
-            if rooms
+            components
+            for layer in LAYERS
+            if (components := [name for name in layer if name.split(".")[0] in packages])
         ]
         for column, packages in COLUMNS.items()
     }
     height = STEP * max(map(len, columns.values())) + 60
     at: dict[str, tuple[float, float, float]] = {}
-    for column, floors in enumerate(columns.values()):
-        for k, rooms in enumerate(floors):
-            wide = (COLUMN - 50) / len(rooms)
-            for j, room in enumerate(rooms):
+    for column, layers in enumerate(columns.values()):
+        for k, components in enumerate(layers):
+            wide = (COLUMN - 50) / len(components)
+            for j, component in enumerate(components):
                 middle = column * COLUMN + 25 + wide * (j + 0.5)
-                at[room] = (middle, height - 30 - STEP * (k + 0.5), wide - 8)
+                at[component] = (middle, height - 30 - STEP * (k + 0.5), wide - 8)
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" '
         'font-family="system-ui, sans-serif" font-size="13">',
-        "<title>Rooms of the code; every import points down or to the left</title>",
+        "<title>Components of the code; every import points down or to the left</title>",
         f'<rect width="{WIDTH}" height="{height}" fill="#fbfaf7"/>',
     ]
-    for room, other in sorted(arrows()):
-        (x, y, _), (u, v, _) = at[room], at[other]
+    for component, other in sorted(arrows()):
+        (x, y, _), (u, v, _) = at[component], at[other]
         bend = 60 if abs(x - u) < 1 else 0
         parts.append(
             f'<path d="M{x:.0f} {y:.0f} C{x - bend:.0f} {y + 25:.0f} {u - bend:.0f} {v - 25:.0f} '
-            f'{u:.0f} {v:.0f}" fill="none" stroke="{COLOURS[room.split(".")[0]]}" '
+            f'{u:.0f} {v:.0f}" fill="none" stroke="{COLOURS[component.split(".")[0]]}" '
             f'stroke-width="1.2" stroke-opacity=".28"/>'
         )
-    for room, (x, y, wide) in at.items():
-        package, _, name = room.partition(".")
-        name = name or ("ground" if package in COLUMNS else package)
-        count = len(files_of(room))
-        words = f"{name} · {count}" if count > 1 else name
+    for component, (x, y, wide) in at.items():
+        package, _, name = component.partition(".")
+        count = len(files_of(component))
+        words = f"{name or package} · {count}" if count > 1 else name or package
         parts.append(
             f'<rect x="{x - wide / 2:.0f}" y="{y - BOX / 2:.0f}" width="{wide:.0f}" '
             f'height="{BOX}" rx="6" fill="#fff" stroke="{COLOURS[package]}"/>'
