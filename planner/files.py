@@ -23,8 +23,9 @@ _LOADING: Final = Lock()
 READ_ONLY_ERRORS: Final = frozenset({errno.EROFS, errno.EACCES, errno.EPERM})
 """Error numbers (errno) that mean, when a file is written, that the disk is read-only or permission
 is missing."""
-
-
+MAX_FILE_BYTES: Final = 64 << 20
+"""Maximum size of an input file, in bytes. Larger values admit larger meshes and take more memory.
+Chosen."""
 TEMPORARY_SUFFIX: Final = ".partial"
 """Suffix of the name of a file or directory while it is written; it is renamed when complete. The
 zarr library uses the same suffix."""

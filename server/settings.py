@@ -23,7 +23,7 @@ from pydantic import (
 )
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-from planner.files import refuses_writing
+from planner.files import MAX_FILE_BYTES, refuses_writing
 
 MIB_BYTES = 1024 * 1024
 """Number of bytes in a MiB."""
@@ -138,8 +138,8 @@ class Settings(BaseSettings):
     """Computing time after which a fold pauses if shorter ones wait, s. It triples after each
     pause."""
 
-    max_upload_bytes: int = Field(default=64 * MIB_BYTES, ge=1024)
-    """Maximum size of an upload."""
+    max_upload_bytes: int = Field(default=MAX_FILE_BYTES, ge=1024, le=MAX_FILE_BYTES)
+    """Maximum size of an upload; at most 64 MiB, the size that the readers of shapes accept."""
     max_uploads: Count = 24
     """Maximum number of uploads that are received or read at once."""
     max_uploads_of_visitor: Count = 6

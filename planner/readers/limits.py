@@ -9,9 +9,6 @@ from planner.errors import InputError
 from planner.shapes.shape import MAX_CELLS
 from planner.shapes.solid import MAX_TRIANGLES
 
-MAX_FILE_BYTES: Final = 64 << 20
-"""Maximum size of an input file, in bytes. Larger values admit larger meshes and take more memory.
-Chosen."""
 BYTES_PER_CELL: Final = 96
 """Allowed size of a text file for each cell of the largest accepted shape, in bytes; a larger file
 is refused before it is parsed. Larger values admit wordier files and take more memory. Chosen."""

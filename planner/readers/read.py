@@ -12,6 +12,7 @@ from typing import Final
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
+from planner.files import MAX_FILE_BYTES
 from planner.names import clean_name
 from planner.readers.angle_strings import is_angle_string, read_angle_string, refuse_digits
 from planner.readers.binvox import is_binvox, read_binvox
@@ -20,7 +21,6 @@ from planner.readers.gltf import is_glb, read_glb
 from planner.readers.json_files import is_json, read_json
 from planner.readers.limits import (
     MAX_CELLS,
-    MAX_FILE_BYTES,
     Source,
     check_bytes,
     check_size,

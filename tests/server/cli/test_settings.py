@@ -48,6 +48,7 @@ def test_database_addresses_may_have_any_password(monkeypatch: pytest.MonkeyPatc
         ("TRUSTED_PROXIES", "proxy", "got 'proxy', expected an address or a network"),
         ("PORT", "eighty", "got 'eighty', expected a whole number"),
         ("PORT", "65536", "got '65536', expected at most 65535"),
+        ("MAX_UPLOAD_BYTES", "67108865", "got '67108865', expected at most 67108864"),
         ("LEASE_S", "0", "got '0', expected more than 0"),
         ("LEASE_S", "soon", "got 'soon', expected a number"),
         ("STAGE_CPU_SECONDS", "inf", "got 'inf', expected a finite number"),

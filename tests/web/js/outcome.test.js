@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Advance, queueWords } from "../../../web/static/js/panels/advance.js";
+import { Progress } from "../../../web/static/js/panels/progress.js";
 import { announcementOf, awaitOutcome, headingOf, titleOf } from "../../../web/static/js/panels/outcome.js";
 
 const facts = (tone) => ({ name: "torus", verdict: { tone, text: "" } });
@@ -101,4 +102,26 @@ test("permission to notify is asked on a click only, and a hidden tab notifies o
   document.hidden = false;
   end(over);
   assert.equal(sent.length, 1);
+});
+
+test("a fold with a verdict is not to be cancelled or awaited while its files are written", async (t) => {
+  const { document: page, window: browser, EventSource, fetch } = globalThis;
+  t.after(() => Object.assign(globalThis, { document: page, window: browser, EventSource, fetch }));
+  const parts = {};
+  const part = () => ({ classList: { contains: () => true }, dataset: {}, style: {}, firstElementChild: { style: {} } });
+  Object.assign(globalThis, {
+    window: {}, document: { getElementById: (id) => (parts[id] ??= part()) },
+    EventSource: class { addEventListener() {} },
+    fetch: () => Promise.resolve(Response.json({ running: true, ...facts("good") })),
+  });
+  const progress = new Progress({ id: "abc" }, { onDone() {}, onProgress() {} });
+  progress.token = "key";
+  const shown = async (stage) => {
+    progress.show({ status: "running", stage, fraction: 0.5 });
+    await new Promise((resolve) => setTimeout(resolve));
+    return [parts.verdict.dataset.tone, parts.cancel.hidden, Boolean(parts.notify?.hidden)];
+  };
+  assert.deepEqual(await shown("certify"), ["busy", false, false]);
+  assert.deepEqual(await shown("export"), ["good", true, true]);
+  assert.deepEqual(await shown("certify"), ["busy", false, true]); // it was interrupted, and is computed again
 });

@@ -44,7 +44,7 @@ export class Progress {
 
   listen() {
     get("progress").hidden = false;
-    get("cancel").hidden = !this.token;
+    this.offer();
     const events = new EventSource(at(`/api/folds/${this.facts.id}/events`));
     this.events = events;
     events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
@@ -82,6 +82,7 @@ export class Progress {
     if (now.status === "running") advance.note(now);
     if (now.status === "running" && now.stage === WRITING) this.checked();
     else this.verdict = null;
+    this.offer();
     const compiling = now.message === COMPILING ? { fraction: now.fraction ?? 0, remaining_s: null } : null;
     const preparing = now.preparing ?? compiling;
     this.onProgress({ ...now, preparing, ...(now.status === "running" && { fraction: advance.fraction }) }, advance.name());
@@ -109,6 +110,12 @@ export class Progress {
     const done = now.status === "queued" ? 0 : advance.fraction;
     bar.style.transform = `scaleX(${preparing ? preparing.fraction : done})`;
     showPreparing(preparing);
+  }
+
+  // A fold with a verdict can neither be cancelled nor awaited.
+  offer() {
+    get("cancel").hidden = !this.token || Boolean(this.verdict);
+    if (this.verdict) get("notify").hidden = true;
   }
 
   // The plan has been checked: say the verdict while its files are written.
@@ -153,9 +160,9 @@ export class Progress {
     } catch (error) {
       const shared = error instanceof Refusal && error.status === FORBIDDEN;
       this.cancelling = false;
+      if (shared) this.token = null;
       if (this.now) this.show(this.now);
       get("cancel").disabled = false;
-      get("cancel").hidden = shared;
       toast(shared ? "Other people requested this fold too, so it will keep running" : "It could not be cancelled");
     }
   }
