@@ -64,7 +64,7 @@ def test_downloaded_page_checks_itself(
     page.goto(file.as_uri())
     page.locator("#details").click()
     check = page.locator("#check")
-    expect(checked(check)).to_contain_text(re.compile(r"It took [\d.]+ s"))
+    expect(checked(check)).to_contain_text(re.compile(r"The check took [\d.]+ s"))
     check.get_by_role("button", name="Tightest place").click()
     assert len(page.evaluate("foldback.player.marked")) == 2
     expect(check.get_by_role("link")).to_have_count(0)

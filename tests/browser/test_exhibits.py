@@ -79,7 +79,7 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     words, back = follower.locator(".class-ways span"), follower.locator(".class-ways .primary")
     frame = follower.locator("#r-frame")
     expect(words).to_have_text("You are following the leader")
-    expect(leader.locator(".class-ways span")).to_have_text("1 person follows")
+    expect(leader.locator(".class-ways span")).to_have_text("1 person is following")
     seek(leader, 30)
     expect(frame).to_have_text(re.compile("Frame 31 of"))
     leader.evaluate("() => foldback.player.send({ do: 'orbit', turn: [0.5, 0.2] })")
@@ -96,7 +96,7 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     assert follower.evaluate("() => foldback.player.selected") == 7
     for end in connections[0]:
         end.close(code=4000)  # as if the network between them had failed
-    expect(leader.locator(".class-ways span")).to_have_text("1 person follows")
+    expect(leader.locator(".class-ways span")).to_have_text("1 person is following")
     seek(leader, 20)
     expect(frame).to_have_text(re.compile("Frame 21 of"))
     assert len(connections) == 2
