@@ -226,7 +226,7 @@ def used_parameters(
     used = TRACKING_PARAMETERS if not simulated else (CONTROLLER_PARAMETERS.get(controller, ()))
     if simulated:
         used = ("controller", *used, "max_steps")
-        # A motor either has a stiffness or a limit: planner.playback.course.
+        # A motor either has a stiffness or a limit: planner.playback.reference_trajectory.
         limited = playback.get("torque_limit") is not None
         used = [name for name in used if name != ("stiffness" if limited else "torque_limit")]
     groups.append(

@@ -31,7 +31,7 @@ from planner.chain.dynamics import floating_torques, motion_of
 from planner.chain.kinematics import forward_kinematics
 from planner.clearance.sweep import sweep
 from planner.kernels.clearance import Solid, module_clearances
-from planner.motion.inverse import inverse_dynamics
+from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.motion.motion import PHASES, Motion
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import Parameters

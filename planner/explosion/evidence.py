@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 import msgspec
 import numpy as np
 
-from planner.motion.stuck_figures import (
+from planner.motion.failure_schemas import (
     BlockFigures,
     BudgetFigures,
     EvidenceFigures,

@@ -16,7 +16,7 @@ from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
 from planner.errors import TimelineError
 from planner.kernels.clearance import Solid, module_clearances
-from planner.motion.inverse import inverse_dynamics
+from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.motion.motion import PHASES
 from planner.motion.timeline import Timeline
 from planner.pathfinding.knots import knot_of

@@ -20,7 +20,7 @@ from planner.chain.chain import Chain
 from planner.errors import UNREADABLE, InputError, named
 from planner.explosion.diagnosis import stuck_of
 from planner.files import write_whole
-from planner.motion.angle_steps import (
+from planner.motion.angle_encoding import (
     MAX_PLAIN_ANGLES,
     PLANES_NAME,
     Planes,

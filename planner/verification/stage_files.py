@@ -22,7 +22,7 @@ from planner.file_names import (
     START_CHAIN,
     START_PLAN,
 )
-from planner.motion.angle_steps import PLAN_STEP_RAD
+from planner.motion.angle_encoding import PLAN_STEP_RAD
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes

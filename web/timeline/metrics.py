@@ -26,7 +26,7 @@ from planner.certificate.table_forces import TableForces
 from planner.errors import UNREADABLE, InputError
 from planner.file_names import CERTIFICATE, FIGURES, FORCES, PLAN, RECORD, TIMELINE
 from planner.files import json_of
-from planner.motion.angle_steps import plan_columns
+from planner.motion.angle_encoding import plan_columns
 from planner.motion.motion import Motion
 from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline

@@ -25,7 +25,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from planner.motion.angle_steps import plan_columns
+from planner.motion.angle_encoding import plan_columns
 from planner.motion.motion import Motion
 from planner.plan.claim import claimed_part
 from web.pictures.table_top import TableTop

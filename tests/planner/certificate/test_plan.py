@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from planner.errors import InputError
-from planner.motion.angle_steps import frame_planes, plan_columns
+from planner.motion.angle_encoding import frame_planes, plan_columns
 from planner.plan.plan import PLAN_FORMAT, Plan
 from tests.planner.plans import changed
 

@@ -1,4 +1,4 @@
-"""Figures of a failed explosion, as plain JSON values: reason, modules, and evidence."""
+"""Schemas of a failed explosion as plain JSON values: reason, modules, and evidence."""
 
 from __future__ import annotations
 

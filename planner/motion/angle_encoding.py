@@ -1,4 +1,4 @@
-"""Angle steps: hinge angles as whole numbers of a small step, and their encoding in files.
+"""Angle encoding: hinge angles as whole numbers of a small step, and their encoding in files.
 
 A plan's angles are whole steps before they are verified, so that writing loses nothing.
 The step is a right angle divided by a power of two: straight and folded are exact. It needs NumPy
