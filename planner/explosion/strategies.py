@@ -75,7 +75,7 @@ def strategies_for(
         raise InputError(
             "unsuited-world",
             f"got a chain of {chain.module.name}s for a fold on a table, expected cubes that fold "
-            "into the cells of a lattice; use the world floating.",
+            "into the cells of a lattice; use the world 'floating'.",
         )
     if wished == AUTO:
         return tuple(name for name in _preferred(chain) if name in possible) or possible[:1]
