@@ -12,7 +12,7 @@ from rich.table import Table
 
 from cli.inputs import refuse
 from cli.options import AsJson
-from planner.certificate.table import table_certificate
+from planner.certificate.table_certificate import table_certificate
 from planner.certificate.table_figures import TableCertificate
 from planner.errors import InputError
 from planner.file_names import PLAN

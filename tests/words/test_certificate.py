@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from planner.certificate.table import table_certificate
+from planner.certificate.table_certificate import table_certificate
 from planner.parameters.explosion import Base
-from tests.planner.certificate.test_table import LIFTED, line, moving
+from tests.planner.certificate.test_table_certificate import LIFTED, line, moving
 from words import certificate as certificate_words
 from words.certificate import clearance, headline, linked, on_table, record, rows, torque
 

@@ -13,7 +13,7 @@ from planner.certificate.table_figures import TableCertificate
 from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters
 from server.cli.command_line import application
-from tests.planner.certificate.test_table import moving
+from tests.planner.certificate.test_table_certificate import moving
 from tests.planner.chains import line
 from tests.planner.plans import unverified
 from tests.server.api.test_table import SLAB
