@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from bench.tables import Section
-from planner.motion.angle_steps import snapped
+from planner.motion.angle_encoding import snapped
 from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters
 from planner.plan.plan import Plan

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from planner.certificate.metrics import Figures, write
+from planner.certificate.metrics_store import Figures, write
 from planner.file_names import FIGURES, PLAN, PLAYBACK, RECORD, START_CHAIN, TIMELINE
-from planner.motion.angle_steps import PLAN_STEP_RAD
+from planner.motion.angle_encoding import PLAN_STEP_RAD
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter

@@ -19,7 +19,7 @@ from planner.certificate.figures import (
 )
 from planner.errors import DamagedError
 from planner.file_names import ATTEMPTS
-from planner.motion.stuck_figures import BlockFigures, EvidenceFigures
+from planner.motion.failure_schemas import BlockFigures, EvidenceFigures
 from planner.verification.integrity import check
 from web.pictures.knot_drawing import KnotDrawing, drawing_of
 from words.fold import ShownFold

@@ -167,10 +167,10 @@ class _Fold:
         return [
             (f"{made} steps", explosion.get("steps") or None),
             (f"{made} frames", explosion.get("frames")),
-            (f"{made} wall time", quantity(explosion.get("seconds"), "s", 2)),
+            (f"Computing time: {made.lower()}", quantity(explosion.get("seconds"), "s", 2)),
             ("Playback steps", playback.get("steps") or not_simulated),
-            ("Playback wall time", quantity(playback.get("seconds"), "s", 2)),
-            ("Certificate wall time", quantity(self.certificate.get("seconds"), "s", 2)),
+            ("Computing time: playback", quantity(playback.get("seconds"), "s", 2)),
+            ("Computing time: certificate", quantity(self.certificate.get("seconds"), "s", 2)),
             ("Simulated time", quantity(_simulated_s(self.directory), "s")),
         ]
 
@@ -226,7 +226,7 @@ def used_parameters(
     used = TRACKING_PARAMETERS if not simulated else (CONTROLLER_PARAMETERS.get(controller, ()))
     if simulated:
         used = ("controller", *used, "max_steps")
-        # A motor either has a stiffness or a limit: planner.playback.course.
+        # A motor either has a stiffness or a limit: planner.playback.reference_trajectory.
         limited = playback.get("torque_limit") is not None
         used = [name for name in used if name != ("stiffness" if limited else "torque_limit")]
     groups.append(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Final, NotRequired, Required, TypedDict
 
-from planner.motion.stuck_figures import StuckFigures
+from planner.motion.failure_schemas import StuckFigures
 
 SIMULATED: Final = "verified (simulated)"
 """Verdict of a verified plan whose playback was simulated."""
@@ -16,14 +16,14 @@ KINEMATICS_ONLY: Final = "verified (kinematics only)"
 
 
 class PlaceFigures(TypedDict):
-    """``planner.clearance.linked.Place``."""
+    """``planner.clearance.exempt_pairs.Place``."""
 
     frame: float
     modules: list[int] | None
 
 
 class ExemptFigures(TypedDict):
-    """``planner.clearance.linked.ExemptPairs``."""
+    """``planner.clearance.exempt_pairs.ExemptPairs``."""
 
     rule: str
     apart: int

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.explosion.blocking import STUCK_JOINT_BEND_RAD, blocked
-from planner.explosion.evidence import (
+from planner.explosion.failure_evidence import (
     BlockEvidence,
     BudgetEvidence,
     Crossing,
@@ -27,9 +27,9 @@ from planner.explosion.evidence import (
 from planner.explosion.window import MIN_LAST_UNIT_MODULES
 from planner.kernels.folded_core import FIXED
 from planner.kernels.pairs import near_pairs
+from planner.motion.failure_schemas import StuckFigures
 from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
-from planner.motion.stuck_figures import StuckFigures
 from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import Parameters
 from planner.pathfinding.knot_diagram import diagram_of

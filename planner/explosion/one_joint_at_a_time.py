@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from planner.chain.chain import Chain
-from planner.motion.angle_steps import snapped
+from planner.motion.angle_encoding import snapped
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.parameters import BASELINE

@@ -14,7 +14,7 @@ from planner.clearance.sweep import windows_shape
 from planner.explosion.recorder import MIN_CLEARANCE_LOSS_PITCH
 from planner.explosion.window import Peelable, WindowConfiguration
 from planner.kernels.sweep import Angles, sweep_frames
-from planner.motion.angle_steps import snapped
+from planner.motion.angle_encoding import snapped
 from planner.motion.motion import Motion
 
 Array = NDArray[np.float64]

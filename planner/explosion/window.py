@@ -20,8 +20,8 @@ from planner.kernels.kinematics import chain_poses
 from planner.kernels.pairs import PairLimits
 from planner.kernels.window_forces import StepLimits, window_inverse_step_limit
 from planner.parameters.explosion import PeelingParameters
-from planner.simulation.anchored import Anchored
 from planner.simulation.contacts import ContactFinder
+from planner.simulation.fixed_base_window import FixedBaseWindow
 from planner.simulation.model import Material
 from planner.simulation.reduced import Acceleration, State
 
@@ -199,7 +199,7 @@ class WindowSetting:
             target = core.rotations[1][:, 0]
         return Heading(target if before is None else before.aim, target, centre)
 
-    def model(self, first: int, angles: Array) -> Anchored:
+    def model(self, first: int, angles: Array) -> FixedBaseWindow:
         """Build the model of the window that begins at a module and has (H,) angles, rad."""
         chain = self.peelable.chain
         window = Chain(
@@ -209,7 +209,7 @@ class WindowSetting:
             folded_position=self.peelable.base(first)[0],
             folded_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
         )
-        return Anchored(
+        return FixedBaseWindow(
             window,
             self.material,
             self.finder,

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.files import temporary_path
-from planner.motion.angle_steps import packed_frames, unpacked_frames
+from planner.motion.angle_encoding import packed_frames, unpacked_frames
+from planner.motion.failure_schemas import SpentKind
 from planner.motion.motion import Motion
-from planner.motion.stuck_figures import SpentKind
 
 Array = NDArray[np.float64]
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]

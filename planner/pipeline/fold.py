@@ -135,7 +135,7 @@ def smooth_plan(
     progress: Report = silent,
     cancelled: Cancelled = never,
 ) -> Plan:
-    """Smooth the motion of a plan: shortcuts, means and a new time law, certified anew.
+    """Smooth the motion of a plan: shortcuts, means and a new time scaling, certified anew.
 
     Args:
         plan: A verified plan that begins straight.

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from planner.chain.module import Module
-from planner.motion.angle_steps import PLANES_NAME, frame_planes, told_of, window_planes
+from planner.motion.angle_encoding import PLANES_NAME, frame_planes, told_of, window_planes
 from planner.motion.motion import Motion
 
 CLAIM_FORMAT: Final = "foldback-claim/1"

@@ -10,13 +10,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.metrics import Curves, Figures
+from planner.certificate.metrics_store import Curves, Figures
 from planner.certificate.table_forces import TableForces
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
 from planner.errors import TimelineError
 from planner.kernels.clearance import Solid, module_clearances
-from planner.motion.inverse import inverse_dynamics
+from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.motion.motion import PHASES
 from planner.motion.timeline import Timeline
 from planner.pathfinding.knots import knot_of

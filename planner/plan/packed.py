@@ -1,8 +1,8 @@
 """Packed folds: a fold's directory as one small file, without loss, for folds that are shipped.
 
-Angles are whole steps (``planner.motion.angle_steps``), of which differences over time are stored;
-what other files repeat is stored once. Nothing here needs compiled kernels or the physics, so that
-a service unpacks such a fold in a moment. ``examples/make_finished.py`` packs them.
+Angles are whole steps (``planner.motion.angle_encoding``), of which differences over time are
+stored; what other files repeat is stored once. Nothing here needs compiled kernels or the physics,
+so that a service unpacks such a fold in a moment. ``examples/make_finished.py`` packs them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.metrics import Curves, Figures, write
+from planner.certificate.metrics_store import Curves, Figures, write
 from planner.errors import InputError
 from planner.file_names import (
     ATTEMPTS,
@@ -38,7 +38,7 @@ from planner.file_names import (
     TIMELINE,
 )
 from planner.files import write_json, write_whole, zarr_group
-from planner.motion.angle_steps import PLAN_STEP_RAD, byte_planes, whole_numbers, whole_steps
+from planner.motion.angle_encoding import PLAN_STEP_RAD, byte_planes, whole_numbers, whole_steps
 from planner.motion.motion import Motion
 from planner.motion.record import save_npz
 from planner.motion.timeline import TimelineWriter, chain_from_attributes

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.parameters.playback import PlaybackParameters
-from planner.playback.course import Course
+from planner.playback.reference_trajectory import ReferenceTrajectory
 from planner.playback.setpoints import Target
 from planner.simulation.model import Material
 from planner.simulation.robot import Robot
@@ -131,22 +131,24 @@ class RateServo:
         tree.set_rates(target.rates + self.gain * (target.angles - tree.angles))
 
 
-def build_plant(course: Course, seed: list[int]) -> tuple[Plant, Callable[[Target], None]]:
+def build_plant(
+    trajectory: ReferenceTrajectory, seed: list[int]
+) -> tuple[Plant, Callable[[Target], None]]:
     """Return a chain to simulate, and a function that drives it towards a target."""
-    p, step_s = course.parameters, course.step_s
-    if course.contacts is not None:
+    p, step_s = trajectory.parameters, trajectory.step_s
+    if trajectory.contacts is not None:
         robot = Robot(
-            course.chain,
-            course.contacts,
+            trajectory.chain,
+            trajectory.contacts,
             p.robot,
-            peak_torque=course.peak_torque,
+            peak_torque=trajectory.peak_torque,
             seed=seed,
             step_s=step_s,
         )
         return robot, lambda target: drive_robot(robot, target, step_s)
     motors = _motors(p)
-    material = Material(geom_size=course.module_size, friction=p.friction)
-    tree = Tree(course.chain, material, step_s=step_s, motors=motors, damping=p.damping)
+    material = Material(geom_size=trajectory.module_size, friction=p.friction)
+    tree = Tree(trajectory.chain, material, step_s=step_s, motors=motors, damping=p.damping)
     controller = _controller(p, motors)
     return tree, lambda target: controller.drive(tree, target)
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import MAX_SMOOTH_CURVE_MODULES
-from planner.motion.angle_steps import snapped
+from planner.motion.angle_encoding import snapped
 from planner.motion.motion import Motion, Phase
 from planner.parameters.playback import PlaybackParameters
 from planner.playback.reference import clear_reference
-from planner.playback.time_law import LAW_STEPS, hinge_bounded_times, smooth_law
+from planner.playback.time_scaling import SCALING_STEPS, hinge_bounded_times, smooth_scaling
 from planner.playback.unfolding import Unfolding
 
 Array = NDArray[np.float64]
@@ -106,8 +106,10 @@ def _as_recorded(
         angles = snapped(backwards.angles_rad, chain.module.angle_limit_rad).astype(np.float32)
         lengths = np.concatenate([[0.0], np.cumsum(backwards.steps(chain)[0])])
         total = float(lengths[-1])
-        law = smooth_law(steps=LAW_STEPS, step_s=1.0 / LAW_STEPS)
-        shares = np.interp(lengths / max(total, 1e-12), law.u, np.linspace(0.0, 1.0, LAW_STEPS + 1))
+        scaling = smooth_scaling(steps=SCALING_STEPS, step_s=1.0 / SCALING_STEPS)
+        shares = np.interp(
+            lengths / max(total, 1e-12), scaling.u, np.linspace(0.0, 1.0, SCALING_STEPS + 1)
+        )
         times = s_per_rad * total * shares
     else:
         angles = snapped(backwards.angles_rad)

@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.cores import cores
 from planner.errors import InputError
-from planner.motion.angle_steps import packed_frames, unpacked_frames
-from planner.motion.inverse import inverse_dynamics
+from planner.motion.angle_encoding import packed_frames, unpacked_frames
+from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.motion.motion import Angles, Motion
 from planner.motion.record import Record, save_npz
 from planner.parameters.playback import PlaybackParameters
-from planner.playback.course import Course
 from planner.playback.kinematic import kinematic_frames
+from planner.playback.reference_trajectory import ReferenceTrajectory
 from planner.playback.run import PlaybackStatus, Run
 from planner.playback.unfolding import Unfolding
-from planner.playback.window_course import FRAME_RAD, WindowCourse
 from planner.playback.window_run import WindowRun
+from planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
 from planner.progress import Cancelled, Progress, Report, never, silent
 
 Array = NDArray[np.float64]
@@ -205,11 +205,13 @@ def play_back(
     if recorded is not None and not simulates(chain, recorded, parameters):
         return _followed(chain, recorded, parameters, module_size, sink, start_s, finer, unfolding)
     if recorded is not None and windowed:
-        course = WindowCourse(chain, recorded, parameters, module_size, finer, start_s)
+        trajectory = WindowTrajectory(chain, recorded, parameters, module_size, finer, start_s)
     else:
-        course = Course(chain, record, parameters, module_size, start_s, finer, unfolding)
-    streamed = not windowed and course.robots == 1
-    runs = _runs(course, seed, sink if streamed else None, progress, cancelled)
+        trajectory = ReferenceTrajectory(
+            chain, record, parameters, module_size, start_s, finer, unfolding
+        )
+    streamed = not windowed and trajectory.robots == 1
+    runs = _runs(trajectory, seed, sink if streamed else None, progress, cancelled)
     failed = next((one for one in runs if one.status != "folded"), None)
     run = failed or max(runs, key=lambda one: one.largest_error)
     others = [one.frames.stored_angles_rad for one in runs if one is not run]
@@ -236,24 +238,24 @@ def play_back(
 
 
 def _runs(
-    course: Course | WindowCourse,
+    trajectory: ReferenceTrajectory | WindowTrajectory,
     seed: int,
     sink: Callable[[Motion], None] | None,
     progress: Report,
     cancelled: Cancelled,
 ) -> Sequence[Run | WindowRun]:
-    """Simulate all robots of a course and return their runs."""
+    """Simulate all robots of a trajectory and return their runs."""
 
     def one(number: int, told: Report, stopped: Cancelled) -> Run | WindowRun:
-        if isinstance(course, WindowCourse):
-            run = WindowRun(course, [seed, number])
+        if isinstance(trajectory, WindowTrajectory):
+            run = WindowRun(trajectory, [seed, number])
             run.simulate(told, stopped)
         else:
-            run = Run(course, [seed, number])
+            run = Run(trajectory, [seed, number])
             run.simulate(sink, told, stopped)
         return run
 
-    return _beside(course.robots, one, progress, cancelled)
+    return _beside(trajectory.robots, one, progress, cancelled)
 
 
 R = TypeVar("R")

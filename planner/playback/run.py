@@ -1,4 +1,4 @@
-"""Run: one robot, or the ideal chain, that folds along a course, step by step."""
+"""Run: one robot, or the ideal chain, that folds along a trajectory, step by step."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.errors import SimulationError
-from planner.motion.angle_steps import snapped
+from planner.motion.angle_encoding import snapped
 from planner.motion.motion import Motion, Phase
 from planner.playback.controllers import build_plant
-from planner.playback.course import Course
+from planner.playback.reference_trajectory import ReferenceTrajectory
 from planner.playback.setpoints import Setpoints, Target
 from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 
@@ -134,19 +134,19 @@ class Run(PlaybackRun):
     """Simulation of one robot, or of the ideal chain, that folds.
 
     Args:
-        course: Reference and time laws.
+        trajectory: Reference and time scalings.
         seed: Seed of the robot's model errors.
     """
 
-    def __init__(self, course: Course, seed: list[int]) -> None:
-        super().__init__(course.chain, course.step_s)
-        self.course = course
-        self.finer = course.finer
+    def __init__(self, trajectory: ReferenceTrajectory, seed: list[int]) -> None:
+        super().__init__(trajectory.chain, trajectory.step_s)
+        self.trajectory = trajectory
+        self.finer = trajectory.finer
         self.kept: list[Motion] = []
         self.references: list[Array] = []
-        self.plant, self.drive = build_plant(course, seed)
-        self.plant.place(*course.begins)
-        self.at_rest = course.unfolding is not None or course.parameters.controller in (
+        self.plant, self.drive = build_plant(trajectory, seed)
+        self.plant.place(*trajectory.begins)
+        self.at_rest = trajectory.unfolding is not None or trajectory.parameters.controller in (
             "robot",
             "computed-torque",
         )
@@ -181,8 +181,8 @@ class Run(PlaybackRun):
         self, sink: Callable[[Motion], None] | None, progress: Report, cancelled: Cancelled
     ) -> tuple[PlaybackStatus, str]:
         plant = self.plant
-        parts: list[tuple[Phase, Setpoints]] = [(p, make()) for p, make in self.course.parts]
-        most_steps = self.course.parameters.max_steps
+        parts: list[tuple[Phase, Setpoints]] = [(p, make()) for p, make in self.trajectory.parts]
+        most_steps = self.trajectory.parameters.max_steps
         target = None
         part, begun = 0, 0
         try:
@@ -203,7 +203,7 @@ class Run(PlaybackRun):
                 target = following
                 errors = np.abs(target.angles - angles)
                 self.largest_error = max(self.largest_error, float(errors.max()))
-                if self.largest_error > self.course.lost_rad:
+                if self.largest_error > self.trajectory.lost_rad:
                     self._keep(phase, angles, target, sink)
                     return "missed", self.lost(0, errors, target.fraction)
                 if self._is_due(angles, target):
@@ -236,9 +236,9 @@ class Run(PlaybackRun):
             return True
         if np.abs(target.angles - last.target.angles).max() >= turn:
             return True
-        if self.course.robots > 1:
+        if self.trajectory.robots > 1:
             gone = abs(target.gone_rad - last.target.gone_rad)
-            return gone >= way * self.course.parameters.distance_weight
+            return gone >= way * self.trajectory.parameters.distance_weight
         moved = self.plant.centres - last.centres
         return bool(np.abs(angles - last.angles).max() >= turn) or bool(
             (moved**2).sum(axis=1).max() >= way * way
@@ -253,7 +253,7 @@ class Run(PlaybackRun):
     ) -> None:
         frame = Motion.from_frames(
             phase=phase,
-            time_s=np.array([self.course.start_s + self.steps * self.step_s]),
+            time_s=np.array([self.trajectory.start_s + self.steps * self.step_s]),
             joint_angles_rad=angles[None],
             root_position=self.plant.root_position[None],
             root_wxyz=self.plant.root_wxyz[None],

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from planner.chain.dynamics import floating_torques
 from planner.chain.module import Module
 from planner.playback.reference import Reference
-from planner.playback.time_law import TimeLaw, smooth_law
+from planner.playback.time_scaling import TimeScaling, smooth_scaling
 
 Array = NDArray[np.float64]
 SETPOINT_CHUNK_STEPS: Final = 256
@@ -64,16 +64,18 @@ class Setpoints(Protocol):
 
 
 class TimedSetpoints:
-    """Targets along a reference by a time law, either way; its end is held for a moment.
+    """Targets along a reference by a time scaling, either way; its end is held for a moment.
 
     Args:
         reference: The curve.
-        law: Time law of S steps along it.
+        scaling: Time scaling of S steps along it.
         torques: (S + 1, J) torques of the targets, from ``timed_torques``; None for none.
     """
 
-    def __init__(self, reference: Reference, law: TimeLaw, torques: Array | None = None) -> None:
-        self._targets = _timed_targets(reference, law, torques)
+    def __init__(
+        self, reference: Reference, scaling: TimeScaling, torques: Array | None = None
+    ) -> None:
+        self._targets = _timed_targets(reference, scaling, torques)
 
     def target(self, angles: Array, rates: Array) -> Target | None:
         """Return the target, see ``Setpoints``."""
@@ -81,44 +83,48 @@ class TimedSetpoints:
         return next(self._targets, None)
 
 
-def timed_torques(reference: Reference, law: TimeLaw, module: Module) -> Array:
-    """Return (S + 1, J) torques at the steps of a law, of a floating chain without model errors."""
+def timed_torques(reference: Reference, scaling: TimeScaling, module: Module) -> Array:
+    """Return (S + 1, J) torques of a floating chain without model errors, one row a step."""
     return np.concatenate(
-        [floating_torques(module, *motion) for motion in _timed_motion(reference, law)]
+        [floating_torques(module, *motion) for motion in _timed_motion(reference, scaling)]
     )
 
 
-def _timed_motion(reference: Reference, law: TimeLaw) -> Iterator[tuple[Array, Array, Array]]:
+def _timed_motion(
+    reference: Reference, scaling: TimeScaling
+) -> Iterator[tuple[Array, Array, Array]]:
     """Yield angles, rates and accelerations that a chain can follow to the last digit, in chunks.
 
     Semi-implicit Euler goes from q to q + h (q̇ + h q̈). So q̇ is the last step divided by h, and q̈
     the change of q̇ divided by h: finite differences of the angles, not derivatives.
     """
-    step_s, steps = law.step_s, len(law)
+    step_s, steps = scaling.step_s, len(scaling)
     for start in range(0, steps + 1, SETPOINT_CHUNK_STEPS):
         stop = min(start + SETPOINT_CHUNK_STEPS, steps + 1)
-        # The law rests before its first step and after its last one.
-        u = np.clip(law.u[np.clip(np.arange(start - 1, stop + 1), 0, steps)], 0.0, 1.0)
+        # The time scaling rests before its first step and after its last one.
+        u = np.clip(scaling.u[np.clip(np.arange(start - 1, stop + 1), 0, steps)], 0.0, 1.0)
         angles = reference.spline(u)
         rates = np.diff(angles, axis=0) / step_s
         yield angles[1:-1], rates[:-1], np.diff(rates, axis=0) / step_s
 
 
-def _timed_targets(reference: Reference, law: TimeLaw, torques: Array | None) -> Iterator[Target]:
+def _timed_targets(
+    reference: Reference, scaling: TimeScaling, torques: Array | None
+) -> Iterator[Target]:
     at = 0
-    for angles, rates, accelerations in _timed_motion(reference, law):
+    for angles, rates, accelerations in _timed_motion(reference, scaling):
         for k in range(len(angles)):
             yield Target(
                 angles=angles[k],
                 rates=rates[k],
                 accelerations=accelerations[k],
-                fraction=at / len(law),
-                gone_rad=float(law.u[at]) * reference.length_rad,
+                fraction=at / len(scaling),
+                gone_rad=float(scaling.u[at]) * reference.length_rad,
                 torques=None if torques is None else torques[at],
             )
             at += 1
-    end = reference.spline(np.rint(law.u[-1]))
-    gone_rad = float(law.u[-1]) * reference.length_rad
+    end = reference.spline(np.rint(scaling.u[-1]))
+    gone_rad = float(scaling.u[-1]) * reference.length_rad
     for _ in range(SETTLE_STEPS):
         yield replace(_still(end, 1.0), gone_rad=gone_rad)
 
@@ -205,22 +211,22 @@ class DirectSetpoints:
 
     def __init__(self, folded: Array, steps: int, step_s: float) -> None:
         self._folded = folded
-        self._law = smooth_law(steps=steps, step_s=step_s)
+        self._scaling = smooth_scaling(steps=steps, step_s=step_s)
         self._step = 0
         self._ending = _Ending()
 
     def target(self, angles: Array, rates: Array) -> Target | None:
         """Return the target, see ``Setpoints``."""
         k = self._step
-        if k >= len(self._law):
+        if k >= len(self._scaling):
             return None if self._ending.over(rates) else _still(self._folded, 1.0)
         self._step += 1
-        angles = self._law.u[k] * self._folded
+        angles = self._scaling.u[k] * self._folded
         return Target(
             angles=angles,
-            rates=self._law.rate[k] * self._folded,
-            accelerations=self._law.acceleration[k] * self._folded,
-            fraction=k / len(self._law),
+            rates=self._scaling.rate[k] * self._folded,
+            accelerations=self._scaling.acceleration[k] * self._folded,
+            fraction=k / len(self._scaling),
         )
 
 

@@ -17,7 +17,7 @@ from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.statics import hinge_frames
 from planner.kernels.statics import Hinges, torque_columns
 from planner.motion.motion import Motion
-from planner.playback.window_course import WindowCurve
+from planner.playback.window_trajectory import WindowCurve
 from planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_PITCH, lowest_corners
 
 Array = NDArray[np.float64]

@@ -20,13 +20,13 @@ from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.chain.statics import GRAVITY_M_S2
 from planner.errors import InputError, SimulationError
-from planner.motion.angle_steps import snapped
+from planner.motion.angle_encoding import snapped
 from planner.motion.motion import Motion
 from planner.parameters.playback import TablePlaybackParameters
-from planner.playback.course import TRACKING_LOST_RAD
 from planner.playback.playback import Playback
+from planner.playback.reference_trajectory import TRACKING_LOST_RAD
 from planner.playback.run import CANCEL_CHECK_STEPS, GOAL_TOLERANCE_PITCH, PlaybackStatus
-from planner.playback.table_course import TableCourse
+from planner.playback.table_trajectory import TableTrajectory
 from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report, never, silent
 from planner.simulation.table_body import TableBody
 
@@ -174,7 +174,7 @@ class _Run:
             friction=friction,
             clamped=clamped,
         )
-        self.course = TableCourse(chain, record, p, self.body, limit)
+        self.trajectory = TableTrajectory(chain, record, p, self.body, limit)
         self.steps = 0
         self.largest_error = self.largest_torque = 0.0
         self._most = np.zeros(len(chain.folded_rad))
@@ -186,14 +186,17 @@ class _Run:
         Raises:
             SimulationError: When the simulation diverges.
         """
-        course, body = self.course, self.body
+        trajectory, body = self.trajectory, self.body
         reported = time.perf_counter()
-        body.place(course.angles(0, 1)[0])
-        for start in range(0, len(course), TABLE_CHUNK_STEPS):
-            stop = min(start + TABLE_CHUNK_STEPS, len(course))
-            targets, expected = course.angles(start, stop + 1), course.torques(body, start, stop)
+        body.place(trajectory.angles(0, 1)[0])
+        for start in range(0, len(trajectory), TABLE_CHUNK_STEPS):
+            stop = min(start + TABLE_CHUNK_STEPS, len(trajectory))
+            targets, expected = (
+                trajectory.angles(start, stop + 1),
+                trajectory.torques(body, start, stop),
+            )
             for here, there, torques in zip(targets, targets[1:], expected, strict=False):
-                if course.is_kept[self.steps]:
+                if trajectory.is_kept[self.steps]:
                     self._keep(here)
                 self._step(here, there, torques)
                 if self.largest_error > TRACKING_LOST_RAD:
@@ -208,14 +211,14 @@ class _Run:
                     progress(
                         Progress(
                             stage="play_back",
-                            fraction=min(self.steps / len(course), 0.99),
+                            fraction=min(self.steps / len(trajectory), 0.99),
                             steps=self.steps,
                             steps_per_second=self.steps / (now - self._begun),
                             simulated_s=self.steps * self.p.step,
                             message="folding on the table",
                         )
                     )
-        end = course.angles(len(course), len(course) + 1)[0]
+        end = trajectory.angles(len(trajectory), len(trajectory) + 1)[0]
         for _ in range(int(self.p.settle / self.p.step)):
             self._step(end, end, np.zeros_like(end))
         self._keep(end)
@@ -241,8 +244,8 @@ class _Run:
         worst = int(off.argmax())
         return (
             f"{self.chain.joint_names[worst]} yielded: it is off by {off[worst]:.2g} rad with "
-            f"motors of {self.limit:.3g} w·p, {100.0 * self.steps / len(self.course):.0f} % into "
-            "the fold."
+            f"motors of {self.limit:.3g} w·p, {100.0 * self.steps / len(self.trajectory):.0f} % "
+            "into the fold."
         )
 
     def result(self, status: PlaybackStatus, reason: str, start_s: float) -> TablePlayback:

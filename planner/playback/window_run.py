@@ -1,4 +1,4 @@
-"""Window run: one robot that folds a peeled chain along its course, stretch by stretch."""
+"""Window run: one robot that folds a peeled chain along its trajectory, stretch by stretch."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from planner.errors import SimulationError
 from planner.motion.motion import Angles, Motion
-from planner.playback.course import TRACKING_LOST_RAD
+from planner.playback.reference_trajectory import TRACKING_LOST_RAD
 from planner.playback.run import PlaybackRun, PlaybackStatus
 from planner.playback.setpoints import SETTLE_STEPS
-from planner.playback.window_course import WindowCourse
+from planner.playback.window_trajectory import WindowTrajectory
 from planner.progress import Cancelled, Report
 from planner.simulation.window_robot import WindowRobot
 
@@ -24,21 +24,21 @@ class WindowRun(PlaybackRun):
     """Simulation of one robot that folds a peeled chain.
 
     Args:
-        course: Reference and time law.
+        trajectory: Reference and time scaling.
         seed: Seed of the robot's model errors.
     """
 
-    def __init__(self, course: WindowCourse, seed: list[int]) -> None:
-        super().__init__(course.chain, course.step_s)
-        self.course = course
+    def __init__(self, trajectory: WindowTrajectory, seed: list[int]) -> None:
+        super().__init__(trajectory.chain, trajectory.step_s)
+        self.trajectory = trajectory
         self._robot = WindowRobot(
-            course.chain,
-            course.parameters.robot,
-            peak_torque=course.peak_torque,
+            trajectory.chain,
+            trajectory.parameters.robot,
+            peak_torque=trajectory.peak_torque,
             seed=seed,
-            base=(course.reference.anchor_position[0], course.reference.anchor_wxyz[0]),
-            geom_size=course.module_size,
-            step_s=course.step_s,
+            base=(trajectory.reference.anchor_position[0], trajectory.reference.anchor_wxyz[0]),
+            geom_size=trajectory.module_size,
+            step_s=trajectory.step_s,
         )
         self._angles: list[Floats] = []
         self._poses: list[tuple[Array, Array]] = []
@@ -46,7 +46,7 @@ class WindowRun(PlaybackRun):
     @property
     def frames(self) -> Motion:
         """Recorded frames; joints outside the window have zero error by construction."""
-        reference = self.course.reference[: len(self._angles)]
+        reference = self.trajectory.reference[: len(self._angles)]
         angles = np.concatenate(self._angles)
         positions, wxyzs = zip(*self._poses, strict=True)
         return replace(
@@ -60,7 +60,7 @@ class WindowRun(PlaybackRun):
     @property
     def reference_rad(self) -> Angles:
         """(V,) planned angles of the recorded frames."""
-        return self.course.reference[: len(self._angles)].angles_rad
+        return self.trajectory.reference[: len(self._angles)].angles_rad
 
     def final_error(self) -> float:
         """Return the RMS distance of the modules from the folded shape, pitches, aligned."""
@@ -74,21 +74,21 @@ class WindowRun(PlaybackRun):
             self.status, self.reason = "diverged", f"the simulation failed: {broken}"
 
     def _simulated(self, progress: Report, cancelled: Cancelled) -> tuple[PlaybackStatus, str]:
-        course, robot = self.course, self._robot
-        for number, stretch in enumerate(course.stretches):
+        trajectory, robot = self.trajectory, self._robot
+        for number, stretch in enumerate(trajectory.stretches):
             robot.take(stretch.first, stretch.joints)
-            targets, torques = course.targets(number), course.torques(number)
+            targets, torques = trajectory.targets(number), trajectory.torques(number)
             for k in range(stretch.stop - stretch.start):
                 errors = self._note(targets.angles[k])
-                if course.is_kept[self.steps]:
+                if trajectory.is_kept[self.steps]:
                     self._keep()
                 if self.largest_error > TRACKING_LOST_RAD:
                     first = stretch.hinges(self.chain).start
-                    return "missed", self.lost(first, errors, self.steps / len(course))
+                    return "missed", self.lost(first, errors, self.steps / len(trajectory))
                 self._step(targets.angles[k + 1], targets.rates[k + 1], torques[k])
-                if not self.check(progress, cancelled, self.steps / len(course), "folding"):
+                if not self.check(progress, cancelled, self.steps / len(trajectory), "folding"):
                     return "cancelled", "the playback was cancelled."
-        end = course.targets(len(course.stretches) - 1).angles[-1]
+        end = trajectory.targets(len(trajectory.stretches) - 1).angles[-1]
         still = np.zeros_like(end)
         for _ in range(SETTLE_STEPS):
             self._note(end)

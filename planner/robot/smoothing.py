@@ -349,8 +349,8 @@ class _Smoothing:
         """Return the (F − 1,) time of each step if no hinge torque exceeds 1.
 
         Along a curve that is run through evenly the torque is b(u) u̇², see
-        ``planner.playback.time_law``, so a place is passed at 1 / √|b|. Rates along the length are
-        those of parabolas through frames.
+        ``planner.playback.time_scaling``, so a place is passed at 1 / √|b|. Rates along the length
+        are those of parabolas through frames.
         """
         spans = np.maximum(lengths, MIN_STEP_LENGTH_RAD)[:, None]
         slopes = np.diff(angles, axis=0) / spans

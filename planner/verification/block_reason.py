@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
-from planner.motion.stuck_figures import BlockFigures
+from planner.motion.failure_schemas import BlockFigures
 from planner.plan.differences import Differences
 
 Array = NDArray[np.float64]

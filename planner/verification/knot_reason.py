@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion.stuck_figures import KnotFigures
+from planner.motion.failure_schemas import KnotFigures
 from planner.plan.differences import Differences
 from planner.verification.knot_invariants import (
     crossings_of,

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.motion.inverse import inverse_dynamics
+from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.parameters.playback import TablePlaybackParameters
 from planner.plan.differences import (
     FIGURES_ATOL,

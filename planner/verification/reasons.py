@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import UNREADABLE
-from planner.motion.record import Record
-from planner.motion.stuck_figures import (
+from planner.motion.failure_schemas import (
     BudgetFigures,
     EvidenceFigures,
     SpentKind,
     StuckFigures,
 )
+from planner.motion.record import Record
 from planner.parameters.explosion import PeelingParameters
 from planner.plan.differences import Differences
 from planner.verification.block_reason import blocks_differ

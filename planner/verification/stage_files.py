@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from planner.errors import UNREADABLE, PlannerError
-from planner.explosion.paper import FRAME_SPACING_RAD
+from planner.explosion.published_explosion import FRAME_SPACING_RAD
 from planner.file_names import (
     ATTEMPTS,
     CANDIDATES,
@@ -22,7 +22,7 @@ from planner.file_names import (
     START_CHAIN,
     START_PLAN,
 )
-from planner.motion.angle_steps import PLAN_STEP_RAD
+from planner.motion.angle_encoding import PLAN_STEP_RAD
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes

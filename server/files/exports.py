@@ -10,7 +10,7 @@ from zipfile import BadZipFile
 from planner.errors import InputError
 from planner.exports.export import Export
 from planner.file_names import PLAN
-from planner.motion.angle_steps import unpacked_bytes
+from planner.motion.angle_encoding import unpacked_bytes
 from planner.readers.limits import megabytes
 from planner.verification.integrity import check
 from server.errors import NotFound, TooLarge

@@ -10,7 +10,7 @@ from typing import Any, cast, get_args
 
 import numpy as np
 
-from planner.motion.stuck_figures import KnotFigures, SpentKind
+from planner.motion.failure_schemas import KnotFigures, SpentKind
 from web.pictures.knot_drawing import KnotDrawing, drawing_of
 from words.failures import FAILURE_HEADINGS, attempts, failure
 

@@ -7,7 +7,7 @@ sender's.
 
 Numbers that need not be exact can be packed. A column with a ``step`` holds whole steps: zigzag
 codes of their ``differences``-th differences from row to row, as plan files do
-(``planner.motion.angle_steps``). One that is ``short`` holds the upper half of every single
+(``planner.motion.angle_encoding``). One that is ``short`` holds the upper half of every single
 precision number. Both are taken apart into planes of bytes and deflated, ``size`` bytes long. A
 fold's joint angles shrink to a fifth or less of what compressing them alone gives. A column of a
 ``size`` that is neither is as it was given, in such planes.
@@ -23,7 +23,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion.angle_steps import DIFFERENCE_ORDER, whole_numbers
+from planner.motion.angle_encoding import DIFFERENCE_ORDER, whole_numbers
 
 ALIGNMENT_BYTES: Final = 8
 """Multiple of bytes at which each array in a binary message to the browser starts, so that

@@ -20,13 +20,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.metrics import Curves, Figures
+from planner.certificate.metrics_store import Curves, Figures
 from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
 from planner.errors import UNREADABLE, InputError
 from planner.file_names import CERTIFICATE, FIGURES, FORCES, PLAN, RECORD, TIMELINE
 from planner.files import json_of
-from planner.motion.angle_steps import plan_columns
+from planner.motion.angle_encoding import plan_columns
 from planner.motion.motion import Motion
 from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline
@@ -94,7 +94,7 @@ def curves_of(directory: Path) -> bytes:
         "rows": _rows(timeline, forces),
         "table": None if forces is None else _table_told(directory),
         # Of windows torques are worked out at some frames only, see
-        # ``planner.certificate.measure``.
+        # ``planner.certificate.frame_metrics``.
         "torque_at_some_frames": timeline.windowed,
         "largest": {
             "torque": largest,

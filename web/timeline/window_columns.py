@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion.angle_steps import window_differences, window_totals
+from planner.motion.angle_encoding import window_differences, window_totals
 from planner.motion.motion import Motion
 
 Ints = NDArray[np.int64]

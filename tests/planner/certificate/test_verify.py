@@ -17,7 +17,7 @@ from planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
 from planner.errors import InputError, TimelineError
 from planner.exports import mjcf
 from planner.files import write_json
-from planner.motion.inverse import inverse_dynamics
+from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.motion.timeline import TimelineWriter
 from planner.parameters.playback import PlaybackParameters
 from planner.pipeline.manifest import write_manifest

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from planner.certificate.certificate import certify
-from planner.certificate.metrics import Curves, Figures
+from planner.certificate.metrics_store import Curves, Figures
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques
 from planner.errors import InputError, TimelineError
 from planner.explosion.strategies import strategies_for
 from planner.exports.mjcf import keys_of, mjcf
 from planner.exports.mjcf_pieces import MODULES_PER_TREE, starts_of
-from planner.motion.inverse import inverse_dynamics
+from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter

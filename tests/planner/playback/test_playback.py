@@ -13,8 +13,8 @@ from planner.certificate.certificate import certify
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.errors import InputError
-from planner.motion.angle_steps import PLAN_STEP_RAD
-from planner.motion.inverse import inverse_dynamics
+from planner.motion.angle_encoding import PLAN_STEP_RAD
+from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.parameters import Parameters, preset

@@ -16,7 +16,7 @@ from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
-from planner.playback.window_course import FRAME_RAD, WindowCourse
+from planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
 from planner.simulation.window_robot import RigidEnds, WindowRobot
 from tests.planner.mujoco_tree import tree_with
 from tests.planner.peels import peel, snake
@@ -133,14 +133,14 @@ def test_window_touches_the_core_and_the_tail() -> None:
 
 
 @pytest.fixture(scope="module")
-def course(chain: Chain, peeled: Motion) -> WindowCourse:
-    return WindowCourse(chain, peeled, PlaybackParameters(), SIZE, 1)
+def trajectory(chain: Chain, peeled: Motion) -> WindowTrajectory:
+    return WindowTrajectory(chain, peeled, PlaybackParameters(), SIZE, 1)
 
 
 def test_course_goes_from_straight_to_folded_without_a_jump(
-    chain: Chain, peeled: Motion, course: WindowCourse
+    chain: Chain, peeled: Motion, trajectory: WindowTrajectory
 ) -> None:
-    reference = course.reference
+    reference = trajectory.reference
     angles = reference.angles(chain)
     np.testing.assert_array_equal(angles[0], 0.0)
     np.testing.assert_allclose(angles[-1], chain.folded_rad, atol=1e-6)
@@ -148,9 +148,11 @@ def test_course_goes_from_straight_to_folded_without_a_jump(
     # It cuts no more than the corners between neighbouring control points.
     passed = peeled.angles(chain)
     off = [np.abs(passed - row).max(axis=1).min() for row in angles]
-    assert max(off) <= 2.0 * course.parameters.spacing_rad
-    assert len(course.stretches) > 3
-    assert [s.start for s in course.stretches[1:]] == [s.stop for s in course.stretches[:-1]]
+    assert max(off) <= 2.0 * trajectory.parameters.spacing_rad
+    assert len(trajectory.stretches) > 3
+    assert [s.start for s in trajectory.stretches[1:]] == [
+        s.stop for s in trajectory.stretches[:-1]
+    ]
 
 
 def played(chain: Chain, peeled: Motion, robot: RobotParameters) -> Playback:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 from numpy.typing import NDArray
 
-from planner.motion.angle_steps import (
+from planner.motion.angle_encoding import (
     PLAN_STEP_RAD,
     frame_angles,
     frame_planes,

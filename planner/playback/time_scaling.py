@@ -1,4 +1,4 @@
-"""Time law: the timing of a playback along its reference."""
+"""Time scaling: the timing of a playback along its reference."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MAX_CURVE_SPEED_RATIO: Final = 4.0
 """Maximum speed along the curve of a playback whose fastest hinge turns evenly, as a multiple of
 its mean speed, where hinges hardly turn but the chain's ends travel. Larger values spend less time
 in such sections. Chosen."""
-LAW_STEPS: Final = 4096
+SCALING_STEPS: Final = 4096
 """Number of equal time intervals in which the speed profile of a kinematic or hinge-paced playback
 is tabulated; times of frames are interpolated in the table. Larger values are more exact and take
 more time. Chosen."""
@@ -44,7 +44,7 @@ fold is slower, or its peak torque is larger at a given duration. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TimeLaw:
+class TimeScaling:
     """Samples of u, du/dt and d²u/dt² at every step, from 0 to 1, at rest at both ends.
 
     Attributes:
@@ -61,9 +61,9 @@ class TimeLaw:
         """Return the number of steps S."""
         return len(self.u) - 1
 
-    def backwards(self) -> TimeLaw:
-        """Return the law from 1 to 0 with the same torques: ü is kept, u̇ changes sign."""
-        return TimeLaw(
+    def backwards(self) -> TimeScaling:
+        """Return the time scaling from 1 to 0 with the same torques: ü is kept, u̇ changes sign."""
+        return TimeScaling(
             u=self.u[::-1],
             rate=-self.rate[::-1],
             acceleration=self.acceleration[::-1],
@@ -82,10 +82,10 @@ def frames_kept(gone: Array) -> NDArray[np.bool_]:
     return kept
 
 
-def torque_bounded_law(
+def torque_bounded_scaling(
     reference: Reference, module: Module, *, steps: int, step_s: float, samples: int
-) -> TimeLaw:
-    """Return the law that bounds the largest hinge torque of a freely floating chain.
+) -> TimeScaling:
+    """Return the time scaling that bounds the largest hinge torque of a freely floating chain.
 
     Along the curve the torques are τ = a(u) ü + b(u) u̇². With z = u̇² and z' = 2ü, the largest z
     that keeps every |τ| ≤ 1 at the curve's ends and in between is found by a forward and a backward
@@ -106,7 +106,7 @@ def torque_bounded_law(
     ]
     a, b = (np.concatenate(parts) for parts in zip(*terms, strict=True))
     z = torque_bounded_profile(u, a, b)
-    return law_from_profile(u, z, steps, step_s)
+    return scaling_from_profile(u, z, steps, step_s)
 
 
 def _torque_terms(reference: Reference, module: Module, u: Array) -> tuple[Array, Array]:
@@ -119,7 +119,7 @@ def _torque_terms(reference: Reference, module: Module, u: Array) -> tuple[Array
 
 
 def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
-    """Return z = u̇² of that law, its torques about 1.
+    """Return z = u̇² of that time scaling, its torques about 1.
 
     Args:
         u: (U,) even parameters.
@@ -178,8 +178,8 @@ def duration(u: Array, z: Array) -> float:
     return float(np.sum(2.0 * np.diff(u) / np.maximum(root[1:] + root[:-1], 1e-12)))
 
 
-def law_from_profile(u: Array, z: Array, steps: int, step_s: float) -> TimeLaw:
-    """Return the law of a profile, in a given number of steps.
+def scaling_from_profile(u: Array, z: Array, steps: int, step_s: float) -> TimeScaling:
+    """Return the time scaling of a profile, in a given number of steps.
 
     Args:
         u: (U,) parameters from 0 to 1.
@@ -189,11 +189,11 @@ def law_from_profile(u: Array, z: Array, steps: int, step_s: float) -> TimeLaw:
     """
     root = np.sqrt(z)
     times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(u) / (root[1:] + root[:-1]))])
-    return _law_from_times(u, times, steps, step_s)
+    return _scaling_from_times(u, times, steps, step_s)
 
 
-def _law_from_times(u: Array, times: Array, steps: int, step_s: float) -> TimeLaw:
-    """Return the law through parameters at increasing times, in another unit of time."""
+def _scaling_from_times(u: Array, times: Array, steps: int, step_s: float) -> TimeScaling:
+    """Return the time scaling through parameters at increasing times, in another unit of time."""
     from scipy.interpolate import CubicSpline  # as above
 
     total = steps * step_s
@@ -203,12 +203,16 @@ def _law_from_times(u: Array, times: Array, steps: int, step_s: float) -> TimeLa
     rate = spline(t, 1)
     acceleration = spline(t, 2)
     if rate.min() < -0.05 / total:
-        return smooth_law(steps=steps, step_s=step_s)
-    return TimeLaw(u=where, rate=rate, acceleration=acceleration, step_s=step_s)
+        return smooth_scaling(steps=steps, step_s=step_s)
+    return TimeScaling(u=where, rate=rate, acceleration=acceleration, step_s=step_s)
 
 
-def hinge_bounded_law(reference: Reference, *, steps: int, step_s: float, samples: int) -> TimeLaw:
-    """Return the law at which the fastest hinge turns about evenly: least time by joint speeds.
+def hinge_bounded_scaling(
+    reference: Reference, *, steps: int, step_s: float, samples: int
+) -> TimeScaling:
+    """Return the time scaling at which the fastest hinge turns about evenly.
+
+    It takes the least time at a given largest joint speed.
 
     Args:
         reference: The curve.
@@ -218,7 +222,7 @@ def hinge_bounded_law(reference: Reference, *, steps: int, step_s: float, sample
     """
     u = np.linspace(0.0, 1.0, samples)
     steps_rad = np.abs(np.diff(reference.spline(u), axis=0)).max(axis=1)
-    return _law_from_times(u, hinge_bounded_times(steps_rad, 1.0), steps, step_s)
+    return _scaling_from_times(u, hinge_bounded_times(steps_rad, 1.0), steps, step_s)
 
 
 def hinge_bounded_times(steps_rad: Array, seconds: float) -> Array:
@@ -240,15 +244,15 @@ def hinge_bounded_times(steps_rad: Array, seconds: float) -> Array:
     even = np.maximum(_blurred(_largest_around(steps_rad, width)), steps_rad)
     even = np.maximum(even, even.mean() / MAX_CURVE_SPEED_RATIO)
     lengths = np.concatenate([[0.0], np.cumsum(even)])
-    law = smooth_law(steps=LAW_STEPS, step_s=1.0 / LAW_STEPS)
+    scaling = smooth_scaling(steps=SCALING_STEPS, step_s=1.0 / SCALING_STEPS)
     shares = np.interp(
-        lengths / max(lengths[-1], 1e-12), law.u, np.linspace(0.0, 1.0, LAW_STEPS + 1)
+        lengths / max(lengths[-1], 1e-12), scaling.u, np.linspace(0.0, 1.0, SCALING_STEPS + 1)
     )
     return seconds * shares
 
 
-def smooth_law(*, steps: int, step_s: float) -> TimeLaw:
-    """Return the law of even speed with quintic ramps over ``RAMP_SHARE`` of the time."""
+def smooth_scaling(*, steps: int, step_s: float) -> TimeScaling:
+    """Return the time scaling of even speed with quintic ramps over ``RAMP_SHARE`` of the time."""
     x = np.linspace(0.0, 1.0, steps + 1)
     top = 1.0 / (1.0 - RAMP_SHARE)
     y = np.clip(np.minimum(x, 1.0 - x) / RAMP_SHARE, 0.0, 1.0)
@@ -261,4 +265,4 @@ def smooth_law(*, steps: int, step_s: float) -> TimeLaw:
         np.where(x > 1.0 - RAMP_SHARE, 1.0 - risen, top * (x - 0.5 * RAMP_SHARE)),
     )
     total = steps * step_s
-    return TimeLaw(u=u, rate=rate / total, acceleration=slope / total**2, step_s=step_s)
+    return TimeScaling(u=u, rate=rate / total, acceleration=slope / total**2, step_s=step_s)

@@ -1,4 +1,4 @@
-"""Measuring: the figures of a timeline, computed apart from the simulation.
+"""Frame metrics: figures of every frame, computed apart from the simulation.
 
 Clearance by separating axes, as in the certificate; torques by inverse dynamics along the recorded
 motion.
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.certificate import MOVING_SPEED_SHARE, Certificate, torque_unit_nm
-from planner.certificate.metrics import (
+from planner.certificate.metrics_store import (
     CLEARANCE_REACH_PITCH,
     FIGURE_FRAMES_PER_CHUNK,
     Curves,
@@ -31,7 +31,7 @@ from planner.chain.dynamics import floating_torques, motion_of
 from planner.chain.kinematics import forward_kinematics
 from planner.clearance.sweep import sweep
 from planner.kernels.clearance import Solid, module_clearances
-from planner.motion.inverse import inverse_dynamics
+from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.motion.motion import PHASES, Motion
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import Parameters

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import Module
 from planner.explosion.checkpoint import Checkpoint, Pulses
-from planner.explosion.explosion import (
+from planner.explosion.explosion_loop import (
     STRAIGHT,
     UNREPELLED_LINKS,
     End,
@@ -29,7 +29,7 @@ from planner.explosion.recorder import FrameRule, Recorder, Step
 from planner.explosion.step_control import StepControl
 from planner.explosion.whole_chain import chain_at_rest, unfolded_share
 from planner.kernels.pairs import near_pairs, repulsion
-from planner.motion.angle_steps import snapped
+from planner.motion.angle_encoding import snapped
 from planner.motion.motion import Motion
 from planner.motion.record import Record, Spent
 from planner.parameters.published import PaperExplosionParameters

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.simulation.anchored import Anchored
 from planner.simulation.contacts import ContactFinder
+from planner.simulation.fixed_base_window import FixedBaseWindow
 from planner.simulation.model import (
     Material,
     add_module_geom,
@@ -81,7 +81,7 @@ def both(
     forces, torque = rng.normal(size=(len(chain), 3)), rng.normal(size=3)
     finder = ContactFinder(chain, MATERIAL)
     finder.set_boxes(*boxes)
-    window = Anchored(chain, MATERIAL, finder, rod=rod, heaviest_rod=HEAVIEST)
+    window = FixedBaseWindow(chain, MATERIAL, finder, rod=rod, heaviest_rod=HEAVIEST)
     finder.set_contact_time_constant(MATERIAL.contact_time_constant)
     window.place(state)
     mine = window.accelerations(state, forces, torque)
@@ -125,7 +125,7 @@ def test_contact_finder_serves_wider_windows_and_other_rods() -> None:
         found: list[Acceleration] = []
         for finder in (shared, ContactFinder(chain, MATERIAL)):
             finder.set_boxes(*BOX)
-            window = Anchored(chain, MATERIAL, finder, rod=rod, heaviest_rod=HEAVIEST)
+            window = FixedBaseWindow(chain, MATERIAL, finder, rod=rod, heaviest_rod=HEAVIEST)
             window.place(state)
             found.append(window.accelerations(state, np.zeros((len(chain), 3)), np.zeros(3)))
         assert found[0].contacts == found[1].contacts
@@ -153,7 +153,7 @@ def test_boxes_are_moved_resized_added_and_removed() -> None:
     ]
     for boxes, contacts in cases:
         finder.set_boxes(*boxes)
-        window = Anchored(chain, MATERIAL, finder, rod=0, heaviest_rod=HEAVIEST)
+        window = FixedBaseWindow(chain, MATERIAL, finder, rod=0, heaviest_rod=HEAVIEST)
         window.place(state)
         found = finder.find(window.positions, window.rotations)
         assert (0 if found is None else len(found.points.depths)) == contacts
@@ -164,8 +164,8 @@ def test_long_rod_touches_no_unused_cube() -> None:
     small, large = line(5), line(60)
     finder = ContactFinder(small, MATERIAL)
     finder.set_boxes(*AWAY)
-    Anchored(large, MATERIAL, finder, rod=0, heaviest_rod=HEAVIEST)
-    window = Anchored(small, MATERIAL, finder, rod=500_000, heaviest_rod=HEAVIEST)
+    FixedBaseWindow(large, MATERIAL, finder, rod=0, heaviest_rod=HEAVIEST)
+    window = FixedBaseWindow(small, MATERIAL, finder, rod=500_000, heaviest_rod=HEAVIEST)
     for rotation in (np.eye(3), np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])):
         window.place(State.at_rest(np.zeros(len(small.folded_rad)), np.zeros(3), rotation))
         assert finder.find(window.positions, window.rotations) is None

@@ -1,4 +1,4 @@
-"""Course: the reference of a playback in its time."""
+"""Reference trajectory: the curves of a playback, each with its time scaling."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from planner.playback.setpoints import (
     TimedSetpoints,
     timed_torques,
 )
-from planner.playback.time_law import (
+from planner.playback.time_scaling import (
     MIN_PLAYBACK_STEPS,
-    TimeLaw,
-    hinge_bounded_law,
-    torque_bounded_law,
+    TimeScaling,
+    hinge_bounded_scaling,
+    torque_bounded_scaling,
 )
 from planner.playback.unfolding import Unfolding
 from planner.simulation.contacts import ContactFinder, robot_contacts
@@ -57,8 +57,8 @@ playback's curve is computed: about 250 MB of memory. Smaller values sample long
 coarsely, which may miss short torque peaks. Chosen."""
 
 
-class Course:
-    """Reference and time laws of a playback, computed once for all robots."""
+class ReferenceTrajectory:
+    """Reference and time scalings of a playback, computed once for all robots."""
 
     def __init__(
         self,
@@ -130,21 +130,21 @@ class Course:
         references = [self._reference(self.chain, snapshots)]
         if unfolding is not None:
             references.append(self._reference(unfolding.chain, unfolding.folding_rad))
-        laws = self._clear_laws(references)
-        timed = [self._timed("playback", references[0], laws[0])]
+        scalings = self._clear_scalings(references)
+        timed = [self._timed("playback", references[0], scalings[0])]
         if unfolding is not None:
-            timed.insert(0, self._timed("unfolding", references[1], laws[1].backwards()))
+            timed.insert(0, self._timed("unfolding", references[1], scalings[1].backwards()))
         return timed
 
     def _timed(
-        self, phase: Phase, reference: Reference, law: TimeLaw
+        self, phase: Phase, reference: Reference, scaling: TimeScaling
     ) -> tuple[Phase, Callable[[], Setpoints]]:
         """Return a phase that follows a curve in its time, with torques if robots follow it."""
         torques = None
         if self.parameters.controller == "robot":
-            torques = timed_torques(reference, law, self.chain.module)
+            torques = timed_torques(reference, scaling, self.chain.module)
             self.peak_torque = max(self.peak_torque, float(np.abs(torques).max()))
-        return phase, lambda: TimedSetpoints(reference, law, torques)
+        return phase, lambda: TimedSetpoints(reference, scaling, torques)
 
     def _snapshots(self, snapshots: Snapshots) -> SnapshotSetpoints:
         p = self.parameters
@@ -163,22 +163,22 @@ class Course:
             size=self.module_size,
         )
 
-    def _clear_laws(self, references: list[Reference]) -> list[TimeLaw]:
-        """Return the time laws along the curves, refined while lines between frames touch.
+    def _clear_scalings(self, references: list[Reference]) -> list[TimeScaling]:
+        """Return the time scalings along the curves, refined while lines between frames touch.
 
         A plan joins its frames by straight lines. So it is swept before it is played back.
         """
         while True:
-            laws = [self._law(reference) for reference in references]
+            scalings = [self._scaling(reference) for reference in references]
             if self.finer >= MAX_REFINEMENT or all(
-                sweep(self.chain, one.spline(law.u), size=self.module_size, share=0.0).clearance
+                sweep(self.chain, one.spline(scaling.u), size=self.module_size, share=0.0).clearance
                 > 0.0
-                for one, law in zip(references, laws, strict=True)
+                for one, scaling in zip(references, scalings, strict=True)
             ):
-                return laws
+                return scalings
             self.finer *= 2
 
-    def _law(self, reference: Reference) -> TimeLaw:
+    def _scaling(self, reference: Reference) -> TimeScaling:
         p = self.parameters
         steps = max(MIN_PLAYBACK_STEPS, int(self.finer * p.steps_per_rad * reference.length_rad))
         samples = max(
@@ -189,12 +189,12 @@ class Course:
             ),
         )
         if p.paced_by == "speed":
-            return hinge_bounded_law(
+            return hinge_bounded_scaling(
                 reference,
                 steps=SPEED_PACED_STEPS_SCALE * steps,
                 step_s=self.step_s,
                 samples=samples,
             )
-        return torque_bounded_law(
+        return torque_bounded_scaling(
             reference, self.chain.module, steps=steps, step_s=self.step_s, samples=samples
         )

@@ -1,4 +1,4 @@
-"""Evidence: data of a failed explosion that another program can test.
+"""Failure evidence: data of a failed explosion that another program can test.
 
 ``planner/verification/reasons.py`` is such a program. Positions are in pitches, in the frame of the
 timeline's last frame of the explosion.
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 import msgspec
 import numpy as np
 
-from planner.motion.stuck_figures import (
+from planner.motion.failure_schemas import (
     BlockFigures,
     BudgetFigures,
     EvidenceFigures,

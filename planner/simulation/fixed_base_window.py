@@ -1,4 +1,4 @@
-"""Anchored: a window of a long chain, held at its first module, with a straight tail on its last.
+"""Fixed-base window: modules of a long chain between a held one and a straight tail.
 
 Peeling simulates it. Static boxes represent the modules that are still folded; the tail is one
 rigid lump.
@@ -19,7 +19,7 @@ from planner.simulation.reduced import Acceleration, State
 Array = NDArray[np.float64]
 
 
-class Anchored(SpringChain):
+class FixedBaseWindow(SpringChain):
     """Window: a chain whose module 0 is held.
 
     Args:

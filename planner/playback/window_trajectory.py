@@ -1,4 +1,4 @@
-"""Window course: the reference of the playback of a peeled chain, stretch by stretch.
+"""Window trajectory: the reference of the playback of a peeled chain, stretch by stretch.
 
 The record of a peeling, in reverse, drawn as a uniform cubic B-spline through its windows, at a
 speed that the fastest hinge keeps about evenly. Its steps are cut into stretches: of each one joint
@@ -26,11 +26,11 @@ from planner.playback.reference import (
     frames_around,
 )
 from planner.playback.setpoints import SETTLE_STEPS
-from planner.playback.time_law import (
+from planner.playback.time_scaling import (
     MIN_PLAYBACK_STEPS,
-    TimeLaw,
+    TimeScaling,
     frames_kept,
-    law_from_profile,
+    scaling_from_profile,
     torque_bounded_profile,
 )
 from planner.simulation.window_robot import RigidEnds
@@ -187,8 +187,8 @@ def _weights(t: Array, derivative: int) -> tuple[Array, Array, Array, Array]:
     return 1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t
 
 
-class WindowCourse:
-    """Reference and time law of a playback of windows, computed once for all robots.
+class WindowTrajectory:
+    """Reference and time scaling of a playback of windows, computed once for all robots.
 
     Args:
         chain: The chain.
@@ -234,16 +234,16 @@ class WindowCourse:
         self.curve = WindowCurve(self.chain, backwards, p.spacing_rad / finer)
         length = self.curve.length_rad
         steps = max(MIN_PLAYBACK_STEPS, int(finer * p.steps_per_rad * length))
-        law = self._law(steps)
-        self._u = self.curve.end * law.u
-        self.is_kept = frames_kept(law.u * length * finer / FRAME_RAD)
+        scaling = self._scaling(steps)
+        self._u = self.curve.end * scaling.u
+        self.is_kept = frames_kept(scaling.u * length * finer / FRAME_RAD)
         """(S + 1,) True if a frame is kept before a step."""
         self.stretches = tuple(_stretches(self.chain, self.curve, self._u))
         self.reference = self._reference()
         """Planned motion at the kept frames; the pose of module 0 is that at the beginning."""
 
-    def _law(self, steps: int) -> TimeLaw:
-        """Return the time law along the curve with about the smallest largest torque."""
+    def _scaling(self, steps: int) -> TimeScaling:
+        """Return the time scaling along the curve with about the smallest largest torque."""
         count = max(
             MIN_PLAYBACK_STEPS,
             min(MAX_WINDOW_SAMPLES, int(WINDOW_SAMPLES_PER_RAD * self.curve.length_rad)),
@@ -260,7 +260,7 @@ class WindowCourse:
             a[rows, :width] = self._floating_torques(stretch, angles, 0.0 * first, first)
             b[rows, :width] = self._floating_torques(stretch, angles, first, second)
         share = u / self.curve.end
-        return law_from_profile(share, torque_bounded_profile(share, a, b), steps, self.step_s)
+        return scaling_from_profile(share, torque_bounded_profile(share, a, b), steps, self.step_s)
 
     def _reference(self) -> Motion:
         first, angles = [], []
@@ -307,7 +307,7 @@ class WindowCourse:
         and q̈ the change of q̇ divided by h: finite differences of the angles, not derivatives.
         """
         stretch = self.stretches[number]
-        # The law rests before its first step and after its last one.
+        # The time scaling rests before its first step and after its last one.
         steps = np.clip(np.arange(stretch.start - 1, stretch.stop + 1), 0, len(self))
         angles = self.curve.at(self._u[steps], stretch.hinges(self.chain))
         rates = np.diff(angles, axis=0) / self.step_s

@@ -1,4 +1,4 @@
-"""Table course: reference and speed of a chain that is folded on a table.
+"""Table trajectory: reference and speed of a chain that is folded on a table.
 
 The record of an explosion in reverse, drawn as a smooth curve. The speed along it is the largest
 that keeps the torques of speeding up and slowing down within a share of the motors' limit, which
@@ -16,12 +16,12 @@ from planner.chain.chain import Chain
 from planner.motion.motion import Motion
 from planner.parameters.playback import TablePlaybackParameters
 from planner.playback.table_curve import TableCurve
-from planner.playback.time_law import (
+from planner.playback.time_scaling import (
     MIN_PLAYBACK_STEPS,
     bounded_profile,
     duration,
     frames_kept,
-    law_from_profile,
+    scaling_from_profile,
 )
 from planner.simulation.table_body import TableBody
 
@@ -40,7 +40,7 @@ find its speed, however short the curve is. Larger values make short folds more 
 plan. Chosen."""
 
 
-class TableCourse:
+class TableTrajectory:
     """Angles at every step, from straight to folded.
 
     Args:
@@ -65,9 +65,9 @@ class TableCourse:
         self._all = slice(0, len(chain.folded_rad))
         share, profile = self._profile(body, parameters.inertial_share * torque_limit)
         steps = max(MIN_PLAYBACK_STEPS, int(np.ceil(duration(share, profile) / parameters.step)))
-        law = law_from_profile(share, profile, steps, parameters.step)
-        self._u = self.curve.end * law.u
-        self.is_kept = frames_kept(law.u * self.curve.length_rad / parameters.frame_rad)
+        scaling = scaling_from_profile(share, profile, steps, parameters.step)
+        self._u = self.curve.end * scaling.u
+        self.is_kept = frames_kept(scaling.u * self.curve.length_rad / parameters.frame_rad)
         """(S + 1,) True if a frame is kept at a step."""
 
     def __len__(self) -> int:

@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.playback.reference import Reference
+from planner.playback.time_scaling import TimeScaling, smooth_scaling, torque_bounded_scaling
+from planner.simulation.model import Material
+from planner.simulation.tree import Tree
+
+
+def largest_torque(reference: Reference, tree: Tree, scaling: TimeScaling) -> float:
+    """Of a chain that follows the reference by a time scaling exactly."""
+    worst = 0.0
+    for k in range(len(scaling) + 1):
+        u, rate, acceleration = scaling.u[k], scaling.rate[k], scaling.acceleration[k]
+        first = reference.first(u)
+        tree.evaluate(reference.spline(u), first * rate)
+        torques = tree.torques_for(reference.second(u) * rate**2 + first * acceleration)
+        worst = max(worst, float(np.abs(torques).max()))
+    return worst
+
+
+@pytest.fixture(scope="module")
+def bounded(folded: Callable[..., Any]) -> tuple[Reference, Tree, TimeScaling]:
+    fold = folded("wrench-24")
+    angles = fold.record.frames.joint_angles_rad[::-1]
+    reference = Reference.through(fold.chain, angles, spacing_rad=0.03, distance_weight=0.03)
+    tree = Tree(fold.chain, Material(), step_s=0.02)
+    scaling = torque_bounded_scaling(
+        reference, fold.chain.module, steps=900, step_s=0.02, samples=220
+    )
+    return reference, tree, scaling
+
+
+def belongs_together(scaling: TimeScaling) -> None:
+    """Whether rates and accelerations are those of the places."""
+    by_difference = np.gradient(scaling.u, scaling.step_s)[1:-1]
+    assert np.abs(by_difference - scaling.rate[1:-1]).max() < 0.02 * np.abs(scaling.rate).max()
+    by_difference = np.gradient(scaling.rate, scaling.step_s)[2:-2]
+    assert (
+        np.abs(by_difference - scaling.acceleration[2:-2]).max()
+        < 0.05 * np.abs(scaling.acceleration).max()
+    )
+
+
+def check(scaling: TimeScaling, steps: int, step_s: float) -> None:
+    total = steps * step_s
+    assert len(scaling) == steps
+    assert len(scaling.u) == len(scaling.rate) == len(scaling.acceleration) == steps + 1
+    assert scaling.u[0] == pytest.approx(0.0, abs=1e-9)
+    assert scaling.u[-1] == pytest.approx(1.0, abs=1e-9)
+    # At rest at both ends, and never backwards.
+    assert abs(scaling.rate[0]) < 1e-6 / step_s
+    assert abs(scaling.rate[-1]) < 1e-6 / step_s
+    assert np.diff(scaling.u).min() > -1e-9
+    belongs_together(scaling)
+    assert scaling.rate.max() < 3.0 / total
+
+
+def test_smooth_scaling_and_its_way_back() -> None:
+    scaling = smooth_scaling(steps=400, step_s=0.02)
+    check(scaling, 400, 0.02)
+    np.testing.assert_allclose(scaling.u + scaling.u[::-1], 1.0, atol=1e-12)
+    assert scaling.acceleration[0] == scaling.acceleration[-1] == 0.0
+    back = scaling.backwards()
+    np.testing.assert_array_equal(back.u, scaling.u[::-1])
+    belongs_together(back)
+
+
+def test_bounded_scaling_needs_less_torque(bounded: tuple[Reference, Tree, TimeScaling]) -> None:
+    reference, tree, scaling = bounded
+    check(scaling, 900, 0.02)
+    smooth = smooth_scaling(steps=len(scaling), step_s=scaling.step_s)
+    assert largest_torque(reference, tree, scaling) < 0.5 * largest_torque(reference, tree, smooth)
+
+
+def test_bounded_scaling_of_a_chain_at_rest(folded: Callable[..., Any]) -> None:
+    chain = folded("wrench-24").chain
+    still = np.zeros((2, len(chain.folded_rad)))
+    reference = Reference.through(chain, still, spacing_rad=0.03, distance_weight=0.03)
+    scaling = torque_bounded_scaling(reference, chain.module, steps=400, step_s=0.02, samples=100)
+    assert np.isfinite(scaling.u).all()
+    assert scaling.u[-1] == pytest.approx(1.0)
