@@ -45,7 +45,7 @@ def stand_in(name, works="", **has):
 
 for name in (
     "mujoco numba numba.core scipy.interpolate scipy.ndimage scipy.optimize scipy.sparse.csgraph "
-    "trimesh zarr.codecs planner.pathfinding.filling planner.pathfinding.shape_overlap "
+    "trimesh zarr.codecs planner.pathfinding.filling_methods planner.pathfinding.shape_overlap "
     "planner.pipeline.prepare planner.shapes.decimation planner.table_paths.offers"
 ).split():
     stand_in(name)
