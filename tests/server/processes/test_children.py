@@ -50,8 +50,7 @@ for name in (
 ).split():
     stand_in(name)
 stand_in("numba.core.caching", Cache=types.SimpleNamespace())
-listening = lambda *_: nullcontext()
-stand_in("numba.core.event", Event=object, Listener=object, install_listener=listening)
+stand_in("numba.core.event", "Event", Listener=object, install_listener=lambda *_: nullcontext())
 stand_in("planner.kernels", __path__=[])
 staging = stand_in("planner.pipeline.stages", "run_stage")
 warming = stand_in("planner.pipeline.warm_up", "warm_up warm_up_folding")

@@ -114,16 +114,14 @@ staging.run_stage = lambda task, place, **_: attack(place)
 SPAWNED = f"""{WITHOUT_LIBRARIES}
 from web.movies.encoding import EncodingError
 
-def error(found):
-    raise EncodingError(json.dumps(found))
+def film(line, movie, out, **_):
+    raise EncodingError(json.dumps(attack(out.parent)))
 
 stand_in("web.movies.renderer", NoGLError=OSError)
-stand_in("web.movies.make_movie").make_movie = lambda line, movie, out, **_: error(
-    attack(out.parent))
+stand_in("web.movies.make_movie", make_movie=film)
 """
 DRAWN = f"""{WITHOUT_LIBRARIES}
-drawing = stand_in("server.processes.picture_task")
-drawing.warm_up, drawing.draw = lambda: None, attack
+stand_in("server.processes.picture_task", "warm_up", draw=attack)
 """
 """Where each kind begins to read what is not its own."""
 AWAITED: tuple[Kind, ...] = ("reader", "preparer", "retimer")
