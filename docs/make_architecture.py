@@ -51,7 +51,7 @@ LAYERS: Final = (
     ("server.api",),
     ("server.pages",),
     ("server.app",),
-    ("server.doctor", "server.operate"),
+    ("server.doctor", "server.admin"),
     ("server.cli",),
 )
 """Components by layer, from the lowest layer up. A component imports only from lower layers, or

@@ -93,9 +93,9 @@ def server_of(
 
     import uvicorn
 
+    from server.admin.migration import run_migration
     from server.app import create_app
     from server.http.connections import protocol_of
-    from server.operate.migration import run_migration
     from server.store.object_store import open_storage
 
     if settings.read_only:

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from planner.plan.plan import Plan
 from planner.verification.verify import verify
+from server.admin.fold_tasks import AdminTasks
 from server.cli.command_line import application
-from server.operate.fold_tasks import AdminTasks
 from server.store.folds import Store
 from tests.server.service_process import Service, owner
 from tests.server.service_thread import ServiceThread

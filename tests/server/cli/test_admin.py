@@ -13,10 +13,10 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from planner.readers.gallery import Gallery
+from server.admin.fold_tasks import AdminTasks
 from server.api.finished import import_finished
+from server.cli.admin import admin
 from server.jobs.housekeeping import Housekeeping
-from server.operate.admin import admin
-from server.operate.fold_tasks import AdminTasks
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store
 from server.store.leases import Leases

@@ -18,10 +18,10 @@ from alembic import command
 from click.testing import Result
 from typer.testing import CliRunner
 
-from server.operate.admin import admin
-from server.operate.database import Database
-from server.operate.errors import AdminError
-from server.operate.manifest import MANIFEST, BackupFile, Manifest
+from server.admin.database import Database
+from server.admin.errors import AdminError
+from server.admin.manifest import MANIFEST, BackupFile, Manifest
+from server.cli.admin import admin
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store
 from server.store.schema_version import config

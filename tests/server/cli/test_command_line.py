@@ -35,7 +35,7 @@ def foldback(*arguments: str) -> subprocess.CompletedProcess[str]:
 def test_every_command_is_offered_and_explained() -> None:
     """What they say is stored and compared: see tests/server/contract."""
     files = {path.stem for folder in COMMAND_DIRS for path in folder.glob("*.py")} - SHARED
-    assert set(COMMANDS) == {*files, "admin"}  # a folder of its own: server/operate
+    assert set(COMMANDS) == files
     listed = foldback("--help")
     assert listed.returncode == 0
     for command in COMMANDS:

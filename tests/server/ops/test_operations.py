@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from docs import make_settings
+from server.cli.admin import admin
 from server.cli.command_line import COMMANDS
-from server.operate.admin import admin
 from server.ops.metrics import Metrics
 from server.ops.readiness import Places
 from server.settings import Settings

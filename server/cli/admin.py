@@ -14,7 +14,7 @@ import typer
 from server.ops.startup_errors import settings_of
 
 if TYPE_CHECKING:
-    from server.operate.fold_tasks import AdminTasks
+    from server.admin.fold_tasks import AdminTasks
     from server.store.tables import FoldRow
 
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
@@ -46,7 +46,7 @@ def _refusals() -> Generator[None]:
     """Turn an error of a task into one line and the exit code 1."""
     from sqlalchemy.exc import SQLAlchemyError
 
-    from server.operate.errors import AdminError
+    from server.admin.errors import AdminError
     from server.store.folds import NoSuchFoldError
     from server.store.object_store import StorageError
     from server.store.schema_version import NewerSchemaError
@@ -71,7 +71,7 @@ def _refusals() -> Generator[None]:
 
 @contextmanager
 def _tasks(data_dir: Path | None) -> Generator[AdminTasks]:
-    from server.operate.fold_tasks import AdminTasks
+    from server.admin.fold_tasks import AdminTasks
 
     with _refusals(), closing(AdminTasks(settings_of(data_dir=data_dir))) as tasks:
         yield tasks
@@ -196,7 +196,7 @@ def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
 @admin.command()
 def backup(directory: BackupDirectory, data_dir: DataDir = None) -> None:
     """Write databases and files into a new directory; the service may run meanwhile."""
-    from server.operate.backup import back_up
+    from server.admin.backup import back_up
 
     with _refusals():
         manifest = back_up(settings_of(data_dir=data_dir), directory)
@@ -213,7 +213,7 @@ def restore(
     data_dir: DataDir = None,
 ) -> None:
     """Restore a backup. Stop all web processes and workers first."""
-    from server.operate import backup
+    from server.admin import backup
 
     with _refusals():
         manifest = backup.restore(settings_of(data_dir=data_dir), directory, replace=replace)
@@ -232,7 +232,7 @@ def migrate(
     data_dir: DataDir = None,
 ) -> None:
     """Update all tables to this version, as the service does when it starts."""
-    from server.operate.migration import pending_changes, run_migration
+    from server.admin.migration import pending_changes, run_migration
 
     settings = settings_of(data_dir=data_dir)
     with _refusals():
@@ -255,7 +255,7 @@ def _each(ids: Sequence[str], do: Callable[[str], None], done: str) -> None:
         do: The task.
         done: State of a fold after it, for a message.
     """
-    from server.operate.errors import AdminError
+    from server.admin.errors import AdminError
     from server.store.folds import NoSuchFoldError
 
     refused = False

@@ -14,11 +14,11 @@ from importlib.metadata import version
 from pathlib import Path
 
 from planner.files import settle
-from server.operate.database import Database
-from server.operate.errors import AdminError
-from server.operate.manifest import MANIFEST, BackupFile, Manifest
-from server.operate.migration import schema_of
-from server.operate.stored_files import StoredFiles, at_once, open_inside, stored_files
+from server.admin.database import Database
+from server.admin.errors import AdminError
+from server.admin.manifest import MANIFEST, BackupFile, Manifest
+from server.admin.migration import schema_of
+from server.admin.stored_files import StoredFiles, at_once, open_inside, stored_files
 from server.settings import Settings
 from server.store.schema_version import Schema
 

@@ -12,9 +12,9 @@ from sqlalchemy.orm import Session
 
 from planner.file_names import DESCRIBED
 from planner.verification.integrity import damaged_among
+from server.admin.errors import AdminError
+from server.admin.migration import schema_of
 from server.api.parent_folds import COPIED_NAMES
-from server.operate.errors import AdminError
-from server.operate.migration import schema_of
 from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.fold_files import size_of

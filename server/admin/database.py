@@ -22,7 +22,7 @@ from psycopg.conninfo import conninfo_to_dict, make_conninfo
 from psycopg.pq import Conninfo
 
 from planner.files import temporary_path
-from server.operate.errors import AdminError
+from server.admin.errors import AdminError
 from server.settings import VARIABLE_PREFIX
 from server.store.tables import read_only_engine, reading_connection
 

@@ -12,7 +12,7 @@ from hashlib import file_digest
 from io import BufferedReader
 from typing import Any, Final, Self
 
-from server.operate.errors import AdminError
+from server.admin.errors import AdminError
 
 MANIFEST: Final = "manifest.json"
 BACKUP_FORMAT: Final = 1
