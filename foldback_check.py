@@ -230,12 +230,12 @@ class Plan:
         exempt = {"apart": module.apart, "count": self.exempt}
         yield "exempt pairs", exempt.items() <= (said.get("exempt_pairs") or exempt).items()
         yield "frames", said.get("frames") in (None, self.frames) and len(times) == self.frames
-        yield "times that rise", np.isfinite(times).all() and (np.diff(times) >= 0.0).all()
+        yield "increasing times", np.isfinite(times).all() and (np.diff(times) >= 0.0).all()
         start = (told.get("start") or {"folded_rad": [0.0] * J})["folded_rad"]
-        for words, frame, angles in ("begin", 0, start), ("end", self.frames - 1, folded):
+        for words, frame, angles in ("start", 0, start), ("end", self.frames - 1, folded):
             off = np.abs(self.angles(frame, 0, len(self.folded)) - (pad + angles)).max()
             near = off <= 1e-6 or (words == "end" and not whole)
-            yield f"where to {words}; a hinge is off by {off:.7f} rad", near
+            yield f"{words} of the motion; a hinge is off by {off:.7f} rad", near
         stated = told.get("claim", {}).get("angles_sha256", self.digest)
         yield "the digest of its angles", stated == self.digest or not whole
 

@@ -45,7 +45,9 @@ Robot = Annotated[
 ]
 Workers = Annotated[
     int | None,
-    typer.Option(min=1, help="Parallel explosions when one stalls. Default: the number of cores."),
+    typer.Option(
+        min=1, help="Explosions to run in parallel if one stalls. Default: number of cores."
+    ),
 ]
 PATH_OPTIONS: Final = (*options_of(PathOptions), "seed")
 """Names of the options that turn a shape into a path."""

@@ -60,7 +60,9 @@ def retime(
     ] = False,
     motor_torque: Annotated[
         float | None,
-        typer.Option(help="Torque of a motor, N·m. Checks if the motor is strong enough."),
+        typer.Option(
+            help="Motor torque, N·m. With it, the command checks whether motors are strong enough."
+        ),
     ] = None,
     table: Annotated[
         Path | None, typer.Option(help="Output file for the torques of all joints, .csv.")

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from cli.inputs import refuse
 from cli.options import AsJson
-from planner.certificate.table import table_certificate
+from planner.certificate.table_certificate import table_certificate
 from planner.certificate.table_figures import TableCertificate
 from planner.errors import InputError
 from planner.file_names import PLAN
@@ -57,7 +57,7 @@ def table(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check if a plan works on a table, and compute the joint torques.
+    """Check whether a plan works on a table, and compute the joint torques.
 
     Exits with 3 when it does not rest.
     """
@@ -124,7 +124,7 @@ def _show(found: TableCertificate, written: Path) -> None:
     console = Console(highlight=False)
     told = found.told_friction
     facts = Table(box=None, show_header=False, pad_edge=False)
-    facts.add_row("Verdict", found.verdict)
+    facts.add_row("Verdict", "stays on the table" if found.rests else found.verdict)
     if found.torque is not None and found.torque_nm is not None:
         facts.add_row("Largest torque", f"{found.torque:.3g} w·p, {told}, in frame {found.frame}")
         facts.add_row("", f"{found.torque_nm:.3g} N·m, {told}")

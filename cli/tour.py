@@ -30,7 +30,7 @@ def tour(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Draft a tour of a fold: a caption for each frame that matters most."""
+    """Draft a tour of a fold: captions for its most important frames."""
     try:
         found = drafted(directory)
         if out is not None:

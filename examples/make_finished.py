@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.certificate.metrics import Figures, write
+from planner.certificate.metrics_store import Figures, write
 from planner.file_names import FIGURES, PLAN, PLAYBACK, RECORD, START_CHAIN, TIMELINE
 from planner.motion.angle_encoding import PLAN_STEP_RAD
 from planner.motion.motion import Motion

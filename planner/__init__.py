@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from planner.certificate.certificate import Certificate, certify
-    from planner.certificate.table import table_certificate
+    from planner.certificate.table_certificate import table_certificate
     from planner.certificate.table_figures import TableCertificate
     from planner.chain.chain import Chain
     from planner.chain.kinematics import Poses, forward_kinematics
@@ -74,7 +74,7 @@ __all__ = [
 
 _HOMES = {
     "planner.certificate.certificate": ("Certificate", "certify"),
-    "planner.certificate.table": ("table_certificate",),
+    "planner.certificate.table_certificate": ("table_certificate",),
     "planner.certificate.table_figures": ("TableCertificate",),
     "planner.chain.chain": ("Chain",),
     "planner.errors": ("InputError", "PlannerError", "SimulationError", "TimelineError"),

@@ -1,4 +1,4 @@
-"""The application: routes, their shared state, and the middleware of every answer."""
+"""The application: routes, their shared state, and the middleware of every response."""
 
 from __future__ import annotations
 

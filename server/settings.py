@@ -53,16 +53,16 @@ class Settings(BaseSettings):
     port: int = Field(default=8000, ge=0, le=65535)
     """Port to listen on; 0 picks a free one."""
     base_path: str = Field(default="", pattern=r"^(/[A-Za-z0-9_.~-]+)*$")
-    """Path of the service behind a proxy, as `/fold`. Default: the root."""
+    """Path of the service behind a proxy, such as `/fold`. Default: the root."""
     data_dir: Path = Path("data")
     """Directory of folds and database."""
     database_url: str | None = None
-    """Database address, as postgresql://…. Default: SQLite in data_dir."""
+    """Database address, such as postgresql://…. Default: SQLite in data_dir."""
     jobs_url: str | None = None
     """Not used: the queue is in database_url. Kept so that old settings still work."""
     storage_url: str | None = None
-    """Object store for the files of folds, as s3://bucket/prefix, configured by the usual AWS_…
-    variables. Needs pip install 'foldback[storage]'. Default: data_dir."""
+    """Object store for the files of folds, such as s3://bucket/prefix, configured by the usual
+    AWS_… variables. Needs pip install 'foldback[storage]'. Default: data_dir."""
     cache_bytes: int = Field(default=2048 * MIB_BYTES, ge=MIB_BYTES)
     """Disk space for local copies of files from the object store."""
     storage_bytes: int | None = Field(default=None, ge=MIB_BYTES)
@@ -75,8 +75,8 @@ class Settings(BaseSettings):
     """Days after which a fold that is not viewed is deleted. Default: never. Gallery folds and
     pinned folds stay."""
     imprint_url: str | None = None
-    """Address of a page about the operator of the service, as https://…. The page `/privacy` links
-    to it."""
+    """Address of a page about the operator of the service, such as https://…. The page `/privacy`
+    links to it."""
     origins: Names = ()
     """Other origins (scheme://host), separated by commas, whose pages may change folds of this
     service."""
@@ -108,7 +108,8 @@ class Settings(BaseSettings):
     workers: int = Field(default=1, ge=0, le=64)
     """Worker processes started by `serve`."""
     folds_per_worker: int = Field(default=1, ge=1, le=64)
-    """Folds that a worker computes at once. It also runs as many folds of up to 10 s."""
+    """Folds that a worker computes at once. In addition, it runs the same number of short folds (up
+    to 10 s)."""
     prewarm: bool = True
     """Prepare the compiled solvers and the first page at start. `false` saves about 500 MB while
     the service is idle, but the first visitor waits some seconds longer. Start each new version
@@ -125,7 +126,7 @@ class Settings(BaseSettings):
     """Maximum number of waiting folds. A network may use half of the free places if no other
     network waits, a third if one other network waits, and so on."""
     largest_queue_of_visitor: Count = 16
-    """Maximum number of one visitor's waiting folds."""
+    """Maximum number of folds that one visitor may have in the queue."""
     largest_queue_seconds: PositiveFloat = 7200.0
     """Maximum estimated computing time of all waiting folds, s. Networks share it like the places
     in the queue."""
@@ -142,7 +143,7 @@ class Settings(BaseSettings):
     max_uploads: Count = 24
     """Maximum number of uploads that are received or read at once."""
     max_uploads_of_visitor: Count = 6
-    """Maximum number of one visitor's uploads at once."""
+    """Maximum number of uploads that one visitor may send at once."""
     upload_seconds: PositiveFloat = 120.0
     """Maximum duration of an upload."""
     upload_idle_s: PositiveFloat = 15.0
@@ -154,9 +155,9 @@ class Settings(BaseSettings):
     max_connections: Count = 2000
     """Maximum number of open connections."""
     max_connections_of_visitor: Count = 256
-    """Maximum number of one visitor's open connections. A trusted proxy may use all connections."""
+    """Maximum number of connections that one visitor may have open. A trusted proxy may use all."""
     requests_per_second_of_visitor: PositiveFloat = 100.0
-    """Maximum average number of one visitor's requests per second. Each request allows 40 protocol
+    """Maximum average number of requests per second by one visitor. Each request allows 40 protocol
     events, such as chunks or HTTP/2 frames."""
     requests_at_once_of_visitor: Count = 2000
     """Maximum number of requests that one visitor may send at once after a pause."""
@@ -178,16 +179,16 @@ class Settings(BaseSettings):
     files_waiting: Count = 8
     """Maximum number of exports and pictures that wait or are being created."""
     files_waiting_of_visitor: Count = 3
-    """Maximum number of one visitor's exports and pictures."""
+    """Maximum number of such exports and pictures for one visitor."""
     answers_waiting: Count = 12
-    """Maximum number of large answers (frames, trajectories, motors) that wait or are being
+    """Maximum number of large responses (frames, trajectories, motors) that wait or are being
     prepared."""
     answers_waiting_of_visitor: Count = 4
-    """Maximum number of one visitor's large answers."""
+    """Maximum number of such responses for one visitor."""
     previews_waiting: Count = 8
     """Maximum number of waiting previews."""
     previews_waiting_of_visitor: Count = 3
-    """Maximum number of one visitor's waiting previews."""
+    """Maximum number of waiting previews for one visitor."""
     retime_seconds: PositiveFloat = 60.0
     """Maximum time to compute a trajectory or a table of motors."""
     preview_keep_s: PositiveFloat = 86400.0
@@ -199,9 +200,9 @@ class Settings(BaseSettings):
     most_previews: Count = 10_000
     """Maximum number of stored previews."""
     most_previews_of_visitor: Count = 1_000
-    """Maximum number of one visitor's stored previews."""
+    """Maximum number of stored previews for one visitor."""
     stage_seconds: PositiveFloat = 1800.0
-    """Maximum wall time of one stage of a fold."""
+    """Maximum wall-clock time of one stage of a fold."""
     stage_cpu_seconds: PositiveFloat = 3600.0
     """Maximum CPU time of a fold."""
     child_memory_bytes: int = Field(default=2048 * MIB_BYTES, ge=128 * MIB_BYTES)
@@ -212,10 +213,10 @@ class Settings(BaseSettings):
     movies_waiting: Count = 6
     """Maximum number of waiting movies."""
     movies_waiting_of_visitor: Count = 2
-    """Maximum number of one visitor's waiting movies."""
+    """Maximum number of waiting movies for one visitor."""
     movies_of_fold: Count = 12
-    """Maximum number of stored movies that a fold's owner requested, and of those that others
-    requested. The oldest are deleted first."""
+    """Maximum number of stored movies of one fold, counted separately for its owner and for all
+    others. The oldest are deleted first."""
     movie_seconds: PositiveFloat = 600.0
     """Maximum time to create a movie."""
 
@@ -232,19 +233,19 @@ class Settings(BaseSettings):
     max_robots_of_visitor: Count = 8
     """Maximum number of robots connected from one address."""
     max_classes: Count = 32
-    """Maximum number of classes that follow a leader."""
+    """Maximum number of classes, each with a leader and followers."""
     max_classes_of_visitor: Count = 4
-    """Maximum number of classes with leaders at one address."""
+    """Maximum number of classes that may be led from one address."""
     max_followers: Count = 400
-    """Maximum number of followers of all classes."""
+    """Maximum number of followers in all classes together."""
     max_followers_of_visitor: Count = 100
-    """Maximum number of followers at one address."""
+    """Maximum number of followers from one address."""
     embed_origins: Names = ()
-    """Sites that may embed folds, as `https://…`, separated by commas; `*` allows all."""
+    """Sites that may embed folds, such as `https://…`, separated by commas; `*` allows all."""
     frames_per_answer: Count = 2000
-    """Maximum number of frames in an answer of the API."""
+    """Maximum number of frames in one response of the API."""
     numbers_per_answer: int = Field(default=2_000_000, ge=1000)
-    """Maximum count of numbers in such an answer."""
+    """Maximum count of numbers in such a response."""
 
     @field_validator("log_format", "log_level", mode="before")
     @classmethod

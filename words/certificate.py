@@ -91,7 +91,10 @@ def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
             "Final position error (RMS)",
             _of_simulation(certificate, "rms_position_error", CERTIFICATE_DIGITS),
         ),
-        ("Largest joint move per frame", quantity(certificate.get("max_joint_step_rad"), "rad")),
+        (
+            "Largest joint rotation per frame",
+            quantity(certificate.get("max_joint_step_rad"), "rad"),
+        ),
         (
             "Largest number of hinges moving at once",
             quantity(certificate.get("hinges_moving_most")),
@@ -108,11 +111,11 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
     return [
         ("Margin: module size", f"up to {rounded_down(size['value'])} pitch; {_limit(size)}"),
         (
-            "Margin: one hinge off",
+            "Margin: error of one hinge",
             f"up to {degrees_down(one['value'])}, all others exact; {_limit(one)}",
         ),
         (
-            "Margin: all hinges off at random",
+            "Margin: random errors of all hinges",
             f"up to {degrees_down(each['value'])} each: modules touch in at most "
             f"{100 * found['failure_probability']:.0f} of 100 robots; {_limit(each)}",
         ),

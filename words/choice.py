@@ -201,7 +201,7 @@ def _gained(
         of = f"of torque at the same folding time of {number(slowest)} s"
     elif prefer == "margin":
         after, before = (_margin(each.one_hinge_rad) for each in both)
-        of = "that one hinge may be off"
+        of = "of allowed error in one hinge"
     else:
         after, before = (_room(each.clearance_bound) for each in both)
         of = "pitch of proved clearance"

@@ -167,10 +167,10 @@ class _Fold:
         return [
             (f"{made} steps", explosion.get("steps") or None),
             (f"{made} frames", explosion.get("frames")),
-            (f"{made} wall time", quantity(explosion.get("seconds"), "s", 2)),
+            (f"Computing time: {made.lower()}", quantity(explosion.get("seconds"), "s", 2)),
             ("Playback steps", playback.get("steps") or not_simulated),
-            ("Playback wall time", quantity(playback.get("seconds"), "s", 2)),
-            ("Certificate wall time", quantity(self.certificate.get("seconds"), "s", 2)),
+            ("Computing time: playback", quantity(playback.get("seconds"), "s", 2)),
+            ("Computing time: certificate", quantity(self.certificate.get("seconds"), "s", 2)),
             ("Simulated time", quantity(_simulated_s(self.directory), "s")),
         ]
 

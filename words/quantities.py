@@ -52,7 +52,7 @@ class Words:
 PARAMETER_WORDS: Final = {
     "armature": Words("Rotor inertia of a hinge"),
     "bandwidth": Words("Bandwidth", "per s"),
-    "body_cap": Words("Largest module move per step", "pitch"),
+    "body_cap": Words("Largest module movement per step", "pitch"),
     "controller": Words("Controller"),
     "damping": Words("Speed damping", "per step"),
     "damping_s": Words("Servo damping relative to stiffness", "s"),

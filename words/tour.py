@@ -101,8 +101,8 @@ def _knot(moments: Moments) -> Stop | None:
     if moments.knot is None:
         return None
     text = (
-        "Here the chain becomes a knot, and it is knotted at the end: drawn out by its ends, it "
-        "would not become straight. Played backwards, it slips out of the knot here."
+        "Here the chain gets knotted, and it stays knotted to the end: pulling its ends apart "
+        "would not straighten it. Played backwards, it slips out of the knot here."
     )
     return _stop(text, moments.knot, path=True)
 
@@ -113,7 +113,7 @@ def _torque(certificate: CertificateFigures, moments: Moments) -> Stop | None:
         return None
     if certificate.get("table") is not None:
         label, value = "Largest torque", dict(main_rows(certificate))["Torque on a table (statics)"]
-        begin, colour = "carries most on the table here", "joint_torque"
+        begin, colour = "carries the highest torque on the table here", "joint_torque"
     else:
         label, value = torque(certificate)
         begin, colour = "works hardest here", "torque"

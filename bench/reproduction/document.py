@@ -63,7 +63,7 @@ def document(page: dict[str, Any]) -> str:
 def _section(section: dict[str, Any], head: list[dict[str, str]]) -> list[str]:
     quote = section["quote"] and f"> {section['quote']}\n>\n> {section['where']}"
     strips = [
-        _image(f"{card['id']}/strip", f"{card['title']}: out above, back below", 720)
+        _image(f"{card['id']}/strip", f"{card['title']}: unfolding above, folding below", 720)
         for card in section["cards"]
         if card["strip"]
     ]

@@ -173,7 +173,7 @@ STATEMENTS: Final = (
         where="Not in the paper",
         quote="",
         published="not in the paper",
-        words="The default preset beside the published method, played in parallel. It takes fewer "
+        words="The default preset and the published method, played side by side. It takes fewer "
         "steps, because its time step and gains adapt to the chain.",
         pairs=(("wrench-160", "default-wrench-160"), ("mallet-160", "default-mallet-160")),
     ),

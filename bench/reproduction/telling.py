@@ -351,7 +351,10 @@ def _machine(runs: Mapping[str, Run]) -> str:
     cores = sorted({run.cores for run in runs.values()})
     names = sorted({run.processor for run in runs.values()})
     reference = [run.reference_s for run in runs.values()]
-    busy = " It was also doing other work, so the processor times in brackets say more."
+    busy = (
+        " The machine was also doing other work, so the processor times in brackets are more "
+        "reliable."
+    )
     return (
         f"Times were measured on {' and '.join(str(n) for n in cores)} cores of "
         f"{' and '.join(names)}, where 1000 steps of MuJoCo on a chain of 160 cubes took "

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from bench.table.paths import gallery_cells
 from bench.tables import Section
-from planner.certificate.table import table_certificate
+from planner.certificate.table_certificate import table_certificate
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
-from planner.explosion.table import explode_on_table
+from planner.explosion.table_explosion import explode_on_table
 from planner.parameters.explosion import Base, TableParameters
 from tests.planner.table_search import table_paths
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.tables import Section
-from planner.certificate.table import table_certificate
+from planner.certificate.table_certificate import table_certificate
 from planner.certificate.table_figures import FRICTIONLESS
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from planner.certificate.earlier_certificates import told_honestly
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
 from planner.certificate.sweeps import Sweeper, Sweeps, followed
-from planner.certificate.table import table_certificate
+from planner.certificate.table_certificate import table_certificate
 from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
 from planner.certificate.verdict import distances_from_shape, find_verdict, rms
 from planner.chain.chain import Chain
 from planner.chain.statics import GRAVITY_M_S2, static_torque
-from planner.clearance.linked import ExemptPairs, Place, exempt_pairs
+from planner.clearance.exempt_pairs import ExemptPairs, Place, exempt_pairs
 from planner.clearance.margins import Margins, margins
 from planner.errors import InputError
 from planner.motion.motion import Motion

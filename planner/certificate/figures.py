@@ -16,14 +16,14 @@ KINEMATICS_ONLY: Final = "verified (kinematics only)"
 
 
 class PlaceFigures(TypedDict):
-    """``planner.clearance.linked.Place``."""
+    """``planner.clearance.exempt_pairs.Place``."""
 
     frame: float
     modules: list[int] | None
 
 
 class ExemptFigures(TypedDict):
-    """``planner.clearance.linked.ExemptPairs``."""
+    """``planner.clearance.exempt_pairs.ExemptPairs``."""
 
     rule: str
     apart: int

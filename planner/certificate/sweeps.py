@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.clearance.linked import Place
+from planner.clearance.exempt_pairs import Place
 from planner.clearance.rounding import clearance_rounding
 from planner.clearance.sweep import BOUND_RATIO, Sweep, sweep
 from planner.motion.motion import Motion

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.close_points import first_close_pair
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.module import CUBE, TETRAHEDRON, Module
-from planner.chain.overlap import first_close_pair
 from planner.chain.path import (
     DEFAULT_PITCH_M,
     MIN_CELLS,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
-from planner.clearance.linked import Place
+from planner.clearance.exempt_pairs import Place
 from planner.clearance.rounding import clearance_rounding
 from planner.clearance.sweep import (
     Sweep,

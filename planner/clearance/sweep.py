@@ -3,7 +3,8 @@
 The proof is that of docs/decisions/0012-sweep-bound.md; ``planner.kernels.sweep`` computes it. Some
 pairs are not checked:
 
-* Pairs fewer links apart than ``Module.apart``: they share a joint (``planner.clearance.linked``).
+* Pairs fewer links apart than ``Module.apart``: they share a joint
+  (``planner.clearance.exempt_pairs``).
 * Pairs that stay farther apart than the least clearance of the frame before, because they change
   no figure: lemma 7.
 * In a windowed motion, pairs of modules that are rigid with each other from one frame to the next.

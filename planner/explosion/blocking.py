@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
-from planner.explosion.evidence import BlockEvidence, Move, Turn
+from planner.explosion.failure_evidence import BlockEvidence, Move, Turn
 from planner.kernels.clearance import least_separation
 from planner.kernels.pairs import near_pairs
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.explosion.explosion import Watch, run
+from planner.explosion.explosion_loop import Watch, run
 from planner.explosion.simultaneous import Simultaneous
 from planner.motion.motion import Motion
 from planner.motion.record import Record

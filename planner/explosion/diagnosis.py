@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.explosion.blocking import STUCK_JOINT_BEND_RAD, blocked
-from planner.explosion.evidence import (
+from planner.explosion.failure_evidence import (
     BlockEvidence,
     BudgetEvidence,
     Crossing,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.explosion.checkpoint import MAX_STALLED_PULSES, BendDecrease, Checkpoint, Pulses
-from planner.explosion.explosion import (
+from planner.explosion.explosion_loop import (
     PULSE_REPULSION_SCALE,
     PULSE_TENSION_SCALE,
     STOP_COMPLIANCE_RAD,
@@ -49,7 +49,7 @@ from planner.simulation.model import Material
 
 if TYPE_CHECKING:
     from planner.explosion.peeling_core import Core, CoreOnTable
-    from planner.explosion.table import TableRules
+    from planner.explosion.table_explosion import TableRules
     from planner.explosion.table_forces import TableForces
     from planner.explosion.table_guard import Guard
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.from_above import Above
 from planner.chain.kinematics import forward_kinematics
+from planner.chain.table_projection import TableProjection
 from planner.errors import InputError
 from planner.kernels.folded_core import box_cover, distances_at
 
@@ -156,19 +156,19 @@ class CoreOnTable:
 
     Args:
         core: The core.
-        above: Projection onto the table.
+        projection: Projection onto the table.
     """
 
-    def __init__(self, core: Core, above: Above) -> None:
+    def __init__(self, core: Core, projection: TableProjection) -> None:
         self._core = core
-        self._above = above
-        self._lowest = float((core.cells @ above.up).min())
+        self._projection = projection
+        self._lowest = float((core.cells @ projection.up).min())
         """Height of the centres of modules that stand on the table, pitches along ``up``."""
 
     def boxes(self, last: int) -> tuple[Array, Array]:
         """Return (B, 3) centres and half sides of boxes: the modules 0 to ``last``, the table."""
         centres, halves = self._core.boxes(last)
-        up = self._above.up
+        up = self._projection.up
         # Not where the chain begins on the floor: its first free module would be jammed there.
         raised = float(self._core.cells[last + 1] @ up) > self._lowest + 0.5
         top = self._lowest - 0.5 + (TABLE_LIFT_PITCH if raised else 0.0)
@@ -188,12 +188,12 @@ class CoreOnTable:
             before: (3,) direction of the unit before; None if there is none.
         """
         del field
-        above, cells = self._above, self._core.cells[: last + 1]
-        rays = above.along(2.0 * np.pi * np.arange(HEADING_COUNT) / HEADING_COUNT)
-        outwards = above.seen(start - cells.mean(axis=0)) @ above.across
+        projection, cells = self._projection, self._core.cells[: last + 1]
+        rays = projection.along(2.0 * np.pi * np.arange(HEADING_COUNT) / HEADING_COUNT)
+        outwards = projection.seen(start - cells.mean(axis=0)) @ projection.across
         along = np.arange(1.0, HEADING_LENGTH_PITCH, 0.5)
-        points = above.seen(start + rays[:, None, :] * along[None, :, None])
-        gaps = points[:, :, None, :] - np.unique(above.seen(cells), axis=0)
+        points = projection.seen(start + rays[:, None, :] * along[None, :, None])
+        gaps = points[:, :, None, :] - np.unique(projection.seen(cells), axis=0)
         distance = np.linalg.norm(gaps, axis=-1).min(axis=-1)
         wanted = np.minimum(HEADING_CLEARANCE_PITCH, 0.7 + 0.5 * along)
         lack = np.maximum(wanted - distance, 0.0).max(axis=1)

@@ -13,7 +13,7 @@ from planner.explosion.checkpoint import (
     MAX_STALLED_PULSES,
     BendDecrease,
 )
-from planner.explosion.explosion import (
+from planner.explosion.explosion_loop import (
     COMMIT_EVERY_STEPS,
     STRAIGHT,
     End,
@@ -29,7 +29,7 @@ from planner.parameters.explosion import PeelingParameters
 
 if TYPE_CHECKING:
     from planner.explosion.peeling import FloatingRules
-    from planner.explosion.table import TableRules
+    from planner.explosion.table_explosion import TableRules
 
 Array = NDArray[np.float64]
 RELEASE_CHECK_STEPS: Final = 5

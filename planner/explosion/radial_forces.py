@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.explosion.checkpoint import Pulses
-from planner.explosion.explosion import (
+from planner.explosion.explosion_loop import (
     PULSE_REPULSION_SCALE,
     PULSE_TENSION_SCALE,
     RADIAL_GAIN_JITTER,

@@ -24,7 +24,7 @@ from planner.explosion.checkpoint import (
     JamDetector,
     Pulses,
 )
-from planner.explosion.explosion import (
+from planner.explosion.explosion_loop import (
     COMMIT_EVERY_STEPS,
     STOP_COMPLIANCE_RAD,
     STRAIGHT,

@@ -19,10 +19,10 @@ from planner.errors import InputError
 from planner.explosion.blocks_first import explode_blocks_first
 from planner.explosion.expected_cost import by_cost
 from planner.explosion.one_joint_at_a_time import unbend_one_by_one
-from planner.explosion.paper import explode_as_published
 from planner.explosion.peeling import peel
+from planner.explosion.published_explosion import explode_as_published
 from planner.explosion.simultaneous import explode
-from planner.explosion.table import explode_on_table
+from planner.explosion.table_explosion import explode_on_table
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters
@@ -75,7 +75,7 @@ def strategies_for(
         raise InputError(
             "unsuited-world",
             f"got a chain of {chain.module.name}s for a fold on a table, expected cubes that fold "
-            "into the cells of a lattice; use the world floating.",
+            "into the cells of a lattice; use the world 'floating'.",
         )
     if wished == AUTO:
         return tuple(name for name in _preferred(chain) if name in possible) or possible[:1]

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.from_above import Above, nearest_way
+from planner.chain.table_projection import TableProjection, unwrap_near
 from planner.explosion.peeling import crossed
 from planner.explosion.step_control import StepControl
 from planner.explosion.window import Window
@@ -63,20 +63,20 @@ class TableForces:
     Args:
         parameters: Weight and first drive.
         modules: Number of modules of the chain.
-        above: Projection onto the table.
+        projection: Projection onto the table.
         seed: Seed of the draws.
     """
 
     stiffness_period = 1
 
     def __init__(
-        self, parameters: TableParameters, modules: int, above: Above, *, seed: int
+        self, parameters: TableParameters, modules: int, projection: TableProjection, *, seed: int
     ) -> None:
         self.heading_errors: Array = np.zeros(1)
         """(m - 2,) heading errors of the window's links against the wanted direction, rad."""
         self._parameters = parameters
         self._modules = modules
-        self._above = above
+        self._projection = projection
         self._random = np.random.default_rng(seed)
         self._drive = self._calm = Drive(
             parameters.largest_spring_torque, parameters.pull, parameters.turning
@@ -88,7 +88,7 @@ class TableForces:
 
     def draw(self, step: int, scale: float) -> None:
         """Draw a perturbation that begins at a step; ``scale`` multiplies its largest forces."""
-        random, up = self._random, self._above.up
+        random, up = self._random, self._projection.up
         size = scale * random.uniform(0.0, 0.5)
         each = random.normal(size=(self._modules, 3))
         each -= 0.5 * np.outer(each @ up, up)
@@ -112,7 +112,7 @@ class TableForces:
         p, drawn_at = self._parameters, self._drive.drawn_at
         if drawn_at is not None and control.steps > drawn_at + p.drawn_steps + 1:
             self.calm()
-        drive, up, count = self._drive, self._above.up, window.modules
+        drive, up, count = self._drive, self._projection.up, window.modules
         self.heading_errors = self._heading_errors(window)
         forces = np.zeros((count, 3))
         forces[FIXED:] = -up
@@ -127,7 +127,7 @@ class TableForces:
 
         A pull at the end would turn links that are far off no more, or the wrong way round.
         """
-        positions, up = window.model.positions, self._above.up
+        positions, up = window.model.positions, self._projection.up
         forces = np.zeros_like(positions)
         links = np.diff(positions[FIXED:], axis=0)
         off = np.clip(self.heading_errors[1:], -MAX_TURNING_ERROR_RAD, MAX_TURNING_ERROR_RAD)
@@ -140,20 +140,20 @@ class TableForces:
 
     def _heading_errors(self, window: Window) -> Array:
         """Return the (m - 2,) heading errors of all links, rad, counted past full turns."""
-        above, target = self._above, window.heading.target
+        projection, target = self._projection, window.heading.target
         first, last = window.model.rotations[1][:, 0], window.rod_direction
-        if abs(first @ above.up) > MAX_LYING_RISE_PITCH:
+        if abs(first @ projection.up) > MAX_LYING_RISE_PITCH:
             first = target
-        turned = above.turned(window.model.positions[1:], first, last)
-        wanted = above.angle(target) - above.angle(first)
-        return turned - nearest_way(wanted, turned[-1])
+        turned = projection.turned(window.model.positions[1:], first, last)
+        wanted = projection.angle(target) - projection.angle(first)
+        return turned - unwrap_near(wanted, turned[-1])
 
     def _rod_mass(self, window: Window) -> float:
         return float(min(window.rod_modules, self._parameters.rod_modules))
 
     def end_torque(self, window: Window) -> Array:
         """Return the (3,) torque of the rod's weight, and that which turns it on the table."""
-        up, along = self._above.up, window.rod_direction
+        up, along = self._projection.up, window.rod_direction
         flat = along - (along @ up) * up
         turn = crossed(flat / max(float(np.linalg.norm(flat)), 1e-6), window.heading.aim)
         mass = self._rod_mass(window)

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.from_above import crosses_itself
 from planner.chain.kinematics import Poses, forward_kinematics
+from planner.chain.table_projection import crosses_itself
 from planner.explosion.recorder import Refusal
 from planner.explosion.window import MIN_LAST_UNIT_MODULES, Peelable, WindowConfiguration
 from planner.kernels.folded_core import FIXED

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.explosion.explosion import UNREPELLED_LINKS
+from planner.explosion.explosion_loop import UNREPELLED_LINKS
 from planner.explosion.radial_forces import RadialForces
 from planner.explosion.recorder import Step
 from planner.explosion.step_control import StepControl

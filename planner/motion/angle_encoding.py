@@ -211,7 +211,8 @@ def with_plain_angles(
     """
     name, found = "angles_rad" if windowed else "joint_angles_rad", dict(columns)
     if (count := (name in found) + (PLANES_NAME in found)) != 1:
-        raise ValueError(f"got its angles {count} times, expected {name} or {PLANES_NAME} alone")
+        got = "twice" if count else "nowhere"
+        raise ValueError(f"got the angles {got}, expected either {name} or {PLANES_NAME}")
     if name in found:
         return found
     planes = found.pop(PLANES_NAME)
@@ -252,6 +253,6 @@ def byte_planes(changes: Ints) -> Planes:
 def whole_numbers(planes: Planes) -> Ints:
     """Return the (n,) numbers of ``byte_planes``."""
     if planes.ndim != 2 or len(planes) != 4 or planes.dtype != np.uint8:
-        raise ValueError(f"got planes of the shape {planes.shape}, expected four of bytes")
+        raise ValueError(f"got planes of the shape {planes.shape}, expected four planes of bytes")
     codes = np.ascontiguousarray(planes.T).view("<u4").reshape(-1).astype(np.int64)
     return (codes >> 1) ^ -(codes & 1)

@@ -6,7 +6,7 @@ from typing import Literal, NotRequired, TypedDict
 
 
 class CrossingFigures(TypedDict):
-    """``planner.explosion.evidence.Crossing``."""
+    """``planner.explosion.failure_evidence.Crossing``."""
 
     over: float
     under: float
@@ -14,7 +14,7 @@ class CrossingFigures(TypedDict):
 
 
 class KnotFigures(TypedDict):
-    """``planner.explosion.evidence.KnotEvidence``."""
+    """``planner.explosion.failure_evidence.KnotEvidence``."""
 
     kind: Literal["knot"]
     determinant: int | None
@@ -26,7 +26,7 @@ class KnotFigures(TypedDict):
 
 
 class TurnFigures(TypedDict):
-    """``planner.explosion.evidence.Turn``."""
+    """``planner.explosion.failure_evidence.Turn``."""
 
     hinge: int
     module: int
@@ -36,7 +36,7 @@ class TurnFigures(TypedDict):
 
 
 class MoveFigures(TypedDict):
-    """``planner.explosion.evidence.Move``."""
+    """``planner.explosion.failure_evidence.Move``."""
 
     direction: list[int]
     moved: float
@@ -45,7 +45,7 @@ class MoveFigures(TypedDict):
 
 
 class BlockFigures(TypedDict):
-    """``planner.explosion.evidence.BlockEvidence``."""
+    """``planner.explosion.failure_evidence.BlockEvidence``."""
 
     kind: Literal["blocks"]
     module_size: float
@@ -61,7 +61,7 @@ SpentKind = Literal["steps", "pushes", "retries", "snapshots", "motion", "refusa
 
 
 class BudgetFigures(TypedDict):
-    """``planner.explosion.evidence.BudgetEvidence``."""
+    """``planner.explosion.failure_evidence.BudgetEvidence``."""
 
     kind: Literal["budget"]
     spent: SpentKind

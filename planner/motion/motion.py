@@ -199,8 +199,8 @@ class Motion:
         hinges = {part.hinges for part in parts}
         if len(hinges) != 1:
             raise TypeError(
-                f"got parts of {sorted(map(str, hinges))} hinges (None: windowed), expected one "
-                "layout"
+                f"got motions of {sorted(map(str, hinges))} hinges (None if windowed), expected "
+                "all to have the same layout"
             )
         known = any(part.errors_rad is not None for part in parts)
         lengths = np.concatenate([np.diff(part.offsets) for part in parts])
@@ -342,7 +342,7 @@ class Motion:
         ):
             raise InputError(
                 "bad-windows",
-                f"got windows that are not within {hinges} hinges or not as long as they say, "
+                f"got windows that extend beyond {hinges} hinges or have wrong lengths, "
                 "expected windows of this chain.",
             )
         if not np.isfinite(self.angles_rad).all():

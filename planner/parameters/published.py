@@ -39,7 +39,7 @@ class PaperExplosionParameters:
         Setting(
             name="radial_gain",
             label="Radial force gain λ",
-            help="λ in equation 1 of the paper. We take its d as the diameter of one module.",
+            help="λ in equation 1 of the paper. We take d there as the diameter of one module.",
             group="published",
             rank=0,
             unit="dyn",

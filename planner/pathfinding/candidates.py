@@ -38,7 +38,7 @@ chain from unfolding. Larger values test longer paths, more slowly. Chosen."""
 NO_ASSEMBLY: Final = (
     "No path was found whose cells can be removed one by one. The cells may be neither a box nor "
     "2×2×2 blocks, their layers may have several parts, or such a path may need other ends. Use "
-    "blocks or exact."
+    "the method 'blocks' or 'exact'."
 )
 MAX_CHOICE_MODULES: Final = 20_000
 """Maximum number of cells or tetrahedra of a shape for which several paths are made, to choose the
@@ -215,7 +215,7 @@ def _turned_to(path: Ints, start: Ints, low: Ints, sides: tuple[int, int, int]) 
 def _no_snake(box: bool) -> str:
     if box:
         return "A snake starts in a corner of its box; start there or use another method."
-    return "The cells do not fill a box; a snake needs one. Use blocks or exact."
+    return "The cells do not fill a box; a snake needs one. Use the method 'blocks' or 'exact'."
 
 
 def _blocks(shape: Shape, options: _Options, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
@@ -255,7 +255,7 @@ def _no_blocks(connected: bool) -> str:
         return "The cells form several parts that share no face; keep one part or join them."
     return (
         "The cells are not 2×2×2 blocks with a path that has such ends; double the shape or "
-        "use exact."
+        "use the method 'exact'."
     )
 
 

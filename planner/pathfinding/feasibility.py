@@ -227,9 +227,11 @@ def _doubling(before: Cells, whole: Cells) -> Repair:
     add, drop = tuple(sorted(whole - before)), tuple(sorted(before - whole))
     words = "Split each cell into 2×2×2 cells"
     if add:
-        words = f"Add {_count(len(add), 'cell')} as a bridge, then split each into 2×2×2 cells"
+        words = f"Add {_count(len(add), 'cell')} as a bridge, then split each cell into 2×2×2 cells"
     elif drop:
-        words = f"Remove {_count(len(drop), 'cell')}, then split each into 2×2×2 cells"
+        words = (
+            f"Remove {_count(len(drop), 'cell')}, then split each remaining cell into 2×2×2 cells"
+        )
     return Repair(
         detail=f"{words}: {8 * len(whole)} modules of half the size, which always have a path.",
         add=add,

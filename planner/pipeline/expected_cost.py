@@ -175,8 +175,8 @@ def _direct(modules: int, playback: PlaybackParameters) -> ExpectedCost:
         expected_s=expected_seconds(modules) + steps * modules * CONTACT_STEP_S,
         least_s=playback.direct_steps * modules * SERVO_STEP_S,
         stage="play_back",
-        cause=f"{modules} modules with the preset direct",
-        remedy="Use fewer modules, or the preset default.",
+        cause=f"{modules} modules with the preset 'direct'",
+        remedy="Use fewer modules, or the preset 'default'.",
     )
 
 
@@ -191,21 +191,21 @@ def _ours(modules: int, request: FoldRequest, parameters: Parameters) -> Expecte
         LOWER_BOUND_FRACTION * robots_s,
     )
     stage, cause = "play_back", f"{modules} modules and {parameters.playback.robot.runs} robots"
-    remedy = "Use fewer robots, or fewer modules in simulated_modules."
+    remedy = "Use fewer robots, or a smaller simulated_modules."
     if request.world != FLOATING and LOWER_BOUND_FRACTION * usual_s > least_s:
         least_s, stage, cause = (
             LOWER_BOUND_FRACTION * usual_s,
             "explode",
             f"{modules} modules on a table",
         )
-        remedy = "Use fewer modules, or the world floating."
+        remedy = "Use fewer modules, or the world 'floating'."
     strategy = request.strategy
     if strategy in COSTS_INTERLOCKED and not request.smooth:
         expected_s += COSTS_INTERLOCKED[strategy].of(modules)
         if (least := LOWER_BOUND_FRACTION * COSTS_IN_LAYERS[strategy].of(modules)) > least_s:
             least_s, stage = least, "explode"
-            cause = f"{modules} modules with the strategy {strategy}"
-            remedy = "Use fewer modules, or the strategy auto."
+            cause = f"{modules} modules with the strategy '{strategy}'"
+            remedy = "Use fewer modules, or the strategy 'auto'."
     return ExpectedCost(
         expected_s=expected_s, least_s=least_s, stage=stage, cause=cause, remedy=remedy
     )

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import Final
 
-from planner.certificate.table import table_certificate
+from planner.certificate.table_certificate import table_certificate
 from planner.chain.chain import Chain
 from planner.motion.motion import Motion
 from planner.motion.record import Record

@@ -34,7 +34,7 @@ MAX_LISTED_VIOLATIONS: Final = 2
 """Maximum number of violated rules that the error for an unsuitable path for a table names; further
 ones are only counted. Larger values make longer messages. Chosen."""
 TABLE_REMEDY: Final = (
-    "Choose another number of modules, blocks or a repair, or fold in zero gravity."
+    "Choose blocks, a repair or another number of modules, or fold in zero gravity."
 )
 """Advice at the end of the error message for a shape that has no path along which a chain folds on
 a table."""
@@ -294,7 +294,7 @@ def check_for_table(chain: Chain) -> None:
         raise InputError(
             "unsuited-world",
             f"got the module {chain.module.name} for a fold on a table, expected {CUBE.name}; use "
-            "the world floating for other modules.",
+            "the world 'floating' for other modules.",
             where="world",
         )
     faults = faults_of(np.rint(chain.folded_poses.positions).astype(np.int64))

@@ -202,25 +202,25 @@ class FoldRequest(PathOptions):
                 raise InputError(
                     "unsuited-world",
                     f"got the {what} {got} for a fold on a table, expected "
-                    f"{getattr(plain, name)}; use the world floating for other values.",
+                    f"{getattr(plain, name)}; use the world 'floating' for other values.",
                 )
         if self.method not in ("auto", "blocks"):
             raise InputError(
                 "unsuited-world",
                 f"got the path method {self.method} for a fold on a table, expected auto or "
-                "blocks; use the world floating for other methods.",
+                "blocks; use the world 'floating' for other methods.",
             )
         if self.start is not None:
             raise InputError(
                 "unsuited-world",
                 "got a start cell for a fold on a table, expected none, because the path is chosen "
-                "for stability; use the world floating to choose a start.",
+                "for stability; use the world 'floating' to choose a start.",
             )
         if self.refold or self.smooth:
             raise InputError(
                 "unsuited-world",
                 "got a plan to be refolded or smoothed for a fold on a table, expected a shape; "
-                "use the world floating for refolds and smoothing.",
+                "use the world 'floating' for refolds and smoothing.",
             )
 
     @property

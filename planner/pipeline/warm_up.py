@@ -11,16 +11,16 @@ from typing import Final
 
 import numpy as np
 
-from planner.certificate.measure import clearances_of
-from planner.certificate.table import table_certificate
+from planner.certificate.frame_metrics import clearances_of
+from planner.certificate.table_certificate import table_certificate
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques
 from planner.chain.module import CUBE
 from planner.chain.path import Path
-from planner.clearance.linked import exempt_pairs
+from planner.clearance.exempt_pairs import exempt_pairs
 from planner.clearance.sweep import sweep
 from planner.cores import cores
-from planner.explosion.paper import explode_as_published
+from planner.explosion.published_explosion import explode_as_published
 from planner.explosion.simultaneous import explode
 from planner.kernels.articulated import Accelerations, ArticulatedBodies
 from planner.kernels.contact_forces import ContactModel, PairContacts, add_many_contacts

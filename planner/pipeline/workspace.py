@@ -20,7 +20,7 @@ import numpy as np
 
 from planner import file_names as names
 from planner.certificate.certificate import Certificate
-from planner.certificate.measure import write_figures
+from planner.certificate.frame_metrics import write_figures
 from planner.chain.chain import Chain
 from planner.explosion.diagnosis import stopped
 from planner.exports import mjcf

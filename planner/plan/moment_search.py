@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.metrics import Curves, Figures
+from planner.certificate.metrics_store import Curves, Figures
 from planner.certificate.table_forces import TableForces
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses

@@ -16,7 +16,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.metrics import Curves, Figures, write
+from planner.certificate.metrics_store import Curves, Figures, write
 from planner.errors import InputError
 from planner.file_names import (
     ATTEMPTS,

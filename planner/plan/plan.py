@@ -428,7 +428,7 @@ def _unpacked(values: dict[str, Any], layout: str, chain: Chain) -> dict[str, An
     told = values.get("angles") or {}
     if "data" in told:
         if PLANES_NAME in values:
-            raise ValueError(f"got its angles 2 times, expected {PLANES_NAME} or angles.data alone")
+            raise ValueError(f"got the angles twice, expected either {PLANES_NAME} or angles.data")
         planes = np.frombuffer(zlib.decompress(b64decode(told["data"])), np.uint8).reshape(4, -1)
         values = {**values, PLANES_NAME: planes}
     return with_plain_angles(values, told, chain.folded_rad, windowed=layout == "windows")

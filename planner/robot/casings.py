@@ -78,14 +78,14 @@ CASINGS: Final = {
             density_kg_m3=_PLA_KG_M3,
             fill=0.2,
             wall_m=WALL_M,
-            about="printed PLA, walls of 1 mm, filled by 20 %",
+            about="printed PLA, 1 mm walls, 20 % infill",
         ),
         Casing(
             name="pla-box",
             density_kg_m3=_PLA_KG_M3,
             fill=0.0,
             wall_m=WALL_M,
-            about="printed PLA, walls of 1 mm and the servos",
+            about="printed PLA, 1 mm walls, with the servos inside",
         ),
     )
 }

@@ -67,9 +67,9 @@ def check_smoothable(plan: Plan) -> None:
     if frames * hinges > MAX_SMOOTHED_ANGLES:
         raise InputError(
             "smooth-too-long",
-            f"got a motion that takes {frames} frames of {hinges} hinges, expected at most "
-            f"{MAX_SMOOTHED_ANGLES} angles in all; use `foldback retime` to limit the speed of "
-            "longer motions.",
+            f"got a motion of {frames} frames with {frames * hinges} hinge angles in all, "
+            f"expected at most {MAX_SMOOTHED_ANGLES}; it is too long to be smoothed, but "
+            "`foldback retime` can limit its speed.",
         )
 
 

@@ -74,7 +74,7 @@ def ruled_out(side: Side) -> NoPath | None:
         return replace(reason, cause=problem.code)
     floor = cells[cells[:, 2] == 0]
     if len(floor) == 1:
-        detail = "only one cell touches the floor, but the first two modules lie on it."
+        detail = "only one cell touches the floor, but the first two modules must lie on it."
         return _no_path(side, "no-path", detail, tuples(floor), remedy=LAY)
     margin = stands(cells)
     if margin < MIN_BALANCE_MARGIN_PITCH:

@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.certificate.certificate import Certificate
 from planner.certificate.figures import RobotFigures
-from planner.clearance.linked import Place
+from planner.clearance.exempt_pairs import Place
 from planner.clearance.sweep import clearance_at
 from planner.motion.motion import Motion
 from planner.motion.record import Record

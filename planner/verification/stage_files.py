@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from planner.errors import UNREADABLE, PlannerError
-from planner.explosion.paper import FRAME_SPACING_RAD
+from planner.explosion.published_explosion import FRAME_SPACING_RAD
 from planner.file_names import (
     ATTEMPTS,
     CANDIDATES,

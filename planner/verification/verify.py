@@ -250,7 +250,7 @@ def _opinion(
     try:
         opinion = opinion_of(directory / PLAN, certificate.module_size, claim)
     except InputError as error:
-        found.problems.append(f"failed: ipctk cannot look at the motion: {error.detail}")
+        found.problems.append(f"failed: ipctk cannot check the motion: {error.detail}")
         return None
     found.look(opinion.words, opinion.problems)
     return opinion

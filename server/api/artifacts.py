@@ -141,7 +141,7 @@ def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: b
     responses=problems(404, 409),
 )
 def get_exports(fold_id: str, context: Here) -> ExportList:
-    """List the formats of other programs, in display order."""
+    """List the files for other programs that can be downloaded, in the order of the page."""
     row = _finished(context, fold_id)
     moving = has_motion(row.summary)
     return ExportList(
@@ -151,7 +151,7 @@ def get_exports(fold_id: str, context: Here) -> ExportList:
 
 @router.get(
     "/exports/{name}",
-    summary="Download a fold in one of these formats",
+    summary="Download a fold in one of the listed formats",
     response_class=FileResponse,
     responses=file_or_problems(
         "The file. It is created on the first request.",

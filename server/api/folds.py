@@ -181,7 +181,7 @@ def post_cancel(before: ExistingFold, context: Here, owner: RequiredOwner) -> Fo
 def patch_fold(
     row: ExistingFold, changes: FoldChanges, context: Here, owner: RequiredOwner
 ) -> Fold:
-    """Change the name on pages, in lists and of downloads; the name inside the plan stays.
+    """Change the name on pages, in lists and of downloads; the name in the plan does not change.
 
     Gallery folds cannot be renamed.
     """

@@ -80,7 +80,7 @@ async def batch(
     """Return frames of a fold's timeline; ``wait`` is how many seconds to wait for the first one.
 
     Raises:
-        TooMany: If too many requests of the visitor, its network or in all wait.
+        TooMany: Too many requests are waiting: of the visitor, of its network, or in all.
     """
     if not wait:
         return await _frames(request, fold_id, start, stop, stride)
@@ -119,7 +119,7 @@ async def figures(
     fold_id: str,
     part: Annotated[int | None, Query(ge=0, le=1_000_000)] = None,
 ) -> Response:
-    """Return figures of a finished fold: curves of all frames, or all figures of one part."""
+    """Return figures of a finished fold: curves of all frames, or every figure of some frames."""
 
     def answer() -> Response:
         found = found_fold(request, fold_id)

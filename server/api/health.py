@@ -31,7 +31,7 @@ async def get_health() -> dict[str, str]:
 
 @router.get("/ready", summary="Readiness check")
 def get_ready(request: Request) -> JSONResponse:
-    """Answer 503 with reasons if database, disk or storage fail, no worker runs, or it stops."""
+    """Answer 503 with reasons if a part of the service fails, no worker runs, or it is stopping."""
     readiness: Readiness = request.app.state.readiness
     found = readiness.state()
     return JSONResponse(

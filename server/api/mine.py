@@ -69,7 +69,7 @@ def get_my_folds(
         str | None,
         Query(
             pattern=CURSOR_PATTERN,
-            description="Value from the link `next`; lists the following folds.",
+            description="Value from the link `next` of the previous page of the list.",
         ),
     ] = None,
     limit: Annotated[

@@ -171,7 +171,7 @@ def delete_movie(fold_id: str, movie_id: str, context: Here, owner: OptionalOwne
     row = context.movies.state(fold_id, movie_id)
     if owner is None or not (owner.owns(row.token_hash) or context.store.owns(fold_id, owner)):
         raise not_owner(
-            "This needs the token that the answer to POST contained, or that of the fold's "
+            "This needs the token that the response to POST contained, or that of the fold's "
             "owner, as 'Authorization: Bearer …'."
         )
     context.movies.delete(fold_id, movie_id)

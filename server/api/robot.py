@@ -130,7 +130,7 @@ async def get_trajectory(
 ) -> StreamingResponse:
     """Return the fastest motion along the plan within the bounds, at rest at both ends.
 
-    Rows of a verified plan are refused where modules overlap between them.
+    A rate so low that modules overlap between two rows of a verified plan is refused.
     """
     from planner.exports.trajectory import export
 
@@ -261,7 +261,7 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
     """Send a robot its joint angles in real time, waiting while the robot falls behind.
 
     Limits are checked before the socket is accepted, because until then an error can be sent as an
-    HTTP answer.
+    HTTP response.
     """
     context = cast("Context", websocket.app.state.context)
     visitor = address_of(websocket)

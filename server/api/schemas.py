@@ -147,7 +147,7 @@ class Accepted(Body):
     """Owner token, required to cancel or delete: the token you sent, or a new one. Null for a
     gallery fold or another client's fold, which you can only view."""
     existing: bool
-    """True if the same request was made before; the answer is its fold."""
+    """True if the same request was made before; this is its fold."""
     links: Links
 
 
@@ -293,15 +293,15 @@ class KeyWanted(Body):
     model_config = ConfigDict(extra="forbid")
 
     owner_token: str | None = Field(default=None, pattern=TOKEN_PATTERN)
-    """New key, at least 24 characters. If you choose it yourself, you have it even if the answer is
-    lost. Default: a random key."""
+    """New key, at least 24 characters. If you choose it yourself, you have it even if the response
+    is lost. Default: a random key."""
 
 
 class KeyReplaced(Body):
     """The new key, and the number of items that moved to it."""
 
     owner_token: str
-    """The new key; no later answer contains it."""
+    """The new key; no later response contains it."""
     folds: int
     """Number of items moved."""
 

@@ -57,7 +57,7 @@ async def preview_in_form(
     path: Annotated[
         bool,
         Form(
-            description="Search for a path. Without a search, the answer for voxels and meshes "
+            description="Search for a path. Without a search, the response for voxels and meshes "
             "comes sooner, but contains only their cells."
         ),
     ] = True,
@@ -116,10 +116,10 @@ async def post_offers(
     preview: Annotated[str, id_field("The id of an earlier preview.")],
     seed: Seed = 0,
 ) -> TableOffers:
-    """Search for a repair, 2×2×2 modules and nearby counts, until the client disconnects.
+    """Search for a repair, 2×2×2 modules for each voxel and nearby numbers of modules.
 
     Send the same options as for the preview that found no path on a table. The search may take
-    as long as a preview, and counts as one.
+    as long as a preview, counts as one, and ends if the client disconnects.
     """
     options = replace(options, seed=seed)
     bounded(options, context.settings.max_modules)

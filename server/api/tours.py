@@ -75,9 +75,9 @@ def get_tour(
     context: Here,
     draft: Annotated[bool, Query(description="Return a draft even if a tour is stored.")] = False,
 ) -> JSONResponse:
-    """Return the tour that the owner has stored; without one, a draft.
+    """Return the tour that the owner has stored, or a draft if there is none.
 
-    A draft is written from what is known of the fold; its figures are those of the certificate.
+    A draft is written automatically. Its figures are those of the certificate.
     """
     found = context.store.find(fold_id)
     if found is None:
@@ -146,7 +146,7 @@ def frames_of_own(fold: FoldRow, context: Here, owner: RequiredOwner) -> int:
     if not context.store.owns(fold.id, owner):
         raise not_owner(NOT_FOLD_OWNER)
     if not fold.over:
-        detail = f"The fold is {fold.status}; what is stored with it needs its frames."
+        detail = f"The fold is {fold.status}; nothing can be stored with it until it has frames."
         raise Conflict("not-ready", detail, retry_after_s=1)
     frames = frames_promised(context.store.directory(fold.id))
     if not frames:

@@ -42,7 +42,11 @@ MOVIE_OPTIONS: Final[dict[str, tuple[str, type, str]]] = {
     "turn_deg": ("--turn", float, "Angle through which the camera circles, degrees."),
     "theme": ("--theme", str, "light or dark."),
     "first_frame": ("--from", int, "First frame. Default: the first frame of the playback."),
-    "last_frame": ("--to", int, "Last frame. A frame before the first one plays backwards."),
+    "last_frame": (
+        "--to",
+        int,
+        "Last frame. If it is before the first one, the movie plays backwards.",
+    ),
 }
 """Options of a movie on the command line: flag, type and help, by the field of ``Movie``."""
 
@@ -73,7 +77,7 @@ def movie(
     directory: FoldDirectory,
     out: Annotated[Path, typer.Option(help="The file to write: .mp4 or .gif.")] = Path("fold.mp4"),
     tour: Annotated[
-        bool, typer.Option("--tour", help="Rest at the stops of the tour and show its captions.")
+        bool, typer.Option("--tour", help="Pause at the stops of the tour and show its captions.")
     ] = False,
     options: dict[str, Any],
     as_json: AsJson = False,

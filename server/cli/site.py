@@ -1,4 +1,4 @@
-"""``foldback site``: finished folds, the paper's experiments and benchmarks as a site of files."""
+"""``foldback site``: finished folds, the paper's experiments and benchmarks as a static website."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def site(
     service: Annotated[
         str | None,
         typer.Option(
-            metavar="URL", help="Service to which *Fold your own* leads. Default: no such link."
+            metavar="URL", help="Service that *Fold your own* links to. Default: no such link."
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write folds, the paper's experiments and benchmarks as a website of files."""
+    """Write folds, the paper's experiments and benchmarks as a static website."""
     try:
         if service is not None:
             _check_address(service)
@@ -107,7 +107,9 @@ def _folds_in(directory: Path) -> list[Path]:
         return [directory]
     inside = sorted(directory.iterdir()) if directory.is_dir() else []
     if not (folds := [each for each in inside if result(each, TIMELINE).exists()]):
-        detail = "it holds no fold; expected a folder that `foldback fold` wrote, or one of such."
+        detail = (
+            "it holds no fold; expected a folder that `foldback fold` wrote, or several inside."
+        )
         raise InputError("no-fold", detail, where=str(directory))
     return folds
 

@@ -36,9 +36,11 @@ def confinement(settings: Settings) -> Finding:
     if code or not words.startswith("free"):
         found = f"their sandbox could not be tested ({words})"
     elif free:
-        found = f"this kernel does not protect foreign {' and '.join(free)}"
+        found = f"this kernel does not isolate them from {' and '.join(free)} of other programs"
     else:
-        return ok("isolated from foreign files, signals and sockets by Landlock and seccomp")
+        return ok(
+            "isolated from other programs' files, signals and sockets by Landlock and seccomp"
+        )
     return warning(
         found,
         "Use Linux 5.19 or newer with Landlock and seccomp (in a container: let it use "

@@ -212,7 +212,7 @@ def clock(settings: Settings) -> Finding:
     if now < past - 60.0:
         return warning(
             f"it shows {shown}, but some files were written {_hours(past - now)} after that",
-            "Set the clock and synchronise it with NTP, because folds expire by it.",
+            "Set the clock and synchronise it with NTP: it decides when folds expire.",
         )
     return ok(shown)
 

@@ -244,8 +244,8 @@ class Trajectories:
             advice = f"use rate={enough:g}" if enough else "request a higher rate, or no rate"
             raise Unusable(
                 "rows-overlap",
-                f"got rows between which modules overlap by {-told['min_clearance']:.2g} pitch "
-                f"if joints turn evenly, expected no overlap; {advice}.",
+                f"got a rate so low that modules overlap by {-told['min_clearance']:.2g} pitch "
+                f"between two rows, expected no overlap; {advice}.",
                 where="query.rate",
             )
         return told["min_clearance"], told["clearance_bound"]

@@ -144,7 +144,7 @@ def expire(
 
 @admin.command()
 def requeue(ids: Ids, force: Force = False, data_dir: DataDir = None) -> None:
-    """Compute failed, cancelled or unresponsive folds again."""
+    """Recompute folds that failed, were cancelled or stopped responding."""
     with _tasks(data_dir) as tasks:
         _each(ids, lambda fold_id: tasks.requeue(fold_id, force=force), "queued")
 
@@ -231,7 +231,7 @@ def migrate(
     ] = False,
     data_dir: DataDir = None,
 ) -> None:
-    """Bring all tables to this version's, as a start of the service does."""
+    """Update all tables to this version, as the service does when it starts."""
     from server.operate.migration import pending_changes, run_migration
 
     settings = settings_of(data_dir=data_dir)
@@ -242,7 +242,7 @@ def migrate(
     for change in changes:
         typer.echo(f"{'would migrate' if check else 'migrated'} {change}")
     if not changes:
-        typer.echo("All tables are of this version.")
+        typer.echo("All tables are up to date.")
     elif check:
         raise typer.Exit(PENDING_EXIT_CODE)
 

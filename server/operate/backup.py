@@ -87,7 +87,7 @@ def restore(settings: Settings, directory: Path, *, replace: bool) -> Manifest:
         _check_digests(manifest, directory)
         if not replace and not _is_empty(database, stored):
             raise AdminError(
-                "got a service that has data already; use --replace to delete them, or name an "
+                "got a service that already has data; delete the data with --replace, or name an "
                 "empty data directory, database and object store."
             )
         database.check_unused()

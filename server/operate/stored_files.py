@@ -148,5 +148,5 @@ def open_inside(directory: Path, name: str) -> BufferedReader:
         os.close(handle)
     if not stat.S_ISREG(os.fstat(found).st_mode):
         os.close(found)
-        raise FileNotFoundError(f"{name} is no regular file")
+        raise FileNotFoundError(f"{name} is not a regular file")
     return open(found, "rb")

@@ -30,7 +30,7 @@ class Metrics:
         ProcessCollector(registry=self._registry)
         self._seconds = Histogram(
             "foldback_request_seconds",
-            "Duration of answers; event streams count until they are closed.",
+            "Time to send a response; event streams count until they are closed.",
             ("method", "route", "status"),
             buckets=BUCKETS_S,
             registry=self._registry,
@@ -41,7 +41,9 @@ class Metrics:
             registry=self._registry,
         )
         self._websockets = Gauge(
-            "foldback_websockets_open", "Open views and robots.", registry=self._registry
+            "foldback_websockets_open",
+            "Open websockets of pages and robots.",
+            registry=self._registry,
         )
 
     def count(self, *, method: str, route: str, status: int, seconds: float) -> None:

@@ -48,7 +48,7 @@ OVER: Final = "over"
 
 @router.get("/c/{code}")
 async def join(request: Request, code: str) -> Response:
-    """Lead to the fold that a class sees."""
+    """Redirect to the fold that a class is watching."""
     found = _context_of(request).classes.find(code)
     return RedirectResponse(f"/folds/{found.fold_id}?class={code.upper()}", status_code=303)
 

@@ -46,7 +46,7 @@ async def oembed(
     """Describe the fold behind a link of this service.
 
     Sites that may embed folds get a frame; all others get the name and a picture. The answer is 404
-    if the link is not one of this service, and 501 for other formats than JSON, as oEmbed requires.
+    if the link is not one of this service, and 501 for formats other than JSON, as oEmbed requires.
     """
     if wanted != "json":
         return Response("Only JSON is served.", status_code=501, media_type="text/plain")

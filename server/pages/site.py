@@ -1,4 +1,4 @@
-"""A site of files: gallery, folds, paper and benchmarks for any web host, or to open from a folder.
+"""A static website: gallery, folds, paper and benchmarks for any web host, or for a folder.
 
 The pages are those of the service. Their links are relative, and each address that a template asks
 for is noted, so that its file is written and no link leads to nothing.
@@ -88,7 +88,7 @@ class Site:
         elif name is None and (file := FILE_ADDRESS.fullmatch(address)):
             name = file[1]
         if name is None:
-            raise ValueError(f"a site of files has no {address}")
+            raise ValueError(f"a static website has no {address}")
         self.asked.add(name)
         return root + name
 

@@ -88,7 +88,7 @@ async def static_file(request: Request, name: str) -> Response:
     """Return a style sheet, a script or a picture.
 
     Browsers keep a script with its version in the address. If the version is another one, as on a
-    page that was opened before an update, they get the present script and ask again next time.
+    page that was opened before an update, they get the current script and ask again next time.
     """
     headers = dict(INDEXED_HEADERS)
     if (versioned := re.fullmatch(rf"{VERSIONED}/([0-9a-f]+)/(js/.+\.js)", name)) is not None:

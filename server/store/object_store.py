@@ -83,7 +83,9 @@ class Storage:
             self._obstore.put(self._store, name, b"foldback")
             try:
                 if bytes(self._obstore.get(self._store, name).bytes()) != b"foldback":
-                    raise StorageError(f"{self._name} returned other data than were stored.")
+                    raise StorageError(
+                        f"{self._name} returned data that differ from what was stored."
+                    )
                 list(self._list("check"))
             finally:
                 self._obstore.delete(self._store, name)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from planner.certificate.metrics import Figures
+from planner.certificate.metrics_store import Figures
 from tests.browser.conftest import Visit, picture, seek, shot, until, with_view
 from tests.server.service_process import Service
 

@@ -33,7 +33,7 @@ def test_fold_is_checked_and_broken_on_purpose(visit: Visit, service: Service, w
     assert f"{int(1000 * plan.claim) / 10:.1f} % of a module width apart" in said.inner_text()
     assert [url for url in asked if url.endswith("/plan.npz")]
     expect(check.get_by_role("button", name="Check it here")).to_be_focused()
-    check.get_by_text("What is not claimed").click()
+    check.get_by_text("What this check does not show").click()
     expect(check).to_contain_text("Real joints have play")
     assert "def main" in service.http.get("/static/foldback_check.py").text
     assert page.evaluate(WIDTH) <= 390
@@ -64,7 +64,7 @@ def test_downloaded_page_checks_itself(
     page.goto(file.as_uri())
     page.locator("#details").click()
     check = page.locator("#check")
-    expect(checked(check)).to_contain_text(re.compile(r"It took [\d.]+ s"))
+    expect(checked(check)).to_contain_text(re.compile(r"The check took [\d.]+ s"))
     check.get_by_role("button", name="Tightest place").click()
     assert len(page.evaluate("foldback.player.marked")) == 2
     expect(check.get_by_role("link")).to_have_count(0)

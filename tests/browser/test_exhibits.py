@@ -78,8 +78,8 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     follower = visit(f"/c/{link.rpartition('/')[2]}", view=False)
     words, back = follower.locator(".class-ways span"), follower.locator(".class-ways .primary")
     frame = follower.locator("#r-frame")
-    expect(words).to_have_text("You follow the leader")
-    expect(leader.locator(".class-ways span")).to_have_text("1 person follows")
+    expect(words).to_have_text("You are following the leader")
+    expect(leader.locator(".class-ways span")).to_have_text("1 person is following")
     seek(leader, 30)
     expect(frame).to_have_text(re.compile("Frame 31 of"))
     leader.evaluate("() => foldback.player.send({ do: 'orbit', turn: [0.5, 0.2] })")
@@ -88,7 +88,7 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     follower.wait_for_function(turned, arg=azimuth)
 
     seek(follower, 5)
-    expect(words).to_have_text("You look around")
+    expect(words).to_have_text("You are looking around")
     leader.evaluate("() => foldback.player.send({ do: 'select', module: 7 })")
     seek(leader, 40)
     back.click()
@@ -96,7 +96,7 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     assert follower.evaluate("() => foldback.player.selected") == 7
     for end in connections[0]:
         end.close(code=4000)  # as if the network between them had failed
-    expect(leader.locator(".class-ways span")).to_have_text("1 person follows")
+    expect(leader.locator(".class-ways span")).to_have_text("1 person is following")
     seek(leader, 20)
     expect(frame).to_have_text(re.compile("Frame 21 of"))
     assert len(connections) == 2

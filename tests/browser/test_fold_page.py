@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Route, expect
 
-from planner.certificate.metrics import Figures
+from planner.certificate.metrics_store import Figures
 from planner.motion.timeline import Timeline
 from tests.browser.conftest import (
     Visit,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from planner.certificate.metrics import Figures
+from planner.certificate.metrics_store import Figures
 from tests.browser.conftest import at_frame, seek, shown_frame, visits
 from tests.server.service_process import Service
 

@@ -11,7 +11,7 @@ import pytest
 
 import foldback_check
 from bench.clearance.forgeries import certainly_false
-from planner.certificate.measure import clearances_of
+from planner.certificate.frame_metrics import clearances_of
 from planner.chain.chain import Chain
 from planner.chain.module import MODULES
 from tests.planner.peels import snake

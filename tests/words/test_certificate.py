@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from planner.certificate.table import table_certificate
+from planner.certificate.table_certificate import table_certificate
 from planner.parameters.explosion import Base
-from tests.planner.certificate.test_table import LIFTED, line, moving
+from tests.planner.certificate.test_table_certificate import LIFTED, line, moving
 from words import certificate as certificate_words
 from words.certificate import clearance, headline, linked, on_table, record, rows, torque
 
@@ -67,10 +67,10 @@ def test_margins_are_rounded_down_and_name_what_limits_them() -> None:
     limit = "limited by modules 1 and 159 near frame 43 of the plan"
     told = dict(rows(SIMULATED | {"margins": margins}))
     assert told["Margin: module size"] == f"up to 0.995 pitch; {limit}"
-    assert told["Margin: one hinge off"] == f"up to 0.17°, all others exact; {limit}"
-    assert str(told["Margin: all hinges off at random"]).startswith("up to 0.0022° each: ")
-    assert "5 of 100 robots" in str(told["Margin: all hinges off at random"])
-    assert "Margin: one hinge off" not in dict(rows(SIMULATED))
+    assert told["Margin: error of one hinge"] == f"up to 0.17°, all others exact; {limit}"
+    assert str(told["Margin: random errors of all hinges"]).startswith("up to 0.0022° each: ")
+    assert "5 of 100 robots" in str(told["Margin: random errors of all hinges"])
+    assert "Margin: error of one hinge" not in dict(rows(SIMULATED))
 
 
 def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:

@@ -45,7 +45,7 @@ def test_text_has_gain_and_cost_of_the_chosen_plan(tmp_path: Path) -> None:
         ("time", 3, "10 instead of 100 s of folding time"),
         ("torque", 2, "40 µN·m instead of 100 µN·m of torque at the same folding time of 100 s"),
         ("clearance", 2, "0.0312 instead of 0.0400 pitch of proved clearance"),
-        ("margin", 3, "0.57° instead of 0.11° that one hinge may be off"),
+        ("margin", 3, "0.57° instead of 0.11° of allowed error in one hinge"),
     )
     for prefer, chosen, text in cases:
         choice = choice_of(written(tmp_path, chosen, *TRIED), prefer)

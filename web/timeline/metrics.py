@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.metrics import Curves, Figures
+from planner.certificate.metrics_store import Curves, Figures
 from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
 from planner.errors import UNREADABLE, InputError
@@ -94,7 +94,7 @@ def curves_of(directory: Path) -> bytes:
         "rows": _rows(timeline, forces),
         "table": None if forces is None else _table_told(directory),
         # Of windows torques are worked out at some frames only, see
-        # ``planner.certificate.measure``.
+        # ``planner.certificate.frame_metrics``.
         "torque_at_some_frames": timeline.windowed,
         "largest": {
             "torque": largest,

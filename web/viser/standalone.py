@@ -1,10 +1,10 @@
 """Standalone: pages that play without a server, from a disk too.
 
 A downloaded page holds a whole fold: the same scripts as the embedded one, viser's client, the
-scene bundle and a single batch of all frames. The pages of a site of files share scripts and client
-instead. Scripts are named by an import map of data addresses: nothing bundles them. The map is
-compressed; ``js/unpack.js`` unpacks it and then imports the entry of the page. Only the checker, a
-worker, is one script of several: import maps do not reach into workers.
+scene bundle and a single batch of all frames. The pages of a static website share scripts and
+client instead. Scripts are named by an import map of data addresses: nothing bundles them. The map
+is compressed; ``js/unpack.js`` unpacks it and then imports the entry of the page. Only the checker,
+a worker, is one script of several: import maps do not reach into workers.
 
 The plan is there, too, for that checker: as much of it as its claim is about. If the timeline is a
 windowed plan backwards and then forwards, the angles of the frames are taken from the plan.
@@ -37,9 +37,9 @@ from web.viser.scene_bundle import bundle_of
 
 ENTRY_SCRIPT: Final = "js/pages/standalone.js"
 FILMS_SCRIPT: Final = "js/pages/films.js"
-"""Entry script of the page of the paper's experiments in a site of files."""
+"""Entry script of the page of the paper's experiments in a static website."""
 KIOSK_SCRIPT: Final = "js/pages/kiosk.js"
-"""Entry script of the kiosk in a site of files."""
+"""Entry script of the kiosk in a static website."""
 UNPACK_SCRIPT: Final = "js/unpack.js"
 WORKER_SCRIPT: Final = "js/viewer/sketch_worker.js"
 CHECKER_SCRIPT: Final = "js/check/worker.js"

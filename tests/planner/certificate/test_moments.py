@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-from planner.certificate.metrics import Figures
+from planner.certificate.metrics_store import Figures
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
 from planner.errors import InputError

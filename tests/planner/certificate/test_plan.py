@@ -80,9 +80,9 @@ def test_plan_with_angles_in_two_forms_is_refused(plan: Plan, tmp_path: FilePath
     (tmp_path / "plan.json").write_text(json.dumps(values))
     np.savez(tmp_path / "plan.npz", **plan.npz_arrays(), angle_planes=planes)
     for path in tmp_path.iterdir():
-        with pytest.raises(InputError, match="got its angles 2 times"):
+        with pytest.raises(InputError, match="got the angles twice"):
             Plan.load(path)
-    with pytest.raises(ValueError, match="got its angles 2 times"):
+    with pytest.raises(ValueError, match="got the angles twice"):
         plan_columns(tmp_path / "plan.npz", plan.chain.folded_rad)
 
 

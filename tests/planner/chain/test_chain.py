@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.chain.close_points import first_close_pair
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import CUBE, MODULES, Module, module_named
-from planner.chain.overlap import first_close_pair
 from planner.chain.path import MAX_COORDINATE, Path
 from planner.chain.rotations import matrix_from_wxyz
 from planner.errors import InputError

@@ -5,7 +5,7 @@ import numpy as np
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.explosion.blocks_first import TETHER_CHECK_STEPS, Tethers, block_starts
-from planner.explosion.explosion import Watch
+from planner.explosion.explosion_loop import Watch
 from planner.explosion.simultaneous import Simultaneous
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.assembly import assembly_path

@@ -12,7 +12,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.explosion.explosion import Watch, return_to_checkpoint, step
+from planner.explosion.explosion_loop import Watch, return_to_checkpoint, step
 from planner.explosion.peeling import floating_peeling, peel
 from planner.explosion.peeling_recorder import Proof
 from planner.explosion.peeling_run import Peeling

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from planner.certificate.certificate import certify
-from planner.certificate.metrics import Curves, Figures
+from planner.certificate.metrics_store import Curves, Figures
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques
 from planner.errors import InputError, TimelineError

@@ -102,7 +102,7 @@ def test_joint_errors_are_those_of_the_windows(chain: Chain) -> None:
 def test_layouts_are_not_mixed(chain: Chain) -> None:
     dense = frames_of(chain)
     windows = dense.windowed(chain)
-    with pytest.raises(TypeError, match="expected one layout"):
+    with pytest.raises(TypeError, match="the same layout"):
         Motion.joined([dense, windows])
     with pytest.raises(TypeError, match="expected a dense one"):
         _ = windows.root_position

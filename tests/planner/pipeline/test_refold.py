@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from planner.certificate.certificate import Place, certify
-from planner.certificate.measure import write_figures
-from planner.certificate.metrics import Figures
+from planner.certificate.frame_metrics import write_figures
+from planner.certificate.metrics_store import Figures
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError

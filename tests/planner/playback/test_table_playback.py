@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.certificate.table import table_certificate
+from planner.certificate.table_certificate import table_certificate
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.explosion.table import explode_on_table
+from planner.explosion.table_explosion import explode_on_table
 from planner.motion.motion import Motion
 from planner.parameters.explosion import TableParameters
 from planner.parameters.playback import TablePlaybackParameters

@@ -184,7 +184,7 @@ def test_knot_that_the_chain_does_not_have_is_not_confirmed(
         jump = replace(record, frames=frames, status="stalled")
         found = check(saved(tmp_path, open_chain, jump, HASTY))
         assert found["verdict"] == "not proved"
-        assert "begin" in found["reason"] or "no gap" in found["reason"], found
+        assert "start" in found["reason"] or "no gap" in found["reason"], found
 
 
 FORGED_BLOCKS: Final[dict[str, Change]] = {

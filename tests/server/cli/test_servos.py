@@ -13,7 +13,7 @@ from planner.parameters.parameters import Parameters
 from planner.robot.servos import servos
 from planner.robot.sizing import turned_rad
 from server.cli.command_line import application
-from tests.planner.certificate.test_table import moving
+from tests.planner.certificate.test_table_certificate import moving
 from tests.planner.chains import line
 from tests.planner.plans import unverified
 

@@ -74,7 +74,7 @@ test("a path grows at its ends, removes its last cell, and closes a gap", () => 
   assert.deepEqual(extended(drawn, key(0, 1), SIZE), { path: row(2), atStart: false });
   assert.deepEqual(extended({ ...drawn, atStart: true }, key(0, 1), SIZE), { path: row(3).slice(1), atStart: true });
   assert.deepEqual(extended(drawn, key(0, 0), SIZE), { ...drawn, atStart: true }); // the other end is taken
-  assert.match(extended({ path: row(5), atStart: false }, key(0, 1), SIZE), /This is cell 2 of the path/);
+  assert.match(extended({ path: row(5), atStart: false }, key(0, 1), SIZE), /This is already cell 2 of the path/);
   assert.match(extended(drawn, key(5, 5), SIZE), /share a face/);
   const torn = { path: [key(0, 0), key(0, 1), key(0, 3)], atStart: false };
   assert.deepEqual(extended(torn, key(0, 2), SIZE).path, row(4));

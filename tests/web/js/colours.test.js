@@ -108,7 +108,7 @@ const REFUSED = [
   ["\n\n", /expected 4 numbers/],
   ["nan\nnan\nnan\nnan", /Got no number/],
   ['{"a": 1}', /expected such a list/],
-  ["[1, 2", /The file is no JSON/],
+  ["[1, 2", /The file is not valid JSON/],
   ['[1, 2, 3, {"a": 1}]', /Value 4: got {"a":1}, expected a number or null/],
   ['{"format": "foldback-values/1", "rows": 1, "low": 0, "high": 1, "data": "AAA="}', /values of another fold/],
 ];

@@ -101,7 +101,7 @@ test("the reason why there is no path comes with a remedy", () => {
   const apart = report({ has_path: false, feasibility: { feasible: false, problems: [problem("disconnected")], repairs: [] } });
   assert.deepEqual(troubleOf(opened(), apart).ways, []);
   const table = troubleOf(opened("?world=table&as_voxels=true"), bad);
-  assert.deepEqual([table.title, table.ways], ["This shape can’t be folded on a table at 64 modules", [{ text: "Fold it in zero gravity", change: { as_voxels: true, world: "floating" } }]]);
+  assert.deepEqual([table.title, table.ways], ["This shape can’t be folded on a table with 64 modules", [{ text: "Fold it in zero gravity", change: { as_voxels: true, world: "floating" } }]]);
   const offer = { kind: "repair", modules: 72, change: { modules: null, method: null, repair: true }, added: [[0, 0, 0], [0, 0, 1]] };
   assert.deepEqual(offerOf(offer, 1), { text: "Add 2 cells: 72 modules", primary: false, change: { repair: true } });
 });

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.certificate.measure import write_figures
-from planner.certificate.metrics import Figures
+from planner.certificate.frame_metrics import write_figures
+from planner.certificate.metrics_store import Figures
 from planner.errors import TimelineError
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import Parameters

@@ -25,17 +25,17 @@ export async function readNpz(bytes) {
   const view = viewOf(bytes), short = (/** @type {number} */ at) => view.getUint16(at, true), long = (/** @type {number} */ at) => view.getUint32(at, true);
   let end = bytes.length - 22;
   while (end >= 0 && long(end) !== END) end--;
-  readable(end >= 0, "no end of an archive");
+  readable(end >= 0, "the archive has no end");
   /** @type {Map<string, Column>} */
   const found = new Map();
   for (let entry = 0, at = long(end + 16); entry < short(end + 10); entry++, at += 46 + short(at + 28) + short(at + 30) + short(at + 32)) {
-    readable(long(at) === ENTRY, "no entry where the archive tells one");
+    readable(long(at) === ENTRY, "an entry of the archive is missing");
     const method = short(at + 10), local = long(at + 42), start = local + 30 + short(local + 26) + short(local + 28);
     const name = new TextDecoder().decode(bytes.subarray(at + 46, at + 46 + short(at + 28))).replace(/\.npy$/, "");
-    readable(!found.has(name) && (method === 0 || method === DEFLATED), `another array ${name}, or one packed by method ${method}`);
+    readable(!found.has(name) && (method === 0 || method === DEFLATED), `the array ${name} occurs twice, or is compressed by the unknown method ${method}`);
     const stored = bytes.subarray(start, start + long(at + 20)), stream = () => new Blob([stored]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
     const plain = method ? new Uint8Array(await new Response(stream()).arrayBuffer()) : stored;
-    readable(plain.length === long(at + 24), `${plain.length} bytes of ${name}`);
+    readable(plain.length === long(at + 24), `the array ${name} has ${plain.length} bytes, not as many as the archive states`);
     found.set(name, column(plain));
   }
   return found;
@@ -47,9 +47,9 @@ function column(bytes) {
   const header = new TextDecoder().decode(bytes.subarray(8 + wide, start)), [, kind, digits] = /'descr': '[<|]([fiuU])(\d+)'/.exec(header) ?? [];
   const shape = (/'shape': \(([\d, ]*)\)/.exec(header)?.[1].match(/\d+/g) ?? []).map(Number), [rows, columns] = shape;
   const Kind = KINDS[kind === "U" ? kind : kind + digits], across = header.includes("'fortran_order': True") && shape.length > 1;
-  readable(view.getUint32(0) === NUMPY && Kind && (!across || (shape.length === 2 && kind !== "U")), `an array of another kind: ${header.trim()}`);
+  readable(view.getUint32(0) === NUMPY && Kind && (!across || (shape.length === 2 && kind !== "U")), `an array has an unsupported type or order: ${header.trim()}`);
   const items = new Kind(bytes.slice(start).buffer), count = shape.reduce((a, b) => a * b, 1), width = kind === "U" ? Number(digits) : 1;
-  readable(items.length === count * width, "an array of another size than it tells");
+  readable(items.length === count * width, "an array does not have the size that its header states");
   if (kind === "U") {
     const letters = Array.from(items, (code) => (code ? String.fromCodePoint(Number(code)) : ""));
     return { shape, values: Array.from({ length: count }, (_, k) => letters.slice(k * width, (k + 1) * width).join("")) };

@@ -60,23 +60,23 @@ export class Plan {
     this.step = (certificate.max_joint_step_rad || Infinity) + 1e-9;
     this.windowed = arrays.has("first");
     const J = this.folded.length, frames = this.numbers(this.windowed ? "first" : "time_s").length;
-    readable(J === (this.n - 1) * this.module.hinges - this.pad && this.n >= 2, `${J} hinges for ${this.n} modules`);
+    readable(J === (this.n - 1) * this.module.hinges - this.pad && this.n >= 2, `${J} hinges do not fit ${this.n} modules`);
     /** In frame k hinges first[k] to last[k] stand at values[offsets[k]] and on, those before as folded, those behind at 0. */
     this.first = this.windowed ? this.numbers("first") : new Float64Array(frames);
     this.offsets = this.windowed ? this.numbers("offsets") : Float64Array.from({ length: frames + 1 }, (_, k) => k * J);
     this.last = this.first.map((a, k) => a + this.offsets[k + 1] - this.offsets[k]);
     readable(frames && this.offsets.length === frames + 1 && this.offsets[0] === 0 && rise(this.offsets)
-      && this.first.every((a, k) => a >= 0 && this.last[k] <= J), "windows that do not lie within the chain");
+      && this.first.every((a, k) => a >= 0 && this.last[k] <= J), "a window extends beyond the chain");
     this.frames = frames;
     this.values = this.angles(J);
-    readable(this.values.length === this.offsets[frames], "another number of angles than the hinges need");
+    readable(this.values.length === this.offsets[frames], "the number of angles does not fit the hinges");
     this.most = Math.max(widest(this.values), widest(this.folded));
   }
 
   /** @type {(name: string) => Float64Array} */
   numbers(name) {
     const values = this.arrays.get(name)?.values;
-    readable(values instanceof Float64Array, `no numbers ${name}`);
+    readable(values instanceof Float64Array, `the array ${name} is missing, or has no numbers`);
     return values;
   }
 
@@ -84,7 +84,7 @@ export class Plan {
   angles(J) {
     const { arrays, told: { angles }, folded, first, last, offsets } = this, name = this.windowed ? "angles_rad" : "joint_angles_rad";
     const shape = (arrays.has(name) ? arrays.get(name) : angles)?.shape;
-    readable(this.windowed || (shape?.[0] === this.frames && shape[1] === J), "angles of other hinges or frames");
+    readable(this.windowed || (shape?.[0] === this.frames && shape[1] === J), "the angles do not fit the hinges and frames");
     if (arrays.has(name)) return this.numbers(name);
     const planes = this.numbers("angle_planes"), count = arrays.get("angle_planes")?.shape[1] ?? 0, step = angles.step_rad, now = new Float64Array(J);
     const values = Float64Array.from({ length: count }, (_, k) => { // whole numbers whose lowest bit is the sign
@@ -102,27 +102,27 @@ export class Plan {
     return values;
   }
 
-  /** What holds of a plan that does not contradict itself. */
+  /** What is wrong with a plan, each with True if the plan is free of it. */
   async facts() {
     const { arrays, told, n, known, size, claim, frames, pad, folded, most, module: { sound, told: geometry } } = this;
     const { certificate: said, start } = told, { apart, rigid_links: rigid, hinges, limit_rad: limit } = geometry, times = this.numbers("time_s");
     const names = Array.from({ length: n - 1 - rigid }, (_, i) => hinges.map((h) => `joint_${i + rigid}${h}`)).flat();
     const count = (apart - 1) * (n - 1), exempt = said.exempt_pairs ?? { apart, count }, digest = told.claim?.angles_sha256;
     return {
-      [`verdict: ${said.verdict}`]: String(said.verdict).startsWith("verified"),
-      "module of its kind": !known || JSON.stringify(geometry) === JSON.stringify(known),
-      "module that can be": sound,
-      "module size and clearance": size > 0 && size <= 1 && claim > 0 && Number.isFinite(claim),
-      "names of hinges": JSON.stringify(names) === JSON.stringify(arrays.get("joint_names")?.values),
-      "angles that are stored once": ["joint_angles_rad", "angles_rad", "angle_planes"].filter((name) => arrays.has(name)).length === 1,
-      "exempt pairs": exempt.apart === apart && exempt.count === count,
-      "angles within the limit": most <= limit + SLIP,
-      frames: [undefined, null, frames].includes(said.frames),
-      "times that rise": times.length === frames && rise(times),
-      "where to begin": near(this.frame(0).subarray(pad), start ? start.folded_rad : new Float64Array(folded.length)),
-      "where to end": near(this.frame(frames - 1).subarray(pad), folded),
+      [`the verdict is "${said.verdict}"`]: String(said.verdict).startsWith("verified"),
+      "the module differs from its kind": !known || JSON.stringify(geometry) === JSON.stringify(known),
+      "the shape of the module is impossible": sound,
+      "the module size or the clearance is out of range": size > 0 && size <= 1 && claim > 0 && Number.isFinite(claim),
+      "the names of the hinges do not fit the chain": JSON.stringify(names) === JSON.stringify(arrays.get("joint_names")?.values),
+      "the angles are missing, or stored more than once": ["joint_angles_rad", "angles_rad", "angle_planes"].filter((name) => arrays.has(name)).length === 1,
+      "the exempt pairs are not those of the module": exempt.apart === apart && exempt.count === count,
+      "an angle exceeds the limit": most <= limit + SLIP,
+      "the certificate is for another number of frames": [undefined, null, frames].includes(said.frames),
+      "the times do not increase": times.length === frames && rise(times),
+      "the first frame is not the start": near(this.frame(0).subarray(pad), start ? start.folded_rad : new Float64Array(folded.length)),
+      "the last frame is not the folded shape": near(this.frame(frames - 1).subarray(pad), folded),
       // Browsers hash for pages of https and of localhost alone; the proof itself needs no digest.
-      "digest of the angles": !digest || !globalThis.crypto?.subtle || digest === await this.digest(),
+      "the digest of the angles is wrong": !digest || !globalThis.crypto?.subtle || digest === await this.digest(),
     };
   }
 

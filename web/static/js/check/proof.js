@@ -178,7 +178,7 @@ export class Proof {
     const { frame, plan: { claim } } = this, bound = this.solids(this.lost(i, j, this.module.radius)), { gap, fits } = this.best;
     const place = /** @type {Place} */ ({ modules: [i, j], frame, gap, fits });
     if (!this.tightest || gap < this.tightest.gap) this.tightest = place;
-    if (!(bound >= claim || gap >= claim)) throw new NotProved(`Modules ${i} and ${j}: no gap above ${gap.toFixed(9)} was found at frame ${frame.toFixed(6)}, less than ${claim.toFixed(9)}.`, place);
+    if (!(bound >= claim || gap >= claim)) throw new NotProved(`Modules ${i} and ${j}: the largest gap that was found at frame ${frame.toFixed(6)} is ${gap.toFixed(9)}, less than the claimed ${claim.toFixed(9)}.`, place);
     return bound >= claim;
   }
 

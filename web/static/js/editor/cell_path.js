@@ -112,7 +112,7 @@ export function extended({ path, atStart }, key, size) {
     if (index === end) return { path, atStart };
     if (index === before && last > 0) return { path: atStart ? path.slice(1) : path.slice(0, -1), atStart };
     if (index === 0 || index === last) return { path, atStart: index === 0 };
-    return `This is cell ${index + 1} of the path already. A path visits each cell only once.`;
+    return `This is already cell ${index + 1} of the path. A path visits each cell only once.`;
   }
   for (let k = 0; k < last; k++) {
     if (!touch(path[k], path[k + 1], size) && touch(path[k], key, size) && touch(key, path[k + 1], size)) {

@@ -1,4 +1,4 @@
-// The page of the paper's experiments in a site of files: a page that was opened from a folder may fetch
+// The page of the paper's experiments in a static website: a page that was opened from a folder may fetch
 // nothing, but it may load scripts, so each film is one.
 import { Source } from "../player/timeline.js";
 import { Sketch } from "../viewer/sketch.js";

@@ -8,7 +8,7 @@ import { at as hrefOf, button, element, number, svg, whole } from "../lib/text.j
 /** @typedef {import("../check/plan.js").Place} Place */
 
 const NOT_CLAIMED = [
-  "Real joints have play and modules bend. The check is about rigid modules on exact hinges.",
+  "Real joints have play, and real modules bend. The check assumes rigid modules and exact hinges.",
   "Modules that share a joint are left out. They overlap there by design.",
   "Simulated robots are samples. They do not stand for every robot.",
 ];
@@ -33,10 +33,10 @@ export function outcome(way, said) {
   if (said.is === "refused") return refusal(way, said);
   const { plan: { modules, size, claim }, touch, joint, seconds } = said;
   if (way === "claim") {
-    return `Checked by this browser, without our server: ${whole(modules)} modules, every pair that shares no joint stays at least ${percent(claim)} of a module width apart the whole way. It took ${took(seconds)}.`;
+    return `Checked by this browser, without our server: ${whole(modules)} modules. Any two that share no joint stay at least ${percent(claim)} of a module width apart all the way. The check took ${took(seconds)}.`;
   }
   if (way === "size") {
-    if (!touch || touch.size > FULL) return `The modules of this plan are ${percent(size)} of a cell wide. They could fill their cells and would still not overlap on the way.`;
+    if (!touch || touch.size > FULL) return `The modules of this plan are ${percent(size)} of a cell wide. Even modules that fill their cells would not overlap on the way.`;
     return `The modules of this plan are ${percent(size)} of a cell wide. At ${percentUp(touch.size)} the first two touch: ${pair(touch)}. A little below that, no modules touch at all.`;
   }
   return `With the joint behind module ${whole(joint + 1)} off by 1°, no modules touch.`;
@@ -51,7 +51,7 @@ const percentUp = (share) => `${(Math.ceil(10000 * share) / 100).toFixed(2)} %`;
  * @param {Refused} said
  */
 function refusal(way, { text, place, claim, joint }) {
-  if (place && place.gap >= claim) return `Not proved: it stays open whether ${pair(place)} are far enough apart.`;
+  if (place && place.gap >= claim) return `Not proved: the check cannot tell whether ${pair(place)} are far enough apart.`;
   if (way === "hinge" && place) return `With the joint behind module ${whole(joint + 1)} off by 1°, ${pair(place)} touch.`;
   if (!place) return `Not proved: ${text}`;
   return `Not proved: ${pair(place)} come within ${percent(Math.max(place.gap, 0))} of a module width of each other.`;
@@ -85,8 +85,8 @@ export class Checking {
     this.seen = null;
     this.tries = element("div", { hidden: true }, element("h4", {}, "Try to break it"),
       element("p", { class: "line" }, button("button", "Larger modules", () => this.begin("size")), button("button", "Turn a hinge by 1°", () => this.begin("hinge"))),
-      element("p", { class: "hint" }, "Makes modules larger until the first two touch. Or keeps a hinge of the selected module, or of any, one degree beside the plan."));
-    this.open = element("details", { class: "assumptions", hidden: true }, element("summary", {}, "What is not claimed"), element("ul", {}, ...NOT_CLAIMED.map((said) => element("li", {}, said))));
+      element("p", { class: "hint" }, "Make all modules larger until the first two touch. Or keep one hinge 1° away from the plan: a hinge of the selected module, or any hinge."));
+    this.open = element("details", { class: "assumptions", hidden: true }, element("summary", {}, "What this check does not show"), element("ul", {}, ...NOT_CLAIMED.map((said) => element("li", {}, said))));
     this.all = element("div", {}, this.running, this.line, element("p", {}, this.where), this.open, this.tries);
     place.append(this.all);
     this.where.hidden = true;

@@ -34,7 +34,7 @@ function onTable({ text, rows, assumptions, servos, named }) {
       element("ul", {}, ...assumptions.map((said) => element("li", {}, said)))),
     listed(rows.map(([label, value]) => ({ label, value }))),
     servos ? element("p", { class: "hint" }, servos) : null, links.length ? element("ul", { class: "servos" }, ...links) : null,
-    links.length ? element("p", { class: "hint" }, "Each link leads to the maker's figures.") : null);
+    links.length ? element("p", { class: "hint" }, "Each link leads to the manufacturer’s data.") : null);
 }
 
 export class Drawer {
@@ -43,7 +43,7 @@ export class Drawer {
     this.onChosen = () => {};
     this.onCheck = () => {};
     this.check = element("div", { class: "group", id: "check", hidden: true }, element("h3", {}, "Check it yourself"),
-      element("p", { class: "hint" }, "This browser can prove the clearance from the plan file alone. It needs no trust in us."),
+      element("p", { class: "hint" }, "This browser can prove the clearance from the plan file alone. You do not have to trust us."),
       element("p", { class: "line" }, button("button", "Check it here", () => this.onCheck()),
         element("a", { class: "button quiet", href: "/static/foldback_check.py", download: true }, "Download the checker")));
     get("details").onclick = () => this.open(Boolean(get("drawer").hidden));

@@ -41,7 +41,7 @@ export class KeyPanel {
   async add(key) {
     if (!isKey(key)) { this.say("This is not a key. A key has at least 24 letters, digits, - or _, and no spaces."); return; }
     if (keysHere().includes(key)) { this.say("You already added this key."); return; }
-    if (broughtKeys().length >= MOST_KEYS) { this.say(`There are ${MOST_KEYS} added keys, which is the limit. Remove one first.`); return; }
+    if (broughtKeys().length >= MOST_KEYS) { this.say(`You have added ${MOST_KEYS} keys, which is the limit. Remove one first.`); return; }
     this.say("Checking…");
     try {
       /** @type {{ total?: number, folds?: [], previews?: [], movies?: [] }[]} */
@@ -82,7 +82,7 @@ export class KeyPanel {
   async renew() {
     const old = ownKey();
     if (old === null) { this.say("This browser does not store data for this site, so it has no key."); return; }
-    if (broughtKeys().length >= MOST_KEYS) { this.say(`There are ${MOST_KEYS} added keys, which is the limit. Remove one first.`); return; }
+    if (broughtKeys().length >= MOST_KEYS) { this.say(`You have added ${MOST_KEYS} keys, which is the limit. Remove one first.`); return; }
     const sure = await confirmed("Create a new key?", "Your folds move to a new key. The old key stops working for everyone, including your other browsers. Add the new key there.", "New key");
     if (!sure) return;
     const made = newKey();

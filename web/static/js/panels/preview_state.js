@@ -207,7 +207,7 @@ export function figuresOf({ iou, candidates, knot }) {
  */
 export function troubleOf({ onTable, options: { method, module }, floating }, { modules, feasibility }) {
   const details = feasibility?.problems.map(({ detail }) => detail) ?? [];
-  if (onTable) return { title: `This shape can’t be folded on a table at ${whole(modules)} modules`, details, ways: [floating] };
+  if (onTable) return { title: `This shape can’t be folded on a table with ${whole(modules)} modules`, details, ways: [floating] };
   /** @type {Offer[]} */
   const ways = (feasibility?.repairs ?? []).filter(({ add, drop }) => add.length || drop.length).slice(0, 1).map(({ detail, doubled, modules: needed }) => ({
     text: `Repair: ${detail.charAt(0).toLowerCase()}${detail.slice(1).replace(/\.$/, "")}`, primary: true,

@@ -39,7 +39,7 @@ export class Follower {
   connect() {
     const socket = new WebSocket(socketAt(`/api/class/follow?code=${encodeURIComponent(this.code)}`));
     socket.onmessage = ({ data }) => {
-      if (this.latest === null || this.tries) this.words.textContent = this.follows ? "You follow the leader" : "You look around";
+      if (this.latest === null || this.tries) this.words.textContent = this.follows ? "You are following the leader" : "You are looking around";
       this.tries = 0;
       this.latest = String(data);
       this.show();
@@ -60,14 +60,14 @@ export class Follower {
     this.follows = false;
     this.glide++;
     this.back.hidden = false;
-    this.words.textContent = "You look around";
+    this.words.textContent = "You are looking around";
   }
 
   return() {
     this.follows = true;
     this.looked = "";
     this.back.hidden = true;
-    this.words.textContent = "You follow the leader";
+    this.words.textContent = "You are following the leader";
     this.show();
   }
 

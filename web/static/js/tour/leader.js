@@ -45,7 +45,7 @@ export function lead(id, { place, toast }) {
   /** @type {ReturnType<typeof setInterval> | undefined} */
   let looks = undefined;
   let sent = "";
-  const count = element("span", { role: "status" }, "Nobody follows yet");
+  const count = element("span", { role: "status" }, "Nobody is following yet");
   const send = () => {
     const view = place.page.view();
     const words = view && wordsOfView(view);
@@ -65,7 +65,7 @@ export function lead(id, { place, toast }) {
         box ??= show({ link, picture }, count, end);
         looks ??= setInterval(send, SEND_MS);
       }
-      count.textContent = followers ? `${followers} ${followers === 1 ? "person follows" : "people follow"}` : "Nobody follows yet";
+      count.textContent = followers ? `${followers} ${followers === 1 ? "person is following" : "people are following"}` : "Nobody is following yet";
     };
     socket.onclose = ({ code }) => {
       if (ended) return;
@@ -78,7 +78,7 @@ export function lead(id, { place, toast }) {
     ended = true;
     leading = false;
     clearInterval(looks);
-    toast(box ? "The class has ended." : "The class could not begin. Try again later.");
+    toast(box ? "The class has ended." : "The class could not be started. Try again later.");
     box?.remove();
     socket?.close(1000); // the server ends the class for no other code
   };
@@ -90,9 +90,9 @@ export function lead(id, { place, toast }) {
    * @param {() => void} stop
    */
   function show({ link, picture }, counted, stop) {
-    const field = element("input", { type: "text", readonly: true, "aria-label": "Link of the class" });
+    const field = element("input", { type: "text", readonly: true, "aria-label": "Link to the class" });
     field.value = link;
-    const more = element("div", { class: "class-code" }, element("img", { src: picture, alt: "QR code of the link", width: 180, height: 180 }), field,
+    const more = element("div", { class: "class-code" }, element("img", { src: picture, alt: "QR code with the link", width: 180, height: 180 }), field,
       button("button quiet", "Copy link", () => copyText(link, () => toast("Copied"), () => field.select())));
     const fold = button("button quiet", "Hide code", () => {
       more.hidden = !more.hidden;

@@ -53,7 +53,7 @@ export class TourPanel {
     this.undo = button("button", "Undo", () => { this.state?.undo(); this.show(); });
     this.save = button("button primary", "Save", () => this.keep());
     this.editor.append(this.list, element("div", { class: "tour-ways" },
-      button("button", "Add a stop here", () => this.add()), this.undo, button("button", "Draft anew", () => this.draft()),
+      button("button", "Add a stop here", () => this.add()), this.undo, button("button", "New draft", () => this.draft()),
       this.save, button("button quiet", "Download", () => this.download())));
   }
 

@@ -63,7 +63,7 @@ function jsonOf(text) {
   let told;
   try {
     told = JSON.parse(text.replace(/\bNaN\b|-?\bInfinity\b/g, "null")); // which Python writes
-  } catch (error) { throw new Error(`The file is no JSON: ${/** @type {Error} */ (error).message}.`, { cause: error }); }
+  } catch (error) { throw new Error(`The file is not valid JSON: ${/** @type {Error} */ (error).message}.`, { cause: error }); }
   if (Array.isArray(told)) told = { values: told };
   const { values } = told;
   if (told.format !== FORMAT && !Array.isArray(values)) throw new Error('Got JSON without a list of numbers, expected such a list, or an object with "values", "name" and "unit".');

@@ -1,4 +1,4 @@
-"""Overlap: modules of one configuration that lie in one another."""
+"""Close points: a test of one configuration for modules that lie in one another."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.certificate.table import table_certificate
+from planner.certificate.table_certificate import table_certificate
 from planner.certificate.table_figures import FRICTIONLESS, TableCertificate
 from planner.certificate.table_forces import TableForces
 from planner.chain.chain import Chain

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.explosion import paper
-from planner.explosion.paper import explode_as_published
+from planner.explosion import published_explosion
+from planner.explosion.published_explosion import explode_as_published
 from planner.parameters.published import PaperExplosionParameters
 from planner.simulation.reduced import Acceleration, State
 from planner.simulation.segments import Segments
@@ -45,7 +45,7 @@ def test_accelerations_that_are_not_finite_end_the_run(monkeypatch: pytest.Monke
 
 
 def test_explosion_without_forces_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(paper, "REST_CHECK_STEPS", 100)
+    monkeypatch.setattr(published_explosion, "REST_CHECK_STEPS", 100)
     still = replace(PAPER, radial_gain=0.0, repulsion_gain=0.0, spring=0.0)
     record = explode_as_published(coil(6), still)
     assert (record.status, record.steps) == ("stalled", 100)
@@ -53,7 +53,7 @@ def test_explosion_without_forces_stalls(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_snapshots_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(paper, "MAX_SNAPSHOT_ANGLES", 1000)
+    monkeypatch.setattr(published_explosion, "MAX_SNAPSHOT_ANGLES", 1000)
     record = explode_as_published(coil(12), replace(PAPER, snapshot_interval=1))
     assert record.status == "timeout"
     assert record.steps < 60

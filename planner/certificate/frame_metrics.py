@@ -1,4 +1,4 @@
-"""Measuring: the figures of a timeline, computed apart from the simulation.
+"""Frame metrics: figures of every frame, computed apart from the simulation.
 
 Clearance by separating axes, as in the certificate; torques by inverse dynamics along the recorded
 motion.
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.certificate import MOVING_SPEED_SHARE, Certificate, torque_unit_nm
-from planner.certificate.metrics import (
+from planner.certificate.metrics_store import (
     CLEARANCE_REACH_PITCH,
     FIGURE_FRAMES_PER_CHUNK,
     Curves,

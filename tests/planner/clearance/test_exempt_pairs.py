@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON, Module
-from planner.clearance.linked import exempt_pairs
+from planner.clearance.exempt_pairs import exempt_pairs
 from planner.exports.mjcf import mjcf
 from tests.planner.chains import coil, in_place, line
 

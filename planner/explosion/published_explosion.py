@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import Module
 from planner.explosion.checkpoint import Checkpoint, Pulses
-from planner.explosion.explosion import (
+from planner.explosion.explosion_loop import (
     STRAIGHT,
     UNREPELLED_LINKS,
     End,

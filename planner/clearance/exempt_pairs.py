@@ -1,4 +1,4 @@
-"""Linked modules: the pairs that are exempt from every check, and how deep they overlap.
+"""Exempt pairs: linked modules, which no check of clearance tests, and how deep they overlap.
 
 Modules fewer than ``Module.apart`` links from each other share a joint, and their full-size hulls
 overlap while it turns. So a real module lacks some material there, its *relief*: decision 0018.

@@ -1,6 +1,7 @@
-"""Metrics: figures of every frame of a timeline, computed by ``planner.certificate.measure``.
+"""Metrics store: figures of every frame of a timeline, on disk.
 
-On disk they are a zarr group beside the timeline; any range of frames can be read.
+``planner.certificate.frame_metrics`` computes them. They are a zarr group beside the timeline; any
+range of frames can be read.
 """
 
 from __future__ import annotations

@@ -19,10 +19,10 @@ from typing import ClassVar, Final
 import numpy as np
 
 from planner.chain.chain import Chain
-from planner.chain.from_above import Above
 from planner.chain.rotations import matrix_from_wxyz
+from planner.chain.table_projection import TableProjection
 from planner.explosion.checkpoint import Pulses
-from planner.explosion.explosion import End, Watch, run
+from planner.explosion.explosion_loop import End, Watch, run
 from planner.explosion.peeling import build_peeling
 from planner.explosion.peeling_core import CoreOnTable
 from planner.explosion.peeling_run import Peeling
@@ -90,16 +90,16 @@ def explode_on_table(
         InputError: ``not-peelable`` for modules that are no cubes, or off the lattice.
     """
     peelable = Peelable(chain)
-    above = Above(np.rint(matrix_from_wxyz(chain.folded_wxyz)[2]))
+    projection = TableProjection(np.rint(matrix_from_wxyz(chain.folded_wxyz)[2]))
     guard = Guard(chain, peelable, parameters)
-    forces = TableForces(parameters, len(chain), above, seed=seed)
+    forces = TableForces(parameters, len(chain), projection, seed=seed)
     pulses = Pulses(parameters.most_pushes)
     watch = Watch(progress, cancelled, "lying down")
     peeling = build_peeling(
         peelable,
         parameters,
         forces=forces,
-        surroundings=CoreOnTable(peelable.core, above),
+        surroundings=CoreOnTable(peelable.core, projection),
         rules=TableRules(parameters, forces, guard, pulses),
         pulses=pulses,
         min_progress_rad=MIN_TABLE_PROGRESS_RAD,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.chain.from_above import Above, crosses_itself
+from planner.chain.table_projection import TableProjection, crosses_itself
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -24,7 +24,7 @@ def ends(headings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("round_and_round", [-2.5, -1.0, 1.0, 2.5])
 def test_headings_are_counted_past_full_turns(round_and_round: float) -> None:
     headings = 0.7 + np.linspace(0.0, 2.0 * np.pi * round_and_round, 60)
-    turned = Above(UP).turned(line(headings), *ends(headings))
+    turned = TableProjection(UP).turned(line(headings), *ends(headings))
     assert len(turned) == len(headings)
     assert np.allclose(turned, headings - headings[0], atol=1e-9)
 

@@ -1,4 +1,4 @@
-"""Evidence: data of a failed explosion that another program can test.
+"""Failure evidence: data of a failed explosion that another program can test.
 
 ``planner/verification/reasons.py`` is such a program. Positions are in pitches, in the frame of the
 timeline's last frame of the explosion.

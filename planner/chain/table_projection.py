@@ -1,4 +1,4 @@
-"""A chain on a table, seen from above: the headings of its links, and crossings of itself.
+"""Table projection: headings of the links of a chain on a table, and crossings of itself.
 
 A chain cannot twist: a loop in which it lies over itself tightens when it is drawn straight, and
 never opens. And a tail that is to go round must go the way that takes its turns back: the short way
@@ -31,7 +31,7 @@ first link that moves and the heading that the chain's tail is turned towards. L
 chain wind further round before it unwinds. Chosen."""
 
 
-class Above:
+class TableProjection:
     """Projection onto a table.
 
     Args:
@@ -78,7 +78,7 @@ def wrapped(angles: Array) -> Array:
     return (angles + np.pi) % (2.0 * np.pi) - np.pi
 
 
-def nearest_way(angle: float, counted: float) -> float:
+def unwrap_near(angle: float, counted: float) -> float:
     """Return an angle, rad, unwrapped to be near another one, within ``MAX_HEADING_CHANGE_RAD``."""
     once = float(wrapped(np.array(angle)))
     ways = [way for way in (once, once - 2.0 * np.pi, once + 2.0 * np.pi)]

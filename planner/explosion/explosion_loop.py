@@ -4,7 +4,7 @@ A ``World`` is what moves: the whole chain, rigid blocks of it, or a window. It 
 forces. ``StepControl`` adapts step, drag and tension, ``Checkpoint`` is the state to restart from,
 ``Pulses`` loosen jams, and the ``Recorder`` chooses the snapshots. An ``Explosion`` holds them all
 and decides when to commit, what to do about a jam, and when the run ends: see ``simultaneous``,
-``peeling_run`` and ``paper``.
+``peeling_run`` and ``published_explosion``.
 """
 
 from __future__ import annotations
