@@ -21,7 +21,7 @@ from planner.clearance.sweep import sweep
 from planner.explosion.peeling import peel
 from planner.parameters.explosion import PeelingParameters
 from planner.pathfinding.assembly import assembly_path, layered_snake
-from planner.pathfinding.candidates import find_paths
+from planner.pathfinding.path_search import find_paths
 from planner.shapes.shape import Shape
 
 SHAPES = ("12x8x12", "12x8x12:blocks", "cup-12", "ball-16", "16x16x16", "20x20x24")

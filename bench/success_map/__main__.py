@@ -27,8 +27,8 @@ from planner.chain.path import Path
 from planner.errors import InputError
 from planner.kernels.backbite import grow
 from planner.pathfinding.assembly import layered_snake
-from planner.pathfinding.candidates import find_paths
 from planner.pathfinding.lattice import neighbours
+from planner.pathfinding.path_search import find_paths
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.warm_up import warm_up
 from planner.plan.shape_files import write_path

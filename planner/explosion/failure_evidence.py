@@ -1,7 +1,7 @@
 """Failure evidence: data of a failed explosion that another program can test.
 
-``planner/verification/reasons.py`` is such a program. Positions are in pitches, in the frame of the
-timeline's last frame of the explosion.
+``planner/verification/failure_evidence.py`` is such a program. Positions are in pitches, in the
+frame of the timeline's last frame of the explosion.
 """
 
 from __future__ import annotations

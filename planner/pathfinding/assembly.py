@@ -1,7 +1,7 @@
 """Assembly order: paths whose cells come off one after the other, from the far end.
 
 Such a path could have been laid cell by cell, each unit coming in along a free line. Boxes get a
-snake, layer by layer; doubled cells a way through each layer (``planner.shapes.layers``).
+snake, layer by layer; doubled cells a way through each layer (``planner.shapes.layered_path``).
 Where layers fall into parts, blocks are visited along a coarse path that is found by a depth-first
 search: low layers first, narrow places first, and each new block with a free line to the outside at
 its turn. Within a block of an even side a snake joins two corners that differ in one coordinate, so
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from planner.pathfinding.lattice import neighbours
 from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
-from planner.shapes.layers import layered_path
+from planner.shapes.layered_path import layered_path
 
 Ints = NDArray[np.int64]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from planner.chain.path import MIN_CELLS
 from planner.pathfinding import Cell
 from planner.pathfinding.blocks import halved
-from planner.pathfinding.exact import exact_path
+from planner.pathfinding.exact_search import exact_path
 from planner.pathfinding.infeasibility import Problem, obstacles
 from planner.pathfinding.lattice import STEPS, colours, neighbours, parts
 from planner.pathfinding.snake import is_box

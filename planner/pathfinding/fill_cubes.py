@@ -11,12 +11,12 @@ from planner.chain.chain import Chain
 from planner.chain.module import LONG_CHAIN
 from planner.errors import InputError
 from planner.pathfinding.blocks import halved
-from planner.pathfinding.candidates import PathSearch, find_paths
 from planner.pathfinding.feasibility import Feasibility, Repair, apply_repair, feasibility
-from planner.pathfinding.filled import Filled
+from planner.pathfinding.filled_shape import FilledShape
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import parts
 from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
+from planner.pathfinding.path_search import PathSearch, find_paths
 from planner.shapes.shape import Shape
 
 BLOCK_CELLS: Final = 8
@@ -48,8 +48,8 @@ class Cubes:
 
     def fill(
         self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
-    ) -> Filled:
-        """Find chains through cells; see ``planner.pathfinding.filling.Filling``."""
+    ) -> FilledShape:
+        """Find chains through cells; see ``planner.pathfinding.filling_methods.FillingMethod``."""
         notes: tuple[str, ...] = ()
         was_doubled = False
         given = len(shape)
@@ -79,7 +79,7 @@ class Cubes:
             search, not_started = _searched(shape, method, options, seed, time_limit_s)
             notes = (*notes, *search.notes, *((search.reason,) if search.reason else ()))
         paths = () if search is None else search.paths
-        return Filled(
+        return FilledShape(
             chains=tuple(Chain.from_path(path) for path in paths),
             shape=shape,
             method=method if search is None else search.method,

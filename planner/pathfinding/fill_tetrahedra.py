@@ -8,7 +8,7 @@ from planner.chain.chain import Chain
 from planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_of
 from planner.errors import InputError
 from planner.pathfinding.feasibility import Feasibility, Repair, apply_repair
-from planner.pathfinding.filled import Filled
+from planner.pathfinding.filled_shape import FilledShape
 from planner.pathfinding.infeasibility import Problem
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import parts
@@ -32,8 +32,8 @@ class Tetrahedra:
 
     def fill(
         self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
-    ) -> Filled:
-        """Find chains through cells; see ``planner.pathfinding.filling.Filling``."""
+    ) -> FilledShape:
+        """Find chains through cells; see ``planner.pathfinding.filling_methods.FillingMethod``."""
         del time_limit_s
         notes: tuple[str, ...] = ()
         if not of_solid:
@@ -60,7 +60,7 @@ class Tetrahedra:
             nodes = search.trails[0].nodes
             knot = knot_of(nodes)
             cells, line = shape.cells[ring_of(nodes, shape.cells)], nodes.astype(np.float64)
-        return Filled(
+        return FilledShape(
             chains=chains,
             shape=shape,
             method="rings",

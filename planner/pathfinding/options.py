@@ -11,7 +11,7 @@ from planner.parameters.option import Choice, Choices, Option, option, options_o
 from planner.parameters.parameters import FLOATING, WORLD_CHOICES, World
 from planner.parameters.settings import TABLE_SETTINGS, names_with_units
 from planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
-from planner.pathfinding.starts import CELL_TEXT, cell_of
+from planner.pathfinding.start_cell import CELL_TEXT, cell_of
 
 DEFAULT_MODULES: Final = 160
 """Number of modules into which a mesh is divided if the request states none. Larger values follow

@@ -8,9 +8,9 @@ import numpy as np
 
 from planner.chain.honeycomb import tetrahedra_at
 from planner.errors import checked_fraction
-from planner.pathfinding.filling import Filled
-from planner.shapes.inside import sample
+from planner.pathfinding.filling_methods import FilledShape
 from planner.shapes.solid import Solid
+from planner.shapes.solid_sampling import sample
 from planner.shapes.voxelise import Voxels
 
 OVERLAP_POINTS: Final = 60_000
@@ -21,7 +21,7 @@ OVERLAP_CELL_SAMPLES: Final = 6
 shape with the solid. Larger values are more exact, at cubic cost. Chosen."""
 
 
-def intersection_over_union(solid: Solid, voxels: Voxels, filled: Filled) -> float:
+def intersection_over_union(solid: Solid, voxels: Voxels, filled: FilledShape) -> float:
     """Compute the intersection over union of the folded modules with the solid.
 
     Modules that fill their cells keep what the voxels keep; for others it is estimated from points

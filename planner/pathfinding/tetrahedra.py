@@ -12,9 +12,9 @@ from planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_pairs
 from planner.chain.trail import Trail
 from planner.errors import InputError
 from planner.pathfinding import Cell
-from planner.pathfinding.candidates import MAX_CHOICE_MODULES, MAX_KNOT_CELLS
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import parts
+from planner.pathfinding.path_search import MAX_CHOICE_MODULES, MAX_KNOT_CELLS
 from planner.pathfinding.trails import circuit, free_cuts, opened
 from planner.shapes.shape import Shape
 

@@ -14,7 +14,7 @@ from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding.knots import Knot, knot_of
 from planner.pathfinding.options import PathOptions
-from planner.pathfinding.starts import started
+from planner.pathfinding.start_cell import started
 from planner.plan.prepared import PreparedChains
 from planner.readers import read
 from planner.shapes.shape import Shape
@@ -22,7 +22,7 @@ from planner.shapes.shape import Shape
 # What reads meshes and fills cells is imported for those: a path or a chain needs none of it.
 if TYPE_CHECKING:
     from planner.pathfinding.feasibility import Feasibility
-    from planner.pathfinding.filling import Filled, Filling
+    from planner.pathfinding.filling_methods import FilledShape, FillingMethod
     from planner.shapes.solid import Solid
     from planner.shapes.voxelise import Voxels
 
@@ -79,7 +79,7 @@ class Preparation:
     knot: Knot | None = None
     notes: tuple[str, ...] = field(default=())
     not_started: str = ""
-    filled: Filled | None = None
+    filled: FilledShape | None = None
     iou: float | None = None
 
     @property
@@ -309,12 +309,12 @@ def check_for_table(chain: Chain) -> None:
         )
 
 
-def filling_of(options: PathOptions) -> Filling:
-    """Return the rule by which cells become chains."""
-    from planner.pathfinding.filling import FILLINGS
+def filling_of(options: PathOptions) -> FillingMethod:
+    """Return the method by which cells become chains."""
+    from planner.pathfinding.filling_methods import FILLING_METHODS
     from planner.table_paths.fill_table import TableCubes
 
-    return TableCubes() if options.world == "table" else FILLINGS[options.module]
+    return TableCubes() if options.world == "table" else FILLING_METHODS[options.module]
 
 
 def _prepared_chain(chain: Chain, options: PathOptions, kind: str) -> Preparation:
@@ -381,7 +381,12 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
 
 
 def _made(
-    kind: str, name: str, options: PathOptions, filled: Filled, notes: tuple[str, ...], **more: Any
+    kind: str,
+    name: str,
+    options: PathOptions,
+    filled: FilledShape,
+    notes: tuple[str, ...],
+    **more: Any,
 ) -> Preparation:
     return Preparation(
         kind=kind,

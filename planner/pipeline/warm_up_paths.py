@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
-from planner.pathfinding.exact import exact_path
+from planner.pathfinding.exact_search import exact_path
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.tetrahedra import find_trails
 from planner.shapes.shape import Shape

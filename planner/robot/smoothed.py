@@ -22,7 +22,7 @@ from planner.plan.plan import Plan
 from planner.playback.reference import record_lengths
 from planner.progress import Cancelled, never
 from planner.robot import MAX_SMOOTHED_ANGLES, RECORDED, SMOOTHED
-from planner.robot.quality import Quality
+from planner.robot.motion_quality import Quality
 from planner.robot.smoothing import DISTANCE_WEIGHT, MAX_EVALUATIONS, smooth, spacing_of
 
 Array = NDArray[np.float64]

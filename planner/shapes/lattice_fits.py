@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from planner.errors import InputError, checked_fraction
 from planner.kernels.crossings import block_sums, window_histograms, window_sums
 from planner.shapes.bridges import Bridged, bridged, parts_of
-from planner.shapes.inside import Sampling, grid_of, sample
 from planner.shapes.mesh_repair import welded
 from planner.shapes.solid import Solid, signed_volume
+from planner.shapes.solid_sampling import Sampling, grid_of, sample
 
 OFFSETS_PER_AXIS: Final = 4
 """Number of offsets of the lattice of cells, along each axis and within one cell, that are tried to

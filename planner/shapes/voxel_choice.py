@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.shapes.inside import too_fine
 from planner.shapes.lattice_fits import FittedCells, Ladder, LatticeFit, OffsetThreshold
-from planner.shapes.layers import has_whole_layers
+from planner.shapes.layered_path import has_whole_layers
+from planner.shapes.solid_sampling import too_fine
 
 COUNT_TOLERANCE: Final = 0.1
 """Maximum deviation from the requested number of modules, as a fraction of it, for a voxelisation

@@ -11,7 +11,7 @@ from planner.pathfinding import Cell
 from planner.pathfinding.blocks import halved
 from planner.pathfinding.feasibility import Feasibility, Problem
 from planner.pathfinding.fill_cubes import BLOCK_CELLS, doubled
-from planner.pathfinding.filled import Filled
+from planner.pathfinding.filled_shape import FilledShape
 from planner.pathfinding.infeasibility import tuples
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
@@ -33,7 +33,7 @@ SIDE_NAMES: dict[str, str] = {
 
 
 class TableCubes:
-    """One cube in each cell, or eight; see ``planner.pathfinding.filling.Filling``."""
+    """Filling with one cube in each cell, or eight, for chains that fold on a table."""
 
     def cells_for(self, options: PathOptions) -> int:
         """Return the number of cells for the voxelisation of a solid."""
@@ -46,7 +46,7 @@ class TableCubes:
 
     def fill(
         self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
-    ) -> Filled:
+    ) -> FilledShape:
         """Find chains through cells; a mesh keeps its orientation."""
         del time_limit_s
         notes: tuple[str, ...] = ()
@@ -64,7 +64,7 @@ class TableCubes:
         if paths and paths[0].down != "-z":
             notes = (*notes, f"The shape lies on its {SIDE_NAMES[paths[0].down]} side.")
         cells = paths[0].cells if paths else shape.cells
-        return Filled(
+        return FilledShape(
             chains=tuple(
                 Chain.from_path(Path.from_cells(path.cells, name=shape.name, pitch_m=shape.pitch_m))
                 for path in paths

@@ -23,10 +23,10 @@ from planner.plan.differences import (
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.playback.table_playback import time_unit_s
-from planner.verification.own_parameters import (
+from planner.verification.plan_parameters import (
     is_on_table,
-    own_parameters,
-    own_preset,
+    plan_parameters,
+    plan_preset,
     playback_number,
 )
 
@@ -40,7 +40,7 @@ def kind_differs(plan: Plan, playback: Playback, *, earlier: bool) -> Difference
 
     The expected kind follows from the chain, its record, and the parameters.
     """
-    wanted = own_preset(plan).explosion is not None
+    wanted = plan_preset(plan).explosion is not None
     if wanted != (plan.explosion is not None):
         need = "its results" if wanted else "null"
         yield f"plan.npz explosion: expected {need} with the preset {plan.preset}"
@@ -90,7 +90,7 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
 def _step_s(plan: Plan) -> float:
     """Return the time step of a plan's simulation, s."""
     if is_on_table(plan):
-        held = own_parameters(plan, None).table.held
+        held = plan_parameters(plan, None).table.held
         return time_unit_s(plan.chain) * TablePlaybackParameters.usual(clamped=held).step
     return playback_number(plan, "step_s")
 

@@ -23,7 +23,7 @@ from planner.plan.differences import (
 )
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
-from planner.verification.own_parameters import is_on_table, own_parameters
+from planner.verification.plan_parameters import is_on_table, plan_parameters
 
 ROOT_POSE_TOLERANCE: Final = 1e-6
 """Maximum difference between the stored pose of a chain's root and the pose that its joint angles
@@ -162,7 +162,7 @@ def _root_differs(plan: Plan, motion: Motion, played: Motion) -> Differences:
     The first module of a clamped chain has its folded pose, in the plan and in the playback. The
     drift of a chain that lies free is known from the simulation alone: the plan follows it.
     """
-    held = own_parameters(plan, None).table.held
+    held = plan_parameters(plan, None).table.held
     followed = played.planned(plan.chain, motion, clamped=held)
     meant = [(PLAN, motion, followed)]
     how = "that drifts like the playback"

@@ -28,11 +28,11 @@ from planner.plan.plan import EARLIER_FORMATS, Plan, read_values
 from planner.playback.playback import Playback
 from planner.progress import Report, silent
 from planner.verification.certificate_figures import ToldFigures
-from planner.verification.forms import forms_differ, lacking
-from planner.verification.own_parameters import own_parameters, request_differs
-from planner.verification.plan_reasons import reason_of
+from planner.verification.failure_evidence import ReasonCheck
+from planner.verification.plan_failure import reason_of
+from planner.verification.plan_formats import formats_differ, lacking
+from planner.verification.plan_parameters import plan_parameters, request_differs
 from planner.verification.playback_kinds import kind_differs
-from planner.verification.reasons import ReasonCheck
 from planner.verification.replay import Replay, replay, replay_differs, stride_of
 from planner.verification.stage_files import stage_files_differ
 from planner.verification.third_opinion import Opinion, opinion_of, toolkit
@@ -149,7 +149,7 @@ def _verified(
     npz = read_values(directory / PLAN)
     text = read_values(directory / PLAN_TEXT)
     plan = Plan.of_values(npz, PLAN)
-    found.look("plan.json and plan.npz are equal", forms_differ(plan, npz, text))
+    found.look("plan.json and plan.npz are equal", formats_differ(plan, npz, text))
     earlier = npz["format"] in EARLIER_FORMATS
     timeline, frames = opened(directory / TIMELINE)
     found.look("timeline.zarr belongs to this chain", chain_differs(timeline, plan))
@@ -166,7 +166,7 @@ def _verified(
         "the files of the stages match the plan",
         stage_files_differ(directory, plan, npz, record, playback, found.notes),
     )
-    parameters = own_parameters(plan, module_size)
+    parameters = plan_parameters(plan, module_size)
     found.look("parameters are those of the request", request_differs(directory, plan, found.notes))
     certificate = certify(
         plan.chain,
@@ -357,7 +357,7 @@ def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differe
             "checked them nevertheless."
         )
     try:
-        size = own_parameters(plan, None).module_size
+        size = plan_parameters(plan, None).module_size
         again = mjcf.mjcf(plan.chain, module_size=size, keys=mjcf.keys_of(plan))
         for difference in model_differences(mjcf.named_bodies(text), again):
             yield f"model.xml: {difference}"

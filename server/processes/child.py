@@ -239,7 +239,7 @@ def _preparer(*, warm: bool) -> Task:
         "planner.pipeline.prepare",
         "planner.shapes.decimation",
         "planner.table_paths.offers",
-        "planner.pathfinding.filling",
+        "planner.pathfinding.filling_methods",
         "planner.pathfinding.shape_overlap",
     )
     if warm:

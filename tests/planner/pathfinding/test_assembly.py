@@ -10,7 +10,7 @@ from planner.chain.path import Path
 from planner.pathfinding.assembly import assembly_path, from_better_end, layered_snake, solid_paths
 from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
-from planner.shapes.layers import layered_path
+from planner.shapes.layered_path import layered_path
 
 Ints = NDArray[np.int64]
 

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.pathfinding.candidates import find_paths
-from planner.pathfinding.exact import exact_path
+from planner.pathfinding.exact_search import exact_path
 from planner.pathfinding.feasibility import Repair, apply_repair, feasibility
+from planner.pathfinding.path_search import find_paths
 from planner.shapes.shape import Shape
 from tests.conftest import examples
 from tests.planner.lattice import NEIGHBOURS, box
-from tests.planner.pathfinding.test_exact import SUBTLE
+from tests.planner.pathfinding.test_exact_search import SUBTLE
 
 Cell = tuple[int, int, int]
 

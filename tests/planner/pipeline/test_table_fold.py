@@ -20,7 +20,7 @@ from planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESE
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import FoldRequest
 from planner.plan.plan import Plan
-from planner.verification.own_parameters import own_parameters
+from planner.verification.plan_parameters import plan_parameters
 from planner.verification.verify import verify
 from tests.planner.folds import made
 
@@ -83,7 +83,7 @@ def test_plan_with_friction_has_a_free_base_and_its_drift(tmp_path: Path) -> Non
 def test_base_of_a_plan_is_read_from_its_parameters() -> None:
     def table_of(table: dict[str, object]) -> TableParameters:
         told = SimpleNamespace(parameters={"world": "table", "table": table}, preset="default")
-        return own_parameters(cast("Plan", told), None).table
+        return plan_parameters(cast("Plan", told), None).table
 
     for told, base, held in (
         ({"friction": 0.1}, "clamped", True),  # as before there was a choice

@@ -9,7 +9,7 @@ from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.kernels.smoothing import mark_blamed_hinges
 from planner.playback.reference import record_lengths
-from planner.robot.quality import Quality
+from planner.robot.motion_quality import Quality
 from planner.robot.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth
 from tests.planner.chains import coil, line, random_angles
 from tests.planner.conftest import Fold

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.errors import InputError
-from planner.shapes.inside import sample
 from planner.shapes.shape import Shape
 from planner.shapes.solid import MAX_VERTEX_COORDINATE, Solid, signed_volume
+from planner.shapes.solid_sampling import sample
 from tests.planner.solids_made import box, solid_of, torus
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)

@@ -12,9 +12,9 @@ from scipy import ndimage
 
 from planner.errors import InputError, checked_fraction
 from planner.shapes.bridges import bridged
-from planner.shapes.inside import sample
-from planner.shapes.layers import has_whole_layers
+from planner.shapes.layered_path import has_whole_layers
 from planner.shapes.solid import Solid
+from planner.shapes.solid_sampling import sample
 from planner.shapes.voxelise import Voxels, voxelise
 from tests.conftest import examples
 from tests.planner.solids_made import Mesh, box, solid_of, torus

@@ -28,9 +28,9 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain
-from planner.verification.block_reason import overlap
+from planner.verification.block_evidence import overlap
 from planner.verification.knot_invariants import invariants_of
-from planner.verification.plan_reasons import reason_of
+from planner.verification.plan_failure import reason_of
 from tests.planner.chains import coil, in_place, knotted, shuffled
 from tests.planner.folds import asked
 

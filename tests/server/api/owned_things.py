@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import httpx
+import sqlalchemy as sa
 
 from planner.file_names import TIMELINE
 from planner.files import write_json
@@ -41,6 +42,19 @@ STATES: dict[str, dict[str, Any]] = {
     "gallery": {"status": "queued", "public": True, "shape": "wrench-24"},
 }
 """Values of folds by the first word for a thing."""
+
+FOLD_COLUMNS = (FoldRow.name, FoldRow.status, FoldRow.cancel_requested, FoldRow.owner)
+OTHER_IDS = (PreviewRow.id, MovieRow.fold_id, TourRow.fold_id, ValuesRow.fold_id)
+CHANGEABLE = sa.union_all(
+    sa.select(*FOLD_COLUMNS).where(FoldRow.id == sa.bindparam("id")),
+    *(
+        sa.select(sa.literal(column.class_.__tablename__), *(sa.null(),) * 3).where(
+            column == sa.bindparam("id")
+        )
+        for column in OTHER_IDS
+    ),
+)
+"""All that an action may change of a thing, in one query."""
 
 
 class Thing:
@@ -89,12 +103,7 @@ class Thing:
     def state(self) -> tuple[object, ...]:
         """Return all that an action may change."""
         with self._store.reading() as session:
-            fold = session.get(FoldRow, self.fold_id)
-            movie = session.get(MovieRow, (self.fold_id, MOVIE_ID))
-            preview = session.get(PreviewRow, self.fold_id)
-            kept = [session.get(kind, self.fold_id) is None for kind in (TourRow, ValuesRow)]
-        known = fold and (fold.name, fold.status, fold.cancel_requested, fold.owner)
-        return known, movie is None, preview is None, *kept
+            return tuple(session.execute(CHANGEABLE, {"id": self.fold_id}).all())
 
     def _keep(self, kind: type[TourRow | ValuesRow], told: dict[str, Any]) -> None:
         assert write_beside(self._store, self.fold_id, self.owner("owner"), kind, told)

@@ -106,7 +106,7 @@ def foldback(*arguments):
     except SystemExit as end:
         assert not end.code
 """
-OTHER_INPUTS = {"pysat", "glfw", "mcap", "planner.pathfinding.filling"}
+OTHER_INPUTS = {"pysat", "glfw", "mcap", "planner.pathfinding.filling_methods"}
 OTHER_INPUTS |= {"planner.pathfinding.shape_overlap", "planner.shapes.voxelise"}
 
 

@@ -35,19 +35,29 @@ LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
 pytestmark = pytest.mark.processes
 WITHOUT_LIBRARIES = """
 import sys, types
+from contextlib import nullcontext
 from planner.progress import COMPILING, Progress
 
-def stand_in(name):
+def stand_in(name, works="", **has):
     sys.modules[name] = types.ModuleType(name)
+    vars(sys.modules[name]).update(dict.fromkeys(works.split(), lambda *_, **__: {}), **has)
     return sys.modules[name]
 
-for name in ("interpolate", "ndimage", "optimize", "sparse.csgraph"):
-    stand_in(f"scipy.{name}")
-for name in ("mujoco", "trimesh", "zarr.codecs"):
+for name in (
+    "mujoco numba numba.core scipy.interpolate scipy.ndimage scipy.optimize scipy.sparse.csgraph "
+    "trimesh zarr.codecs planner.pathfinding.filling planner.pathfinding.shape_overlap "
+    "planner.pipeline.prepare planner.shapes.decimation planner.table_paths.offers"
+).split():
     stand_in(name)
-stand_in("planner.pipeline.stages").run_stage = lambda *_, **__: {}
-warming = stand_in("planner.pipeline.warm_up")
-warming.warm_up = warming.warm_up_folding = lambda *_, **__: None
+stand_in("numba.core.caching", Cache=types.SimpleNamespace())
+listening = lambda *_: nullcontext()
+stand_in("numba.core.event", Event=object, Listener=object, install_listener=listening)
+stand_in("planner.kernels", __path__=[])
+staging = stand_in("planner.pipeline.stages", "run_stage")
+warming = stand_in("planner.pipeline.warm_up", "warm_up warm_up_folding")
+finding = stand_in("planner.pipeline.warm_up_paths", "warm_up_paths")
+reading = stand_in("server.processes.read_task", "check offers preview warm_up")
+retiming = stand_in("server.processes.retime_task", "clearance motors retime warm_up")
 """
 """Runs ahead of a child: it computes nothing, and takes no time to load."""
 OVERRUN = """
@@ -67,7 +77,7 @@ def run_stage(stage, place, **_):
     time.sleep(30)
     os._exit(3)
 
-sys.modules["planner.pipeline.stages"].run_stage = run_stage
+staging.run_stage = run_stage
 """
 """Has a child do what its upload says."""
 ONE = {"at_once": 1, "at_once_per_visitor": 1, "total": 9, "per_visitor": 6}

@@ -21,7 +21,6 @@ from server.processes.children import LOST, ChildError
 from server.processes.fork_server import ForkServer, Kind
 from tests.server.processes.test_children import (
     made,
-    running_first,
     upload_in,
     without_libraries,
 )
@@ -147,10 +146,10 @@ def test_progress_of_compiling_is_passed_on(tmp_path: Path, directory: Path) -> 
 
 
 LATE = """
-import os, subprocess, sys
+import os, subprocess
 from planner.pipeline import compiling
-it = sys.modules["planner.pipeline.warm_up_paths"] = type(sys)("warm_up_paths")
-it.warm_up_paths = lambda: os.mkdir({place!r})
+finding.warm_up_paths = lambda: os.mkdir({place!r})
+reading.check = lambda _: {whole}
 compiling.Compiling.told = property(lambda self: True, lambda self, value: None)
 def beside(part, directory):
     return subprocess.Popen(["sleep", "600" if part == "paths" else "0"])
@@ -161,7 +160,7 @@ compiling.beside = beside
 def test_previews_wait_for_their_kernels_and_paths_do_not(tmp_path: Path, directory: Path) -> None:
     """A confined process cannot store what it compiles, so that each preview would repeat it."""
     loaded = tmp_path / "loaded"
-    environment = running_first(tmp_path, LATE.format(place=str(loaded)))
+    environment = without_libraries(tmp_path, LATE.format(place=str(loaded), whole=WHOLE))
     kinds: tuple[Kind, ...] = ("reader", "preparer")
     with closing(ForkServer(kinds, warm=True, environment=environment)) as server:
         with made("reader", fork_server=server) as child:

@@ -26,7 +26,7 @@ from server.processes.landlock import Allowed
 from server.processes.limits import ChildLimits
 from server.processes.movie_task import ask_for_movie
 from server.settings import Settings
-from tests.server.processes.test_children import running_first
+from tests.server.processes.test_children import WITHOUT_LIBRARIES, running_first
 from web.movies.movie import Movie
 
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
@@ -99,34 +99,31 @@ def attack(directory):
         },
     }
 """
-WITH_A_THREAD = """
-import sys, threading, time
+WITH_A_THREAD = f"""{WITHOUT_LIBRARIES}
+import threading, time
 from pathlib import Path
 from server.processes import confined
 confined.THREAD_EXIT_S = 0.1
 threading.Thread(target=lambda: time.sleep(60), daemon=True).start()
 confined.confine(confined.Allowed(writable=(Path(sys.argv[1]),)))
 """
-FORKED = """
-import planner.pipeline.stages, planner.pipeline.warm_up
-import server.processes.read_task, server.processes.retime_task
-server.processes.read_task.check = server.processes.retime_task.retime = attack
-planner.pipeline.stages.run_stage = lambda task, place, **_: attack(place)
-planner.pipeline.warm_up.warm_up_folding = lambda *_, **__: None
+FORKED = f"""{WITHOUT_LIBRARIES}
+reading.check = retiming.retime = attack
+staging.run_stage = lambda task, place, **_: attack(place)
 """
-SPAWNED = """
-import web.movies.make_movie
+SPAWNED = f"""{WITHOUT_LIBRARIES}
 from web.movies.encoding import EncodingError
 
 def error(found):
     raise EncodingError(json.dumps(found))
 
-web.movies.make_movie.make_movie = lambda line, movie, out, **_: error(attack(out.parent))
+stand_in("web.movies.renderer", NoGLError=OSError)
+stand_in("web.movies.make_movie").make_movie = lambda line, movie, out, **_: error(
+    attack(out.parent))
 """
-DRAWN = """
-import server.processes.picture_task
-server.processes.picture_task.warm_up = lambda: None
-server.processes.picture_task.draw = attack
+DRAWN = f"""{WITHOUT_LIBRARIES}
+drawing = stand_in("server.processes.picture_task")
+drawing.warm_up, drawing.draw = lambda: None, attack
 """
 """Where each kind begins to read what is not its own."""
 AWAITED: tuple[Kind, ...] = ("reader", "preparer", "retimer")

@@ -11,7 +11,7 @@ export const STAGES = {
 /** @param {number} value */
 export const whole = (value) => Math.round(value).toLocaleString("en").replaceAll(",", "\u2009");
 
-// `SI_PREFIXES` of server/pages/quantities.py, by their power of ten; `si` there gives the same texts.
+// `SI_PREFIXES` of words/quantities.py, by their power of ten; `si` there gives the same texts.
 /** @type {Record<number, string>} */
 const SI_PREFIXES = { [-12]: "p", [-9]: "n", [-6]: "µ", [-3]: "m", 0: "", 3: "k" };
 const [MIN_POWER, MAX_POWER] = [-12, 3];
@@ -32,7 +32,7 @@ export function si(value, unit, digits = DIGITS) {
   return `${value < 0 ? "−" : ""}${Number(`${mantissa}e${exponent - power}`)} ${SI_PREFIXES[power]}${unit}`;
 }
 
-// A number with so many significant digits, as `number` of server/pages/quantities.py gives it: 0.0038, 30000, 1.3×10⁻¹².
+// A number with so many significant digits, as `number` of words/quantities.py gives it: 0.0038, 30000, 1.3×10⁻¹².
 /**
  * @param {number} value
  * @param {number} digits

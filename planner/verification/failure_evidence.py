@@ -1,4 +1,4 @@
-"""Reasons: a check of the evidence of a failed explosion, from the chain and its record alone.
+"""Failure evidence of an explosion: a check of it from the chain and its record alone.
 
 No code is shared with the one that finds the reasons (``planner.explosion.diagnosis`` and all that
 it uses): knots, overlaps and limits are computed by other code.
@@ -24,8 +24,8 @@ from planner.motion.failure_schemas import (
 from planner.motion.record import Record
 from planner.parameters.explosion import PeelingParameters
 from planner.plan.differences import Differences
-from planner.verification.block_reason import blocks_differ
-from planner.verification.knot_reason import knot_differs
+from planner.verification.block_evidence import blocks_differ
+from planner.verification.knot_evidence import knot_differs
 
 Array = NDArray[np.float64]
 MAX_STRAIGHT_HINGE_RAD: Final = 0.1

@@ -1,4 +1,4 @@
-"""Samplings: the inside of a solid as a fine grid of samples."""
+"""Solid sampling: the inside of a solid as a fine grid of samples."""
 
 from __future__ import annotations
 

@@ -20,8 +20,8 @@ from planner.parameters.parameters import Parameters
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
-from planner.verification.plan_reasons import reason_of
-from planner.verification.reasons import check_reason
+from planner.verification.failure_evidence import check_reason
+from planner.verification.plan_failure import reason_of
 from planner.verification.verify import verify
 from tests.planner.chains import coil, in_place, knotted, shuffled
 from tests.planner.folds import asked

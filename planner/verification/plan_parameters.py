@@ -1,4 +1,4 @@
-"""Parameters: those of a plan on which a certificate depends, and those of the request."""
+"""Plan parameters: those on which a certificate depends, and those of the request."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def playback_number(plan: Plan, name: str) -> float:
     Raises:
         InputError: ``not-a-plan`` if it is no number above 0, ``unknown-preset``.
     """
-    value = plan.parameters["playback"].get(name, getattr(own_preset(plan).playback, name))
+    value = plan.parameters["playback"].get(name, getattr(plan_preset(plan).playback, name))
     return _checked_number(value, f"playback.{name}")
 
 
@@ -32,7 +32,7 @@ def is_on_table(plan: Plan) -> bool:
     return plan.parameters.get("world", FLOATING) == "table"
 
 
-def own_parameters(plan: Plan, module_size: float | None) -> Parameters:
+def plan_parameters(plan: Plan, module_size: float | None) -> Parameters:
     """Return the plan's own parameters, as far as a certificate depends on them.
 
     Raises:
@@ -44,7 +44,7 @@ def own_parameters(plan: Plan, module_size: float | None) -> Parameters:
         for name in names
         if name in plan.parameters
     }
-    found = _on_its_table(replace(own_preset(plan), **plain), plan)
+    found = _on_its_table(replace(plan_preset(plan), **plain), plan)
     return found if module_size is None else replace(found, module_size=module_size)
 
 
@@ -84,7 +84,7 @@ def _on_its_table(parameters: Parameters, plan: Plan) -> Parameters:
     return replace(parameters, world=world, table=table)
 
 
-def own_preset(plan: Plan) -> Parameters:
+def plan_preset(plan: Plan) -> Parameters:
     """Return the preset that a plan names.
 
     Raises:

@@ -15,7 +15,7 @@ from bench.feasible_sets import feasible_sets
 from bench.paths import RESULTS, check_stored
 from planner.errors import InputError
 from planner.pathfinding.circuit_solver import CircuitSolver
-from planner.pathfinding.exact import exact_path
+from planner.pathfinding.exact_search import exact_path
 from planner.pathfinding.infeasibility import obstacles
 from planner.pathfinding.lattice import neighbours, spread, surface
 from planner.pathfinding.sat_paths import circuit

@@ -1,4 +1,4 @@
-"""Forms of a plan: a check that ``plan.json`` and ``plan.npz`` are equal and complete."""
+"""Formats of a plan: a check that ``plan.json`` and ``plan.npz`` are equal and complete."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ accepts plans in earlier formats, whose JSON is rounded to twelve decimals. Larg
 accept altered plans."""
 
 
-def forms_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:
+def formats_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:
     """Yield the differences of the two forms of a plan, and contradictions in one of them."""
     other = Plan.of_values(text, PLAN_TEXT)
     earlier = npz["format"] in EARLIER_FORMATS

@@ -1,4 +1,4 @@
-"""Layers: paths through doubled cells, one thin layer after the other.
+"""Layered paths: paths through doubled cells, one thin layer after the other.
 
 A doubled cell is 2×2×2 cells, so each layer of doubled cells is two layers of 2×2 squares. Around a
 spanning tree of the squares runs a closed way through all of a layer. It is begun where the layer

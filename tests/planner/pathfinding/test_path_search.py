@@ -5,9 +5,9 @@ import pytest
 
 from planner.errors import InputError
 from planner.pathfinding import PATH_METHODS
-from planner.pathfinding.candidates import find_paths, ranked
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import spread, surface
+from planner.pathfinding.path_search import find_paths, ranked
 from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import snake_path
 from planner.shapes.shape import Shape

@@ -1,4 +1,4 @@
-"""Filling: conversion of cells into chains of one kind of module."""
+"""Filling methods: conversion of cells into chains, for each kind of module."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Final, Protocol
 from planner.chain.module import CUBE, TETRAHEDRON
 from planner.pathfinding.fill_cubes import Cubes
 from planner.pathfinding.fill_tetrahedra import Tetrahedra
-from planner.pathfinding.filled import Filled
+from planner.pathfinding.filled_shape import FilledShape
 from planner.pathfinding.options import PathOptions
 from planner.shapes.shape import Shape
 
 
-class Filling(Protocol):
+class FillingMethod(Protocol):
     """Conversion of cells into chains of one kind of module."""
 
     def cells_for(self, options: PathOptions) -> int:
@@ -25,7 +25,7 @@ class Filling(Protocol):
 
     def fill(
         self, shape: Shape, options: PathOptions, *, of_solid: bool, seed: int, time_limit_s: float
-    ) -> Filled:
+    ) -> FilledShape:
         """Find chains through cells.
 
         Args:
@@ -45,7 +45,10 @@ class Filling(Protocol):
         ...
 
 
-FILLINGS: Final[dict[str, Filling]] = {CUBE.name: Cubes(), TETRAHEDRON.name: Tetrahedra()}
+FILLING_METHODS: Final[dict[str, FillingMethod]] = {
+    CUBE.name: Cubes(),
+    TETRAHEDRON.name: Tetrahedra(),
+}
 """Method of filling a shape with a path, for each kind of module by its name."""
 
-__all__ = ["FILLINGS", "Filled", "Filling"]
+__all__ = ["FILLING_METHODS", "FilledShape", "FillingMethod"]

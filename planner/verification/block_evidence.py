@@ -1,4 +1,4 @@
-"""Blocks as reasons: a check that modules block each turn and move in the evidence.
+"""Block evidence: a check that modules block each turn and move in the evidence.
 
 Overlaps are found by separating axes in plain NumPy, apart from the compiled checks.
 """

@@ -1,4 +1,4 @@
-"""Reasons in plans: the reason of a failed explosion, checked against its record.
+"""Plan failure: a check of the reason of a plan's failed explosion against its record.
 
 Where ``foldback_check_refusals.py`` checks a reason too, both have to confirm it.
 """
@@ -14,7 +14,7 @@ from planner.file_names import PLAN, RECORD
 from planner.pipeline.workspace import Workspace
 from planner.plan.differences import Differences, value_differences
 from planner.plan.plan import Plan
-from planner.verification.reasons import ReasonCheck, check_reason
+from planner.verification.failure_evidence import ReasonCheck, check_reason
 
 
 def reason_of(directory: FilePath, plan: Plan, notes: list[str]) -> ReasonCheck | None:

@@ -1,4 +1,4 @@
-"""Quality: figures of a plan's motion, apart from its verification."""
+"""Motion quality: figures of a plan's motion, apart from its verification."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Candidates: several paths through one shape, the one that promises most first."""
+"""Path search: several paths through one shape, the most promising one first."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from planner.errors import InputError
 from planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
 from planner.pathfinding.assembly import layered_snake, solid_paths
 from planner.pathfinding.blocks import aligned_blocks, block_cycle, cut, cut_costs
-from planner.pathfinding.exact import exact_path
+from planner.pathfinding.exact_search import exact_path
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import index_of, parts, spread, spreads_of_cuts, surface
 from planner.pathfinding.loose_blocks import loose_block_cycle

@@ -1,4 +1,4 @@
-"""Filled: cells filled with the modules of chains."""
+"""Filled shape: the cells of a shape with the chains of modules that go through them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from planner.shapes.shape import Shape
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Filled:
+class FilledShape:
     """Chains through the cells of a shape.
 
     A point u of the cells' space, in which cell c reaches from c to c + 1 and from which the chains

@@ -1,4 +1,4 @@
-"""Starts: the requested first cell of a chain."""
+"""Start cell: the requested first cell of a chain."""
 
 from __future__ import annotations
 

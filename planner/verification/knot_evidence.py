@@ -1,4 +1,4 @@
-"""Knots as reasons: a check that a chain is the reported knot where its explosion stopped."""
+"""Knot evidence: a check that a chain is the reported knot where its explosion stopped."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding.snake import is_box, snake_path
-from planner.pathfinding.starts import cell_of, started
+from planner.pathfinding.start_cell import cell_of, started
 from planner.shapes.shape import Shape
 
 RING = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1, 0], [0, 1, 0]]

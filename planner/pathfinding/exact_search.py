@@ -1,4 +1,4 @@
-"""Paths through any set of cells: tests that prove there is none, a fast search, then a solver."""
+"""Exact path search: tests that prove there is no path, a fast search, then a solver."""
 
 from __future__ import annotations
 
