@@ -40,8 +40,8 @@ from server.files.uploads import Uploads
 from server.http import problems
 from server.http.access_log import Access
 from server.http.base_path import BelowPath
-from server.http.classes import Classes
 from server.http.head import HeadAsGet
+from server.http.live_classes import LiveClasses
 from server.http.read_only import ReadOnly
 from server.http.request_rate import RequestRate
 from server.http.response_cache import ResponseCache
@@ -54,8 +54,8 @@ from server.http.security import (
     hosts_of,
 )
 from server.http.uploads import MAX_FORM_FIELD_BYTES, MAX_FORM_FIELDS, MAX_FORM_FILES, UploadsAtOnce
+from server.jobs.eta import EtaEstimator
 from server.jobs.movies import Movies
-from server.jobs.remaining import EtaEstimator
 from server.limits.concurrency_quota import Quota
 from server.limits.fair_threads import FairThreads
 from server.limits.single_flight import SingleFlight
@@ -63,7 +63,7 @@ from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
 from server.ops.readiness import Readiness
 from server.pages import (
-    classes,
+    class_connections,
     fold,
     gallery,
     kiosk,
@@ -71,9 +71,9 @@ from server.pages import (
     oembed,
     paper,
     pictures,
+    prerendered_pages,
     preview,
     privacy,
-    same_for_all,
     shape_drawings,
     share,
     static,
@@ -110,7 +110,7 @@ ROUTERS: Final = (
     shapes,
     health,
     landing,
-    same_for_all,
+    prerendered_pages,
     shape_drawings,
     fold,
     static,
@@ -124,7 +124,7 @@ ROUTERS: Final = (
     preview,
     privacy,
     robot,
-    classes,
+    class_connections,
 )
 
 
@@ -168,7 +168,7 @@ def create_app(
         },
         openapi_url="/api/openapi.json",
         servers=[{"url": settings.base_path}] if settings.base_path else None,
-        # FastAPI's own pages load scripts from elsewhere; ours is in server/pages/same_for_all.py.
+        # FastAPI's own pages load scripts from elsewhere; ours is in prerendered_pages.py.
         docs_url=None,
         redoc_url=None,
     )
@@ -245,7 +245,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         waits=FrameWaits(settings.max_waits, settings.max_waits_of_visitor),
         streams=_quota("event streams", settings.max_streams, settings.max_streams_of_visitor),
         robots=_quota("robots", settings.max_robots, settings.max_robots_of_visitor),
-        classes=Classes(settings),
+        classes=LiveClasses(settings),
         trajectories=_trajectories(settings, awaited, motions, fork_server),
         answers=SingleFlight(
             "answers",

@@ -17,7 +17,7 @@ from PIL import Image
 
 from planner.files import write_json
 from planner.motion.timeline import chain_attributes
-from web.pictures.colours import STALLED_RGB, error_colours
+from web.palette import STALLED_RGB, error_colours
 from web.pictures.still import STILL_PX, still
 from web.timeline.frame_batch import chosen
 from web.timeline.view import Snapshot, TimelineView

@@ -10,8 +10,8 @@ from typing import Any
 
 from bench.reproduction.document import document
 from bench.reproduction.experiments import Experiment
+from bench.reproduction.page_text import told
 from bench.reproduction.runs import Case, run, stored_runs
-from bench.reproduction.telling import told
 from bench.success_map.stored import run_missing, stored
 
 

@@ -15,7 +15,7 @@ from planner.errors import UNREADABLE
 from planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLANS_DIR
 from planner.files import json_of
 from planner.pipeline.preference import COMPUTING
-from server.store.shown import Found
+from server.store.fold_source import Found
 from words.fold import RUNNING_STATUSES
 
 MAX_ATTEMPT_DIGITS: Final = 3

@@ -8,7 +8,7 @@ from math import ceil
 from fastapi import Request
 
 from planner.readers.gallery import Gallery
-from server.api.finding import Viewing
+from server.api.fold_lookup import Viewing
 from server.api.fold_states import FoldStates
 from server.errors import TooMany
 from server.files.exports import Exports
@@ -17,10 +17,10 @@ from server.files.preview_reports import PreviewReports
 from server.files.preview_scenes import PreviewScenes
 from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
-from server.http.classes import Classes
 from server.http.client_address import address_of
+from server.http.live_classes import LiveClasses
+from server.jobs.eta import EtaEstimator
 from server.jobs.movies import Movies
-from server.jobs.remaining import EtaEstimator
 from server.limits.concurrency_quota import Quota
 from server.limits.networks import hidden
 from server.limits.single_flight import SingleFlight
@@ -53,7 +53,7 @@ class Context(Viewing):
     fold_states: FoldStates
     streams: Quota
     robots: Quota
-    classes: Classes
+    classes: LiveClasses
     trajectories: Trajectories
     answers: SingleFlight
     lists: TokenBuckets

@@ -15,7 +15,7 @@ from cachetools import TTLCache
 from fastapi.sse import ServerSentEvent
 
 from server.api.schemas import progress_of
-from server.jobs.remaining import EtaEstimator
+from server.jobs.eta import EtaEstimator
 from server.store.folds import NoSuchFoldError, Store
 
 STATE_CACHE_S: Final = 0.15

@@ -20,14 +20,14 @@ from planner.file_names import TIMELINE
 from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
-from server.api.finding import found_fold, viewing_of
+from server.api.fold_lookup import found_fold, viewing_of
 from server.api.own_values import values_of
 from server.api.tours import tour_of
 from server.http.client_address import address_of
 from server.http.compression import Asset
 from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from server.http.response_cache import mark
-from server.store.shown import FoldSource, Found
+from server.store.fold_source import FoldSource, Found
 from web.timeline.frame_batch import cached_batch
 from web.timeline.metrics import FIGURES, cached_figures
 from web.timeline.view import TimelineView

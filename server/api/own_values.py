@@ -15,8 +15,8 @@ from server.api.owners import RequiredOwner, not_owner
 from server.api.schemas import Body
 from server.api.tours import check_private, frames_of_own
 from server.errors import NotFound, Unusable
+from server.store.fold_source import FoldSource, Found
 from server.store.folds import NoSuchFoldError
-from server.store.shown import FoldSource, Found
 from server.store.tables import ValuesRow
 from server.store.tours import write_beside
 

@@ -18,7 +18,7 @@ from planner.parameters.parameters import World
 from planner.pipeline.request import FoldRequest
 from planner.progress import Stage
 from planner.readers.gallery import GalleryShape
-from server.jobs.remaining import EtaEstimator
+from server.jobs.eta import EtaEstimator
 from server.store.estimates import Expected, plain_fold
 from server.store.folds import FoldRow, Store
 from server.store.leases import Preparing

@@ -21,8 +21,8 @@ from planner.pathfinding.options import PathOptions
 from planner.pipeline.request import FoldRequest, PreviewRequest
 from planner.readers.limits import quote
 from planner.verification.integrity import check
-from server.api.base_folds import BaseFold, finished_base, stored_base
 from server.api.context import Context
+from server.api.parent_folds import ParentFold, finished_parent, stored_parent
 from server.api.schemas import MAX_FOLD_NAME
 from server.errors import NotFound, Unusable
 from server.files.preview_reports import read_report
@@ -130,7 +130,7 @@ class Source:
     shape: str | None = None
     cells: Cells | None = None
     prepared: Path | None = None
-    parent: BaseFold | None = None
+    parent: ParentFold | None = None
     repeats: FoldRow | None = None
 
     @property
@@ -233,18 +233,18 @@ def _of_fold(context: Context, source: Source, fold_id: str, *, smooth: bool) ->
     return replace(source, request=request, shape=row.shape, cells=cells, repeats=repeats)
 
 
-def _parent(context: Context, origin: Origin, repeats: FoldRow | None) -> BaseFold | None:
+def _parent(context: Context, origin: Origin, repeats: FoldRow | None) -> ParentFold | None:
     """Return the fold that is refolded or smoothed; None of others."""
     if origin.smooth is not None:
-        return finished_base(context, origin.smooth, "smooth")
+        return finished_parent(context, origin.smooth, "smooth")
     if origin.refold is not None:
-        return finished_base(context, origin.refold, "refold")
+        return finished_parent(context, origin.refold, "refold")
     if repeats is not None:
-        return stored_base(context.store.directory(repeats.id), repeats)
+        return stored_parent(context.store.directory(repeats.id), repeats)
     return None
 
 
-def _derived(source: Source, parent: BaseFold, origin: Origin) -> Source:
+def _derived(source: Source, parent: ParentFold, origin: Origin) -> Source:
     """Complete a source by its parent; a refold of a new input takes its module and count."""
     request, use = source.request, parent.use
     if origin.refold is not None and (origin.file is not None or origin.preview is not None):

@@ -16,8 +16,8 @@ from planner.errors import InputError
 from planner.file_names import PREPARED, REQUEST
 from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.request import FoldRequest
-from server.api.base_folds import BaseFold
 from server.api.context import Context
+from server.api.parent_folds import ParentFold
 from server.api.source import Origin, Source, open_source
 from server.errors import Conflict, Unavailable, Unusable, not_stored
 from server.files.uploads import Upload
@@ -244,7 +244,7 @@ def _note(directory: Path, source: Source) -> None:
             shutil.copyfile(source.prepared, directory / PREPARED)
 
 
-def _read(context: Context, directory: Path, parent: BaseFold | None, visitor: str) -> _Found:
+def _read(context: Context, directory: Path, parent: ParentFold | None, visitor: str) -> _Found:
     try:
         found = context.reader.check(directory, visitor=visitor)
     except InputError as error:

@@ -17,8 +17,8 @@ from server.api.owners import RequiredOwner, not_owner
 from server.api.schemas import Body
 from server.errors import Conflict, Forbidden, Unusable
 from server.store.fold_files import frames_promised
+from server.store.fold_source import FoldSource, Found
 from server.store.folds import NoSuchFoldError
-from server.store.shown import FoldSource, Found
 from server.store.tables import FoldRow, TourRow
 from server.store.tours import write_beside
 from words.fold import RUNNING_STATUSES

@@ -30,12 +30,12 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.workspace import Workspace
 from planner.plan.own_values import values_in
 from server.api import frames as timelines
-from server.api.finding import Viewing
+from server.api.fold_lookup import Viewing
 from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from server.pages import fold, share, static
-from server.store.shown import Found
+from server.store.fold_source import Found
 from web.timeline.views import TimelineViews
 from words.fold import ShownFold
 

@@ -25,7 +25,7 @@ from planner.plan.packed import unpack
 from server.api.finished import FINISHED_FOLDS_DIR
 from server.cli.play import row_of
 from server.pages.site import write_site
-from server.store.shown import Found
+from server.store.fold_source import Found
 
 
 def site(

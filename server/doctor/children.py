@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from server.doctor.check_result import CheckResult, ok, warning
 from server.doctor.drawing import run_python
-from server.doctor.finding import Finding, ok, warning
 from server.settings import Settings
 
 _CONFINE = """
 import os, socket, sys, tempfile
 from pathlib import Path
 import planner, server
-from server.processes.confined import confine
+from server.processes.sandbox import confine
 from server.processes.landlock import Allowed
 with tempfile.NamedTemporaryFile() as foreign, tempfile.TemporaryDirectory() as place:
     aim = sys.argv[1] if os.path.exists(sys.argv[1]) else foreign.name
@@ -29,7 +29,7 @@ with tempfile.NamedTemporaryFile() as foreign, tempfile.TemporaryDirectory() as 
 """
 
 
-def confinement(settings: Settings) -> Finding:
+def confinement(settings: Settings) -> CheckResult:
     """Check that processes reading strangers' files reach neither database nor network."""
     code, words = run_python(_CONFINE, str(settings.root / "foldback.db"))
     free = words.split()[1:]

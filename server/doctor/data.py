@@ -13,7 +13,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
 
 from planner.files import READ_ONLY_ERRORS
-from server.doctor.finding import Finding, ok, problem, warning
+from server.doctor.check_result import CheckResult, ok, problem, warning
 from server.errors import READ_ONLY_WORDS
 from server.limits.disk_space import free_space
 from server.ops.readiness import check_folder
@@ -32,7 +32,7 @@ doctor`` accepts, in s. Larger differences distort expiry times and queue times;
 reports harmless ones. Chosen."""
 
 
-def directory(settings: Settings) -> Finding:
+def directory(settings: Settings) -> CheckResult:
     """Check that the data directory is writable; state its disk and its free space."""
     root = settings.root
     there = _nearest(root)
@@ -88,7 +88,7 @@ def _kind_of_disk(path: Path) -> str:
     return max(disks, key=lambda disk: len(disk.mountpoint)).fstype if disks else "unknown"
 
 
-def database(settings: Settings) -> Finding:
+def database(settings: Settings) -> CheckResult:
     """Check that the database answers, and the version of its tables."""
     url = settings.store_url
     if (missing := missing_database(url)) is not None:
@@ -100,7 +100,7 @@ def database(settings: Settings) -> Finding:
         return _unusable(url, error)
 
 
-def _tables(url: str, connection: sa.Connection) -> Finding:
+def _tables(url: str, connection: sa.Connection) -> CheckResult:
     schema = Schema.of(connection)
     ahead_s = _ahead_s(connection, schema)
     found = f"{_shown(url)}, tables of version {schema.found}"
@@ -124,7 +124,7 @@ def _tables(url: str, connection: sa.Connection) -> Finding:
     return ok(found)
 
 
-def storage(settings: Settings) -> Finding:
+def storage(settings: Settings) -> CheckResult:
     """Check that files of folds can be written, read, listed and deleted."""
     place = settings.storage_url or str(settings.folds_dir)
     if settings.storage_url is None and not settings.folds_dir.exists():
@@ -168,7 +168,7 @@ def _shown(url: str) -> str:
     return sa.make_url(url).render_as_string(hide_password=True)
 
 
-def _unusable(url: str, error: Exception) -> Finding:
+def _unusable(url: str, error: Exception) -> CheckResult:
     said = getattr(error, "orig", None) or error
     words = str(said).strip().partition("\n")[0][:200]
     if "not a database" in words or "malformed" in words:

@@ -8,7 +8,7 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from server.doctor import children, data, drawing, machine
-from server.doctor.finding import Check, Finding, examine
+from server.doctor.check_result import Check, CheckResult, examine
 from server.ops.startup_errors import REMEDY, settings_words
 from server.settings import Settings
 
@@ -30,7 +30,7 @@ CHECKS: Final[tuple[tuple[str, Check], ...]] = (
 )
 
 
-def examined(given: Mapping[str, Any]) -> list[Finding]:
+def examined(given: Mapping[str, Any]) -> list[CheckResult]:
     """Return the findings of all checks, or the errors of the settings.
 
     Args:
@@ -40,5 +40,5 @@ def examined(given: Mapping[str, Any]) -> list[Finding]:
         settings = Settings(**{name: value for name, value in given.items() if value is not None})
     except ValidationError as error:
         found = settings_words(error)
-        return [Finding(name="settings", verdict="problem", found=found, remedy=REMEDY)]
+        return [CheckResult(name="settings", verdict="problem", found=found, remedy=REMEDY)]
     return examine(CHECKS, settings)

@@ -10,7 +10,7 @@ import subprocess
 import sys
 from typing import Final
 
-from server.doctor.finding import Finding, ok, problem, warning
+from server.doctor.check_result import CheckResult, ok, problem, warning
 from server.processes.movie_task import GL_SETTING, NO_FFMPEG, NO_GL, backends
 from server.settings import Settings
 
@@ -40,7 +40,7 @@ print(one_circuit.stats.cache_path)
 """
 
 
-def gl(settings: Settings) -> Finding:
+def gl(settings: Settings) -> CheckResult:
     """Check that movies can be drawn: which OpenGL backend works without a screen."""
     del settings
     tried = backends()
@@ -56,7 +56,7 @@ def gl(settings: Settings) -> Finding:
     )
 
 
-def encoder(settings: Settings) -> Finding:
+def encoder(settings: Settings) -> CheckResult:
     """Check that movies can be encoded: GIF always can, MP4 by ffmpeg."""
     del settings
     code, words = run_python(_ENCODE)
@@ -67,7 +67,7 @@ def encoder(settings: Settings) -> Finding:
     )
 
 
-def kernels(settings: Settings) -> Finding:
+def kernels(settings: Settings) -> CheckResult:
     """Check that compiled kernels can be cached, and where."""
     del settings
     code, words = run_python(_COMPILE)

@@ -19,7 +19,7 @@ from typing import Final
 import psutil
 from packaging.requirements import Requirement
 
-from server.doctor.finding import Finding, ok, problem, warning
+from server.doctor.check_result import CheckResult, ok, problem, warning
 from server.http.security import LOOPBACK
 from server.processes.limits import INTERACTIVE_CHILDREN
 from server.settings import Settings, unknown_names, unknown_words
@@ -42,7 +42,7 @@ service's port, to find out if it is this service, in s. With a smaller value it
 a busy service. Chosen."""
 
 
-def python(settings: Settings) -> Finding:
+def python(settings: Settings) -> CheckResult:
     """Check the interpreter and the packages that foldback needs."""
     del settings
     wrong: list[str] = []
@@ -70,7 +70,7 @@ def python(settings: Settings) -> Finding:
     return ok(f"{here} in {where}; {count} packages have the right versions")
 
 
-def variables(settings: Settings) -> Finding:
+def variables(settings: Settings) -> CheckResult:
     """Check that each variable that looks like a setting is one."""
     unknown = unknown_names(os.environ)
     if not unknown:
@@ -81,7 +81,7 @@ def variables(settings: Settings) -> Finding:
     )
 
 
-def port(settings: Settings) -> Finding:
+def port(settings: Settings) -> CheckResult:
     """Check that ``serve`` can listen on its address."""
     place = f"{settings.host}:{settings.port}"
     if settings.port == 0:
@@ -133,7 +133,7 @@ def _is_ours(body: bytes) -> bool:
     return isinstance(found, dict) and {"ready", "database", "disk", "workers"} <= found.keys()
 
 
-def files(settings: Settings) -> Finding:
+def files(settings: Settings) -> CheckResult:
     """Check that enough files may be open for all visitors."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     needed = settings.max_streams + settings.max_robots + OTHER_OPEN_FILES
@@ -150,7 +150,7 @@ def _count(limit: int) -> str:
     return "any number" if limit == resource.RLIM_INFINITY else str(limit)
 
 
-def memory(settings: Settings) -> Finding:
+def memory(settings: Settings) -> CheckResult:
     """Check that all folds, the web process and its children fit into memory together."""
     there = min(psutil.virtual_memory().total, *_allowed_bytes())
     folds = settings.workers * settings.folds_per_worker
@@ -183,7 +183,7 @@ def _mib(size: int) -> str:
     return f"{size // 2**20} MiB"
 
 
-def names(settings: Settings) -> Finding:
+def names(settings: Settings) -> CheckResult:
     """Check that foreign host names cannot be pointed at the service."""
     host = settings.host
     if settings.allowed_hosts:
@@ -201,7 +201,7 @@ def names(settings: Settings) -> Finding:
     )
 
 
-def clock(settings: Settings) -> Finding:
+def clock(settings: Settings) -> CheckResult:
     """Check that the clock is later than times that are known to be past."""
     past = Path(__file__).stat().st_mtime
     newest = settings.root / "foldback.db"

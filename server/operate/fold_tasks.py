@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from planner.file_names import DESCRIBED
 from planner.verification.integrity import damaged_among
-from server.api.base_folds import COPIED_NAMES
+from server.api.parent_folds import COPIED_NAMES
 from server.operate.errors import AdminError
 from server.operate.migration import schema_of
 from server.processes.scratch import Scratch

@@ -30,7 +30,7 @@ from server.errors import MOTION_FILES, damage_words
 from server.pages.table_check import ruled_out_on_table
 from server.store.estimates import Expected, expected_of_cost, plain_fold
 from server.store.fold_files import frames_promised
-from server.store.shown import Found
+from server.store.fold_source import Found
 from server.store.tables import request_of
 from words import certificate as certificate_words
 from words.certificate import TableWords

@@ -17,14 +17,14 @@ from planner.file_names import CHAIN
 from planner.motion.timeline import chain_from_attributes
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import damaged_among
-from server.api.finding import find_now, viewing_of
+from server.api.fold_lookup import find_now, viewing_of
 from server.http.response_cache import mark
 from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import origin_of, page, script_json
 from server.pages.privacy import visibility
 from server.pages.problem_page import no_such_page
 from server.store.estimates import expected_of_cost
-from server.store.shown import Found
+from server.store.fold_source import Found
 from web.pictures.isometric import isometric_svg
 from web.pictures.isometric_modules import chain_svg
 from web.pictures.picture_view import PictureView

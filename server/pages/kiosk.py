@@ -9,7 +9,7 @@ from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import HTMLResponse, Response
 
 from server.api.context import context_of, in_list_rate
-from server.api.finding import find_now
+from server.api.fold_lookup import find_now
 from server.http.base_path import at
 from server.pages.cards import included_folds
 from server.pages.page import page, script_json

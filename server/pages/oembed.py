@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, Response
 
-from server.api.finding import find_fold, viewing_of
+from server.api.fold_lookup import find_fold, viewing_of
 from server.pages.page import origin_of
 
 router = APIRouter(include_in_schema=False)

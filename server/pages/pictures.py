@@ -18,7 +18,7 @@ from planner.files import write_whole
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.context import Context, context_of
-from server.api.finding import find_fold
+from server.api.fold_lookup import find_fold
 from server.errors import read_only
 from server.files.artifacts import newer
 from server.files.pictures import moment_of
@@ -28,7 +28,7 @@ from server.pages.fold import drawing_in
 from server.pages.page import drawing, not_found
 from server.processes.children import ChildError
 from server.store.fold_files import EXPORTS_DIR
-from server.store.shown import Found
+from server.store.fold_source import Found
 from web.pictures.picture_view import MAX_SHORT_FORM_LENGTH, SHORT_FORM_PATTERN
 from words.fold import RUNNING_STATUSES
 from words.verdict import COMPUTING_VERDICT, PICTURE_VERDICTS

@@ -7,7 +7,7 @@ from typing import Final
 from fastapi import Request
 from fastapi.responses import Response
 
-from server.api.finding import viewing_of
+from server.api.fold_lookup import viewing_of
 from server.http.problems import Problem
 from server.pages.page import page
 from web.pictures.isometric import isometric_svg

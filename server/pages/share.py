@@ -19,7 +19,7 @@ from planner.file_names import PLAN, TIMELINE
 from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
-from server.api.finding import find_fold, found_fold, viewing_of
+from server.api.fold_lookup import find_fold, found_fold, viewing_of
 from server.api.frames import view_page
 from server.api.own_values import values_of
 from server.api.tours import tour_of
@@ -29,7 +29,7 @@ from server.http.downloads import download
 from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import page, policy_of_pages, rendered, script_json
 from server.pages.problem_page import no_such_page
-from server.store.shown import FoldSource, Found
+from server.store.fold_source import FoldSource, Found
 from web.pictures.table_top import TableTop
 from web.timeline.metrics import FIGURES, curves_of, table_forces
 from web.timeline.view import TimelineView

@@ -27,7 +27,7 @@ from server.pages.page import rendered
 from server.pages.paper import paper_data, paper_files, paper_values
 from server.pages.share import standalone_page
 from server.pages.static import ELEMENT
-from server.store.shown import Found
+from server.store.fold_source import Found
 from web.static_files import STATIC, code_of
 from web.timeline.view import TimelineView
 from web.viser.client import client

@@ -27,9 +27,9 @@ from setproctitle import setproctitle
 from planner.errors import InputError
 from planner.files import settle
 from planner.progress import Cancelled, Progress, Report
-from server.processes.confined import confine, confine_thread
 from server.processes.landlock import Allowed, no_new_rights
 from server.processes.limits import memory_words
+from server.processes.sandbox import confine, confine_thread
 from server.processes.scratch import request_in
 
 LOW_PRIORITY_KINDS: Final = ("stages", "movies", "retimer")

@@ -29,7 +29,7 @@ from planner.pipeline.compiling import Compiling, beside
 from planner.pipeline.compiling_lock import compiling_fraction
 from planner.progress import Progress, silent
 from server.processes.child import Task, serve, task_of
-from server.processes.confined import end_threads, load_kernels
+from server.processes.sandbox import end_threads, load_kernels
 
 MAX_REQUEST_BYTES: Final = 65536
 """Number of bytes that the fork server, which starts computing processes, reads at most at once

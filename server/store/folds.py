@@ -31,8 +31,8 @@ from server.limits.fair_queue import (
 from server.limits.queue_room import Waiting
 from server.settings import Settings
 from server.store.fold_files import Folders, NoSuchFoldError
+from server.store.fold_source import Found
 from server.store.owner import Owner, owned_by
-from server.store.shown import Found
 from server.store.tables import (
     ENDED,
     Base,

@@ -14,13 +14,13 @@ from bench.reproduction.__main__ import DOCUMENT, PAPER
 from bench.reproduction.different import CHOSEN_SHAPES, different_shapes, measured
 from bench.reproduction.document import document
 from bench.reproduction.experiments import STATEMENTS, Experiment, experiments
+from bench.reproduction.page_text import figure, told
 from bench.reproduction.reproduce import reproduce, tell
 from bench.reproduction.runs import stored_runs
-from bench.reproduction.telling import figure, told
 from planner.chain.path import Path as CellPath
 from planner.pipeline.request import FoldRequest
 from planner.plan.shape_files import write_path
-from web.pictures.colours import STALLED_RGB
+from web.palette import STALLED_RGB
 
 pytestmark = pytest.mark.slow
 

@@ -31,8 +31,8 @@ from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
 from tests.web.node import NODE
+from web.palette import error_colours, error_scale
 from web.pictures.camera import distance_needed, framing
-from web.pictures.colours import error_colours, error_scale
 from web.static_files import STATIC, scripts_of
 from web.timeline.columns import encode
 from web.timeline.frame_batch import batch_of

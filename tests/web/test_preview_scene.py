@@ -8,8 +8,8 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
 from tests.web.test_scene import refused
+from web.palette import MAX_ERROR_RGB, NO_ERROR_RGB
 from web.pictures.camera import framing
-from web.pictures.colours import MAX_ERROR_RGB, NO_ERROR_RGB
 from web.timeline.columns import decode
 from web.viser.preview_scene import SCENE_SIZE, preview_scene_of
 

@@ -16,8 +16,8 @@ from viser import _messages as messages
 from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
 from planner.chain.rotations import matrix_from_wxyz
+from web.palette import UNKNOWN_ERROR_RGB
 from web.pictures.camera import framing
-from web.pictures.colours import UNKNOWN_ERROR_RGB
 from web.static_files import STATIC
 from web.timeline.columns import decode
 from web.timeline.view import TimelineView

@@ -21,7 +21,7 @@ from planner.pipeline.workspace import Workspace
 from planner.progress import Progress
 from tests.planner.peels import snake
 from tests.web.conftest import ERROR_AT_END
-from web.pictures.colours import (
+from web.palette import (
     NO_ERROR_RGB,
     SELECTED_RGB,
     UNKNOWN_ERROR_RGB,
@@ -29,10 +29,10 @@ from web.pictures.colours import (
     instance_colours,
     ramp_colours,
 )
-from web.timeline.moments import MotionMoments
+from web.timeline.motion_source import MotionMoments
 from web.timeline.view import TimelineView
 from web.viser import Live, Shown, show
-from web.viser.shown import COLOUR_ALONG_CHAIN
+from web.viser.viewer import COLOUR_ALONG_CHAIN
 
 PATIENCE_S = 60.0
 

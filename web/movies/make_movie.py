@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from web.movies.encoding import find_ffmpeg, open_encoder
 from web.movies.movie import Movie, MovieStop
 from web.movies.renderer import Shot, Stage
+from web.palette import SELECTED_RGB, error_colours
 from web.pictures.camera import few_points
 from web.pictures.camera_path import CameraPath, camera_path
-from web.pictures.colours import SELECTED_RGB, error_colours
 from web.pictures.lighting import TABLE_THEMES, THEMES
 from web.pictures.visible import MAX_FULLY_DRAWN_MODULES, visible_modules
 from web.timeline.view import Snapshot, TimelineView

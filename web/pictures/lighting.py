@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.module import Module
+from web.palette import Rgb
 from web.pictures.camera import View
-from web.pictures.colours import Rgb
 from web.pictures.ground_shadow import GroundShadow
 from web.pictures.occlusion import face_light
 

@@ -15,9 +15,9 @@ from PIL import Image
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
+from web.palette import NO_ERROR_RGB, error_colours, module_errors
 from web.pictures.camera import GROUND_GAP_PITCH
 from web.pictures.caption import Caption, write_caption
-from web.pictures.colours import NO_ERROR_RGB, error_colours, module_errors
 from web.pictures.ground_shadow import ground_shadow
 from web.pictures.lighting import SHADOW_SHIFT_PER_HEIGHT, THEMES, Theme, key_light, shade_colours
 from web.pictures.picture_view import PictureView

@@ -28,8 +28,8 @@ from planner.chain.kinematics import Poses, forward_kinematics
 from planner.errors import TimelineError
 from planner.motion.motion import PHASES, Motion
 from planner.motion.timeline import Timeline
+from web.palette import error_scale, module_errors
 from web.pictures.camera import modules_framed, straight_stretch
-from web.pictures.colours import error_scale, module_errors
 from web.pictures.table_top import TableTop
 
 Array = NDArray[np.float64]

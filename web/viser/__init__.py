@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from web.viser.show_fold import Live, Show, show
-    from web.viser.shown import Shown
+    from web.viser.viewer import Shown
 
 __all__ = ["Live", "Show", "Shown", "show"]
 

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.module import CUBE, Module, module_named
-from web.pictures.camera import FIELD_OF_VIEW_RAD
-from web.pictures.colours import (
+from web.palette import (
     MAX_ERROR_RGB,
     NO_ERROR_RGB,
     SELECTED_RGB,
     Rgb,
     ramp_colours,
 )
+from web.pictures.camera import FIELD_OF_VIEW_RAD
 from web.pictures.meshes import DISPLAYED_MODULE_SIZE, module_mesh
 from web.timeline.columns import encode
 from web.viser.scene import add_lights, add_meshes

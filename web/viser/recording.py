@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from web.palette import error_colours
 from web.pictures.camera import View, framing
-from web.pictures.colours import error_colours
 from web.pictures.table_top import TableTop
 from web.timeline.view import TimelineView
 from web.viser.scene_bundle import viser_scene

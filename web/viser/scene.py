@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from web.palette import FIRST_MODULE_RGB, LAST_MODULE_RGB, instance_colours, ramp_colours
 from web.pictures.camera import FIELD_OF_VIEW_RAD, GROUND_GAP_PITCH
-from web.pictures.colours import FIRST_MODULE_RGB, LAST_MODULE_RGB, instance_colours, ramp_colours
 from web.pictures.meshes import DISPLAYED_MODULE_SIZE, Mesh, module_mesh, stud_mesh
 from web.pictures.table_top import TABLE_RGB, TableTop, disc_mesh
 from web.timeline.view import Snapshot

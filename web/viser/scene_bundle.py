@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.rotations import wxyz_from_matrix
-from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, ORBIT_SPEED_RAD_S
-from web.pictures.colours import (
+from web.palette import (
     FIRST_MODULE_RGB,
     LAST_MODULE_RGB,
     MAX_ERROR_RGB,
@@ -36,6 +35,7 @@ from web.pictures.colours import (
     error_ramp,
     ramp_colours,
 )
+from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, ORBIT_SPEED_RAD_S
 from web.pictures.meshes import DISPLAYED_MODULE_SIZE
 from web.pictures.sketch import sketch_outline
 from web.pictures.table_top import TableTop

@@ -12,10 +12,10 @@ from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import result
 from planner.plan.plan import Plan
 from planner.progress import STAGES, Progress
-from web.timeline.moments import MotionMoments, MotionSource
+from web.timeline.motion_source import MotionMoments, MotionSource
 from web.timeline.view import TimelineView
 from web.timeline.views import TimelineViews
-from web.viser.shown import Shown
+from web.viser.viewer import Shown
 
 DEFAULT_HOST: Final = "127.0.0.1"
 DEFAULT_PORT: Final = 8080

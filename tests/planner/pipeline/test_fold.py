@@ -21,7 +21,7 @@ from planner.plan.plan import Plan
 from tests.planner.chains import coil, line
 from tests.planner.folds import timeless
 
-CORNER = coil(4)
+CORNER = coil(3)
 ONE_ROBOT = "robots=1"
 """Settings with which one robot is simulated, and not several."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -13,14 +12,12 @@ import pytest
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.motion.timeline import Timeline
-from planner.pipeline import stages
 from planner.pipeline.fold import smooth_plan
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain
-from planner.playback.playback import Playback
 from planner.robot import SMOOTHED
 from planner.robot.smoothed import check_smoothable
 from planner.verification.verify import verify
@@ -71,12 +68,6 @@ def test_smoothed_plan_is_verified_and_better(wrench: Folded, tmp_path: FilePath
     assert Plan.load(made / "plan.json").smoothing == plan.smoothing
     assert plan.summary()["smoothing"] == plan.smoothing
     assert wrench.plan.smoothing is wrench.plan.summary()["smoothing"] is None
-    # Run again, its playback is the same.
-    shutil.copytree(made, tmp_path / "again")
-    result = stages.run_stage("play_back", tmp_path / "again")
-    assert result["status"] == "folded"
-    again = Playback.load(tmp_path / "again" / "playback.npz")
-    np.testing.assert_array_equal(again.reference.joint_angles_rad, plan.joint_angles_rad)
 
 
 def test_cancelled_smoothing_fails(wrench: Folded, tmp_path: FilePath) -> None:

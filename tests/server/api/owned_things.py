@@ -43,17 +43,12 @@ STATES: dict[str, dict[str, Any]] = {
 }
 """Values of folds by the first word for a thing."""
 
-FOLD_COLUMNS = (FoldRow.name, FoldRow.status, FoldRow.cancel_requested, FoldRow.owner)
+ID = sa.bindparam("id")
 OTHER_IDS = (PreviewRow.id, MovieRow.fold_id, TourRow.fold_id, ValuesRow.fold_id)
-CHANGEABLE = sa.union_all(
-    sa.select(*FOLD_COLUMNS).where(FoldRow.id == sa.bindparam("id")),
-    *(
-        sa.select(sa.literal(column.class_.__tablename__), *(sa.null(),) * 3).where(
-            column == sa.bindparam("id")
-        )
-        for column in OTHER_IDS
-    ),
-)
+CHANGEABLE = sa.select(
+    *(FoldRow.name, FoldRow.status, FoldRow.cancel_requested, FoldRow.owner),
+    *(sa.exists().where(column == ID) for column in OTHER_IDS),
+).where(FoldRow.id == ID)
 """All that an action may change of a thing, in one query."""
 
 
@@ -100,10 +95,10 @@ class Thing:
         headers = {} if token is None else bearer(token)
         return self._service.http.request(method, path, headers=headers, json=body)
 
-    def state(self) -> tuple[object, ...]:
+    def state(self) -> object:
         """Return all that an action may change."""
         with self._store.reading() as session:
-            return tuple(session.execute(CHANGEABLE, {"id": self.fold_id}).all())
+            return session.execute(CHANGEABLE, {"id": self.fold_id}).one_or_none()
 
     def _keep(self, kind: type[TourRow | ValuesRow], told: dict[str, Any]) -> None:
         assert write_beside(self._store, self.fold_id, self.owner("owner"), kind, told)

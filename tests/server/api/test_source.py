@@ -15,9 +15,9 @@ import pytest
 from planner.pipeline.request import FoldRequest
 from planner.readers.gallery import Gallery
 from server.api import source as source_module
-from server.api.base_folds import BaseFold
 from server.api.context import Context
 from server.api.folds import post_fold
+from server.api.parent_folds import ParentFold
 from server.api.source import Origin, Source, open_source, origin_in_form
 from server.errors import Unusable
 from server.store.tables import FoldRow
@@ -36,7 +36,7 @@ class Upload:
 
 FILE = cast(Any, Upload())
 TABLE = FoldRequest(world="table")
-PARENT = BaseFold(
+PARENT = ParentFold(
     use="refold", fold=None, name="Cup", module="tetrahedron", modules=48, files={}, digest="d"
 )
 
@@ -59,9 +59,9 @@ def context(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Context:
         (tmp_path / name / "cells.json").write_text("[[0, 0, 0]]")
     monkeypatch.setattr(source_module, "check", lambda *_: None)
     monkeypatch.setattr(
-        source_module, "finished_base", lambda _context, _id, use: replace(PARENT, use=use)
+        source_module, "finished_parent", lambda _context, _id, use: replace(PARENT, use=use)
     )
-    monkeypatch.setattr(source_module, "stored_base", lambda _directory, _row: None)
+    monkeypatch.setattr(source_module, "stored_parent", lambda _directory, _row: None)
     store = SimpleNamespace(fold=folds.__getitem__, directory=lambda name: tmp_path / name)
     return cast(Context, SimpleNamespace(gallery=Gallery(), store=store))
 

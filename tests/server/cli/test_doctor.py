@@ -18,8 +18,8 @@ from sqlalchemy.orm import Session
 
 from server.cli.doctor import doctor
 from server.doctor import data, drawing, machine
+from server.doctor.check_result import CheckResult, examine
 from server.doctor.doctor import CHECKS
-from server.doctor.finding import Finding, examine
 from server.processes.movie_task import GL_SETTING
 from server.settings import Settings
 from server.store.schema_version import config
@@ -35,7 +35,7 @@ def settings(tmp_path: Path, **values: Any) -> Settings:
     return Settings(**{"data_dir": tmp_path / "data", **values})
 
 
-def told(found: Finding, verdict: str, *words: str) -> None:
+def told(found: CheckResult, verdict: str, *words: str) -> None:
     """Check what a finding says and its remedy."""
     assert found.verdict == verdict, found
     for word in words:
@@ -77,7 +77,7 @@ def test_problem_is_told_in_a_line_and_by_the_exit_code(
 
 
 def test_failed_check_does_not_stop_the_others(tmp_path: Path) -> None:
-    def broken(settings: Settings) -> Finding:
+    def broken(settings: Settings) -> CheckResult:
         raise RuntimeError("boom")
 
     first, second = examine([("broken", broken), ("clock", machine.clock)], settings(tmp_path))

@@ -21,8 +21,8 @@ from server.files.artifacts import FILES_AT_ONCE, MAX_PENDING_FILES, Artifacts
 from server.files.exports import Exports
 from server.pages.facts import fold_facts
 from server.store.fold_files import EXPORTS_DIR
+from server.store.fold_source import Found
 from server.store.folds import NoSuchFoldError, Store
-from server.store.shown import Found
 from server.store.tables import FoldRow
 from tests.server.cli.test_command_line import foldback
 from tests.server.rows import SOMEBODY

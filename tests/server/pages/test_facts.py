@@ -16,12 +16,12 @@ from planner.parameters.parameters import PRESETS, preset
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.parameters.published import PaperExplosionParameters
 from server.api.schemas import Fold
-from server.jobs.remaining import EtaEstimator
+from server.jobs.eta import EtaEstimator
 from server.pages.facts import fold_facts
 from server.settings import Settings
+from server.store.fold_source import Found
 from server.store.folds import Store
 from server.store.leases import Leases
-from server.store.shown import Found
 from server.store.worker_identity import WorkerIdentities
 from tests.case import case
 from tests.server.rows import SOMEBODY, a_fold

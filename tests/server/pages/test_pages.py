@@ -15,7 +15,7 @@ from fastapi import FastAPI
 
 from bench.reproduction.experiments import STATEMENTS
 from server.http.compression import Asset
-from server.pages import paper, same_for_all, static
+from server.pages import paper, prerendered_pages, static
 from server.pages.page import script_addresses
 from server.pages.static import IMMUTABLE_CACHE_CONTROL
 from tests.server.asgi import asked
@@ -27,7 +27,7 @@ from web.timeline.columns import decode
 @cache
 def application() -> FastAPI:
     app = FastAPI()
-    for page in (same_for_all, static, paper):
+    for page in (prerendered_pages, static, paper):
         app.include_router(page.router)
     return app
 

@@ -45,13 +45,12 @@ def stand_in(name, works="", **has):
 
 for name in (
     "mujoco numba numba.core scipy.interpolate scipy.ndimage scipy.optimize scipy.sparse.csgraph "
-    "trimesh zarr.codecs planner.pathfinding.filling planner.pathfinding.shape_overlap "
+    "trimesh zarr.codecs planner.pathfinding.filling_methods planner.pathfinding.shape_overlap "
     "planner.pipeline.prepare planner.shapes.decimation planner.table_paths.offers"
 ).split():
     stand_in(name)
 stand_in("numba.core.caching", Cache=types.SimpleNamespace())
-listening = lambda *_: nullcontext()
-stand_in("numba.core.event", Event=object, Listener=object, install_listener=listening)
+stand_in("numba.core.event", "Event", Listener=object, install_listener=lambda *_: nullcontext())
 stand_in("planner.kernels", __path__=[])
 staging = stand_in("planner.pipeline.stages", "run_stage")
 warming = stand_in("planner.pipeline.warm_up", "warm_up warm_up_folding")

@@ -19,7 +19,7 @@ from typing import Any
 
 import pytest
 
-from server.processes import confined, landlock, seccomp
+from server.processes import landlock, sandbox, seccomp
 from server.processes.children import Child
 from server.processes.fork_server import ForkServer, Kind
 from server.processes.landlock import Allowed
@@ -102,10 +102,10 @@ def attack(directory):
 WITH_A_THREAD = f"""{WITHOUT_LIBRARIES}
 import threading, time
 from pathlib import Path
-from server.processes import confined
-confined.THREAD_EXIT_S = 0.1
+from server.processes import sandbox
+sandbox.THREAD_EXIT_S = 0.1
 threading.Thread(target=lambda: time.sleep(60), daemon=True).start()
-confined.confine(confined.Allowed(writable=(Path(sys.argv[1]),)))
+sandbox.confine(sandbox.Allowed(writable=(Path(sys.argv[1]),)))
 """
 FORKED = f"""{WITHOUT_LIBRARIES}
 reading.check = retiming.retime = attack
@@ -114,16 +114,14 @@ staging.run_stage = lambda task, place, **_: attack(place)
 SPAWNED = f"""{WITHOUT_LIBRARIES}
 from web.movies.encoding import EncodingError
 
-def error(found):
-    raise EncodingError(json.dumps(found))
+def film(line, movie, out, **_):
+    raise EncodingError(json.dumps(attack(out.parent)))
 
 stand_in("web.movies.renderer", NoGLError=OSError)
-stand_in("web.movies.make_movie").make_movie = lambda line, movie, out, **_: error(
-    attack(out.parent))
+stand_in("web.movies.make_movie", make_movie=film)
 """
 DRAWN = f"""{WITHOUT_LIBRARIES}
-drawing = stand_in("server.processes.picture_task")
-drawing.warm_up, drawing.draw = lambda: None, attack
+stand_in("server.processes.picture_task", "warm_up", draw=attack)
 """
 """Where each kind begins to read what is not its own."""
 AWAITED: tuple[Kind, ...] = ("reader", "preparer", "retimer")
@@ -160,7 +158,7 @@ def aim(tmp_path: Path) -> Iterator[dict[str, Any]]:
             "fold": str(fold),
             "upload": str(upload),
             "made": str(made),
-            "package": str(Path(confined.__file__).parent),
+            "package": str(Path(sandbox.__file__).parent),
             "port": tcp.getsockname()[1],
             "socket": str(tmp_path / "listener"),
             "abstract": f"foldback-{os.getpid()}",
@@ -243,9 +241,9 @@ def test_packages_are_readable_wherever_they_are_installed(
         place = tmp_path / name
         monkeypatch.syspath_prepend(place)
         monkeypatch.setattr(sys.modules["server"], "__file__", str(place / "server/__init__.py"))
-        assert place in confined._programs(Allowed(writable=(tmp_path / "data",)))
+        assert place in sandbox._programs(Allowed(writable=(tmp_path / "data",)))
         inside = Allowed(writable=(place / "data",))
-        assert (place in confined._programs(inside)) == (name == "site-packages")
+        assert (place in sandbox._programs(inside)) == (name == "site-packages")
 
 
 @pytest.mark.processes

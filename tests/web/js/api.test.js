@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { afterEach, beforeEach, test } from "node:test";
 import { Refusal, ask, bring, broughtKeys, dropKey, foldsApart, forgetKeys, formOf, isKey, keepToken, keysHere, newKey, ownKey, remove, replaceOwn, tokenOf, useKey } from "../../../web/static/js/lib/api.js";
-import { FoldList } from "../../../web/static/js/lib/made.js";
-import { span } from "../../../web/static/js/panels/made_cards.js";
+import { FoldList } from "../../../web/static/js/lib/owned_items.js";
+import { span } from "../../../web/static/js/panels/owned_cards.js";
 
 const OTHER = "o".repeat(32);
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from planner.chain.module import CUBE, MODULES, TETRAHEDRON, Module
+from web.palette import MAX_ERROR_RGB, NO_ERROR_RGB, STALLED_RGB
 from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD
-from web.pictures.colours import MAX_ERROR_RGB, NO_ERROR_RGB, STALLED_RGB
 from web.pictures.still import still
 from web.pictures.visible import MAX_FULLY_DRAWN_MODULES, visible_modules
 

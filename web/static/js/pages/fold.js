@@ -27,7 +27,7 @@ const { timeline, player, place, bar } = view({
 const asking = later(() => import("../lib/fold_request.js"), toast);
 const checking = later(() => import("../panels/checking.js").then(({ Checking, planOf }) => new Checking(drawer.check, player, planOf(facts.id))), toast);
 const choosing = later(() => import("../panels/choice.js"), toast);
-const companions = later(() => import("../panels/companions.js"), toast);
+const companions = later(() => import("../panels/compare_refold.js"), toast);
 const downloads = later(() => import("../panels/downloads.js"), toast);
 const failing = later(() => import("../panels/failure.js").then(({ Failure }) => new Failure({ player, bar, drawer })), toast);
 const renaming = later(() => import("../panels/renaming.js").then(({ offerRenaming }) => offerRenaming(facts.id,

@@ -1,9 +1,9 @@
 // My folds: what was made with the keys of this browser.
 import { Refusal, ask, foldsApart, keepToken, keysHere, ownKey } from "../lib/api.js";
-import { FoldList } from "../lib/made.js";
+import { FoldList } from "../lib/owned_items.js";
 import { get, wordsOf } from "../lib/text.js";
 import { KeyPanel } from "../panels/key_panel.js";
-import { FoldCard, MovieLine, PreviewCard } from "../panels/made_cards.js";
+import { FoldCard, MovieLine, PreviewCard } from "../panels/owned_cards.js";
 
 const PAGE = 24;
 const MOST_APART = 100;

@@ -1,6 +1,6 @@
 // The key of this browser: shown when asked for, taken elsewhere, and keys that were brought here.
 import { MOST_KEYS, Refusal, ask, bring, broughtKeys, dropKey, forgetKeys, isKey, keysHere, newKey, ownKey, replaceOwn, useKey } from "../lib/api.js";
-import { deleteMade } from "../lib/made.js";
+import { deleteMade } from "../lib/owned_items.js";
 import { button, copyText, element, get, wordsOf } from "../lib/text.js";
 import { confirmed } from "./questions.js";
 import { toast } from "./toast.js";

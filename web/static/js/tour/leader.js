@@ -1,4 +1,4 @@
-// The leader of a class: others see live what this page shows. See server/pages/classes.py.
+// The leader of a class: others see live what this page shows. See server/pages/class_connections.py.
 import { at, button, copyText, element, get } from "../lib/text.js";
 import { addStyle } from "../lib/style.js";
 import { hashOf } from "../player/address.js";
@@ -7,7 +7,7 @@ const SEND_MS = 100; // between two looks at what is shown
 export const MAX_TRIES = 6; // to come back to a class, for leaders and followers
 export const RETRY_MS = 500; // before the first of them; each pause is twice as long
 const ENDED = [1000, 1008]; // codes with which the service ends a class; with any other the connection is lost
-const STYLE = "/static/css/class.css";
+const STYLE = "/static/css/live_class.css";
 
 // Return the words of a view that followers see.
 /** @param {AddressedView} view */

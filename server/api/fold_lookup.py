@@ -1,4 +1,4 @@
-"""Finding a fold for a page, without saying more than that there is none."""
+"""Fold lookup: a fold for a page, without saying more than that there is none."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from server.files.artifacts import Artifacts
 from server.settings import Settings
 from server.store.estimates import Estimates
 from server.store.fold_files import NoSuchFoldError
-from server.store.shown import FoldSource, Found, id_of_fold
+from server.store.fold_source import FoldSource, Found, id_of_fold
 from web.timeline.views import TimelineViews
 
 ADDRESS_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")

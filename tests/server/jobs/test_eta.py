@@ -11,7 +11,7 @@ import pytest
 from planner.pipeline.request import FoldRequest
 from planner.progress import COMPILING
 from server.api.schemas import ExpectedTimes, progress_of
-from server.jobs.remaining import EtaEstimator, left_s
+from server.jobs.eta import EtaEstimator, left_s
 from server.settings import Settings
 from server.store.durations import MIN_SIMILAR_FOLDS, Duration, typical_s
 from server.store.estimates import Estimates, expected_of_cost, plain_fold

@@ -1,4 +1,4 @@
-"""Classes: a leader's view, live for all who follow.
+"""Live classes: a leader's view, live for all who follow.
 
 A view is the part of an address that says what is seen (docs/links.md); nothing else is passed on.
 A class is in the memory of the web process that its leader is connected to. It ends with the page
@@ -44,7 +44,7 @@ VIEW_WORDS: Final = {
 
 
 @dataclass(slots=True, eq=False)
-class TaughtClass:
+class LiveClass:
     """One class: what its leader sees now.
 
     Attributes:
@@ -108,7 +108,7 @@ class TaughtClass:
             self.change(followers=self.followers - 1)
 
 
-class Classes:
+class LiveClasses:
     """Classes of one web process, by their codes. Belongs to one event loop."""
 
     def __init__(self, settings: Settings) -> None:
@@ -118,20 +118,20 @@ class Classes:
         self.followers = Quota(
             "followers", total=settings.max_followers, per_visitor=settings.max_followers_of_visitor
         )
-        self._by_code: dict[str, TaughtClass] = {}
+        self._by_code: dict[str, LiveClass] = {}
 
     @contextlib.contextmanager
-    def begun(self, fold_id: str) -> Generator[TaughtClass]:
+    def begun(self, fold_id: str) -> Generator[LiveClass]:
         """Begin a class, which ends with the context."""
         code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
-        begun = self._by_code[code] = TaughtClass(fold_id, code)
+        begun = self._by_code[code] = LiveClass(fold_id, code)
         try:
             yield begun
         finally:
             del self._by_code[code]
             begun.change(over=True)
 
-    def find(self, code: str) -> TaughtClass:
+    def find(self, code: str) -> LiveClass:
         """Return the class of a code.
 
         Raises:
@@ -142,7 +142,7 @@ class Classes:
             raise NoSuch("no-class", "This class has ended, or the link is incomplete.")
         return found
 
-    def find_led(self, code: str, key: str) -> TaughtClass:
+    def find_led(self, code: str, key: str) -> LiveClass:
         """Return the class that a leader comes back to.
 
         Raises:

@@ -1,4 +1,4 @@
-"""Colours: what a module's colour says, and the conversion that viser's instances need.
+"""Palette: what a module's colour says, and the conversion that viser's instances need.
 
 Red alone means joint error, one blue alone means selected, one orange alone means that it sticks
 there, grey means nothing was recorded.

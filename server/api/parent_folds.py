@@ -1,4 +1,4 @@
-"""Base folds: the finished folds that refolds begin with, and whose plans are smoothed."""
+"""Parent folds: the finished folds that refolds begin with, and whose plans are smoothed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ anything is computed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BaseFold:
+class ParentFold:
     """Finished fold that a refold starts from, or whose plan is smoothed.
 
     Attributes:
@@ -55,7 +55,7 @@ class BaseFold:
             shutil.copyfile(path, directory / name)
 
 
-def finished_base(context: Context, fold_id: str, use: Use) -> BaseFold:
+def finished_parent(context: Context, fold_id: str, use: Use) -> ParentFold:
     """Return a finished fold as the base of another one.
 
     Raises:
@@ -72,19 +72,19 @@ def finished_base(context: Context, fold_id: str, use: Use) -> BaseFold:
         )
     check(directory, *COPIED_FILES[use].values())
     files = {name: directory / source for name, source in COPIED_FILES[use].items()}
-    return _base(use, fold_id, row, files)
+    return _parent(use, fold_id, row, files)
 
 
-def stored_base(directory: Path, row: FoldRow) -> BaseFold | None:
+def stored_parent(directory: Path, row: FoldRow) -> ParentFold | None:
     """Return the base of a refold or of a smoothed plan; None of other folds."""
     if row.refold is None and row.smooths is None:
         return None
     use: Use = "refold" if row.smooths is None else "smooth"
-    found = _base(use, row.smooths, row, {name: directory / name for name in COPIED_FILES[use]})
+    found = _parent(use, row.smooths, row, {name: directory / name for name in COPIED_FILES[use]})
     return found if row.refold is None else replace(found, name=row.refold)
 
 
-def _base(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path]) -> BaseFold:
+def _parent(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path]) -> ParentFold:
     plan = files[START_PLAN if use == "refold" else RECORDED_PLAN]
     name = row.name
     try:
@@ -96,7 +96,7 @@ def _base(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path]) -> B
             f"{use}-no-plan",
             f"{name} has no plan, expected a fold with a plan; fold it again.",
         ) from error
-    return BaseFold(
+    return ParentFold(
         use=use,
         fold=fold,
         name=name,

@@ -8,8 +8,8 @@ import numpy as np
 
 from planner.chain.chain import Chain
 from planner.motion.motion import Motion
+from web.palette import error_scale
 from web.pictures.camera import straight_stretch
-from web.pictures.colours import error_scale
 from web.timeline.view import Snapshot, TimelineView, moment_of
 
 

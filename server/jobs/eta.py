@@ -1,4 +1,4 @@
-"""Estimated remaining time of a fold, from durations measured here.
+"""ETA: estimated remaining time of a fold, from durations measured here.
 
 Typical durations of stages come from ``server.store.estimates``. The running stage also reports its
 progress: the farther it is, the more its own pace counts, also for the stages after it.

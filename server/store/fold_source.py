@@ -1,4 +1,4 @@
-"""Folds as pages find them, in a service or in a directory."""
+"""Fold source: folds as pages find them, in a service or in a directory."""
 
 from __future__ import annotations
 

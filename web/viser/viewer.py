@@ -1,4 +1,4 @@
-"""Shown: a fold in a viser server of its own, its poses streamed frame by frame.
+"""Viewer: a fold in a viser server of its own, its poses streamed frame by frame.
 
 This is for people who write programs: all of it is made with viser's public names, and what its
 server shows can be added to. The pages of the service play a fold by themselves instead.
@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import InputError, TimelineError
-from web.pictures.colours import SELECTED_RGB, error_colours, ramp_colours
-from web.timeline.moments import MotionSource
+from web.palette import SELECTED_RGB, error_colours, ramp_colours
+from web.timeline.motion_source import MotionSource
 from web.timeline.view import Snapshot
 from web.viser.cameras import Cameras
 from web.viser.scene import Scene

@@ -1,4 +1,4 @@
-"""Confined: a process that touches the directory of its work, its own programs, and no more."""
+"""Sandbox: a process that touches the directory of its work, its own programs, and no more."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Classes: followers see a leader's view, and nothing else is passed on."""
+"""Live classes: followers see a leader's view, and nothing else is passed on."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.sync.connection import Connection
 
 from server.errors import NoSuch, TooMany
-from server.http.classes import CODE_LENGTH, MAX_FOLLOWERS, Classes, is_view
-from server.pages.classes import MAX_VIEWS_PER_SECOND
+from server.http.live_classes import CODE_LENGTH, MAX_FOLLOWERS, LiveClasses, is_view
+from server.pages.class_connections import MAX_VIEWS_PER_SECOND
 from server.settings import Settings
 from tests.server.service_process import SNAKE, Service
 
@@ -131,7 +131,7 @@ def test_view_has_known_words_with_proper_values_only() -> None:
 
 
 def test_classes_and_followers_are_limited_and_codes_are_long() -> None:
-    classes = Classes(Settings())
+    classes = LiveClasses(Settings())
     leaders = [classes.leaders.enter("192.0.2.1") for _ in range(4)]
     with pytest.raises(TooMany):
         classes.leaders.enter("192.0.2.1")

@@ -1,4 +1,4 @@
-"""Classes: the short link, and the connections of leaders and followers."""
+"""Class connections: the short link of a class, its leader and its followers."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from fastapi import APIRouter, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse, Response
 
 from server.api.context import Context
-from server.api.finding import ADDRESS_ID
+from server.api.fold_lookup import ADDRESS_ID
 from server.http.base_path import BASE_PATH
-from server.http.classes import TaughtClass, is_view
 from server.http.client_address import address_of
+from server.http.live_classes import LiveClass, is_view
 from server.store.folds import NoSuchFoldError
 
 router = APIRouter(include_in_schema=False)
@@ -83,7 +83,7 @@ async def follow(websocket: WebSocket) -> None:
     await _close(websocket, *((DONE, OVER) if shown.over else (REFUSED, "")))
 
 
-async def _lead(websocket: WebSocket, shown: TaughtClass) -> None:
+async def _lead(websocket: WebSocket, shown: LiveClass) -> None:
     """Lead a class by a connection, until it is lost or replaced, or ends the class."""
     shown.change(leader=websocket)
     try:
@@ -99,7 +99,7 @@ async def _lead(websocket: WebSocket, shown: TaughtClass) -> None:
         await _close(websocket, DONE)
 
 
-async def _take_views(websocket: WebSocket, shown: TaughtClass) -> None:
+async def _take_views(websocket: WebSocket, shown: LiveClass) -> None:
     """Take views; the class is over if one is none, they are too many, or the page is left."""
     clock = asyncio.get_running_loop().time
     second, count = 0, 0
@@ -117,7 +117,7 @@ async def _take_views(websocket: WebSocket, shown: TaughtClass) -> None:
     shown.change(over=True)
 
 
-async def _report(websocket: WebSocket, shown: TaughtClass) -> None:
+async def _report(websocket: WebSocket, shown: LiveClass) -> None:
     """Tell a leader the link and how it comes back, and how many follow."""
     link = f"http{str(websocket.base_url)[2:].rstrip('/')}{BASE_PATH.get()}/c/{shown.code}"
     picture = segno.make_qr(link, error="m").svg_data_uri(scale=4, border=4, light="#fff")
@@ -133,7 +133,7 @@ async def _report(websocket: WebSocket, shown: TaughtClass) -> None:
         await _send(websocket, f'{{"followers": {told}}}')
 
 
-async def _send_views(websocket: WebSocket, shown: TaughtClass) -> None:
+async def _send_views(websocket: WebSocket, shown: LiveClass) -> None:
     """Send views until the class is over; of those in quick succession the latest."""
     sent: str | None = None
     while not shown.over:

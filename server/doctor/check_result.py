@@ -1,4 +1,4 @@
-"""Finding: what a check has found, and what to do about it."""
+"""Check result: what a check of the doctor has found, and what to do about it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Literal
 from server.settings import Settings
 
 Verdict = Literal["ok", "warning", "problem"]
-Check = Callable[[Settings], "Finding"]
+Check = Callable[[Settings], "CheckResult"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
+class CheckResult:
     """One line of the doctor.
 
     Attributes:
@@ -35,24 +35,24 @@ class Finding:
         return words if self.remedy is None else f"{words}. {self.remedy}"
 
 
-def ok(found: str) -> Finding:
-    """Return the finding that all is well."""
-    return Finding(verdict="ok", found=found)
+def ok(found: str) -> CheckResult:
+    """Return the result that all is well."""
+    return CheckResult(verdict="ok", found=found)
 
 
-def warning(found: str, remedy: str) -> Finding:
-    """Return the finding of something that the service works without."""
-    return Finding(verdict="warning", found=found, remedy=remedy)
+def warning(found: str, remedy: str) -> CheckResult:
+    """Return the result of something that the service works without."""
+    return CheckResult(verdict="warning", found=found, remedy=remedy)
 
 
-def problem(found: str, remedy: str) -> Finding:
-    """Return the finding of something that keeps the service from working."""
-    return Finding(verdict="problem", found=found, remedy=remedy)
+def problem(found: str, remedy: str) -> CheckResult:
+    """Return the result of something that keeps the service from working."""
+    return CheckResult(verdict="problem", found=found, remedy=remedy)
 
 
-def examine(checks: Sequence[tuple[str, Check]], settings: Settings) -> list[Finding]:
+def examine(checks: Sequence[tuple[str, Check]], settings: Settings) -> list[CheckResult]:
     """Run checks; one that raises is a problem and does not stop the others."""
-    found: list[Finding] = []
+    found: list[CheckResult] = []
     for name, check in checks:
         try:
             finding = check(settings)

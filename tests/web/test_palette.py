@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from web.pictures.colours import (
+from web.palette import (
     MAX_ERROR_RGB,
     NO_ERROR_RGB,
     UNKNOWN_ERROR_RGB,

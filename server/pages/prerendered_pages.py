@@ -1,4 +1,4 @@
-"""Pages that are the same for all visitors: rendered once, and sent compressed."""
+"""Prerendered pages: the same for all visitors, rendered once and sent compressed."""
 
 from __future__ import annotations
 
