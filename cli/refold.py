@@ -9,9 +9,10 @@ from typing import Annotated
 
 import typer
 
-from cli.fold import compute, finish
 from cli.inputs import make_directory, read_input, refuse
 from cli.options import AsJson, PlanDirectory, Workers, takes
+from cli.progress_bars import compute
+from cli.summary import finish
 from planner.chain.chain import Chain
 from planner.errors import InputError
 from planner.file_names import CHAIN, PLAN

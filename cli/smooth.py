@@ -7,9 +7,10 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from cli.fold import compute, finish
 from cli.inputs import make_directory, refuse
 from cli.options import AsJson, FoldDirectory, PlanDirectory, takes
+from cli.progress_bars import compute
+from cli.summary import finish
 from planner.errors import InputError
 from planner.file_names import PLAN
 from planner.pipeline.request import FoldRequest

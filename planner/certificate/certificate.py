@@ -17,11 +17,17 @@ from numpy.typing import NDArray
 
 from planner.certificate.earlier_certificates import told_honestly
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
-from planner.certificate.sweeps import Sweeper, Sweeps, followed
+from planner.certificate.plan_figures import (
+    largest_angle,
+    plan_figures,
+    robot_figures,
+    torque_unit_nm,
+)
+from planner.certificate.sweeps import Sweeper, followed
 from planner.certificate.table_certificate import table_certificate
 from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
-from planner.certificate.verdict import distances_from_shape, find_verdict, rms
+from planner.certificate.verdict import find_verdict
 from planner.chain.chain import Chain
 from planner.chain.statics import GRAVITY_M_S2, static_torque
 from planner.clearance.exempt_pairs import ExemptPairs, Place, exempt_pairs
@@ -34,9 +40,6 @@ from planner.playback.playback import Playback
 from planner.progress import Cancelled, Progress, Report, never, silent
 
 Array = NDArray[np.float64]
-MOVING_SPEED_SHARE: Final = 0.1
-"""Minimum speed of a hinge that counts as moving, as a fraction of the fastest hinge's speed at
-that time; certificates report the number of moving hinges. Larger values count fewer. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,7 +214,8 @@ def certify(
         motions = () if playback is None else followed(playback)
         exempt = beside.submit(exempt_pairs, chain, motions, size=size)
         sweeps = sweeper.sweep_all(record, playback, sink)
-        figures = _plan_figures(chain, playback, parameters)
+        figures = plan_figures(chain, playback, parameters)
+        robots = robot_figures(chain, playback, sweeps)
     if unusable:
         verdict = f"failed: {unusable}"
     elif sweeper.is_cancelled:
@@ -237,8 +241,8 @@ def certify(
         simulated=None if playback is None else playback.simulated,
         module_size=size,
         exempt_pairs=exempt.result(),
-        robots=_robots(chain, playback, sweeps),
-        max_angle_record_rad=None if record is None else _largest_angle(record.frames),
+        robots=robots,
+        max_angle_record_rad=None if record is None else largest_angle(record.frames),
         joint_speed_limit_rad_s=parameters.joint_speed_limit_rad_s,
         gravity_torque_folded_nm=weight * static_torque(chain, chain.folded_rad),
         gravity_torque_straight_nm=weight * static_torque(chain, np.zeros_like(chain.folded_rad)),
@@ -282,24 +286,6 @@ def _on_table(
         height=chain.table_height,
         sink=forces,
     )
-
-
-_PLAN_FIGURES: Final = (
-    "frames",
-    "plan_end_error_rad",
-    "max_angle_rad",
-    "torque_source",
-    "torque_frames",
-    "rms_position_error",
-    "max_position_error",
-    "max_angle_error_rad",
-    "max_joint_step_rad",
-    "fold_time_s",
-    "hinges_moving_mean",
-    "hinges_moving_most",
-    "peak_torque_nm",
-    "rms_torque_nm",
-)
 
 
 def _unusable(
@@ -356,96 +342,3 @@ def _unusable_angles(playback: Playback, joints: int) -> str:
     if told is not None and (told.shape[1:] != expected or not np.isfinite(told).all()):
         return "the playbacks of other robots do not have the plan's frames"
     return ""
-
-
-def _robots(
-    chain: Chain, playback: Playback | None, sweeps: Sweeps
-) -> tuple[RobotFigures, ...] | None:
-    """Return the figures of each robot; None if there are none with model errors."""
-    if playback is None or playback.robots is None:
-        return None
-    plan, found = playback.reference, []
-    for motion, swept in zip(followed(playback)[1:], sweeps.of_robots, strict=False):
-        if swept is None:
-            continue
-        found.append(
-            RobotFigures(
-                max_angle_error_rad=_largest_difference(motion, plan),
-                rms_position_error=rms(distances_from_shape(chain, motion.angles_at(chain, -1))),
-                min_clearance=swept.clearance,
-                clearance_bound=swept.bound,
-            )
-        )
-    return tuple(found)
-
-
-def _largest_difference(motion: Motion, plan: Motion) -> float:
-    """Return the largest difference of a robot's hinges from the plan at its frames, rad."""
-    return float(np.abs(motion.angles_rad - plan.angles_rad).max(initial=0.0))
-
-
-def _largest_angle(motion: Motion) -> float:
-    return float(np.abs(motion.angles_rad).max(initial=0.0))
-
-
-def torque_unit_nm(chain: Chain, parameters: Parameters) -> float:
-    """Return the unit of simulated torques, module mass · pitch² / s², in N·m."""
-    mass_kg = parameters.density_kg_m3 * chain.module.volume * chain.pitch_m**3
-    return mass_kg * chain.pitch_m**2
-
-
-def _plan_figures(
-    chain: Chain, playback: Playback | None, parameters: Parameters
-) -> dict[str, Any]:
-    """Return the figures ``_PLAN_FIGURES``, each None where it cannot be computed."""
-    figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
-    if playback is None:
-        return figures
-    plan, times = playback.reference, playback.frames.time_s
-    figures["frames"] = len(plan)
-    figures["plan_end_error_rad"] = _end_error(chain, plan)
-    figures["max_angle_rad"] = max(_largest_angle(motion) for motion in followed(playback))
-    if playback.simulated:
-        figures |= _simulation_figures(chain, playback)
-    if len(plan) < 2:
-        return figures
-    steps, moving = plan.steps(chain, fraction=MOVING_SPEED_SHARE)
-    fastest = steps / np.maximum(np.diff(times), 1e-12)
-    moving = moving[fastest > 1e-9]
-    slower = float(fastest.max()) / parameters.joint_speed_limit_rad_s
-    figures["max_joint_step_rad"] = float(steps.max())
-    figures["fold_time_s"] = float(times[-1] - times[0]) * slower
-    figures["hinges_moving_mean"] = float(moving.mean()) if len(moving) else 0.0
-    figures["hinges_moving_most"] = int(moving.max()) if len(moving) else 0
-    unit = torque_unit_nm(chain, parameters)
-    if parameters.world != "table":  # where weight is most of it, however slowly it is played
-        unit /= max(slower, 1e-12) ** 2
-    if playback.peak_torque is not None and playback.rms_torque is not None:
-        figures["peak_torque_nm"] = playback.peak_torque * unit
-        figures["rms_torque_nm"] = playback.rms_torque * unit
-        figures["torque_frames"] = playback.torque_frames
-        figures["torque_source"] = "simulation, every step"
-        if not playback.simulated:
-            known = "some" if playback.torque_frames is None else playback.torque_frames
-            figures["torque_source"] = (
-                f"inverse dynamics at {known} of {len(plan)} frames, accelerations smoothed"
-            )
-    return figures
-
-
-def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
-    """Return the end error and the largest joint error of a simulated playback."""
-    simulated = playback.frames
-    distances = distances_from_shape(chain, simulated.angles_at(chain, -1))
-    # The playback says how far off its hinges were at any step; its frames must bear it out.
-    off = playback.max_angle_error_rad or 0.0
-    off = max(off, _largest_difference(simulated, playback.reference))
-    return {
-        "rms_position_error": rms(distances),
-        "max_position_error": float(distances.max()),
-        "max_angle_error_rad": off,
-    }
-
-
-def _end_error(chain: Chain, plan: Motion) -> float:
-    return float(np.abs(plan.angles_at(chain, -1) - chain.folded_rad).max(initial=0.0))

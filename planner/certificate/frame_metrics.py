@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.certificate import MOVING_SPEED_SHARE, Certificate, torque_unit_nm
+from planner.certificate.certificate import Certificate
 from planner.certificate.metrics_store import (
     CLEARANCE_REACH_PITCH,
     FIGURE_FRAMES_PER_CHUNK,
@@ -26,6 +26,7 @@ from planner.certificate.metrics_store import (
     Integers,
     write,
 )
+from planner.certificate.plan_figures import MOVING_SPEED_SHARE, torque_unit_nm
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques, motion_of
 from planner.chain.kinematics import forward_kinematics

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
+from planner.certificate.plan_figures import distances_from_shape, rms
 from planner.certificate.sweeps import Sweeps, followed, others
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
@@ -150,14 +151,3 @@ def _percent(found: Sweep) -> float:
 
 def _pair(found: Sweep) -> str:
     return "?" if found.modules is None else f"{found.modules[0]} and {found.modules[1]}"
-
-
-def rms(values: Array) -> float:
-    """Return the root of the mean square of values."""
-    return float(np.sqrt((values**2).mean()))
-
-
-def distances_from_shape(chain: Chain, angles: Array) -> Array:
-    """Return the (n,) distances of modules from the folded shape, pitches, after alignment."""
-    ends = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    return aligned_distances(ends.positions, chain.folded_poses.positions)

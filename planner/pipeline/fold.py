@@ -18,7 +18,7 @@ from planner.parameters.parameters import AUTO, FLOATING, World
 from planner.pipeline.attempt import Candidates
 from planner.pipeline.attempt_pool import AttemptPool
 from planner.pipeline.certifying import with_certificate
-from planner.pipeline.exploding import rest, with_explosion
+from planner.pipeline.exploding import with_explosion
 from planner.pipeline.exporting import finish
 from planner.pipeline.job import Job, Search, Watch
 from planner.pipeline.playing_back import with_playback
@@ -27,7 +27,7 @@ from planner.pipeline.reading import read_plan, read_shape
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.search import Certify, Explode, PlayBack, Step, next_step, with_choice
-from planner.pipeline.stages import run_stages
+from planner.pipeline.stages import rest, run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain, write_path

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path as FilePath
-from typing import Any, Final
+from typing import Final
 
 from planner.certificate.table_certificate import table_certificate
 from planner.chain.chain import Chain
@@ -18,7 +18,6 @@ from planner.parameters.explosion import TableParameters
 from planner.parameters.parameters import Parameters
 from planner.pipeline.job import Job, Search, Watch, is_smoothing
 from planner.pipeline.search import before_playback
-from planner.pipeline.workspace import Workspace
 from planner.playback.playback import Playback
 from planner.playback.playback import play_back as simulate_playback
 from planner.playback.table_playback import play_on_table
@@ -34,50 +33,6 @@ MIN_SIZING_TORQUE_WP: Final = 1.0
 (module weight × pitch). Smaller values leave motors of hardly loaded chains too little torque to
 accelerate. Chosen."""
 Sink = Callable[[Motion], None]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Played:
-    """Result of the stage ``play_back``.
-
-    Attributes:
-        playback: None when the chain was not straight after the explosion.
-    """
-
-    playback: Playback | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return plain JSON values."""
-        if self.playback is not None:
-            return self.playback.summary()
-        return {
-            "status": "skipped",
-            "reason": "the chain was not straight after the explosion",
-            "steps": 0,
-            "seconds": 0.0,
-            "rms_position_error": None,
-            "max_angle_error_rad": None,
-        }
-
-
-def play_back_latest(workspace: Workspace, watch: Watch) -> Played:
-    """Run the stage ``play_back``: play the latest record back, if it ends straight."""
-    place = workspace.attempt
-    place.drop_playback()
-    job = workspace.read_job()
-    search = workspace.read_search(job)
-    record = search.current.record
-    if record is not None and record.status != "straight":
-        return Played(playback=None)
-    job = replace(job, unfolding=workspace.read_unfolding(job.request))
-    search = replace(search, history=before_playback(search.history, job.policy))
-    workspace.write_history(search.history)
-    watch = replace(watch, timeline=place.timeline)
-    search = with_playback(job, search, watch, finer=search.history[-1].finer)
-    playback = search.current.playback
-    assert playback is not None
-    place.write_playback(playback)
-    return Played(playback=playback)
 
 
 def with_playback(job: Job, search: Search, watch: Watch, *, finer: int) -> Search:

@@ -11,7 +11,6 @@ from planner.explosion.strategies import on_lattice, strategies_for
 from planner.pipeline.attempt import Candidates
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
-from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.prepared import PreparedChains
 from planner.playback.unfolding import check_fits
@@ -52,23 +51,6 @@ class Reading:
             "hinges": len(chain.folded_rad),
             "pitch_m": chain.pitch_m,
         }
-
-
-def read_chains(workspace: Workspace) -> Reading:
-    """Run the stage ``read``: find the chains that may be folded, and write them."""
-    request = workspace.read_request()
-    request.check()
-    if request.smooth:
-        found = read_plan(workspace.read_recorded())
-    else:
-        workspace.drop_recorded()  # of an earlier fold with a preference
-        data, start = workspace.read_input(), workspace.read_start(request)
-        prepared = workspace.read_prepared(request, data)
-        found = read_shape(request, data, start=start, prepared=prepared)
-    workspace.clear()
-    workspace.write_candidates(found.candidates)
-    workspace.drop_prepared()
-    return found
 
 
 def read_plan(recorded: Plan) -> Reading:

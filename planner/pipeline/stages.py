@@ -1,33 +1,125 @@
 """Stages of a fold, each restartable, over one directory.
 
 A stage loads what the steps before it have saved, computes the steps that belong to it, and saves
-their results first and the outcome last. The service runs each stage in a process of its own; the
-command line runs them one after the other.
+their results first and the outcome last. The steps are functions of values in ``reading``,
+``exploding``, ``playing_back``, ``certifying`` and ``exporting``. The service runs each stage in a
+process of its own; the command line runs them one after the other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
-from typing import Any, Final
+from typing import Any, Final, Literal
 
+from planner.certificate.certificate import Certificate
+from planner.file_names import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
+from planner.motion.record import Record
+from planner.pipeline import manifest
+from planner.pipeline.attempt import Attempt
 from planner.pipeline.attempt_pool import AttemptPool
-from planner.pipeline.certifying import Judged, certify_latest
-from planner.pipeline.exploding import Exploded, explode_until_straight
-from planner.pipeline.exporting import Exported, export_best
-from planner.pipeline.job import Watch
-from planner.pipeline.playing_back import Played, play_back_latest
-from planner.pipeline.preference import COMPUTING
-from planner.pipeline.reading import Reading, read_chains
+from planner.pipeline.certifying import with_certificate
+from planner.pipeline.exploding import with_explosion
+from planner.pipeline.exporting import finish
+from planner.pipeline.job import Search, Watch, is_smoothing
+from planner.pipeline.playing_back import with_playback
+from planner.pipeline.preference import COMPUTING, Preference
+from planner.pipeline.reading import Reading, read_plan, read_shape
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import with_count
+from planner.pipeline.search import (
+    Explode,
+    before_explosion,
+    before_playback,
+    next_step,
+    with_choice,
+    with_count,
+)
 from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
+from planner.playback.playback import Playback
 from planner.progress import STAGES, Cancelled, Progress, Report, never, silent
 
 STAGES_OF_LAST_ATTEMPT: Final = ("play_back", "certify")
 """Stages of a fold that process the attempt that the stage ``explode`` made last; their progress
 reports say which attempt of how many it is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Exploded:
+    """Result of the stage ``explode``.
+
+    Attributes:
+        record: Record of the explosion that came farthest; None where nothing explodes.
+        attempts: Number of attempts so far.
+    """
+
+    record: Record | None
+    attempts: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain JSON values."""
+        if self.record is None:
+            return {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
+        return {**self.record.summary(), "attempts": self.attempts}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Played:
+    """Result of the stage ``play_back``.
+
+    Attributes:
+        playback: None when the chain was not straight after the explosion.
+    """
+
+    playback: Playback | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain JSON values."""
+        if self.playback is not None:
+            return self.playback.summary()
+        return {
+            "status": "skipped",
+            "reason": "the chain was not straight after the explosion",
+            "steps": 0,
+            "seconds": 0.0,
+            "rms_position_error": None,
+            "max_angle_error_rad": None,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judged:
+    """Result of the stage ``certify``.
+
+    Attributes:
+        certificate: Certificate of the best attempt when nothing else is tried, else of this one.
+        again: Stage that tries again; None when nothing else is tried.
+    """
+
+    certificate: Certificate
+    again: Literal["explode", "play_back"] | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain JSON values."""
+        return {**self.certificate.as_dict(), "again": self.again}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Exported:
+    """Result of the stage ``export``.
+
+    Attributes:
+        plan: Plan of the fold.
+    """
+
+    plan: Plan
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain JSON values."""
+        return self.plan.summary()
 
 
 def run_stage(
@@ -135,3 +227,130 @@ def _computed(
             return export_best(workspace)
         case _:
             raise ValueError(f"got the stage {stage!r}, expected one of: {', '.join(STAGES)}.")
+
+
+def read_chains(workspace: Workspace) -> Reading:
+    """Run the stage ``read``: find the chains that may be folded, and write them."""
+    request = workspace.read_request()
+    request.check()
+    if request.smooth:
+        found = read_plan(workspace.read_recorded())
+    else:
+        workspace.drop_recorded()  # of an earlier fold with a preference
+        data, start = workspace.read_input(), workspace.read_start(request)
+        prepared = workspace.read_prepared(request, data)
+        found = read_shape(request, data, start=start, prepared=prepared)
+    workspace.clear()
+    workspace.write_candidates(found.candidates)
+    workspace.drop_prepared()
+    return found
+
+
+def explode_until_straight(workspace: Workspace, watch: Watch, pool: AttemptPool) -> Exploded:
+    """Run the stage ``explode``: explosions, until one ends straight or nothing is left to try."""
+    job = workspace.read_job()
+    if job.request.smooth:
+        job = replace(job, recorded=workspace.read_recorded())
+    search = Search(history=before_explosion(workspace.read_history(), job.policy))
+    if not search.history:  # what an earlier fold left here must not pass for a result of this one
+        workspace.clear()
+    workspace.drop_pictures()
+    while isinstance(step := next_step(search.history, job.policy), Explode):
+        number = len(search.history)
+        begun = (*search.history, Attempt(trial=step.trial, status="begun"))
+        place = workspace.begin(number, job.candidates.chain_of(step.trial))
+        workspace.write_history(begun)
+        if (smooths := step.trial.smooths) is not None:
+            known = workspace.attempt_of(smooths).read_result()
+            search = replace(search, results={**search.results, smooths: known})
+        report = with_count(watch.progress, begun, job.policy)
+        there = replace(watch, progress=report, timeline=place.timeline)
+        search = with_explosion(job, search, step.trial, there, pool)
+        place.write_explosion(search.results[number])
+        workspace.write_history(search.history)
+        workspace.keep_best_explosion()
+    record = search.results[workspace.number or 0].record
+    rest(pool, record, len(search.history), job.request.prefer)
+    return Exploded(record=record, attempts=len(search.history))
+
+
+def rest(pool: AttemptPool, record: Record | None, attempts: int, prefer: Preference) -> None:
+    """End what explodes beside, when the last explosion of a series makes it of little use.
+
+    Args:
+        pool: Explosions that are made beside.
+        record: Record of the explosion that is played back next; None where nothing explodes.
+        attempts: Number of attempts so far.
+        prefer: Preference among verified plans.
+    """
+    wanted = attempts > 1 or prefer != COMPUTING  # what comes out at once is rarely refused
+    if record is not None and (record.status != "straight" or not wanted):
+        pool.end_running()
+
+
+def play_back_latest(workspace: Workspace, watch: Watch) -> Played:
+    """Run the stage ``play_back``: play the latest record back, if it ends straight."""
+    place = workspace.attempt
+    place.drop_playback()
+    job = workspace.read_job()
+    search = workspace.read_search(job)
+    record = search.current.record
+    if record is not None and record.status != "straight":
+        return Played(playback=None)
+    job = replace(job, unfolding=workspace.read_unfolding(job.request))
+    search = replace(search, history=before_playback(search.history, job.policy))
+    workspace.write_history(search.history)
+    watch = replace(watch, timeline=place.timeline)
+    search = with_playback(job, search, watch, finer=search.history[-1].finer)
+    playback = search.current.playback
+    assert playback is not None
+    place.write_playback(playback)
+    return Played(playback=playback)
+
+
+def certify_latest(workspace: Workspace, watch: Watch) -> Judged:
+    """Run the stage ``certify``: judge the latest playback, and say which stage follows."""
+    place, job = workspace.attempt, workspace.read_job()
+    place.drop_curves()
+    search = with_certificate(job, workspace.read_search(job), watch)
+    certificate = search.current.certificate
+    assert certificate is not None
+    place.write_judgement(search.current)
+    workspace.write_history(search.history)
+    if watch.cancelled():
+        return Judged(certificate=certificate, again=None)
+    step = next_step(search.history, job.policy)
+    if isinstance(step, Explode):
+        return Judged(certificate=certificate, again="explode")
+    if step is not None:
+        return Judged(certificate=certificate, again="play_back")
+    workspace.keep_best(job.request.prefer)
+    return Judged(certificate=workspace.read_certificate() or certificate, again=None)
+
+
+def export_best(workspace: Workspace) -> Exported:
+    """Run the stage ``export``: write the best plan, its figures, moments and digests."""
+    request, history = workspace.read_request(), workspace.read_history()
+    best = workspace.keep_best(request.prefer)
+    if best is not None and request.prefer != COMPUTING:
+        history = with_choice(history, best)
+        workspace.write_history(history)
+    workspace.publish(request.prefer)
+    result, start = workspace.read_result(), workspace.read_start(request)
+    recorded = workspace.read_recorded() if is_smoothing(result.record) else None
+    plan = finish(request, result, history, start=start, recorded=recorded)
+    before = [name for name in DESCRIBED if name not in EXPORTED_FILES]
+    with ThreadPoolExecutor(2) as beside:
+        figures = beside.submit(_write_figures, workspace)
+        digests = beside.submit(manifest.digests_of, workspace.directory, before)
+        texts = workspace.write_plan(plan)
+        figures.result()
+    # Of a thousand numbers that were just written as text, it is not asked for once more.
+    written = {PLAN_TEXT: manifest.digests_of_texts(texts)}
+    manifest.write_manifest(workspace.directory, digests.result() | written)
+    return Exported(plan=plan)
+
+
+def _write_figures(workspace: Workspace) -> None:
+    workspace.write_figures()
+    workspace.write_moments()

@@ -329,8 +329,8 @@ class Workspace:
 
         Folders that an earlier run made from there on are removed.
         """
-        self._remove([known for known in layout.numbers(self.directory) if known >= number])
         place = self.attempt_of(number)
+        self._remove([known for known in layout.numbers(self.directory) if known >= number])
         place.directory.mkdir(parents=True)
         place._write_chain(chain)
         return place

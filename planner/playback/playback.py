@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path as FilePath
-from threading import Event, Lock
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.cores import cores
 from planner.errors import InputError
 from planner.motion.angle_encoding import packed_frames, unpacked_frames
 from planner.motion.inverse_dynamics import inverse_dynamics
@@ -23,11 +20,11 @@ from planner.motion.record import Record, save_npz
 from planner.parameters.playback import PlaybackParameters
 from planner.playback.kinematic import kinematic_frames
 from planner.playback.reference_trajectory import ReferenceTrajectory
-from planner.playback.run import PlaybackStatus, Run
+from planner.playback.robot_runs import simulate_robots
+from planner.playback.run import PlaybackStatus
 from planner.playback.unfolding import Unfolding
-from planner.playback.window_run import WindowRun
 from planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
-from planner.progress import Cancelled, Progress, Report, never, silent
+from planner.progress import Cancelled, Report, never, silent
 
 Array = NDArray[np.float64]
 SINK_CHUNK_FRAMES: Final = 256
@@ -211,7 +208,7 @@ def play_back(
             chain, record, parameters, module_size, start_s, finer, unfolding
         )
     streamed = not windowed and trajectory.robots == 1
-    runs = _runs(trajectory, seed, sink if streamed else None, progress, cancelled)
+    runs = simulate_robots(trajectory, seed, sink if streamed else None, progress, cancelled)
     failed = next((one for one in runs if one.status != "folded"), None)
     run = failed or max(runs, key=lambda one: one.largest_error)
     others = [one.frames.stored_angles_rad for one in runs if one is not run]
@@ -235,78 +232,6 @@ def play_back(
         robots=len(runs) if len(runs) > 1 else None,
         others_rad=np.array(others) if others and failed is None else None,
     )
-
-
-def _runs(
-    trajectory: ReferenceTrajectory | WindowTrajectory,
-    seed: int,
-    sink: Callable[[Motion], None] | None,
-    progress: Report,
-    cancelled: Cancelled,
-) -> Sequence[Run | WindowRun]:
-    """Simulate all robots of a trajectory and return their runs."""
-
-    def one(number: int, told: Report, stopped: Cancelled) -> Run | WindowRun:
-        if isinstance(trajectory, WindowTrajectory):
-            run = WindowRun(trajectory, [seed, number])
-            run.simulate(told, stopped)
-        else:
-            run = Run(trajectory, [seed, number])
-            run.simulate(sink, told, stopped)
-        return run
-
-    return _beside(trajectory.robots, one, progress, cancelled)
-
-
-R = TypeVar("R")
-
-
-def _beside(
-    robots: int,
-    fold: Callable[[int, Report, Cancelled], R],
-    progress: Report,
-    cancelled: Cancelled,
-) -> list[R]:
-    """Fold with several robots in parallel and return their results.
-
-    The result of one does not depend on the others. Most of a step is MuJoCo's, which lets other
-    threads run meanwhile.
-
-    Args:
-        robots: Number of robots.
-        fold: Folds with one robot, given its number and its own ``progress`` and ``cancelled``.
-        progress, cancelled: Callbacks for all together.
-    """
-    lock, stop = Lock(), Event()
-    last: dict[int, Progress] = {}
-
-    def one(number: int) -> R:
-        def told(now: Progress) -> None:
-            with lock:
-                last[number] = now
-                progress(
-                    replace(
-                        now,
-                        fraction=sum(each.fraction for each in last.values()) / robots,
-                        steps=sum(each.steps for each in last.values()),
-                        steps_per_second=sum(each.steps_per_second for each in last.values()),
-                    )
-                )
-
-        def stopped() -> bool:
-            with lock:
-                if cancelled():
-                    stop.set()
-            return stop.is_set()
-
-        return fold(number, told, stopped)
-
-    numbers = range(robots)
-    if min(cores(), robots) == 1:
-        return [one(number) for number in numbers]
-    # More than there are cores: of three on two cores, two first would take as long as four.
-    with ThreadPoolExecutor(min(2 * cores(), robots)) as threads:
-        return list(threads.map(one, numbers))
 
 
 def simulates(chain: Chain, recorded: Motion, parameters: PlaybackParameters) -> bool:

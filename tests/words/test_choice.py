@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from cli.fold import show_choice
+from cli.summary import show_choice
 from planner.pipeline.preference import PREFERENCES, Preference
 from words.choice import PLAN_COLUMNS, PREFERENCE_WORDS, choice_of, superlative
 

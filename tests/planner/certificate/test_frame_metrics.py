@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.certificate.certificate import Certificate, torque_unit_nm
+from planner.certificate.certificate import Certificate
 from planner.certificate.frame_metrics import clearances_of, write_figures
 from planner.certificate.metrics_store import CLEARANCE_REACH_PITCH, Curves, Figures
+from planner.certificate.plan_figures import torque_unit_nm
 from planner.chain.chain import Chain
 from planner.chain.dynamics import floating_torques, motion_of
 from planner.chain.kinematics import forward_kinematics

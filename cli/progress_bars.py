@@ -1,0 +1,66 @@
+"""Progress bars: the stages of a fold, each with a bar in the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from planner.cores import cores
+from planner.pipeline.stages import run_stages
+from planner.progress import STAGES, Report
+from planner.progress import Progress as StageProgress
+
+STAGE_VERBS = {
+    "explode": "Exploding",
+    "play_back": "Folding",
+    "certify": "Checking",
+    "export": "Writing",
+}
+
+
+def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
+    """Run the stages after reading, with a bar for each; the plan's figures.
+
+    Args:
+        out: The fold's directory.
+        workers: Explosions at once at most; as many as there are cores when None.
+        words: Labels of stages that differ from the default ones.
+    """
+    from planner.pipeline.compiling import Compiling
+
+    with Progress(
+        TextColumn("{task.description:<10}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f}%"),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[note]}"),
+        console=Console(stderr=True),
+    ) as bars:
+
+        @contextmanager
+        def bar_of(stage: str) -> Generator[Report]:
+            bar = bars.add_task({**STAGE_VERBS, **words}[stage], total=1.0, note="")
+
+            def report(progress: StageProgress) -> None:
+                bars.update(bar, completed=progress.fraction)
+                if progress.steps:
+                    bars.update(bar, note=_steps(progress))
+
+            def compiles(progress: StageProgress) -> None:
+                bars.update(bar, note=f"{progress.message}(once on each machine)")
+
+            with Compiling(compiles):
+                yield report
+
+        return run_stages(out, first=STAGES[1], workers=workers or cores(), around=bar_of)
+
+
+def _steps(progress: StageProgress) -> str:
+    """Return the progress of a simulation: ``48200 steps · 482 s simulated``."""
+    simulated = f" · {progress.simulated_s:.0f} s simulated" if progress.simulated_s else ""
+    return f"{progress.steps} steps{simulated}"

@@ -1,0 +1,82 @@
+"""Summary: the figures of a plan in the terminal, and the exit status of a fold."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from planner.chain.module import module_named
+from words import certificate as certificate_words
+from words.choice import PLAN_COLUMNS, Choice
+from words.quantities import sentence
+
+
+def finish(
+    summary: dict[str, Any],
+    out: Path,
+    as_json: bool,
+    more: Callable[[dict[str, Any]], None] | None = None,
+) -> NoReturn:
+    """Print a plan's figures, with ``more`` for people; exit with 0 if verified, else 3."""
+    if as_json:
+        print(json.dumps(summary), flush=True)
+    else:
+        show(summary, out)
+        if more is not None:
+            more(summary)
+    raise typer.Exit(0 if summary["status"] == "verified" else 3)
+
+
+def show_choice(choice: Choice | None) -> None:
+    """Print the plans that were tried for a preference."""
+    if choice is None:
+        return
+    console = Console(highlight=False)
+    table = Table(*PLAN_COLUMNS, box=None, pad_edge=False)
+    table.columns[0].no_wrap = True
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for plan in choice["plans"]:
+        mark = "→" if plan["chosen"] else "✓" if plan["verified"] else "✗"
+        table.add_row(f"{mark} {plan['label']}", *plan["cells"])
+    console.print()
+    console.print(table)
+    console.print(choice["text"], markup=False, soft_wrap=True)
+
+
+def show(summary: dict[str, Any], out: Path) -> None:
+    """Print a plan's figures for people."""
+    certificate, playback = summary["certificate"], summary["playback"]
+    strategy = summary["explosion"].get("strategy")
+    console = Console(highlight=False)
+    table = Table(box=None, show_header=False, pad_edge=False)
+
+    def row(name: str, value: float | int | str | None, unit: str = "") -> None:
+        if value is not None:
+            table.add_row(name, f"{value} {unit}".rstrip())
+
+    console.print(certificate_words.headline(certificate), markup=False, soft_wrap=True)
+    if stuck := summary["stuck"]:
+        console.print(f"{sentence(stuck['words'])}.", markup=False, soft_wrap=True)
+    row("Starts in shape", summary["refold"] and summary["refold"]["start"])
+    row("Modules", summary["modules"])
+    row("Strategy", certificate_words.baseline(strategy) or strategy)
+    row("Explosion", summary["explosion"]["steps"] or None, "steps")
+    row("Playback", playback and (playback["steps"] or None), "steps")
+    for name, value in certificate_words.rows(certificate):
+        row(sentence(name), value)
+    row("Written to", str(out))
+    console.print(table)
+    limit = module_named(summary["module"]).angle_limit_rad
+    for told in (
+        certificate_words.linked(certificate),
+        certificate_words.record(certificate, limit_rad=limit),
+    ):
+        if told is not None:
+            console.print(told, markup=False, soft_wrap=True)

@@ -1,0 +1,142 @@
+"""Plan figures: angles, speeds, torques and end errors of a plan and of its simulated robots."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.certificate.figures import RobotFigures
+from planner.certificate.sweeps import Sweeps, followed
+from planner.chain.chain import Chain
+from planner.chain.rotations import aligned_distances
+from planner.motion.motion import Motion
+from planner.parameters.parameters import Parameters
+from planner.playback.playback import Playback
+
+Array = NDArray[np.float64]
+MOVING_SPEED_SHARE: Final = 0.1
+"""Minimum speed of a hinge that counts as moving, as a fraction of the fastest hinge's speed at
+that time; certificates report the number of moving hinges. Larger values count fewer. Chosen."""
+
+
+_PLAN_FIGURES: Final = (
+    "frames",
+    "plan_end_error_rad",
+    "max_angle_rad",
+    "torque_source",
+    "torque_frames",
+    "rms_position_error",
+    "max_position_error",
+    "max_angle_error_rad",
+    "max_joint_step_rad",
+    "fold_time_s",
+    "hinges_moving_mean",
+    "hinges_moving_most",
+    "peak_torque_nm",
+    "rms_torque_nm",
+)
+
+
+def plan_figures(chain: Chain, playback: Playback | None, parameters: Parameters) -> dict[str, Any]:
+    """Return the figures ``_PLAN_FIGURES``, each None where it cannot be computed."""
+    figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
+    if playback is None:
+        return figures
+    plan, times = playback.reference, playback.frames.time_s
+    figures["frames"] = len(plan)
+    figures["plan_end_error_rad"] = _end_error(chain, plan)
+    figures["max_angle_rad"] = max(largest_angle(motion) for motion in followed(playback))
+    if playback.simulated:
+        figures |= _simulation_figures(chain, playback)
+    if len(plan) < 2:
+        return figures
+    steps, moving = plan.steps(chain, fraction=MOVING_SPEED_SHARE)
+    fastest = steps / np.maximum(np.diff(times), 1e-12)
+    moving = moving[fastest > 1e-9]
+    slower = float(fastest.max()) / parameters.joint_speed_limit_rad_s
+    figures["max_joint_step_rad"] = float(steps.max())
+    figures["fold_time_s"] = float(times[-1] - times[0]) * slower
+    figures["hinges_moving_mean"] = float(moving.mean()) if len(moving) else 0.0
+    figures["hinges_moving_most"] = int(moving.max()) if len(moving) else 0
+    unit = torque_unit_nm(chain, parameters)
+    if parameters.world != "table":  # where weight is most of it, however slowly it is played
+        unit /= max(slower, 1e-12) ** 2
+    if playback.peak_torque is not None and playback.rms_torque is not None:
+        figures["peak_torque_nm"] = playback.peak_torque * unit
+        figures["rms_torque_nm"] = playback.rms_torque * unit
+        figures["torque_frames"] = playback.torque_frames
+        figures["torque_source"] = "simulation, every step"
+        if not playback.simulated:
+            known = "some" if playback.torque_frames is None else playback.torque_frames
+            figures["torque_source"] = (
+                f"inverse dynamics at {known} of {len(plan)} frames, accelerations smoothed"
+            )
+    return figures
+
+
+def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
+    """Return the end error and the largest joint error of a simulated playback."""
+    simulated = playback.frames
+    distances = distances_from_shape(chain, simulated.angles_at(chain, -1))
+    # The playback says how far off its hinges were at any step; its frames must bear it out.
+    off = playback.max_angle_error_rad or 0.0
+    off = max(off, _largest_difference(simulated, playback.reference))
+    return {
+        "rms_position_error": rms(distances),
+        "max_position_error": float(distances.max()),
+        "max_angle_error_rad": off,
+    }
+
+
+def _end_error(chain: Chain, plan: Motion) -> float:
+    return float(np.abs(plan.angles_at(chain, -1) - chain.folded_rad).max(initial=0.0))
+
+
+def robot_figures(
+    chain: Chain, playback: Playback | None, sweeps: Sweeps
+) -> tuple[RobotFigures, ...] | None:
+    """Return the figures of each robot; None if there are none with model errors."""
+    if playback is None or playback.robots is None:
+        return None
+    plan, found = playback.reference, []
+    for motion, swept in zip(followed(playback)[1:], sweeps.of_robots, strict=False):
+        if swept is None:
+            continue
+        found.append(
+            RobotFigures(
+                max_angle_error_rad=_largest_difference(motion, plan),
+                rms_position_error=rms(distances_from_shape(chain, motion.angles_at(chain, -1))),
+                min_clearance=swept.clearance,
+                clearance_bound=swept.bound,
+            )
+        )
+    return tuple(found)
+
+
+def largest_angle(motion: Motion) -> float:
+    """Return the largest angle of a hinge in a motion, rad."""
+    return float(np.abs(motion.angles_rad).max(initial=0.0))
+
+
+def _largest_difference(motion: Motion, plan: Motion) -> float:
+    """Return the largest difference of a robot's hinges from the plan at its frames, rad."""
+    return float(np.abs(motion.angles_rad - plan.angles_rad).max(initial=0.0))
+
+
+def torque_unit_nm(chain: Chain, parameters: Parameters) -> float:
+    """Return the unit of simulated torques, module mass · pitch² / s², in N·m."""
+    mass_kg = parameters.density_kg_m3 * chain.module.volume * chain.pitch_m**3
+    return mass_kg * chain.pitch_m**2
+
+
+def rms(values: Array) -> float:
+    """Return the root of the mean square of values."""
+    return float(np.sqrt((values**2).mean()))
+
+
+def distances_from_shape(chain: Chain, angles: Array) -> Array:
+    """Return the (n,) distances of modules from the folded shape, pitches, after alignment."""
+    ends = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    return aligned_distances(ends.positions, chain.folded_poses.positions)

@@ -1,0 +1,89 @@
+"""Robot runs: all robots of a playback, each of which folds the chain once, in parallel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from threading import Event, Lock
+from typing import TypeVar
+
+from planner.cores import cores
+from planner.motion.motion import Motion
+from planner.playback.reference_trajectory import ReferenceTrajectory
+from planner.playback.run import Run
+from planner.playback.window_run import WindowRun
+from planner.playback.window_trajectory import WindowTrajectory
+from planner.progress import Cancelled, Progress, Report
+
+
+def simulate_robots(
+    trajectory: ReferenceTrajectory | WindowTrajectory,
+    seed: int,
+    sink: Callable[[Motion], None] | None,
+    progress: Report,
+    cancelled: Cancelled,
+) -> Sequence[Run | WindowRun]:
+    """Simulate all robots of a trajectory and return their runs."""
+
+    def one(number: int, told: Report, stopped: Cancelled) -> Run | WindowRun:
+        if isinstance(trajectory, WindowTrajectory):
+            run = WindowRun(trajectory, [seed, number])
+            run.simulate(told, stopped)
+        else:
+            run = Run(trajectory, [seed, number])
+            run.simulate(sink, told, stopped)
+        return run
+
+    return _beside(trajectory.robots, one, progress, cancelled)
+
+
+R = TypeVar("R")
+
+
+def _beside(
+    robots: int,
+    fold: Callable[[int, Report, Cancelled], R],
+    progress: Report,
+    cancelled: Cancelled,
+) -> list[R]:
+    """Fold with several robots in parallel and return their results.
+
+    The result of one does not depend on the others. Most of a step is MuJoCo's, which lets other
+    threads run meanwhile.
+
+    Args:
+        robots: Number of robots.
+        fold: Folds with one robot, given its number and its own ``progress`` and ``cancelled``.
+        progress, cancelled: Callbacks for all together.
+    """
+    lock, stop = Lock(), Event()
+    last: dict[int, Progress] = {}
+
+    def one(number: int) -> R:
+        def told(now: Progress) -> None:
+            with lock:
+                last[number] = now
+                progress(
+                    replace(
+                        now,
+                        fraction=sum(each.fraction for each in last.values()) / robots,
+                        steps=sum(each.steps for each in last.values()),
+                        steps_per_second=sum(each.steps_per_second for each in last.values()),
+                    )
+                )
+
+        def stopped() -> bool:
+            with lock:
+                if cancelled():
+                    stop.set()
+            return stop.is_set()
+
+        return fold(number, told, stopped)
+
+    numbers = range(robots)
+    if min(cores(), robots) == 1:
+        return [one(number) for number in numbers]
+    # More than there are cores: of three on two cores, two first would take as long as four.
+    with ThreadPoolExecutor(min(2 * cores(), robots)) as threads:
+        return list(threads.map(one, numbers))
