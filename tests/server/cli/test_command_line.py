@@ -14,14 +14,14 @@ import pytest
 from numba import njit
 from typer.testing import CliRunner
 
-from cli import fold
+from cli.progress_bars import compute
 from planner.pipeline import stages
 from planner.readers.gallery import Gallery
 from server.cli.command_line import COMMANDS, application
 
 ROOT = Path(__file__).parents[3]
 COMMAND_DIRS = (ROOT / "cli", ROOT / "server" / "cli")
-SHARED = {"__init__", "command_line", "inputs", "options"}
+SHARED = {"__init__", "command_line", "inputs", "options", "progress_bars", "summary"}
 
 
 def foldback(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -70,7 +70,7 @@ def test_compiling_is_told_while_it_lasts(
 
     monkeypatch.setattr(stages, "run_stage", compiling)
     monkeypatch.setattr(stages, "next_stage", MagicMock(return_value=None))
-    assert fold.compute(tmp_path, 1) == {}
+    assert compute(tmp_path, 1) == {}
     assert "compiling(once on each machine)" in capsys.readouterr().err
 
 
