@@ -144,7 +144,7 @@ def files_of(component: str) -> list[Path]:
     ]
 
 
-def about(component: str) -> str:
+def summary_of(component: str) -> str:
     """Return the first line of a component's docstring."""
     path = modules()[component]
     return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")[0]
@@ -155,7 +155,7 @@ def table() -> str:
     lines = ["| component | what it is for | files |", "|---|---|---|"]
     for component in (component for layer in reversed(LAYERS) for component in layer):
         names = ", ".join(f"`{path.stem}`" for path in files_of(component))
-        lines.append(f"| `{component.replace('.', '/')}` | {about(component)} | {names} |")
+        lines.append(f"| `{component.replace('.', '/')}` | {summary_of(component)} | {names} |")
     return "\n".join(lines) + "\n"
 
 
@@ -166,7 +166,7 @@ def with_table(page: str) -> str:
     return f"{before}{BEGIN}\n{table()}\n{END}{after}"
 
 
-def drawn() -> str:
+def draw() -> str:
     """Return the picture as SVG: a column per package, a box per component, lines for imports."""
     columns = {
         column: [
@@ -216,5 +216,5 @@ def drawn() -> str:
 
 
 if __name__ == "__main__":
-    PICTURE.write_text(drawn(), encoding="utf-8")
+    PICTURE.write_text(draw(), encoding="utf-8")
     PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -24,7 +24,7 @@ PICTURES = (
 )
 
 
-def drawn(shape: str, title: str) -> str:
+def draw_shape(shape: str, title: str) -> str:
     """Return the drawing of an example shape as SVG."""
     found = read((ROOT / "examples" / "shapes" / f"{shape}.json").read_bytes())
     assert isinstance(found, CellPath | Chain)
@@ -35,7 +35,7 @@ def drawn(shape: str, title: str) -> str:
 def main() -> None:
     """Write the pictures."""
     for name, shape, title in PICTURES:
-        (ROOT / "docs" / "pictures" / name).write_text(drawn(shape, title), encoding="utf-8")
+        (ROOT / "docs" / "pictures" / name).write_text(draw_shape(shape, title), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Plans a fold: explode the folded chain, play the record back in reverse, verify the motion."""
+"""Plan a fold: explode the folded chain, play the record back in reverse, verify the motion."""
 
 from __future__ import annotations
 

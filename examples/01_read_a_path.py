@@ -1,4 +1,4 @@
-"""Reads cells in several formats, and shows what is said of a file that cannot be used."""
+"""Read cells in several formats, and show the error of a file that cannot be used."""
 
 from __future__ import annotations
 

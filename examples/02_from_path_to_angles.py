@@ -1,4 +1,4 @@
-"""From cells to the angles of a chain, and back by forward kinematics."""
+"""Convert cells to the angles of a chain, and back by forward kinematics."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def main() -> None:
     distance = np.abs(chain.folded_poses.positions - path.cells).max()
     print(f"farthest module from its cell: {distance:.1e} pitches")
 
-    # The same angles at a third of their size: a chain on its way.
+    # The same angles at a third of their size are a state during the fold.
     root = chain.root
     poses = chain.poses(chain.folded_rad / 3, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     span = np.linalg.norm(poses.positions[0] - poses.positions[-1])

@@ -1,4 +1,4 @@
-"""Explodes a folded chain: forces pull it straight, and every snapshot is kept."""
+"""Explode a folded chain: forces pull it straight, and every snapshot is recorded."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def main() -> None:
     record = explode(Chain.from_path(path), ExplosionParameters(), seed=0, progress=show)
     print(f"{record.status} after {record.steps} steps and {record.seconds:.1f} s")
 
-    # The record, read backwards, is how the chain folds.
+    # The chain folds by the record in reverse.
     frames = record.frames
     for k in np.linspace(len(frames) - 1, 0, 6).astype(int):
         bent = np.rad2deg(np.abs(frames.joint_angles_rad[k]).max())

@@ -1,4 +1,4 @@
-"""Writes a timeline while a chain explodes, and follows it at its tail as a viewer does."""
+"""Write a timeline while a chain explodes, and follow its end as a viewer does."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def main() -> None:
     assert isinstance(path, Path)
     chain = Chain.from_path(path)
     with tempfile.TemporaryDirectory() as directory:
-        place = FilePath(directory) / "timeline.zarr"
-        writer = TimelineWriter.create(place, chain)
+        timeline_path = FilePath(directory) / "timeline.zarr"
+        writer = TimelineWriter.create(timeline_path, chain)
         worker = threading.Thread(target=compute, args=(chain, writer))
         worker.start()
-        timeline = Timeline.open(place)
+        timeline = Timeline.open(timeline_path)
         while timeline.status == "growing":
             if timeline.refresh():
                 print(f"{len(timeline)} frames, {timeline.status}")

@@ -1,4 +1,4 @@
-"""Draws the example shapes as SVG files: `python 05_draw_a_shape.py [FOLDER]`."""
+"""Draw the example shapes as SVG files: `python 05_draw_a_shape.py [FOLDER]`."""
 
 from __future__ import annotations
 

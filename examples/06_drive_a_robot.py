@@ -1,4 +1,4 @@
-"""Drives a simulated robot along a fold of a running service, which waits when it falls behind."""
+"""Drive a simulated robot along a fold of a running service, which waits when it falls behind."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def main() -> None:
     fold = given.fold or verified[0]
     with urlopen(f"{given.url}/api/folds/{fold}/model.xml") as answer:
         spec = mujoco.MjSpec.from_string(answer.read().decode())
-    stiffness = given.stiffness * len(spec.bodies) ** 3  # so much more does a longer chain ask for
+    stiffness = given.stiffness * len(spec.bodies) ** 3  # long chains need stiffer servos
     for joint in spec.joints:
         if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
             servo = spec.add_actuator(name=joint.name, target=joint.name)
@@ -44,20 +44,20 @@ def main() -> None:
         servos = [model.actuator(name).id for name in begin["joint_names"]]
         least_s = given.speed / begin["rate_hz"]
         print(f"{len(joints)} joints, {begin['duration_s']:.1f} s at speed 1", flush=True)
-        robot.qpos[joints] = begin["joint_angles_rad"]  # a real one is brought there first
+        robot.qpos[joints] = begin["joint_angles_rad"]  # a real robot is first moved to this pose
         service.send(json.dumps({"do": "report", "joint_angles_rad": robot.qpos[joints].tolist()}))
-        for said in map(json.loads, service):
-            if said["is"] == "target":
-                lead = np.multiply(said["joint_speeds_rad_s"], DAMPING_S / given.speed)
-                robot.ctrl[servos] = said["joint_angles_rad"] + lead
-                passed_s = max(said["time_s"] - robot.time, least_s)  # late targets are left out
+        for message in map(json.loads, service):
+            if message["is"] == "target":
+                lead = np.multiply(message["joint_speeds_rad_s"], DAMPING_S / given.speed)
+                robot.ctrl[servos] = message["joint_angles_rad"] + lead
+                passed_s = max(message["time_s"] - robot.time, least_s)  # late targets are left out
                 mujoco.mj_step(model, robot, nstep=max(1, round(passed_s / model.opt.timestep)))
-                error = np.abs(robot.qpos[joints] - said["joint_angles_rad"]).max()
-                report = {"do": "report", "error_rad": error, "number": said["number"]}
+                error = np.abs(robot.qpos[joints] - message["joint_angles_rad"]).max()
+                report = {"do": "report", "error_rad": error, "number": message["number"]}
                 service.send(json.dumps(report))
             else:
-                print(said, flush=True)
-            if said["is"] == "end":
+                print(message, flush=True)
+            if message["is"] == "end":
                 break
 
 

@@ -1,4 +1,4 @@
-"""Has a running service fold a shape, follows it, and takes the plan and the last frame away."""
+"""Have a running service fold a shape, follow it, and download the plan and the last frame."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Shows a fold in a viser server while it is computed, adds to what viser shows, and plays it.
+"""Show a fold in a viser server while it is computed, add to its user interface, and play it.
 
-It stays until Ctrl-C where somebody sits at the terminal. In a notebook `show(plan)` at the end of
-a cell shows the plan in place.
+In a terminal the server runs until Ctrl-C. In a notebook `show(plan)` at the end of a cell shows
+the plan in place.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def main() -> None:
         plan = fold(shape, progress=shown)
         print(f"{plan.certificate.verdict}, {plan.certificate.min_clearance:.3f} pitches clear")
 
-        # It is a plain viser server: whatever viser can do can be added to it.
+        # It is a plain viser server: all that viser offers can be added to it.
         gui = shown.server.gui
         gui.add_markdown(f"Verdict: {plan.certificate.verdict}")
         start = gui.add_button("To the start")

@@ -1,4 +1,4 @@
-"""Makes the recording that plays on the first page: web/featured.batch.
+"""Make the recording that plays on the first page: web/featured.batch.
 
 python examples/make_featured.py
 """
@@ -21,7 +21,7 @@ EVERY = 4
 
 
 def main() -> None:
-    """Folds the shape and keeps every fourth frame."""
+    """Fold the shape and store every fourth frame."""
     with tempfile.TemporaryDirectory() as place:
         directory = Path(place)
         Workspace(directory).write_request(FoldRequest(filename=SHAPE.name), SHAPE.read_bytes())

@@ -2,8 +2,8 @@
 
 python examples/make_finished.py [NAME …]
 
-Each is folded by the product. Its record and its simulated errors are then rounded, so that the
-file is small; the plan itself is not. What is rounded is certified once more, as it is shipped.
+Each is folded by the product. Its record and its simulated errors are then rounded to make the file
+small; the plan itself is not. The rounded motions are certified again, as they are shipped.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ FOLDS: tuple[tuple[str, str | None], ...] = (
     ("tetra-cube-2", None),
     ("mallet-80", "wrench-80"),
 )
-"""Shapes that are folded, and those that refolds begin as."""
+"""Shapes to fold; a refold also names the shape that it starts from."""
 RECORD_STEP_RAD = PLAN_STEP_RAD * 2**7
-"""Step of the explosion's angles, 2.4e-5 rad: nobody sees it, and it halves their size."""
+"""Step of the explosion's angles, 2.4e-5 rad: invisible, and it halves their size."""
 ERROR_STEP_RAD = PLAN_STEP_RAD * 2**5
 """Step of the simulated errors, 6e-6 rad: a twentieth of the largest ones."""
 
@@ -82,8 +82,8 @@ def round_motion(directory: Path) -> None:
     wanted = np.rint(reference / PLAN_STEP_RAD)
     reference = np.asarray(reference) + 0.0
 
-    def followed(angles_rad: np.ndarray) -> np.ndarray:
-        """Round towards the largest error that the simulation told, never beyond."""
+    def round_errors(angles_rad: np.ndarray) -> np.ndarray:
+        """Round towards the largest error that the simulation reported, never beyond."""
         most = np.floor((playback.max_angle_error_rad or np.inf) / ERROR_STEP_RAD)
         off = np.rint((angles_rad - reference) / ERROR_STEP_RAD).clip(-most, most)
         return (wanted + off * (ERROR_STEP_RAD / PLAN_STEP_RAD)) * PLAN_STEP_RAD + 0.0
@@ -94,13 +94,13 @@ def round_motion(directory: Path) -> None:
     angles = angles * PLAN_STEP_RAD + 0.0
     nothing = np.full_like(exploded.joint_error_rad, np.nan)
     replace(record, frames=rounded(exploded, angles, nothing)).save(directory / RECORD)
-    simulated = followed(played.joint_angles_rad)
+    simulated = round_errors(played.joint_angles_rad)
     others = playback.others_rad
     playback = replace(
         playback,
         frames=rounded(played, simulated, np.abs(simulated - reference)),
         reference_rad=reference,
-        others_rad=None if others is None else followed(np.asarray(others)),
+        others_rad=None if others is None else round_errors(np.asarray(others)),
     )
     playback.save(directory / PLAYBACK)
     _write_timeline(directory)
@@ -128,7 +128,7 @@ def _write_timeline(directory: Path) -> None:
 
 
 def _round_figures(directory: Path) -> None:
-    """Round what plots show: clearances down, torques to 1/64 of the largest one or less."""
+    """Round plotted figures: clearances down, torques to at most 1/64 of the largest one."""
     path = directory / FIGURES
     figures = Figures.load(path)
     step = torque_step(figures.torque_nm.astype(float))
@@ -141,8 +141,8 @@ def _round_figures(directory: Path) -> None:
     write([figures], len(figures), str(path))
 
 
-def about(directory: Path, shape: str, start: str | None) -> dict[str, Any]:
-    """Return what a service notes of the fold in its row."""
+def row_values(directory: Path, shape: str, start: str | None) -> dict[str, Any]:
+    """Return the values that a service stores of the fold in its row."""
     known = Gallery().shape(shape)
     assert known is not None
     plan = Plan.load(directory / PLAN)
@@ -165,7 +165,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as place, tempfile.TemporaryDirectory() as again:
             fold_into(Path(place), shape, start)
             round_motion(Path(place))
-            data = pack(Path(place), about(Path(place), shape, start))
+            data = pack(Path(place), row_values(Path(place), shape, start))
             unpack(data, Path(again))
             assert manifest.changed_fields(Path(again)) == []
         (FINISHED_FOLDS_DIR / f"{name}.fold").write_bytes(data)

@@ -1,4 +1,4 @@
-"""Makes the shapes of the gallery: `python examples/make_gallery.py [NAME …]`.
+"""Make the shapes of the gallery: `python examples/make_gallery.py [NAME …]`.
 
 `gallery.txt` has drawings of blocks; round and hollow shapes are formulas below. A block becomes
 2×2×2 modules, whose path is made by merging the blocks' cycles along a tree. The same seed makes
@@ -33,7 +33,7 @@ Inside = Callable[[float, float, float], bool]
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing:
-    """A shape to make: what it is called, what kind it is of, its blocks, the seed of its path."""
+    """Shape to make: its name, title, tags and blocks, and the seed of its path."""
 
     name: str
     title: str
@@ -45,8 +45,8 @@ class Drawing:
 # Drawn shapes -------------------------------------------------------------------------------------
 
 
-def drawn(text: str) -> Iterator[Drawing]:
-    """The shapes of a text: see the top of `gallery.txt`."""
+def parse_drawings(text: str) -> Iterator[Drawing]:
+    """Yield the shapes of a text in the format that `gallery.txt` explains."""
     for part in text.split("\n\n"):
         heading, *rows = part.strip().splitlines()
         found = HEADING.fullmatch(heading)
@@ -62,7 +62,7 @@ def drawn(text: str) -> Iterator[Drawing]:
 
 
 def slices(rows: list[str]) -> list[list[str]]:
-    """Pictures side by side, each as often as the number above it says."""
+    """Return the slices that are drawn side by side, each as often as the number above it says."""
     times = [int(n) for n in TIMES.findall(rows[0])]
     columns = list(zip(*(row.split() for row in rows[bool(times) :]), strict=True))
     return [
@@ -73,7 +73,7 @@ def slices(rows: list[str]) -> list[list[str]]:
 
 
 def standing(pictures: list[list[str]]) -> frozenset[Block]:
-    """Blocks of slices seen from the front: x comes forward, y goes right, z up."""
+    """Return the blocks of slices seen from the front: x comes forward, y goes right, z up."""
     return frozenset(
         (x, y, len(picture) - 1 - row)
         for x, picture in enumerate(pictures)
@@ -84,7 +84,7 @@ def standing(pictures: list[list[str]]) -> frozenset[Block]:
 
 
 def lying(pictures: list[list[str]]) -> frozenset[Block]:
-    """Blocks of layers seen from above."""
+    """Return the blocks of layers seen from above."""
     return frozenset(
         (x, y, z)
         for z, picture in enumerate(pictures)
@@ -98,14 +98,14 @@ def lying(pictures: list[list[str]]) -> frozenset[Block]:
 
 
 def solid(size: Block, inside: Inside) -> frozenset[Block]:
-    """Blocks of a box whose middles, seen from the middle of the box, are inside."""
+    """Return the blocks of a box whose centres, relative to the centre of the box, are inside."""
     a, b, c = ((n - 1) / 2 for n in size)
     return frozenset(
         (x, y, z) for x, y, z in product(*(range(n) for n in size)) if inside(x - a, y - b, z - c)
     )
 
 
-# Names, titles, tags, blocks along x, y and z, and which of them are filled.
+# Name, title and tags of each shape, its blocks along x, y and z, and which of them are filled.
 FORMULAS: tuple[tuple[str, str, str, Block, Inside], ...] = (
     ("sphere", "Sphere", "solid", (4, 4, 4), lambda x, y, z: x * x + y * y + z * z < 4),
     ("octahedron", "Octahedron", "solid", (5, 5, 5), lambda x, y, z: abs(x) + abs(y) + abs(z) < 3),
@@ -134,20 +134,20 @@ FORMULAS: tuple[tuple[str, str, str, Block, Inside], ...] = (
 
 
 def drawings() -> list[Drawing]:
-    """All shapes that this script makes."""
+    """Return all shapes that this script makes."""
     text = (HERE / "gallery.txt").read_text(encoding="utf-8")
-    said = (
+    shapes = (
         Drawing(name=name, title=title, tags=tuple(tags.split()), blocks=solid(size, inside))
         for name, title, tags, size, inside in FORMULAS
     )
-    return [*drawn(text), *said]
+    return [*parse_drawings(text), *shapes]
 
 
 # Paths --------------------------------------------------------------------------------------------
 
 
 def make(shape: Drawing) -> bytes:
-    """The file of a shape: the best of some paths, by how close neighbours stay along them."""
+    """Return the file of a shape, whose path is the best of several by distance of neighbours."""
     blocks = np.array(sorted(shape.blocks))
     rng = np.random.default_rng(shape.seed)
     cells = min((block_path(blocks, rng) for _ in range(CANDIDATES)), key=spread)
@@ -159,7 +159,7 @@ def make(shape: Drawing) -> bytes:
 
 
 def main(names: list[str]) -> None:
-    """Writes the shapes named, all of them when none is."""
+    """Write the named shapes; all of them if none is named."""
     for shape in drawings():
         if not names or shape.name in names:
             (HERE / "shapes" / f"{shape.name}.json").write_bytes(make(shape))

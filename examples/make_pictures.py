@@ -23,7 +23,7 @@ CARD_SIZE, HERO_SIZE = 160, 480
 
 
 def pictures() -> Iterator[tuple[str, Callable[[], bytes]]]:
-    """Yield the name of each picture and what makes it."""
+    """Yield the name of each picture and the function that makes it."""
     for shape in gallery():
         yield f"{shape.name}-{CARD_SIZE}.svg", partial(_svg, shape, CARD_SIZE)
         if shape.name == FEATURED:

@@ -1,9 +1,9 @@
-"""Makes the example shapes: `python examples/make_shapes.py [NAME …]`.
+"""Make the example shapes: `python examples/make_shapes.py [NAME …]`.
 
 A shape is drawn in a few lines of text or as boxes. Shapes that consist of 2×2×2 blocks get a path
 by merging the blocks' cycles along a breadth-first tree, which never knots and unfolds well. Others
-get one from the SAT solver of python-sat. The seeds are those of some sixty tried whose
-chains came out straight in the fewest steps; the same seed makes the same file.
+get one from the SAT solver of python-sat. Of some sixty seeds each shape has the one whose chain
+straightened in the fewest steps; the same seed makes the same file.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Cells = NDArray[np.int64]
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing:
-    """A shape to make: its name, its title and how its path is found."""
+    """Shape to make: its name, its title and how its path is found."""
 
     name: str
     title: str
@@ -42,13 +42,13 @@ class Drawing:
 
 
 def box(low: Cell, size: Cell) -> set[Cell]:
-    """Cells of a box."""
+    """Return the cells of a box."""
     x, y, z = (range(a, a + n) for a, n in zip(low, size, strict=True))
     return set(product(x, y, z))
 
 
 def picture(rows: str, *, scale: int, depth: int) -> set[Cell]:
-    """Cells of a picture in text that lies on the ground, its rows going along x."""
+    """Return the cells of a picture in text that lies on the ground, its rows going along x."""
     return {
         (scale * row + i, scale * y + j, z)
         for row, line in enumerate(rows.split())
@@ -59,25 +59,25 @@ def picture(rows: str, *, scale: int, depth: int) -> set[Cell]:
 
 
 def mallet(head: Cell, handle: Cell) -> set[Cell]:
-    """A head and, along x, a handle from the middle of its side."""
+    """Return the cells of a head and, along x, of a handle from the middle of its side."""
     middle = (head[0], (head[1] - handle[1]) // 2, (head[2] - handle[2]) // 2)
     return box((0, 0, 0), head) | box(middle, handle)
 
 
 def merged_blocks(cells: frozenset[Cell], rng: np.random.Generator) -> Cells | None:
-    """A path through blocks, which may lie on no common grid."""
+    """Return a path through blocks, which need not lie on one common grid."""
     return loose_block_path(cells, rng)
 
 
 def snake(cells: frozenset[Cell], rng: np.random.Generator) -> Cells:
-    """Row by row and layer by layer, back and forth: the way through a box."""
+    """Return the path row by row and layer by layer, back and forth, through a box."""
     del rng
     x, y, z = (max(c) + 1 for c in zip(*cells, strict=True))
     return snake_path((x, y, z))
 
 
 def solved(cells: frozenset[Cell], rng: np.random.Generator) -> Cells | None:
-    """A path with its ends on the surface, from the SAT solver."""
+    """Return a path with its ends on the surface, from the SAT solver."""
     order = np.array(sorted(cells))
     found = circuit(order, rng, ends=surface(order)).order
     return None if found is None else order[found]
@@ -89,12 +89,11 @@ FINDERS = {"blocks": merged_blocks, "exact": solved, "snake": snake}
 
 
 def drawing(name: str, title: str, finder: str, seed: int, cells: set[Cell]) -> Drawing:
-    """A shape to make."""
     return Drawing(name=name, title=title, cells=frozenset(cells), path=FINDERS[finder], seed=seed)
 
 
 def wrench(head: str, handle: str, rows: int, *, scale: int) -> set[Cell]:
-    """Jaws and a straight handle, two cells thick."""
+    """Return the cells of jaws and a straight handle, two cells thick."""
     return picture(f"{head} {(handle + ' ') * rows}", scale=scale, depth=2)
 
 
@@ -118,7 +117,7 @@ DRAWINGS = (
 
 
 def make(shape: Drawing) -> bytes:
-    """The file of a shape."""
+    """Return the file of a shape."""
     cells = shape.path(shape.cells, np.random.default_rng(shape.seed))
     if cells is None:
         raise ValueError(f"no path through {shape.name} with seed {shape.seed}; try another one.")
@@ -127,7 +126,7 @@ def make(shape: Drawing) -> bytes:
 
 
 def main(names: list[str]) -> None:
-    """Writes the shapes named, all of them when none is."""
+    """Write the named shapes; all of them if none is named."""
     SHAPES.mkdir(exist_ok=True)
     for shape in DRAWINGS:
         if not names or shape.name in names:

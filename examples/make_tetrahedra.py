@@ -1,4 +1,4 @@
-"""Makes the gallery's chains of tetrahedra: `python examples/make_tetrahedra.py`.
+"""Make the gallery's chains of tetrahedra: `python examples/make_tetrahedra.py`.
 
 Each cell of a shape becomes a ring of twelve tetrahedra; one trail goes through all of them. The
 same script makes the same files. `run_gallery.py` folds them.
@@ -24,12 +24,12 @@ Cells = list[tuple[int, ...]]
 
 
 def box(a: int, b: int, c: int) -> Cells:
-    """All cells of a box."""
+    """Return all cells of a box."""
     return list(product(range(a), range(b), range(c)))
 
 
-def drawn(*rows: str) -> Cells:
-    """Cells of a picture: y to the right, z upward."""
+def picture(*rows: str) -> Cells:
+    """Return the cells of a picture: y to the right, z upward."""
     return [
         (0, y, len(rows) - 1 - z)
         for z, row in enumerate(rows)
@@ -48,7 +48,7 @@ SHAPES: tuple[tuple[str, str, tuple[str, ...], Cells], ...] = (
         "tetra-wrench",
         "Wrench",
         ("tetrahedra", "tool"),
-        drawn("##........", ".##.......", "..########", ".##.......", "##........"),
+        picture("##........", ".##.......", "..########", ".##.......", "##........"),
     ),
     (
         "tetra-mallet",
@@ -56,18 +56,18 @@ SHAPES: tuple[tuple[str, str, tuple[str, ...], Cells], ...] = (
         ("tetrahedra", "tool"),
         [*((0, y, 1) for y in range(8)), *((x, 8 + y, z) for x, y, z in box(1, 2, 4))],
     ),
-    ("tetra-frame", "Square ring", ("tetrahedra", "ring"), drawn("####", "#..#", "#..#", "####")),
+    ("tetra-frame", "Square ring", ("tetrahedra", "ring"), picture("####", "#..#", "#..#", "####")),
     (
         "tetra-letter-f",
         "Letter F",
         ("tetrahedra", "letter"),
-        drawn("###", "#..", "##.", "#..", "#.."),
+        picture("###", "#..", "##.", "#..", "#.."),
     ),
 )
 
 
 def main() -> None:
-    """Writes the files."""
+    """Write the files."""
     for name, title, tags, cells in SHAPES:
         trail = find_trails(Shape.from_cells(np.array(cells), name=name)).trails[0]
         save(name, title, tags, trail)
@@ -77,7 +77,7 @@ def main() -> None:
 
 
 def save(name: str, title: str, tags: tuple[str, ...], trail: Trail) -> None:
-    """Writes the chain of a trail."""
+    """Write the chain of a trail."""
     data = write_chain(Chain.from_trail(trail), title=title, tags=tags)
     (HERE / "shapes" / f"{name}.json").write_bytes(data)
 

@@ -1,10 +1,11 @@
-"""Folds the shapes of the gallery: `python examples/run_gallery.py [--world table] [NAME …]`.
+"""Fold the shapes of the gallery: `python examples/run_gallery.py [--world table] [NAME …]`.
 
-Writes `results.json`: what came of each with the default preset; on a table `table_results.json`,
-of shapes up to 64 modules, with the torque that resting there asks or why there is no path.
-Shapes whose files are as they were when they were folded are left alone, so it may be stopped and
-started again. A shape that is not verified with seed 0 is tried with other seeds, and its attempts
-are counted. The seconds depend on what else the machine does; those of the processor less so.
+Writes the result of each shape with the default preset to `results.json`. On a table it folds
+shapes of up to 64 modules and writes `table_results.json`, with the torque that resting there needs
+or the reason why there is no path. Shapes whose files have not changed since they were folded are
+skipped, so the script may be stopped and started again. A shape that is not verified with seed 0 is
+tried with other seeds, and its attempts are counted. Wall times depend on the load of the machine;
+processor times depend on it less.
 """
 
 from __future__ import annotations
@@ -37,13 +38,13 @@ PROCESSES = 2
 
 
 def digest(file: FilePath) -> str:
-    """Tells one version of a file from another."""
+    """Return the digest that identifies the version of a file."""
     return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
 
 def fold_once(file: FilePath, seed: int) -> dict[str, Any]:
-    """Folds a shape and tells what came of it."""
-    begun, worked = time.perf_counter(), time.process_time()
+    """Fold a shape and return its result."""
+    start, worked = time.perf_counter(), time.process_time()
     with TemporaryDirectory(prefix="foldback-gallery-") as directory:
         request = FoldRequest(filename=file.name, preset="default", seed=seed)
         Workspace(FilePath(directory)).write_request(request, file.read_bytes())
@@ -55,7 +56,7 @@ def fold_once(file: FilePath, seed: int) -> dict[str, Any]:
         "verdict": certificate["verdict"],
         "seed": seed,
         "steps": summary["explosion"]["steps"] + playback.get("steps", 0),
-        "seconds": round(time.perf_counter() - begun, 2),
+        "seconds": round(time.perf_counter() - start, 2),
         "cpu_seconds": round(time.process_time() - worked, 2),
         "clearance": certificate["min_clearance"],
         "attempts": attempts,
@@ -63,8 +64,8 @@ def fold_once(file: FilePath, seed: int) -> dict[str, Any]:
 
 
 def fold_once_on_table(file: FilePath, seed: int) -> dict[str, Any]:
-    """Folds a shape on a table, whichever path it has in its file, and tells what came of it."""
-    begun = time.perf_counter()
+    """Fold a shape on a table, by any path through its cells, and return its result."""
+    start = time.perf_counter()
     with TemporaryDirectory(prefix="foldback-gallery-") as directory:
         request = FoldRequest(filename=file.name, seed=seed, world="table", as_voxels=True)
         Workspace(FilePath(directory)).write_request(request, file.read_bytes())
@@ -82,14 +83,14 @@ def fold_once_on_table(file: FilePath, seed: int) -> dict[str, Any]:
         "torque_wp": table.get("torque"),
         "torque_nm": table.get("torque_nm"),
         "friction": table.get("friction"),
-        "seconds": round(time.perf_counter() - begun, 2),
+        "seconds": round(time.perf_counter() - start, 2),
         "clearance": certificate["min_clearance"],
         "attempts": attempts,
     }
 
 
 def fold_shape(file: FilePath, world: str = "floating") -> dict[str, Any]:
-    """Folds a shape with one seed after the other until it is verified, or has no path."""
+    """Fold a shape with one seed after the other until it is verified, or has no path."""
     result: dict[str, Any] = {}
     attempts = 0
     for seed in SEEDS:
@@ -102,18 +103,18 @@ def fold_shape(file: FilePath, world: str = "floating") -> dict[str, Any]:
 
 
 def results_in(world: str) -> FilePath:
-    """Where the results are."""
+    """Return the path of the results for a world."""
     return RESULTS if world == "floating" else TABLE_RESULTS
 
 
 def known(world: str = "floating") -> dict[str, dict[str, Any]]:
-    """The results that are there, by the shape's name."""
+    """Return the stored results by the shape's name."""
     path = results_in(world)
     return json.loads(path.read_bytes())["shapes"] if path.exists() else {}
 
 
 def suited(file: FilePath, world: str) -> bool:
-    """Whether a shape is folded there at all."""
+    """Return True if a shape can be folded in a world."""
     if world == "floating":
         return True
     content = json.loads(file.read_bytes())
@@ -121,7 +122,7 @@ def suited(file: FilePath, world: str) -> bool:
 
 
 def write(results: dict[str, dict[str, Any]], world: str = "floating") -> None:
-    """Writes the results, a shape a line."""
+    """Write the results, one shape per line."""
     path = results_in(world)
     rows = [f"    {json.dumps(name)}: {json.dumps(results[name])}" for name in sorted(results)]
     head = f'{{\n  "format": "{FORMAT}",\n  "preset": "default",\n  "shapes": {{\n'
@@ -131,7 +132,7 @@ def write(results: dict[str, dict[str, Any]], world: str = "floating") -> None:
 
 
 def main(names: list[str], world: str = "floating") -> None:
-    """Folds the shapes named, or all whose files have changed since."""
+    """Fold the named shapes, or all whose files have changed since."""
     files = {file.stem: file for file in sorted(SHAPES.glob("*.json")) if suited(file, world)}
     results = {name: result for name, result in known(world).items() if name in files}
     waiting = [
@@ -148,15 +149,15 @@ def main(names: list[str], world: str = "floating") -> None:
             name, result = jobs[job], job.result()
             results[name] = result
             write(results, world)
-            told = ", ".join(
+            counts = ", ".join(
                 f"{k} {v}" for k, v in result.items() if k not in ("digest", "verdict")
             )
-            print(f"{done}/{len(waiting)} {name}: {result['verdict']}, {told}", flush=True)
+            print(f"{done}/{len(waiting)} {name}: {result['verdict']}, {counts}", flush=True)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--world", choices=("floating", "table"), default="floating")
     parser.add_argument("names", nargs="*", metavar="NAME")
-    asked = parser.parse_args()
-    main(asked.names, asked.world)
+    options = parser.parse_args()
+    main(options.names, options.world)

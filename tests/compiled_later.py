@@ -1,4 +1,4 @@
-"""Which kernels are compiled after a warm-up, in a process where nothing else has compiled."""
+"""Kernels that are compiled after a warm-up, found in a process that has compiled nothing else."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ print(json.dumps([name for name, count in kernels().items() if count != before.g
 
 
 def compiled_later(imports: str, work: str, *arguments: str) -> list[str]:
-    """Names of the kernels that ``work`` compiles although ``warm_up`` came first.
+    """Return the names of the kernels that ``work`` compiles although ``warm_up`` ran before.
 
     Args:
-        imports: Code that brings ``warm_up``, and what the work needs.
-        work: Code that works.
-        arguments: Its ``sys.argv[1:]``.
+        imports: Code that imports ``warm_up`` and the names that ``work`` needs.
+        work: Code to run after the warm-up.
+        arguments: Values of its ``sys.argv[1:]``.
     """
     answer = subprocess.run(
         [sys.executable, "-c", SCRIPT.format(imports=imports, work=work), *arguments],

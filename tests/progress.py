@@ -1,4 +1,4 @@
-"""Progress of a run on several processes, for a person: a line for each tenth, failures at once."""
+"""Progress of a run on several processes: a line for each tenth, and failures at once."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import time
 import pytest
 
 STEP = 10
-"""Per cent of the tests between two lines."""
+"""Interval between two lines, in per cent of the tests."""
 
 
 class Progress:
-    """Takes the place of the dots; ``pytest -n`` with any number turns it on."""
+    """Plugin that replaces the dots of ``pytest -n``."""
 
     def __init__(self, config: pytest.Config) -> None:
         self._config = config
@@ -22,14 +22,14 @@ class Progress:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_report_teststatus(self, report: pytest.TestReport) -> tuple[str, str, str] | None:
-        """No letter is written for a test; it is counted as ever."""
+        """Print no letter for a test, but count it."""
         if report.failed:
             return "failed" if report.when == "call" else "error", "", ""
         return ("passed", "", "") if report.passed and report.when == "call" else None
 
     @pytest.hookimpl(trylast=True)
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Counts a test at its end and writes what there is to tell."""
+        """Count a finished test and print failures and progress."""
         terminal = self._config.pluginmanager.get_plugin("terminalreporter")
         if report.failed:
             self._failed += 1
@@ -50,10 +50,10 @@ class Progress:
                 f"  {share:3d} %  {self._over} of {every} tests{failed}, "
                 f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
             )
-            terminal.flush()  # also where a log is written
+            terminal.flush()  # also if the output is a file
 
 
 def add_to(config: pytest.Config) -> None:
-    """Reports progress when tests run on several processes; their own output is not touched."""
+    """Report progress if tests run on several processes; other runs keep pytest's output."""
     if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
         config.pluginmanager.register(Progress(config), "progress")

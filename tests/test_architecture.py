@@ -13,16 +13,16 @@ from docs.make_architecture import (
     PAGE,
     PICTURE,
     ROOT,
-    about,
     component_of,
-    drawn,
+    draw,
     imports,
     modules,
+    summary_of,
     with_table,
 )
 from tests.case import case
 
-FEWEST, MOST = 5, 25
+MIN_FILES, MAX_FILES = 5, 25
 FOLDERS = [c for c in LAYER_OF if c not in COLUMNS and modules()[c].name == "__init__.py"]
 
 
@@ -42,8 +42,8 @@ def test_packages_have_a_purpose_and_5_to_25_files() -> None:
     for component in FOLDERS:
         with case(component):
             files = [path for path in modules()[component].parent.iterdir() if path.is_file()]
-            assert FEWEST <= len(files) <= MOST
-            assert about(component).endswith(".")
+            assert MIN_FILES <= len(files) <= MAX_FILES
+            assert summary_of(component).endswith(".")
 
 
 def test_all_packages_have_a_layer() -> None:
@@ -56,13 +56,13 @@ def test_all_packages_have_a_layer() -> None:
 def test_other_folders_have_at_most_25_files(folder: str) -> None:
     for path in (ROOT / folder, *(ROOT / folder).rglob("*")):
         if path.is_dir() and path.name not in ("__pycache__", "shapes", "snapshots"):
-            assert len([p for p in path.iterdir() if p.is_file()]) <= MOST, path
+            assert len([p for p in path.iterdir() if p.is_file()]) <= MAX_FILES, path
 
 
 def test_page_and_picture_are_current() -> None:
     page = PAGE.read_text(encoding="utf-8")
     assert with_table(page) == page, "run `python -m docs.make_architecture`"
-    assert drawn() == PICTURE.read_text(encoding="utf-8"), "run `python -m docs.make_architecture`"
+    assert draw() == PICTURE.read_text(encoding="utf-8"), "run `python -m docs.make_architecture`"
 
 
 def test_paths_on_the_page_exist() -> None:

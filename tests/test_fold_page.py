@@ -1,4 +1,4 @@
-"""The page that follows a fold through its functions: its signatures are those of the code."""
+"""Page that follows a fold through its functions: its signatures are those of the code."""
 
 from __future__ import annotations
 

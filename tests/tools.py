@@ -1,8 +1,8 @@
-"""Programs that tests use besides Python: found where they are, or got.
+"""Programs that tests use besides Python: found where they are, or installed.
 
-``python -m tests.tools`` gets all that are missing, and says in one line what it could not get.
-Debian's packages are installed when this is root on a Debian; Chromium may also be Playwright's own
-download. ``FOLDBACK_CHROMIUM`` names another Chromium, ``FOLDBACK_POSTGRES`` another directory of
+``python -m tests.tools`` installs missing ones, and reports in one line those that it could not
+install. As root on a Debian it installs packages; Chromium may also be Playwright's own download.
+``FOLDBACK_CHROMIUM`` names another Chromium, ``FOLDBACK_POSTGRES`` another directory of
 PostgreSQL's programs. Tests whose program is missing fail: none is ever skipped.
 """
 
@@ -23,18 +23,18 @@ GL_BACKENDS = ("egl", "osmesa")
 
 
 class MissingToolError(RuntimeError):
-    """A program is not there, and could not be got."""
+    """Error of a program that is missing and could not be installed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """One program, or what stands for it.
+    """One program, or a library that counts as one.
 
     Args:
-        name: What people call it.
-        packages: Debian's packages that bring it.
-        find: Where it is, or None.
-        download: Gets it without being root.
+        name: Name for people.
+        packages: Debian packages that contain it.
+        find: Function that returns its path, or None.
+        download: Function that installs it without root.
     """
 
     name: str
@@ -43,12 +43,12 @@ class Tool:
     download: Callable[[], None] | None = None
 
     def get(self) -> str:
-        """Where it is; it is got first when it is not there.
+        """Return the path of the program; install it first if it is missing.
 
         Raises:
-            MissingToolError: Saying how to install it.
+            MissingToolError: It could not be installed; the error names the command to do so.
         """
-        if found := self.find() or _got([self]).get(self.name):
+        if found := self.find() or _install([self]).get(self.name):
             return found
         raise MissingToolError(_words([self]))
 
@@ -83,7 +83,7 @@ def _download_chromium() -> None:
 
 
 def _find_postgres() -> str | None:
-    """The directory with PostgreSQL's programs, the newest version first."""
+    """Return the directory with PostgreSQL's programs, the newest version first."""
     named, on_path = os.environ.get("FOLDBACK_POSTGRES"), shutil.which("postgres")
     of_debian = [p for p in POSTGRES_OF_DEBIAN.glob("*") if p.name.isdecimal()]
     places = [
@@ -97,7 +97,7 @@ def _find_postgres() -> str | None:
 
 
 def _draws(backend: str) -> bool:
-    """Whether a window can be opened with a backend; tried in a process of its own."""
+    """Return True if a process of its own can open a window with a backend."""
     code = f"from mujoco.{backend} import GLContext; GLContext(64, 64).make_current()"
     answer = subprocess.run(
         [sys.executable, "-c", code],
@@ -121,8 +121,8 @@ OPENGL = Tool(
 TOOLS = (CHROMIUM, POSTGRES, CADDY, SYSTEMD, OPENGL)
 
 
-def _got(missing: list[Tool]) -> dict[str, str]:
-    """Tries to install tools; where those are that are there now."""
+def _install(missing: list[Tool]) -> dict[str, str]:
+    """Try to install tools; return the paths of those that now exist."""
     packages = [package for tool in missing for package in tool.packages]
     if os.geteuid() == 0 and shutil.which("apt-get"):
         print(f"Installing {', '.join(packages)}, once …", file=sys.stderr)
@@ -148,10 +148,10 @@ def _words(missing: list[Tool]) -> str:
 
 
 def main() -> None:
-    """Gets what is missing."""
+    """Install missing programs."""
     missing = [tool for tool in TOOLS if not tool.find()]
     if missing:
-        found = _got(missing)
+        found = _install(missing)
         if missing := [tool for tool in missing if tool.name not in found]:
             sys.exit(_words(missing))
 

@@ -17,7 +17,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.plan.shape_files import write_chain, write_path, write_shape
 from planner.shapes.shape import Shape
-from tests.planner.shapes.test_readers_fuzz import SPICE, mutated
+from tests.planner.shapes.test_readers_fuzz import SPICE, mutate
 from tests.planner.solids_made import MESH_KINDS, as_binvox, as_grid, as_vox, exported, zipped
 
 CELLS: Final = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [1, 1, 1]])
@@ -166,7 +166,7 @@ def _polluted(data: bytes, rng: random.Random) -> bytes:
 
 
 def _spiced(data: bytes, rng: random.Random) -> bytes:
-    return mutated(data, rng, SPICE)
+    return mutate(data, rng, SPICE)
 
 
 Change = Callable[[bytes, random.Random], bytes]

@@ -196,9 +196,9 @@ class Witness:
             self._tell(seen, f"is answered with {answer.status_code}: {answer.text[:200]}")
 
     def _tell(self, seen: Seen, what: str) -> None:
-        told = f"{seen.id} ({', '.join(sorted(seen.faults)) or 'nothing'} happened): {what}"
-        if told not in self.problems:
-            self.problems.append(told)
+        event = f"{seen.id} ({', '.join(sorted(seen.faults)) or 'nothing'} happened): {what}"
+        if event not in self.problems:
+            self.problems.append(event)
 
 
 def _disagreement(
@@ -207,18 +207,18 @@ def _disagreement(
     """Describe how the parts of a verified fold contradict each other; None if they agree."""
     if frames.status_code != 200 or batch.status_code != 200:
         return f"is verified, and its timeline is answered with {frames.text[:200]}"
-    told, plan = frames.json(), json.loads(files["plan.json"])
-    if told["status"] != "complete":
-        return f"is verified, and its timeline is {told['status']}"
+    body, plan = frames.json(), json.loads(files["plan.json"])
+    if body["status"] != "complete":
+        return f"is verified, and its timeline is {body['status']}"
     with np.load(io.BytesIO(files["plan.npz"]), allow_pickle=False) as arrays:
         angles = arrays["joint_angles_rad"]
         lengths = {len(arrays[name]) for name in ("time_s", "root_position", "root_wxyz")}
-    shown = [k for k, phase in enumerate(told["phase"]) if told["phases"][phase] == "playback"]
+    shown = [k for k, phase in enumerate(body["phase"]) if body["phases"][phase] == "playback"]
     if lengths != {len(angles)} or len(plan["time_s"]) != len(angles):
         return f"plan.json has {len(plan['time_s'])} frames, plan.npz {len(angles)} and {lengths}"
-    if len(told["phase"]) == told["total"] and len(shown) != len(angles):
+    if len(body["phase"]) == body["total"] and len(shown) != len(angles):
         return f"its plan has {len(angles)} frames and its timeline {len(shown)}"
-    if shown and not np.allclose(told["joint_angles_rad"][shown[-1]], angles[-1], atol=1e-3):
+    if shown and not np.allclose(body["joint_angles_rad"][shown[-1]], angles[-1], atol=1e-3):
         return "its timeline ends elsewhere than its plan"
     if not json.loads(files["certificate.json"])["verdict"].startswith("verified"):
         return "is verified, and its certificate is not"

@@ -237,27 +237,27 @@ def _whole(stages: dict[str, tuple[int, int]]) -> tuple[int, int] | None:
     return (found[0][0], found[-1][1]) if found else None
 
 
-def _explosion(directory: Path, told: dict[str, Any]) -> Phase | None:
+def _explosion(directory: Path, data: dict[str, Any]) -> Phase | None:
     record = Workspace(directory).read_record()
     if record is None:
         return None
-    return _phase(told, record.frames.time_s, int(told["frames"]))
+    return _phase(data, record.frames.time_s, int(data["frames"]))
 
 
 def _playback(
-    told: dict[str, Any], film: TimelineView, frames: tuple[int, int] | None
+    data: dict[str, Any], film: TimelineView, frames: tuple[int, int] | None
 ) -> Phase | None:
-    if not told.get("steps") or frames is None:
+    if not data.get("steps") or frames is None:
         return None
-    return _phase(told, film.frames(*frames).time_s, frames[1] - frames[0])
+    return _phase(data, film.frames(*frames).time_s, frames[1] - frames[0])
 
 
-def _phase(told: dict[str, Any], time_s: NDArray[np.float64], frames: int) -> Phase:
+def _phase(data: dict[str, Any], time_s: NDArray[np.float64], frames: int) -> Phase:
     return Phase(
-        status=str(told["status"]),
-        steps=int(told["steps"]),
+        status=str(data["status"]),
+        steps=int(data["steps"]),
         simulated_s=round(float(time_s[-1] - time_s[0]), 2),
-        wall_s=round(float(told["seconds"]), 2),
+        wall_s=round(float(data["seconds"]), 2),
         frames=frames,
     )
 

@@ -105,8 +105,8 @@ class _Fold:
     def of(cls, directory: FilePath) -> _Fold:
         """Read a fold from its directory."""
         timeline = Timeline.open(result(directory, TIMELINE))
-        told = json_of(directory / CERTIFICATE)
-        return cls(timeline, timeline.chain, told, result(directory, FIGURES))
+        values = json_of(directory / CERTIFICATE)
+        return cls(timeline, timeline.chain, values, result(directory, FIGURES))
 
     def is_true(self, stop: Stop) -> bool:
         """Return True if every sentence of a stop is true; False for an unknown sentence."""
@@ -145,8 +145,8 @@ class _Fold:
     def _tightest(self, stop: Stop) -> bool:
         least = self.certificate["min_clearance"]
         bound = self.certificate["clearance_bound"]
-        told = _numbers(stop.caption)
-        percent, proved = told[2], told[3]
+        stated = _numbers(stop.caption)
+        percent, proved = stated[2], stated[3]
         one, other = stop.modules
         return (
             [one - 1, other - 1] == self.certificate["min_clearance_at"]["modules"]
@@ -182,10 +182,10 @@ class _Fold:
 
     def _done(self, stop: Stop) -> bool:
         bound, taken = self.certificate["clearance_bound"], self.certificate["fold_time_s"]
-        told = _numbers(stop.caption.split("erified", 1)[1])
+        stated = _numbers(stop.caption.split("erified", 1)[1])
         return (
-            100 * bound - 0.1 - 1e-9 <= told[0] <= 100 * bound
-            and abs(told[1] - taken) <= 0.05 * taken
+            100 * bound - 0.1 - 1e-9 <= stated[0] <= 100 * bound
+            and abs(stated[1] - taken) <= 0.05 * taken
             and stop.frame == len(self.timeline)
         )
 

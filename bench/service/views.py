@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, ViewportSize
 
 from bench.service.browsing import service_and_browser
 from bench.tables import Section
-from tests.browser.conftest import AT_REST, NO_VIEW
+from tests.browser.conftest import NO_VIEW, WAIT_FOR_REST
 from tests.browser.test_small_frames import MIN_PICTURE_SHARE, PICTURE_SHARE
 from tests.server.service_process import Service
 
@@ -178,7 +178,7 @@ def _opened(browser: Browser, address: str, size: ViewportSize = SIZE) -> Page:
 
 def _picture(page: Page) -> np.ndarray:
     page.wait_for_function(SETTLED)
-    page.evaluate(AT_REST)
+    page.evaluate(WAIT_FOR_REST)
     png = page.locator("main.stage").screenshot()
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
 

@@ -112,9 +112,9 @@ def section_of(rows: list[dict[str, Any]]) -> Section:
         verified = [row for row in of_kind if _verified(row)]
         at_once = sum(row["attempts"] == 1 for row in verified)
         share = at_once / len(of_kind)
-        told = f"{at_once} of {len(of_kind)} ({100 * share:.1f} %)"
+        text = f"{at_once} of {len(of_kind)} ({100 * share:.1f} %)"
         bar = f"at least {100 * MIN_VERIFIED_AT_ONCE:.0f} %"
-        section.add(f"{kind}: verified at once", told, bar, share >= MIN_VERIFIED_AT_ONCE)
+        section.add(f"{kind}: verified at once", text, bar, share >= MIN_VERIFIED_AT_ONCE)
         section.add(
             f"{kind}: verified with the portfolio",
             f"{len(verified)} of {len(of_kind)}",

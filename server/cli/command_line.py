@@ -41,7 +41,7 @@ COMMANDS: Final = {
 """Commands of ``foldback`` with the first line of their help; the list of commands is printed
 without importing their modules."""
 
-SERVICE_PACKAGES: Final = dict.fromkeys(
+SERVICE_PACKAGES: Final[dict[str, str]] = dict.fromkeys(
     ("serve", "worker", "play", "movie", "site", "doctor", "admin"), "server.cli"
 )
 """Packages of the commands that need the web service's code or its processes; a command is a module

@@ -1,4 +1,4 @@
-"""The short form of `make load`: that nothing fails, not how quick it is."""
+"""Short form of `make load`: checks that nothing fails, not how fast it is."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def test_load_goes_to_this_machine_only() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "asked", [("--short", "--only", *SECTIONS), ("--rounds", "12", "--only", "faults", "several")]
+    "options", [("--short", "--only", *SECTIONS), ("--rounds", "12", "--only", "faults", "several")]
 )
-def test_load_in_short_meets_its_bars(asked: tuple[str, ...], tmp_path: Path) -> None:
-    """In as many rounds as there are faults, each happens once."""
-    load = [sys.executable, "-m", "bench.load", *asked, "--out", str(tmp_path / "load.json")]
+def test_load_in_short_meets_its_bars(options: tuple[str, ...], tmp_path: Path) -> None:
+    """The number of rounds equals the number of faults, so that each fault happens once."""
+    load = [sys.executable, "-m", "bench.load", *options, "--out", str(tmp_path / "load.json")]
     done = subprocess.run(load, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr

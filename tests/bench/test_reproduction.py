@@ -1,4 +1,4 @@
-"""The paper's experiments are run once, kept with their pictures, and told as they came out."""
+"""The paper's experiments: run once, stored with their pictures, and reported as they ended."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SPIRAL += [(2, 2, 0), (1, 2, 0)]
 
 @pytest.fixture
 def tiny(tmp_path: Path) -> tuple[Experiment, ...]:
-    """A fold of eight cubes that works, and one of sixteen that tangles."""
+    """Experiments of a fold of eight cubes that works, and of one of sixteen that tangles."""
     for name, cells in (("tiny", SQUARE), ("spiral", SPIRAL)):
         file = tmp_path / f"{name}.json"
         file.write_bytes(write_path(CellPath.from_cells(cells, name=name)))
@@ -81,7 +81,7 @@ def test_experiments_are_run_once_and_reported(
     before = (files / "runs.jsonl").read_text()
     reproduce(list(tiny), tiny, files, minutes=0.0)
     assert (files / "runs.jsonl").read_text() == before
-    # What is not asked for any more goes, with its pictures.
+    # Runs that are no longer asked for are removed, with their pictures.
     reproduce([tiny[0]], tiny[:1], files, again=True, minutes=-1.0)
     assert (files / "runs.jsonl").read_text() == ""
     tell(tiny[:1], files, paper)
@@ -98,7 +98,7 @@ def page_of(files: Path) -> dict:
 
 
 def orange(path: Path) -> int:
-    """Pixels of the colour of modules where a fold fails, in whatever light."""
+    """Return the number of pixels in the colour of modules where a fold fails, in any light."""
     picture = np.asarray(Image.open(path).convert("RGBA")).astype(float)
     red, green, blue, alpha = np.moveaxis(picture, -1, 0)
     ratio = STALLED_RGB[1] / STALLED_RGB[0]
@@ -108,7 +108,7 @@ def orange(path: Path) -> int:
 
 
 def test_page_and_document_match_the_stored_runs() -> None:
-    """``make reproduction ARGS=--tell`` makes them of what is stored."""
+    """``make reproduction ARGS=--tell`` makes both from the stored runs."""
     page = told(stored_runs(PAPER / "runs.jsonl"), experiments())
     assert json.loads((PAPER / "page.json").read_bytes()) == json.loads(json.dumps(page))
     assert DOCUMENT.read_text(encoding="utf-8") == document(page)

@@ -1,4 +1,4 @@
-"""Folds with several seeds are run once each, and told apart by how they came to be verified."""
+"""Folds with several seeds: run once each, and grouped by how they were verified."""
 
 from __future__ import annotations
 
@@ -25,6 +25,6 @@ def test_folds_that_needed_the_portfolio_are_shown() -> None:
         [row("a", "verified", 1), row("b", "verified", 3), row("c", "failed: x", 6)]
     )
     assert [found["shape"] for found in section.rows] == ["b", "c"]
-    told = {figure.name: (figure.value, figure.met) for figure in section.figures}
-    assert told["gallery: verified at once"] == ("1 of 3 (33.3 %)", False)
-    assert told["gallery: verified with the portfolio"] == ("2 of 3", False)
+    figures = {figure.name: (figure.value, figure.met) for figure in section.figures}
+    assert figures["gallery: verified at once"] == ("1 of 3 (33.3 %)", False)
+    assert figures["gallery: verified with the portfolio"] == ("2 of 3", False)

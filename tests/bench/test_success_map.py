@@ -1,4 +1,4 @@
-"""The success map: its cases, and its picture; that none is run twice: see test_stored.py."""
+"""The success map: its cases and its picture. test_stored.py checks that no case is run twice."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_every_kind_of_path_fills_the_box() -> None:
         with case(kind):
             cells = path_of(kind, box, 1)
             assert np.array_equal(np.unique(cells, axis=0), np.argwhere(np.ones(box, dtype=bool)))
-            Path.from_cells([tuple(cell) for cell in cells.tolist()], name="box")  # it is a path
+            Path.from_cells([tuple(cell) for cell in cells.tolist()], name="box")  # must be a path
 
 
 def test_cases_are_unique_and_large_ones_limited_to_methods_that_end() -> None:

@@ -23,21 +23,21 @@ from playwright.sync_api import (
 from tests.server.service_process import Service, bearer
 from tests.tools import CHROMIUM
 
-PATIENCE_MS = 90_000
-expect.set_options(timeout=PATIENCE_MS)
-OF_WINDOWS = (
+TIMEOUT_MS = 90_000
+expect.set_options(timeout=TIMEOUT_MS)
+WINDOW_FEATURES = (
     *("WebUIOmniboxPopup", "WebUIOmniboxAimPopup", "WebUIOmniboxFullPopup"),
     *("PreloadTopChromeWebUI", "SpareRendererForSitePerProcess"),
 )
 """Chromium features that load hidden internal pages for each window."""
-OF_PLAYWRIGHT = (
+PLAYWRIGHT_FEATURES = (
     *("AvoidUnnecessaryBeforeUnloadCheckSync", "DestroyProfileOnBrowserClose", "HttpsUpgrades"),
     *("HttpsFirstBalancedModeAutoEnable", "LensOverlay", "MediaRouter", "PaintHolding"),
     *("ThirdPartyStoragePartitioning", "AvoidCorsURLLoaderRestartOnRedirect", "AimEnabled"),
     *("OptimizationHints", "NetworkTimeServiceQuerying", "PreconnectToSearch"),
 )
-"""What Playwright switches off: Chromium heeds only the last list that it is given."""
-# 3D by software, so that a machine without a graphics card draws as well.
+"""Features that Playwright disables. They are repeated, as Chromium heeds only the last list."""
+# 3D graphics are rendered by software, so that machines without a graphics card draw the same.
 FLAGS = (
     "--no-sandbox",
     "--disable-quic",
@@ -48,17 +48,17 @@ FLAGS = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
-    # What is software anyway puts pages together at half the cost of software that plays a card.
+    # Compositing directly in software costs half of what software that emulates a card costs.
     "--disable-gpu-compositing",
-    f"--disable-features={','.join((*OF_WINDOWS, *OF_PLAYWRIGHT))}",
+    f"--disable-features={','.join((*WINDOW_FEATURES, *PLAYWRIGHT_FEATURES))}",
 )
 
 
-LOOK: dict[str, Any] = {"color_scheme": "dark", "reduced_motion": "reduce"}
+MEDIA: dict[str, Any] = {"color_scheme": "dark", "reduced_motion": "reduce"}
 
 
 class Chromium:
-    """One browser for tests that follow each other.
+    """Browser that consecutive tests share.
 
     While it is open nothing else in this process can use asyncio, as tests elsewhere do.
     """
@@ -81,15 +81,15 @@ class Chromium:
         if used and self._tabs[view]:
             return self._tabs[view].pop()
         context = self.browser().new_context(base_url=site, **options)
-        context.set_default_timeout(PATIENCE_MS)
+        context.set_default_timeout(TIMEOUT_MS)
         if not view:
             context.add_init_script(NO_VIEW)
         return context.new_page()
 
-    def put_back(self, page: Page, *, view: bool) -> None:
-        """Forget all that a tab was told, and what pages of the site stored.
+    def recycle(self, page: Page, *, view: bool) -> None:
+        """Clear the state of a tab and all that pages of the site have stored.
 
-        Its process and its cache stay: loading a fold's page takes half as long as in a new tab.
+        Its process and its cache remain: loading a fold's page takes half as long as in a new tab.
         """
         context = page.context
         for other in context.pages:
@@ -112,12 +112,12 @@ class Chromium:
 
 
 HERE = Path(__file__).parent
-OPEN = Chromium()
+SHARED_BROWSER = Chromium()
 Visit = Callable[..., Page]
-"""The fixture ``visit``."""
+"""Type of the fixture ``visit``."""
 
 
-@pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
+@pytest.hookimpl(tryfirst=True)  # before tests are selected by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if HERE in item.path.parents:
@@ -128,17 +128,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.hookimpl(trylast=True)  # after fixtures have closed what they opened in it
 def pytest_runtest_teardown(nextitem: pytest.Item | None) -> None:
     if nextitem is None or HERE not in nextitem.path.parents:
-        OPEN.close()
+        SHARED_BROWSER.close()
 
 
 @pytest.fixture
 def browser() -> Browser:
-    return OPEN.browser()
+    return SHARED_BROWSER.browser()
 
 
 @contextmanager
-def visits(service: Service) -> Generator[Visit]:
-    """What ``visit`` is."""
+def visiting(service: Service) -> Generator[Visit]:
+    """Yield the function of the fixture ``visit``, and close its tabs."""
     site = str(service.http.base_url)
     opened: list[tuple[Page, bool, bool]] = []
     thrown: list[str] = []
@@ -155,9 +155,9 @@ def visits(service: Service) -> Generator[Visit]:
         script: str | None = None,
         **options: Any,
     ) -> Page:
-        look = {name: options.pop(name, usual) for name, usual in LOOK.items()}
+        look = {name: options.pop(name, usual) for name, usual in MEDIA.items()}
         again = script is None and not options
-        page = OPEN.tab(site, view=view, used=again, **options)
+        page = SHARED_BROWSER.tab(site, view=view, used=again, **options)
         opened.append((page, view, again))
         page.set_viewport_size({"width": width, "height": height})
         page.emulate_media(**look)
@@ -171,7 +171,7 @@ def visits(service: Service) -> Generator[Visit]:
     for page, view, again in opened:
         page.remove_listener("pageerror", note)
         if again and page.url.startswith(site) and not page.is_closed():
-            OPEN.put_back(page, view=view)
+            SHARED_BROWSER.recycle(page, view=view)
         else:
             page.context.close()
     assert not [error for error in thrown if "/static/" in error]
@@ -179,13 +179,14 @@ def visits(service: Service) -> Generator[Visit]:
 
 @pytest.fixture
 def visit(service: Service) -> Iterator[Visit]:
-    """Opens a page in a profile that holds nothing; none of our scripts may have thrown at the end.
+    """Function that opens a page in an empty profile; fails at the end if our scripts threw an
+    error.
 
-    Who does not look at the 3D view opens it with ``view=False``: the client, which is loaded and
-    paints for seconds, never comes, and the page's own drawing stays. ``script`` runs before all
-    scripts of each page.
+    Tests that do not need the 3D view open the page with ``view=False``: the client, which is
+    loaded and paints for seconds, never comes, and the page's own drawing stays. ``script`` runs
+    before all scripts of each page.
     """
-    with visits(service) as visit:
+    with visiting(service) as visit:
         yield visit
 
 
@@ -201,7 +202,7 @@ NO_VIEW = """{
     set(address) { set.call(this, address.endsWith("/view") ? "about:blank" : address); },
   });
 }"""
-"""Has the 3D view never come, without the cost of a route, through which all requests would go."""
+"""Script that keeps the 3D view from loading. A route would cost more, as all requests pass it."""
 
 
 def choose(page: Page, name: str, data: bytes) -> None:
@@ -211,16 +212,16 @@ def choose(page: Page, name: str, data: bytes) -> None:
     )
 
 
-def answered(page: Page) -> None:
-    """Wait until the figures of a preview are those of what was asked for last."""
+def wait_for_preview(page: Page) -> None:
+    """Wait until a page shows the figures of the preview that it last requested."""
     page.locator("body:not(.busy-now)").wait_for()
 
 
-def previewed(page: Page, name: str, data: bytes) -> None:
-    """Choose a file and wait until its preview is there."""
+def preview_file(page: Page, name: str, data: bytes) -> None:
+    """Choose a file and wait until its preview is shown."""
     choose(page, name, data)
     page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
-    answered(page)
+    wait_for_preview(page)
 
 
 def path_file(cells: object) -> bytes:
@@ -228,29 +229,29 @@ def path_file(cells: object) -> bytes:
     return json.dumps({"format": "foldback-path/1", "cells": cells}).encode()
 
 
-def opened_fold(page: Page) -> str:
-    """Return the id of the fold whose page is opened by what was done last."""
+def wait_for_fold(page: Page) -> str:
+    """Return the id of the fold whose page opens after the last action."""
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
     return page.url.rpartition("/")[2]
 
 
-def with_view(page: Page) -> Page:
+def wait_for_view(page: Page) -> Page:
     """Wait until a fold's page has all frames and its 3D view shows one."""
     page.locator("#sketch.gone").wait_for(state="attached")
     page.wait_for_function("() => window.foldback.timeline.complete")
     return page
 
 
-def until(page: Page, true: Callable[[], bool]) -> None:
-    """Wait, while the page goes on, until a condition is true."""
-    deadline = time.monotonic() + PATIENCE_MS / 1000
+def wait_until(page: Page, true: Callable[[], bool]) -> None:
+    """Wait until a condition is true, while the page goes on."""
+    deadline = time.monotonic() + TIMEOUT_MS / 1000
     while not true():
         assert time.monotonic() < deadline
         page.wait_for_timeout(20)
 
 
 def cancel_fold(page: Page, service: Service) -> None:
-    """Cancel the fold whose page this is, as its owner: for tests that do not wait for it."""
+    """Cancel the fold of a page as its owner, so that no test waits for it."""
     fold = re.findall(r"[a-z0-9]{12,}", page.url)[-1]
     token = page.evaluate(f"localStorage.getItem('foldback:owner:{fold}')")
     answer = service.http.post(f"/api/folds/{fold}/cancel", headers=bearer(token))
@@ -258,16 +259,16 @@ def cancel_fold(page: Page, service: Service) -> None:
 
 
 def keep_as_mine(page: Page, fold: dict[str, Any]) -> None:
-    """Have a page's browser remember that a fold is its own."""
-    told = [f"foldback:owner:{fold['id']}", fold["owner_token"]]
-    page.evaluate("([key, token]) => localStorage.setItem(key, token)", told)
+    """Store in a page's browser that it owns a fold."""
+    entry = [f"foldback:owner:{fold['id']}", fold["owner_token"]]
+    page.evaluate("([key, token]) => localStorage.setItem(key, token)", entry)
 
 
 def seek(page: Page, frame: int) -> None:
-    """Scrub with the slider, and wait until the player is there."""
+    """Move the slider to a frame, and wait until the player shows it."""
     scrub = page.locator("#scrub")
     expect(scrub).to_be_enabled()
-    # Filled in it would get the focus, and with it the keys.
+    # Locator.fill would focus the slider, and the keys would then go to it.
     scrub.evaluate("(s, to) => { s.value = to; s.dispatchEvent(new Event('input')); }", frame)
     at_frame(page, frame)
 
@@ -282,11 +283,11 @@ def shown_frame(page: Page) -> int:
     return int(re.sub(r"\s", "", found[1])) - 1
 
 
-AT_REST = """async () => {
+WAIT_FOR_REST = """async () => {
   const player = window.foldback?.player;
   if (!player?.standIn) return false;
   const { stage, sketch } = player.standIn;
-  // Where 3D graphics are slow a drawing stands in for as long as anything moves.
+  // Where 3D graphics are slow, a drawing replaces them while anything moves.
   const standing = () => document.querySelector(".standing-in");
   const moving = () => player.busy || player.ticker.due || sketch.waiting || standing();
   const soon = () => new Promise((done) => setTimeout(done, 50));
@@ -297,25 +298,25 @@ AT_REST = """async () => {
   } while (moving());
   return true;
 }"""
-"""Waits for what a fold's page shows last to be drawn, by the 3D view too; false elsewhere."""
+"""Waits until a fold's page and its 3D view have drawn their last state; false on other pages."""
 
 
 def picture(page: Page) -> np.ndarray:
-    """The 3D view as (h, w, 3) numbers, once it has come to rest."""
-    if page.evaluate(AT_REST):
-        return shot(page)
-    deadline = time.monotonic() + PATIENCE_MS / 1000
-    before = shot(page)
+    """Return the 3D view at rest as an (h, w, 3) array, 0 to 255."""
+    if page.evaluate(WAIT_FOR_REST):
+        return screenshot(page)
+    deadline = time.monotonic() + TIMEOUT_MS / 1000
+    before = screenshot(page)
     while True:
         page.wait_for_timeout(400)
-        now = shot(page)
+        now = screenshot(page)
         if np.abs(now - before).max() <= 2:
             return now
         assert time.monotonic() < deadline, "the view does not come to rest"
         before = now
 
 
-def shot(page: Page) -> np.ndarray:
-    """The same at once, whatever moves."""
+def screenshot(page: Page) -> np.ndarray:
+    """Return the 3D view as it is now as an (h, w, 3) array, 0 to 255."""
     png = page.locator("main.stage").screenshot(mask=[page.locator("#legend")], mask_color="#000")
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(float)

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from planner.certificate.metrics_store import Figures
-from tests.browser.conftest import Visit, picture, seek, shot, until, with_view
+from tests.browser.conftest import Visit, picture, screenshot, seek, wait_for_view, wait_until
 from tests.server.service_process import Service
 
 pytestmark = pytest.mark.long
@@ -29,7 +29,7 @@ AT_REST = """() => new Promise((done) => {
 })"""
 
 
-SLOW = """if (self !== top) {
+SLOW_VIEW = """if (self !== top) {
   const next = requestAnimationFrame.bind(window);
   let wait = 0;
   window.requestAnimationFrame = (then) => wait ? setTimeout(() => next(then), wait) : next(then);
@@ -38,7 +38,7 @@ SLOW = """if (self !== top) {
   window.setInterval = (then, ms) => every(() => { if (beats) then(); }, ms);
   window.tire = () => { wait = 400; beats = false; };
 }"""
-"""A view that, once tired, takes long for a picture and paints none that nobody asked for."""
+"""Script whose ``tire()`` makes the view slow and stops all pictures that nothing requests."""
 SMALL = {"width": 480, "height": 480}
 """Window size in pixels that software rendering paints quickly."""
 
@@ -47,7 +47,7 @@ def test_view_shows_figures_and_the_path_and_rests(
     visit: Visit, service: Service, wrench: str
 ) -> None:
     figures = Figures.load(service.directory(wrench) / "figures.zarr")
-    page = with_view(visit(f"/folds/{wrench}", script=SLOW, **SMALL))
+    page = wait_for_view(visit(f"/folds/{wrench}", script=SLOW_VIEW, **SMALL))
     seek(page, int(np.nanargmax(figures.peak_torque_nm)))
     menu = page.locator("#colour-by")
     expect(menu.locator("option[disabled]")).to_have_count(0)
@@ -56,8 +56,8 @@ def test_view_shows_figures_and_the_path_and_rests(
     menu.select_option("torque")
     expect(page.locator("#legend-high")).to_have_text(re.compile(r"N·m$"))
     seen = picture(page)
-    assert np.abs(seen - before).max() > 20  # from some red to some of another colour
-    assert (seen[..., 0] - seen[..., 1:].max(axis=-1)).max() < 60  # not what only some people see
+    assert np.abs(seen - before).max() > 20  # red is replaced
+    assert (seen[..., 0] - seen[..., 1:].max(axis=-1)).max() < 60  # no red: for colour blindness
 
     seek(page, 0)
     menu.select_option("error")
@@ -78,33 +78,33 @@ def test_view_shows_figures_and_the_path_and_rests(
     page.mouse.wheel(0, 200)
     view.wait_for_function("(before) => pictures > before + 3", arg=painted)
 
-    # It wakes for the next frame on a slow machine too.
+    # The view wakes for the next frame on a slow machine too.
     seek(page, 0)
     folded = picture(page)
-    page.add_style_tag(content="#sketch { display: none }")  # it would stand in for the view
-    page.locator("#follow").click()  # a camera that moves would have it paint on
+    page.add_style_tag(content="#sketch { display: none }")  # the sketch would cover the view
+    page.locator("#follow").click()  # a moving camera would make the view paint anyway
     view.evaluate("() => tire()")
     view.wait_for_function(AT_REST)
     page.locator("#jump").select_option("straight")
-    until(page, lambda: bool(np.abs(shot(page) - folded).max() > 50))
+    wait_until(page, lambda: bool(np.abs(screenshot(page) - folded).max() > 50))
 
 
-HELD = """if (self !== top) {
+HOLD_PICTURES = """if (self !== top) {
   const next = requestAnimationFrame.bind(window);
   let held = [];
   window.requestAnimationFrame = (then) => (held ? held.push(then) : next(then));
   window.release = () => { const all = held; held = null; all.forEach(next); };
 }"""
-"""The view of a browser that takes its time for pictures."""
-PASSED = "async () => { for (let k = 0; k < 40; k++) await new Promise(requestAnimationFrame); }"
+"""Script that holds back the pictures of the view until ``release()``."""
+WAIT = "async () => { for (let k = 0; k < 40; k++) await new Promise(requestAnimationFrame); }"
 
 
 def test_drawing_stays_until_the_3d_view_has_painted(visit: Visit, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}", width=390, height=520, has_touch=True, script=HELD)
+    page = visit(f"/folds/{wrench}", width=390, height=520, has_touch=True, script=HOLD_PICTURES)
     page.wait_for_function("() => window.foldback.player.stage.open")
-    expect(page.locator("#keys")).to_be_hidden()  # no keyboard is there
+    expect(page.locator("#keys")).to_be_hidden()  # touch devices have no keyboard
     page.keyboard.press("End")
-    page.evaluate(PASSED)
+    page.evaluate(WAIT)
     expect(page.locator("#sketch")).not_to_have_class(re.compile("gone"))
     page.frames[1].evaluate("() => release()")
     page.locator("#sketch.gone").wait_for(state="attached")

@@ -10,7 +10,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
 from server.store.owner import new_token
-from tests.browser.conftest import Visit, answered, previewed
+from tests.browser.conftest import Visit, preview_file, wait_for_preview
 from tests.server.files.test_preview import CROSS, stl, voxels
 from tests.server.service_process import SNAKE, Service, bearer
 
@@ -18,26 +18,26 @@ pytestmark = pytest.mark.long
 
 SIZES = {"phone": (390, 844), "laptop": (1366, 768)}
 SCHEMES: dict[Any, dict[str, list[str]]] = {"light": {}, "dark": {"runOnly": ["color-contrast"]}}
-"""The rules to run in each: only colours differ in the dark."""
+"""Options of axe for each colour scheme: in dark mode only the colours differ."""
 
 
 def findings(page: Page) -> dict[str, list[str]]:
-    """Return what axe finds in each look of a page: what rule, and which elements break it."""
+    """Return what axe finds in each state of a page: the rule and the elements that break it."""
     axe = Axe()
     found: dict[str, list[str]] = {}
     for size, (width, height) in SIZES.items():
         page.set_viewport_size({"width": width, "height": height})
         for scheme, rules in SCHEMES.items():
             page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
-            # The 3D view is a page of its own, which is not ours.
+            # The 3D view is a page of its own, made by viser.
             options: dict[str, Any] = {"resultTypes": ["violations"], "iframes": False, **rules}
             violations = axe.run(page, options=options).response["violations"]
-            told = [
+            results = [
                 f"{violation['id']}: {', '.join(node['target'][0] for node in violation['nodes'])}"
                 for violation in violations
             ]
-            if told:
-                found[f"{size}, {scheme}"] = told
+            if results:
+                found[f"{size}, {scheme}"] = results
     return found
 
 
@@ -125,18 +125,18 @@ def test_landing_is_accessible(visit: Visit) -> None:
 
 def test_preview_is_accessible(visit: Visit) -> None:
     page = visit("/", view=False)
-    previewed(page, "cross.json", voxels(CROSS, name="Cross"))
+    preview_file(page, "cross.json", voxels(CROSS, name="Cross"))
     page.locator("#repairs .button").first.wait_for()
     found = [findings(page)]
     page.goto("/")
-    previewed(page, "brick.stl", stl())
+    preview_file(page, "brick.stl", stl())
     page.locator("#cover.drawn, #cover.gone").wait_for(state="attached")
     page.locator(".more > summary").click()
     page.locator("#preset").select_option("paper")
     page.locator("#paper-settings > summary").click()
     found.append(findings(page))
     page.locator("[name=world][value=table]").check(force=True)
-    answered(page)
+    wait_for_preview(page)
     expect(page.locator("#table-settings")).to_be_visible()
     assert [*found, findings(page)] == 3 * [{}]
 

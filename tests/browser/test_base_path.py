@@ -1,4 +1,4 @@
-"""A service below a path of a host: its pages and their scripts ask for nothing beside it."""
+"""A service below a path of a host: its pages and scripts request nothing outside that path."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from foldback_client import Client
-from tests.browser.conftest import LOOK
+from tests.browser.conftest import MEDIA
 from tests.server.service_process import Service
 
 BASE = "/fold"
@@ -26,38 +26,38 @@ def test_pages_below_a_path_ask_for_nothing_beside_it(
     data = tmp_path_factory.mktemp("below") / "data"
     service = Service(data, base_path=BASE, workers=0, finished_folds=True).start()
     try:
-        walk(f"http://127.0.0.1:{service.http.base_url.port}{BASE}", browser)
+        open_all_pages(f"http://127.0.0.1:{service.http.base_url.port}{BASE}", browser)
     finally:
         assert service.stop() == 0
 
 
-def walk(below: str, browser: Browser) -> None:
-    """Open all pages, and have those with a fold play it."""
-    with Client(below) as client:
+def open_all_pages(base_url: str, browser: Browser) -> None:
+    """Open all pages, and play the folds on them."""
+    with Client(base_url) as client:
         fold = min(each.refresh().id for each in client.folds())
         assert client.get(fold).verified
-    page = browser.new_page(**LOOK)
+    page = browser.new_page(**MEDIA)
     wrong: list[str] = []
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("response", lambda answer: wrong.append(answer.url) if answer.status >= 400 else None)
-    fine = re.compile(rf"(blob:|data:|{re.escape(below)}/)")
+    fine = re.compile(rf"(blob:|data:|{re.escape(base_url)}/)")
     page.on("request", lambda asked: None if fine.match(asked.url) else wrong.append(asked.url))
     for path in ("/", "/gallery", "/paper", "/benchmarks", "/docs", "/my-folds", "/shapes/new"):
-        page.goto(below + path, wait_until="networkidle")
+        page.goto(base_url + path, wait_until="networkidle")
         assert [one for one in page.evaluate(ADDRESSES) if not one.startswith(f"{BASE}/")] == []
     for path in (f"/embed/{fold}", f"/compare?a={fold}&b={fold}", f"/folds/{fold}"):
-        page.goto(below + path)
+        page.goto(base_url + path)
         expect(page.locator("#scrub")).to_be_enabled()
         page.locator("#play").click()
         page.wait_for_function("() => +document.getElementById('scrub').value > 0")
-    page.locator("#sketch.gone").wait_for(state="attached")  # the 3D view has come
+    page.locator("#sketch.gone").wait_for(state="attached")  # the 3D view is shown
     page.locator("#details").click()
     page.locator("#tab-downloads").click()
     links = page.locator("#panel-downloads .downloads a")
     for href in links.evaluate_all("(all) => all.map((one) => one.href)"):
         assert httpx.head(href).is_success, href
     assert page.locator('meta[property="og:image"]').get_attribute("content") == (
-        f"{below}/folds/{fold}/picture.png"
+        f"{base_url}/folds/{fold}/picture.png"
     )
     assert wrong == []
     page.close()

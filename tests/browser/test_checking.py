@@ -1,4 +1,4 @@
-"""A fold's page proves the clearance in the visitor's browser, and is broken on purpose."""
+"""Fold pages: proof of the clearance in the visitor's browser, and changes that break it."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tests.browser.conftest import WIDTH, Visit
 from tests.server.service_process import Service
 
 
-def checked(check: Locator) -> Locator:
-    """Have a fold checked in its page; what is said of it."""
+def check_in_page(check: Locator) -> Locator:
+    """Have a fold checked in its page, and return the element with the result."""
     check.get_by_role("button", name="Check it here").click()
-    said = check.get_by_role("status")
-    expect(said).to_contain_text("Checked by this browser, without our server: 24 modules")
-    return said
+    status = check.get_by_role("status")
+    expect(status).to_contain_text("Checked by this browser, without our server: 24 modules")
+    return status
 
 
 def test_fold_is_checked_and_broken_on_purpose(visit: Visit, service: Service, wrench: str) -> None:
@@ -26,12 +26,12 @@ def test_fold_is_checked_and_broken_on_purpose(visit: Visit, service: Service, w
     page.wait_for_function("() => window.foldback?.timeline.complete")
     page.locator("#details").click()
     check = page.locator("#check")
-    asked: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    said = checked(check)
+    urls: list[str] = []
+    page.on("request", lambda request: urls.append(request.url))
+    status = check_in_page(check)
     plan = Plan(service.directory(wrench) / "plan.npz")
-    assert f"{int(1000 * plan.claim) / 10:.1f} % of a module width apart" in said.inner_text()
-    assert [url for url in asked if url.endswith("/plan.npz")]
+    assert f"{int(1000 * plan.claim) / 10:.1f} % of a module width apart" in status.inner_text()
+    assert [url for url in urls if url.endswith("/plan.npz")]
     expect(check.get_by_role("button", name="Check it here")).to_be_focused()
     check.get_by_text("What this check does not show").click()
     expect(check).to_contain_text("Real joints have play")
@@ -39,13 +39,13 @@ def test_fold_is_checked_and_broken_on_purpose(visit: Visit, service: Service, w
     assert page.evaluate(WIDTH) <= 390
 
     check.get_by_role("button", name="Larger modules").click()
-    expect(said).to_contain_text("The modules of this plan are 95.0 % of a cell wide.")
+    expect(status).to_contain_text("The modules of this plan are 95.0 % of a cell wide.")
     page.evaluate("foldback.player.send({ do: 'select', module: 12 })")
     page.locator("#tab-properties").click()
     check.get_by_role("button", name="Turn a hinge by 1°").click()
-    expect(said).to_contain_text("With the joint behind module 13 off by 1°")
+    expect(status).to_contain_text("With the joint behind module 13 off by 1°")
 
-    checked(check)
+    check_in_page(check)
     check.get_by_role("button", name="Tightest place").click()
     frames = len(Timeline.open(service.directory(wrench) / "timeline.zarr").frames())
     found = re.match(r"Frame (\d+) of", page.locator("#r-frame").inner_text())
@@ -59,16 +59,16 @@ def test_downloaded_page_checks_itself(
     file = tmp_path / "fold.html"
     file.write_bytes(service.http.get(f"/folds/{wrench}/standalone.html").content)
     page = visit("about:blank", width=1366, height=768, view=False, offline=True)
-    asked: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
+    urls: list[str] = []
+    page.on("request", lambda request: urls.append(request.url))
     page.goto(file.as_uri())
     page.locator("#details").click()
     check = page.locator("#check")
-    expect(checked(check)).to_contain_text(re.compile(r"The check took [\d.]+ s"))
+    expect(check_in_page(check)).to_contain_text(re.compile(r"The check took [\d.]+ s"))
     check.get_by_role("button", name="Tightest place").click()
     assert len(page.evaluate("foldback.player.marked")) == 2
     expect(check.get_by_role("link")).to_have_count(0)
-    assert [url for url in asked if url.startswith("http")] == []
+    assert [url for url in urls if url.startswith("http")] == []
 
 
 def test_embedded_fold_is_checked_in_a_dialog(visit: Visit, wrench: str) -> None:

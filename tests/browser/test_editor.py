@@ -1,4 +1,4 @@
-"""The editor: painted, moved, opened from files, drawn as a path and folded, as visitors do."""
+"""Editor: painting, moving, opening files, drawing a path, and folding, as visitors do."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import WIDTH, Visit, cancel_fold, choose, opened_fold
+from tests.browser.conftest import WIDTH, Visit, cancel_fold, choose, wait_for_fold
 from tests.server.files.test_preview import stl
 from tests.server.service_process import SPIRAL, Service
 
 
-def opened(page: Page, name: str, data: bytes) -> None:
+def open_file(page: Page, name: str, data: bytes) -> None:
     """Open a file and wait until it has been read."""
     choose(page, name, data)
     expect(page.locator("#reading")).to_contain_text(f"{name}: ")
@@ -57,7 +57,7 @@ def test_letter_is_cut_by_dragging_and_folded(visit: Visit, service: Service) ->
     page.mouse.up()
     expect(page.locator("#count")).to_have_text("48 modules")  # a stroke from a filled cell empties
     page.locator("#fold").click()
-    opened_fold(page)
+    wait_for_fold(page)
     expect(page.locator("#name")).to_have_text("Letter L")
     cancel_fold(page, service)
 
@@ -67,18 +67,19 @@ def test_tools_files_and_a_drawn_path(visit: Visit, service: Service) -> None:
     page = visit("/shapes/new", width=1366, height=768, view=False)
     count = page.locator("#count")
 
-    # A voxel file in a grid that is large enough.
+    # The grid grows to fit a voxel file.
     voxels = np.zeros((13, 2, 1), bool)
     voxels[:, 0] = voxels[0] = True
     data = io.BytesIO()
     np.save(data, voxels)
-    opened(page, "hook.npy", data.getvalue())
+    open_file(page, "hook.npy", data.getvalue())
     expect(count).to_have_text("112 modules")
 
-    # What cannot be used is told in the service's words; a mesh is made anew of as many cells.
-    opened(page, "cube.npy", data.getvalue()[:-3])
+    # Files that cannot be used are refused with the service's message; a mesh becomes as many
+    # cells.
+    open_file(page, "cube.npy", data.getvalue()[:-3])
     expect(page.locator("#reading")).to_contain_text("fewer than")
-    opened(page, "brick.stl", stl())
+    open_file(page, "brick.stl", stl())
     page.locator("#mesh-cells").fill("16")
     page.locator("#mesh-cells").press("Enter")
     expect(page.locator("#reading")).to_have_text("brick.stl: 16 cells.")
@@ -97,7 +98,7 @@ def test_tools_files_and_a_drawn_path(visit: Visit, service: Service) -> None:
     keys |= {(0, -1, 0): "ArrowLeft", (0, 0, 1): "PageUp", (0, 0, -1): "PageDown"}
     own = [*SPIRAL, [-1, 2, 1], [-1, 1, 1]]
     steps = np.diff(np.array(own), axis=0)
-    page.keyboard.press("Shift+ArrowDown")  # begins where the cursor is
+    page.keyboard.press("Shift+ArrowDown")  # starts at the cursor
     for step in steps.tolist():
         page.keyboard.press(f"Shift+{keys[tuple(step)]}")
     expect(count).to_have_text(f"The path visits all {len(own)} cells.")
@@ -107,16 +108,16 @@ def test_tools_files_and_a_drawn_path(visit: Visit, service: Service) -> None:
     page.locator("#complete").click()
     expect(count).to_have_text(f"The path visits all {len(own)} cells.")
 
-    # Taken away and opened again it is the same path; it is the one that is folded.
+    # Saved and opened again it is the same path, and that path is folded.
     with page.expect_download() as download:
         page.locator("#save-path").click()
     written = download.value.path().read_bytes()
     page.locator("#unpath").click()
     expect(count).to_contain_text("No path yet")
-    opened(page, "own.json", written)
+    open_file(page, "own.json", written)
     expect(page.locator("#reading")).to_have_text(f"own.json: {len(own)} cells along their path.")
     page.locator("#fold").click()
-    fold = opened_fold(page)
+    fold = wait_for_fold(page)
     sent = json.loads((service.directory(fold) / "input").read_bytes())
     assert sent["format"] == "foldback-path/1"
     assert np.diff(np.array(sent["cells"]), axis=0).tolist() == steps.tolist()

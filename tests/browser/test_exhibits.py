@@ -14,10 +14,10 @@ TARGET_PX = 64
 SPEED = 6
 
 
-def _kept(page: Page) -> dict[str, int]:
-    """Count what is in memory of the page and of the folds in it, without garbage."""
+def count_objects(page: Page) -> dict[str, int]:
+    """Return the counts of objects in the memory of the page and its folds, without garbage."""
     session = page.context.new_cdp_session(page)
-    for _ in range(2):  # the first collection lets go of what the second one finds
+    for _ in range(2):  # the first collection releases what the second one frees
         session.send("HeapProfiler.collectGarbage")
     return session.send("Memory.getDOMCounters")
 
@@ -36,7 +36,7 @@ def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
     first, second = frame.format(wrench), frame.format(other)
     if page.locator(second).count():  # on a busy machine the first one may come too late
         first, second = second, first
-    kept = _kept(page)
+    before = count_objects(page)
     assert shown.locator("a:visible").count() == 0
     assert page.locator("a:visible").count() == 0
     for one in [*shown.locator("button:visible, input:visible").all(), page.locator("#next")]:
@@ -56,10 +56,10 @@ def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
     expect(shown.locator(".tour .primary")).to_have_text("Play tour")
     expect(page.locator(first)).to_be_visible()
     expect(page.locator("iframe")).to_have_count(1)
-    third = _kept(page)
-    # The frame of the 3D view has an empty document until its own has come.
-    assert third["documents"] <= kept["documents"] + 1
-    assert third["jsEventListeners"] < 1.5 * kept["jsEventListeners"], "of folds that are gone"
+    third = count_objects(page)
+    # The frame of the 3D view has an empty document until its own one is loaded.
+    assert third["documents"] <= before["documents"] + 1
+    assert third["jsEventListeners"] < 1.5 * before["jsEventListeners"], "of folds that are gone"
 
 
 def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench: str) -> None:

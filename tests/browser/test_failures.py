@@ -1,4 +1,4 @@
-"""Folds that came to nothing: the reason in words, how far they came, and where they stick."""
+"""Failed folds: the reason in words, the frame of the failure, and where the chain is stuck."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import pytest
 from playwright.sync_api import Page, expect
 
 import foldback_check_refusals
-from tests.browser.conftest import Visit, picture, shown_frame, with_view
+from tests.browser.conftest import Visit, picture, shown_frame, wait_for_view
 from tests.planner.pathfinding.test_knots import OVERHAND, walk
 from tests.server.service_process import Service
 
 pytestmark = pytest.mark.long
 TAIL = 20
 LAPTOP = {"width": 960, "height": 440, "color_scheme": "light"}
-ORANGE = """() => {
+HIGHLIGHTED = """() => {
   const { player } = window.foldback;
   const stuck = player.timeline.bundle.header.colours.stuck;
   const colours = player.colours();
@@ -24,28 +24,28 @@ ORANGE = """() => {
 }"""
 
 
-def looked_at(page: Page) -> list[int]:
-    """Presses what shows where it sticks; the modules that are highlighted there."""
+def show_stuck_modules(page: Page) -> list[int]:
+    """Show where the fold is stuck, and return the modules that are highlighted there."""
     if not page.locator("#stuck-more").is_visible():
         page.locator("#stuck-fold").click()
     page.locator("#stuck-go").click()
     seen = picture(page)
-    found = page.evaluate(ORANGE)
+    found = page.evaluate(HIGHLIGHTED)
     orange = (seen[..., 0] > 120) & (seen[..., 0] - seen[..., 2] > 90)
     assert (orange & (seen[..., 1] > 0.35 * seen[..., 0])).sum() > 400
     return found
 
 
 def test_impossible_module_size_fails_with_overlap(visit: Visit, service: Service) -> None:
-    asked = {"module_size": 1.0, "strategy": "simultaneous"}
-    fold = service.fold(shape="wrench-80", **asked)["id"]
+    options = {"module_size": 1.0, "strategy": "simultaneous"}
+    fold = service.fold(shape="wrench-80", **options)["id"]
     state = service.wait_over(fold)
     assert state["status"] == "failed"
     place = state["summary"]["certificate"]["min_clearance_at"]
-    page = with_view(visit(f"/folds/{fold}", **LAPTOP))
+    page = wait_for_view(visit(f"/folds/{fold}", **LAPTOP))
     expect(page.locator("#stuck-heading")).to_have_text("Modules overlap")
     expect(page.locator("#stuck-text")).to_contain_text("At a module size of 1, modules")
-    assert looked_at(page) == sorted(place["modules"])
+    assert show_stuck_modules(page) == sorted(place["modules"])
     explosion = state["summary"]["explosion"]["frames"]
     assert shown_frame(page) == pytest.approx(explosion + place["frame"], abs=1)
     page.locator("#stuck-attempts").click()
@@ -61,25 +61,25 @@ def test_knot_is_drawn_located_and_confirmed(
     visit: Visit, service: Service, tmp_path: Path
 ) -> None:
     corners = [(-TAIL, 0, 0), *OVERHAND[1:-1], (4, 6 + TAIL, 2)]
-    # All at once it is shaken loose; module by module it is drawn tight.
+    # All at once the chain is shaken loose; module by module the knot is tightened.
     fold = service.fold(walk(tuple(corners)).tolist(), strategy="peel")["id"]
     state = service.wait_over(fold)
     assert (state["status"], state["summary"]["stuck"]["kind"]) == ("failed", "knot")
-    page = with_view(visit(f"/folds/{fold}", **LAPTOP))
+    page = wait_for_view(visit(f"/folds/{fold}", **LAPTOP))
     expect(page.locator("#stuck-heading")).to_have_text("The chain is knotted")
     drawn = page.locator("#stuck-knot svg")
     assert drawn.get_attribute("aria-label") == "A knot with 3 crossings, determinant 3"
     assert drawn.locator("path").count() == 3
-    found = looked_at(page)
+    found = show_stuck_modules(page)
     assert found == state["summary"]["stuck"]["modules"]
     # The knot is in the middle, between the tails.
     assert min(found) > TAIL and max(found) < len(walk(tuple(corners))) - TAIL
     assert shown_frame(page) == page.evaluate("() => window.foldback.timeline.last")
     page.locator("#stuck-attempts").click()
     tried = page.locator(".attempts li")
-    expect(tried).to_have_count(1)  # it is peeled one way only
+    expect(tried).to_have_count(1)  # there is one way to peel it
     expect(tried).to_contain_text("the chain is knotted (determinant 3)")
-    # Both files are there, and are enough to confirm the reason.
+    # Both files are offered, and suffice to confirm the reason.
     expect(page.locator("#attempts code")).to_contain_text("_refusals.py plan.npz record.npz")
     for name in ("plan.npz", "record.npz"):
         link = page.locator(f"#attempts a[download='{name}']").get_attribute("href")

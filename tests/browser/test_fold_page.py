@@ -24,13 +24,13 @@ from tests.server.service_process import STAIRS, Service
 
 
 def redness(image: np.ndarray) -> float:
-    """How much redder than grey the picture is, summed over its pixels."""
+    """Return how much redder than grey the picture is, summed over its pixels."""
     red = image[..., 0] - image[..., 1:].mean(axis=-1)
     return float(np.clip(red - 4.0, 0.0, None).sum())
 
 
-def solid_spot(image: np.ndarray) -> tuple[int, int]:
-    """A place (x, y) well inside a module, near the middle of the chain."""
+def pixel_on_module(image: np.ndarray) -> tuple[int, int]:
+    """Return a pixel (x, y) well inside a module, near the middle of the chain."""
     bright = image.mean(axis=-1) > 70
     inside = bright.copy()
     for axis in (0, 1):
@@ -47,11 +47,11 @@ def test_page_polls_when_its_event_stream_is_refused(visit: Visit) -> None:
     page = visit("/", view=False)
     exploding = {"status": "running", "stage": "explode", "fraction": 0.4, "steps": 1200}
     exploding |= {"steps_per_second": 100, "simulated_s": 12.2}
-    told = [exploding]
+    states = [exploding]
 
     def answer(route: Route) -> None:
-        if told:
-            route.fulfill(json={"progress": told[0]})
+        if states:
+            route.fulfill(json={"progress": states[0]})
         else:
             route.continue_()
 
@@ -60,7 +60,7 @@ def test_page_polls_when_its_event_stream_is_refused(visit: Visit) -> None:
     choose(page, "stairs.json", path_file(STAIRS))
     verdict = page.locator("#verdict")
     expect(verdict).to_have_text(re.compile(r" 40 % · 1.?200 steps · 12 s simulated$"))
-    told.clear()
+    states.clear()
     expect(verdict).to_have_text(re.compile("^Verified"))
     expect(page.locator("#progress")).to_be_hidden()
 
@@ -70,10 +70,10 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
     page = visit(f"/folds/{wrench}", height=480, view=view)
     verdict = r"^Verified \(simulated\): modules stay at least \d+\.\d % .* apart · 24 modules$"
     expect(page.locator("#verdict")).to_have_text(re.compile(verdict))
-    if view:  # else the page's own drawing stays, in the same colours
+    if view:  # otherwise the page's own drawing stays, in the same colours
         page.locator("#sketch.gone").wait_for(state="attached")
     expect(page.locator("#stuck")).to_be_hidden()
-    assert "#" not in page.url  # nothing was done yet that a link should tell of
+    assert "#" not in page.url  # the link has no state before the first action
     directory = service.directory(wrench)
     timeline = Timeline.open(directory / "timeline.zarr")
     frames, chain = timeline.frames(), timeline.chain
@@ -86,8 +86,8 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
     assert redness(picture(page)) > 0.0
     error = page.locator("#r-error")
     expect(error).to_have_text(re.compile(r"^Error [\d.]+ µrad$"))
-    said = float(error.inner_text().split()[1])
-    assert said == pytest.approx(1e6 * largest[high], rel=0.06)  # of two figures
+    shown = float(error.inner_text().split()[1])
+    assert shown == pytest.approx(1e6 * largest[high], rel=0.06)  # shown with two digits
     # Step, by button and by key, with the focus in the page or in the view.
     page.locator("#back").click()
     at_frame(page, high - 1)
@@ -95,21 +95,21 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
         page.keyboard.press(key)
         at_frame(page, frame)
 
-    # Click a module: what is said of it is what was recorded.
+    # Click a module: the panel shows what was recorded of it.
     seek(page, explosion)
     grey = picture(page)
     assert redness(grey) == 0.0
-    x, y = solid_spot(grey)
+    x, y = pixel_on_module(grey)
     page.locator("main.stage").click(position={"x": x, "y": y})
     heading = page.locator("#panel-module h2")
     expect(heading).to_contain_text("Module")
     index = int(re.findall(r"\d+", heading.inner_text())[0]) - 1
     cell = np.rint(chain.folded_poses.positions[index]).astype(int)
-    said = page.locator("#panel-module dd").nth(1).inner_text().replace("−", "-")
-    assert [int(c) for c in said.split(", ")] == cell.tolist()
+    shown = page.locator("#panel-module dd").nth(1).inner_text().replace("−", "-")
+    assert [int(c) for c in shown.split(", ")] == cell.tolist()
     seen = picture(page)
     assert (seen[..., 2] - seen[..., 0]).max() > 60  # it is blue
-    page.keyboard.press("ArrowRight")  # the focus is in the view now
+    page.keyboard.press("ArrowRight")  # the view has the focus now
     at_frame(page, explosion + 1)
     page.wait_for_url(f"**/folds/*#frame={explosion + 2}&module={index + 1}")
     page.reload()

@@ -1,4 +1,4 @@
-"""My folds, as their maker meets them: named, taken to another browser, deleted, forgotten."""
+"""My folds as an owner uses them: renaming, transfer to another browser, deletion, forgetting."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def key_of(page: Page) -> str:
     return page.evaluate("localStorage.getItem('foldback:token')")
 
 
-def holding(visit: Visit, token: str, **options: object) -> Page:
-    """My folds, of a browser that has a key."""
+def open_my_folds(visit: Visit, token: str, **options: object) -> Page:
+    """Open My folds in a browser that has a key."""
     page = visit("/health", view=False, **options)
     page.evaluate("key => localStorage.setItem('foldback:token', key)", token)
     page.goto("/my-folds")
@@ -30,7 +30,7 @@ def test_rename_transfer_and_delete_in_my_folds(visit: Visit, service: Service) 
     token = new_token()
     fold = service.fold(STAIRS, token=token)["id"]
     service.wait_over(fold)
-    page = holding(visit, token)
+    page = open_my_folds(visit, token)
     card = page.locator(f'#folds [data-id="{fold}"]')
     expect(card.locator(".card-status")).to_have_text(re.compile("^Verified"))
     expect(card.locator(".card-count")).to_have_text(re.compile("^8 modules · just now"))
@@ -49,27 +49,27 @@ def test_rename_transfer_and_delete_in_my_folds(visit: Visit, service: Service) 
     key = page.get_by_role("textbox", name="Your access key").input_value()
     assert key == key_of(page)
 
-    other = holding(visit, new_token(), width=390, height=844)
+    other = open_my_folds(visit, new_token(), width=390, height=844)
     expect(other.get_by_text("Nothing here yet")).to_be_visible()
     refused = (("wrench", "This is not a key"), (new_token(), "No folds found for this key"))
-    for text, said in refused:
+    for text, words in refused:
         other.get_by_label("A key from another browser").fill(text)
         other.get_by_role("button", name="Add", exact=True).click()
-        expect(other.locator("#key-message")).to_contain_text(said)
+        expect(other.locator("#key-message")).to_contain_text(words)
     other.get_by_label("A key from another browser").fill(f"  {key} ")
     other.get_by_role("button", name="Add", exact=True).click()
     expect(other.locator("#folds h3")).to_have_text([HOSTILE])
-    assert key_of(other) != key  # what is folded there stays there
+    assert key_of(other) != key  # folds made in that browser stay there
     assert key not in other.url and key not in other.content()
 
-    theirs = other.locator(f'#folds [data-id="{fold}"]')
-    theirs.get_by_role("button", name="Delete").click()
+    moved = other.locator(f'#folds [data-id="{fold}"]')
+    moved.get_by_role("button", name="Delete").click()
     expect(other.locator("#confirm-no")).to_be_focused()
     other.keyboard.press("Escape")
-    expect(theirs).to_be_visible()
-    theirs.get_by_role("button", name="Delete").click()
+    expect(moved).to_be_visible()
+    moved.get_by_role("button", name="Delete").click()
     other.locator("#confirm-yes").click()
-    expect(theirs).to_have_count(0)
+    expect(moved).to_have_count(0)
     assert service.http.get(f"/api/folds/{fold}").status_code == 404
     page.reload()
     expect(page.get_by_text("Nothing here yet")).to_be_visible()
@@ -78,11 +78,11 @@ def test_rename_transfer_and_delete_in_my_folds(visit: Visit, service: Service) 
 @pytest.mark.long
 def test_my_folds_are_paged_and_all_deleted(visit: Visit, service: Service) -> None:
     token = new_token()
-    # They are cancelled at once, so that no worker is kept busy.
+    # They are cancelled at once, so that no worker is busy with them.
     for seed in range(26):
         fold = service.fold(SNAKE, seed=str(900 + seed), token=token)
         service.http.post(f"/api/folds/{fold['id']}/cancel", headers=bearer(token))
-    page = holding(visit, token)
+    page = open_my_folds(visit, token)
     expect(page.locator("#found")).to_have_text("24 of 26 folds")
     page.get_by_role("button", name="Show more").click()
     expect(page.locator("#found")).to_have_text("26 folds")
@@ -98,11 +98,11 @@ def test_my_folds_are_paged_and_all_deleted(visit: Visit, service: Service) -> N
     page.get_by_role("button", name="Delete all").click()
     page.locator("#confirm-yes").click()
     expect(page.get_by_text("Nothing here yet")).to_be_visible()
-    left = service.http.get("/api/mine/folds", headers=bearer(token)).json()
-    assert left["total"] == 0
+    remaining = service.http.get("/api/mine/folds", headers=bearer(token)).json()
+    assert remaining["total"] == 0
 
 
-def test_early_folds_are_adopted_and_the_browser_forgotten(visit: Visit, service: Service) -> None:
+def test_early_folds_are_claimed_and_the_browser_forgotten(visit: Visit, service: Service) -> None:
     early = service.fold(SNAKE, seed="950")
     page = visit("/health", view=False)
     keep_as_mine(page, early)
@@ -123,9 +123,9 @@ def test_early_folds_are_adopted_and_the_browser_forgotten(visit: Visit, service
 def test_leaked_key_is_replaced(visit: Visit, service: Service) -> None:
     leaked = new_token()
     fold = service.fold(SNAKE, seed="951", token=leaked)["id"]
-    page = holding(visit, leaked)
+    page = open_my_folds(visit, leaked)
     expect(page.locator("#folds li")).to_have_count(1)
-    # Where no answer comes nothing is lost: both are kept until one is known to hold it.
+    # If no answer comes, both keys are stored until one of them is known to hold the folds.
     page.route("**/api/mine/key", lambda route: route.abort())
     page.get_by_role("button", name="New key").click()
     page.locator("#confirm-yes").click()

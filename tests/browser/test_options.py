@@ -1,4 +1,4 @@
-"""Options of a fold as a visitor sets them: settings of the published method, a table, a wish."""
+"""Options of a fold as a visitor sets them: published parameters, a table, an objective."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from planner.parameters.settings import SETTINGS
 from tests.browser.conftest import (
     WIDTH,
     Visit,
-    answered,
-    opened_fold,
     picture,
-    previewed,
-    with_view,
+    preview_file,
+    wait_for_fold,
+    wait_for_preview,
+    wait_for_view,
 )
 from tests.server.api.test_table import voxels
 from tests.server.service_process import STAIRS, Service
@@ -29,7 +29,7 @@ def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: S
         "/api/shapes/preview", files={"file": ("stairs.json", json.dumps(STAIRS[:5]))}
     ).json()
     page = visit(found["links"]["page"], width=390, height=844, view=False)
-    answered(page)
+    wait_for_preview(page)
     settings = page.locator("#paper-settings")
     page.locator(".more > summary").click()
     page.locator("#preset").select_option("paper")
@@ -46,9 +46,9 @@ def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: S
     )
     expect(damping).to_be_focused()
     damping.fill("0,12")
-    page.locator("[name=step_s]").fill("0.01")  # as it is anyway: nothing is sent
+    page.locator("[name=step_s]").fill("0.01")  # defaults are not sent
     page.locator("#fold").click()
-    fold = opened_fold(page)
+    fold = wait_for_fold(page)
     expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
     assert service.state(fold)["settings"] == "damping=0.12,radial_gain=5"
     page.locator("#details").click()
@@ -77,15 +77,15 @@ def test_choice_lists_all_plans_as_dots_and_rows(visit: Visit, service: Service)
 
 
 TABLE = np.array([78, 84, 94])
-"""Its colour in a dark view."""
+"""Colour of the table in a dark view."""
 
 
 @pytest.mark.long
 def test_upload_folds_on_a_table(visit: Visit, service: Service) -> None:
     page = visit("/", width=1000, height=620)
-    previewed(page, "box.npy", voxels(2, 2, 2))
+    preview_file(page, "box.npy", voxels(2, 2, 2))
     page.locator("[name=world][value=table]").check(force=True)
-    answered(page)
+    wait_for_preview(page)
     expect(page).to_have_url(re.compile("world=table"))
     page.locator("details.more summary").first.click()
     expect(page.locator("#preset")).to_be_disabled()
@@ -96,12 +96,12 @@ def test_upload_folds_on_a_table(visit: Visit, service: Service) -> None:
     expect(page.locator("[name=table_base]")).to_have_value("free")
     page.locator("[name=table_base]").select_option("clamped")
     page.locator("#fold").click()
-    fold = opened_fold(page)
+    fold = wait_for_fold(page)
     expect(page.locator("#rests")).to_contain_text(
         re.compile(r"^Stays on .* at most [\d.]+ w·p \([\d.]+ [nµm]?N·m\), frictionless$")
     )
 
-    page = with_view(visit(f"/folds/{fold}#frame=100000", width=1000, height=620))
+    page = wait_for_view(visit(f"/folds/{fold}#frame=100000", width=1000, height=620))
     seen = picture(page)
     assert (np.abs(seen - TABLE).max(axis=-1) < 14).mean() > 0.2
     page.locator("#colour-by").select_option("pressed")

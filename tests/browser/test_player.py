@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from planner.certificate.metrics_store import Figures
-from tests.browser.conftest import at_frame, seek, shown_frame, visits
+from tests.browser.conftest import at_frame, seek, shown_frame, visiting
 from tests.server.service_process import Service
 
 GROUND = "() => getComputedStyle(document.body).backgroundColor"
@@ -18,7 +18,7 @@ GROUND = "() => getComputedStyle(document.body).backgroundColor"
 
 @pytest.fixture(scope="module")
 def page(service: Service, wrench: str) -> Iterator[Page]:
-    with visits(service) as visit:
+    with visiting(service) as visit:
         page = visit(f"/folds/{wrench}", width=1366, height=768, view=False)
         page.wait_for_function("() => window.foldback?.timeline.complete")
         yield page
@@ -34,10 +34,10 @@ def test_frame_is_typed(page: Page) -> None:
     page.locator("#r-frame").click()
     field = page.locator("#frame")
     expect(field).to_be_focused()
-    page.keyboard.type("31")  # over what was there
+    page.keyboard.type("31")  # typing replaces the old number
     page.keyboard.press("Enter")
     at_frame(page, 30)
-    expect(page.locator("body")).to_be_focused()  # the keyboard is the page's again
+    expect(page.locator("body")).to_be_focused()  # the keyboard controls the page again
     page.keyboard.press("g")
     field.fill("99999")
     page.keyboard.press("Enter")
@@ -65,7 +65,7 @@ def test_keys_step_and_are_listed_and_single_letters_are_turned_off(page: Page) 
     dialog = page.locator("#keys-dialog")
     expect(dialog).to_be_visible()
     assert dialog.locator("dt").count() >= 15
-    page.keyboard.press("ArrowRight")  # nothing behind it moves
+    page.keyboard.press("ArrowRight")  # the page behind the dialog does not move
     at_frame(page, 30)
     page.locator("#keys-off").check()
     dialog.get_by_role("button", name="Close").click()
@@ -196,9 +196,9 @@ def test_module_panel_names_the_nearest_module(page: Page, figures: Figures) -> 
     expect(page.locator("#panel-module h2")).to_contain_text(f"Module {number} of ")
 
 
-WHOLE = """text => text.scrollWidth <= text.clientWidth && text.scrollHeight <= text.clientHeight
+UNCUT = """text => text.scrollWidth <= text.clientWidth && text.scrollHeight <= text.clientHeight
   && text.getBoundingClientRect().right <= innerWidth"""
-"""JavaScript function that returns true if no part of a text is cut off."""
+"""Expression that is true if no part of a text is cut off."""
 
 
 def test_verdict_and_bar_fit_a_phone(page: Page) -> None:
@@ -207,12 +207,12 @@ def test_verdict_and_bar_fit_a_phone(page: Page) -> None:
         page.locator("#drawer-close").click()
     for name in ("#folded", "#jump", "#details", "#speed", "#keys", "#full"):
         expect(page.locator(name)).to_be_in_viewport(ratio=1)
-    assert page.locator("#verdict").evaluate(WHOLE)
+    assert page.locator("#verdict").evaluate(UNCUT)
     bar = page.locator("#bar").bounding_box()
-    assert bar["height"] <= 171  # as high as without the slider
+    assert bar["height"] <= 171  # the slider adds no height
 
 
-def test_theme_is_kept_and_set_before_the_first_paint(page: Page) -> None:
+def test_theme_is_stored_and_set_before_the_first_paint(page: Page) -> None:
     dark = page.evaluate(GROUND)
     page.locator("#details").focus()
     page.keyboard.press("t")
@@ -220,7 +220,7 @@ def test_theme_is_kept_and_set_before_the_first_paint(page: Page) -> None:
     assert light != dark
     page.goto("/gallery")
     assert page.evaluate(GROUND) == light
-    # It stands in the head before all that is painted, and is no module: those run later.
+    # The script is in the head, before all that is painted; modules would run later.
     stands = "() => document.querySelector('head script:not([src])').type"
     assert page.evaluate(stands) == ""
     assert page.evaluate("() => document.documentElement.dataset.theme") == "light"

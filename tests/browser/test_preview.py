@@ -1,4 +1,4 @@
-"""From a file, or from nothing, to a preview and a fold, as a visitor meets it."""
+"""From a file, or from an empty grid, to a preview and a fold."""
 
 from __future__ import annotations
 
@@ -13,42 +13,42 @@ from tests.browser.conftest import (
     NO_WEBGL,
     WIDTH,
     Visit,
-    answered,
     cancel_fold,
-    opened_fold,
     picture,
-    previewed,
-    until,
+    preview_file,
+    wait_for_fold,
+    wait_for_preview,
+    wait_until,
 )
 from tests.server.api.test_table import SLAB
 from tests.server.files.test_preview import stl, voxels
 from tests.server.service_process import Service
 
 
-def settled(page: Page) -> None:
-    """Waits until the view is as well."""
-    answered(page)
+def wait_for_rest(page: Page) -> None:
+    """Wait until a preview and its 3D view are at rest."""
+    wait_for_preview(page)
     page.locator("#cover.gone").wait_for(state="attached")
     page.locator('.stage[aria-busy="false"]').wait_for()
 
 
 @pytest.fixture(scope="module")
 def brick(service: Service) -> dict[str, Any]:
-    """A preview that was asked for."""
+    """Preview of a brick, requested without its full result."""
     return service.http.post(
         "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
     ).json()
 
 
-def warm(image: np.ndarray) -> np.ndarray:
-    """How much more red than blue each pixel is: the last modules are yellow, the first blue."""
+def warmth(image: np.ndarray) -> np.ndarray:
+    """Return red minus blue of each pixel: the last modules are yellow, the first ones blue."""
     return image[..., 0] - image[..., 2]
 
 
 @pytest.mark.parametrize("view", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, view: bool) -> None:
     page = visit("/", width=760, height=420, view=view)
-    previewed(page, "brick.stl", stl())
+    preview_file(page, "brick.stl", stl())
     expect(page.locator("#name")).to_have_text("brick")
     expect(page.locator("#verdict")).to_have_text(
         re.compile(r"\d+ modules · matches your model: \d+ %")
@@ -56,21 +56,21 @@ def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, vi
     page.locator(".more > summary").click()
     expect(page.locator("#preset")).to_be_visible()
     if view:
-        settled(page)
+        wait_for_rest(page)
         seen = picture(page)
-        assert (warm(seen) > 40).mean() > 0.003
-        assert (warm(seen) < -40).mean() > 0.003
+        assert (warmth(seen) > 40).mean() > 0.003
+        assert (warmth(seen) < -40).mean() > 0.003
         page.locator("[data-layer=path]").click()
         assert np.abs(picture(page) - seen).max() > 40
     number = page.locator("#modules-number")
     number.fill("24")
     number.press("Enter")
-    answered(page)
+    wait_for_preview(page)
     expect(page).to_have_url(re.compile(r"\?modules=24$"))
     modules = re.findall(r"\d+", page.locator("#fold").inner_text())[0]
     assert page.locator("#verdict").inner_text().startswith(f"{modules} modules")
     page.locator("#fold").click()
-    fold = opened_fold(page)
+    fold = wait_for_fold(page)
     expect(page.locator("#name")).to_have_text("brick")
     assert service.state(fold)["modules"] == int(modules)
     cancel_fold(page, service)
@@ -84,7 +84,7 @@ def test_preview_that_is_left_starts_no_3d_view(visit: Visit, brick: dict[str, A
     page.route("**/api/folds", lambda route: requests.append(route))
     page.goto(brick["links"]["page"])
     page.locator("#fold").click()
-    until(page, lambda: bool(drawings and requests))
+    wait_until(page, lambda: bool(drawings and requests))
     drawings[0].continue_()
     expect(page.locator("#drawing")).to_be_visible()
     page.wait_for_timeout(600)
@@ -101,7 +101,7 @@ def test_forward_leads_on_from_a_preview_that_was_returned_to(
     page.goto("/about")
     for _ in range(2):
         page.go_back()
-        settled(page)
+        wait_for_rest(page)
         page.go_forward()
         assert page.url.endswith("/about")
 
@@ -126,17 +126,17 @@ def test_preview_recovers_when_its_scene_fails_or_is_busy(
     expect(page.locator("#fold")).to_be_enabled()
     expect(page.locator(".stage")).to_have_attribute("aria-busy", "false")
     page.unroute("**/scene/*")
-    # What is busy is asked again.
+    # A busy scene is requested again.
     busy = {"status": 503, "headers": {"Retry-After": "1"}}
     page.route("**/scene/*", lambda route: route.fulfill(**busy), times=1)
     page.locator("#modules-number").fill("64")
     page.locator("#modules-number").press("Enter")
-    settled(page)
+    wait_for_rest(page)
 
 
 def test_missing_path_is_explained_repaired_and_unrepaired(visit: Visit) -> None:
     page = visit("/", width=390, height=844, has_touch=True, view=False)
-    previewed(page, "slab.json", voxels(SLAB))
+    preview_file(page, "slab.json", voxels(SLAB))
     expect(page.locator("#trouble")).to_be_visible()
     expect(page.locator("#fold")).to_be_disabled()
     page.locator("[name=world][value=table]").check(force=True)
@@ -157,20 +157,20 @@ def test_chain_starts_in_the_clicked_module(
     visit: Visit, service: Service, brick: dict[str, Any]
 ) -> None:
     page = visit(brick["links"]["page"] + "?modules=64", width=1440, height=900)
-    settled(page)
+    wait_for_rest(page)
     before = picture(page)
     view = page.locator("#view").bounding_box()
     page.mouse.click(view["x"] + 0.5 * view["width"], view["y"] + 0.5 * view["height"])
     expect(page.locator("#start-text")).to_contain_text(re.compile(r"Module \d+ of \d+"))
     module = int(re.findall(r"\d+", page.locator("#start-text").inner_text())[0])
-    assert np.abs(picture(page) - before).max() > 40  # the module stands out
+    assert np.abs(picture(page) - before).max() > 40  # the module is highlighted
     page.locator("#start-button").click()
-    settled(page)
+    wait_for_rest(page)
     cells = service.http.post(
         "/api/shapes/preview", data={"preview": brick["id"], "modules": "64"}
     ).json()["cells"]
     start = "%2C".join(map(str, cells[module - 1]))
     expect(page).to_have_url(re.compile(re.escape(f"start={start}")))
     page.locator("#start-button").click()
-    settled(page)
+    wait_for_rest(page)
     expect(page.locator("#start")).to_be_hidden()

@@ -1,4 +1,4 @@
-"""Sending a fold on: links, frames, one file, two folds, another shape, downloads."""
+"""Sharing a fold: links, frames, one file, comparison, refolding, downloads."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from web.static_files import STATIC
 EXAMPLE = Path(__file__).parents[2] / "examples" / "embedding.html"
 
 
-def test_element_shows_a_fold_and_does_what_it_is_told(
+def test_element_shows_a_fold_and_obeys_its_messages(
     visit: Visit, blog: Blog, service: Service, wrench: str
 ) -> None:
     origin = service.http.base_url
@@ -45,7 +45,7 @@ def test_element_shows_a_fold_and_does_what_it_is_told(
     page.locator("#frame").fill(str(last - 1))
     page.locator("#play").click()
     expect(now).to_have_text("Folded")
-    # A page that is not the frame's is not heard; what is no fold is said.
+    # Messages of other pages are ignored; an unknown fold is reported.
     page.evaluate("() => postMessage({ foldback: 'state', frame: 7, frames: 9 }, '*')")
     assert page.evaluate("() => driven.currentFrame") == last
     page.evaluate("() => driven.setAttribute('src', 'javascript:document.title = 1')")
@@ -63,7 +63,7 @@ def test_element_shows_a_file_beside_it(
         "<foldback-fold id=driven src=fold.html></foldback-fold>"
     )
     page = visit((tmp_path / "page.html").as_uri(), script=NO_WEBGL)
-    # Without an origin: what is in the file reaches nothing of the page.
+    # The frame has no origin, so that its content cannot access the page.
     expect(page.locator("#driven iframe")).not_to_have_attribute("sandbox", re.compile("origin"))
     page.wait_for_function("() => driven.frames > 30")
     page.evaluate("() => driven.seek(30)")
@@ -72,11 +72,11 @@ def test_element_shows_a_file_beside_it(
     expect(page.locator("#driven [role=alert]")).to_have_text(re.compile("^No fold answers"))
 
 
-def test_tour_is_played_edited_and_kept(visit: Visit, service: Service) -> None:
-    told = service.fold(STAIRS, seed="77")
-    service.wait_over(told["id"])
-    page = visit(f"/folds/{told['id']}", view=False)
-    keep_as_mine(page, told)
+def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> None:
+    folded = service.fold(STAIRS, seed="77")
+    service.wait_over(folded["id"])
+    page = visit(f"/folds/{folded['id']}", view=False)
+    keep_as_mine(page, folded)
     stops = page.locator(".tour-list li")
     page.locator("#tour").click()
     expect(page.locator(".tour-caption")).to_contain_text("The chain is straight")
@@ -94,10 +94,10 @@ def test_tour_is_played_edited_and_kept(visit: Visit, service: Service) -> None:
     page.get_by_role("button", name="Save").click()
     expect(page.get_by_text("Tour saved")).to_be_visible()
 
-    other = visit(f"/embed/{told['id']}#stop=2", view=False)
+    other = visit(f"/embed/{folded['id']}#stop=2", view=False)
     expect(other.locator(".tour-caption")).to_have_text("<b>Here</b> it begins.")
 
-    # So are numbers that the owner colours by.
+    # Numbers for the colours are the owner's to set as well.
     page.get_by_role("button", name="Close", exact=True).click()
     page.locator("#colour-by").select_option("own-file")
     box, numbers = page.locator(".own-values"), page.locator(".own-values input")
@@ -123,7 +123,7 @@ def test_compare_plays_and_turns_two_folds_together(
     service.wait_over(direct)
     assert service.state(direct)["preset"] == "direct"
     sides = [page.locator(f"#side-{k}") for k in range(2)]
-    # What is said of it follows, though the page was opened before it was over.
+    # The texts are updated, though the page was opened before the fold ended.
     expect(sides[1].locator(".verdict")).to_have_text(re.compile("Verified"))
     page.reload()
     expect(page.locator("#scrub")).to_be_enabled()
@@ -147,7 +147,7 @@ def test_compare_plays_and_turns_two_folds_together(
     address = page.url
     page.reload()
     expect(page.locator("#r-frame")).to_have_text(re.compile("^Frame 11 of"))
-    page.keyboard.press("ArrowRight")  # the address is written anew
+    page.keyboard.press("ArrowRight")  # the address changes
     page.wait_for_url(address.replace("frame=11", "frame=12"))
 
     sides[1].get_by_role("button", name="here").click()
@@ -186,7 +186,7 @@ def test_movie_is_made_and_downloaded(visit: Visit, wrench: str) -> None:
     movie = page.locator("form.options").nth(0)
     movie.locator("[name=format]").select_option("gif")
     movie.locator("[name=seconds]").select_option("6")
-    for name, little in (("size", "160x90"), ("seconds", "1")):  # which is computed sooner
+    for name, little in (("size", "160x90"), ("seconds", "1")):  # a small movie is computed sooner
         movie.locator(f"[name={name}] option:checked").evaluate(
             "(option, little) => { option.value = little; }", little
         )
@@ -204,11 +204,11 @@ def test_pages_name_their_social_picture(service: Service, wrench: str) -> None:
 
 
 LEVELS = 8
-"""Difference of a pixel that is not seen."""
+"""Largest difference of a pixel value that nobody notices, 0 to 255."""
 
 
-def off(one: np.ndarray, other: np.ndarray) -> float:
-    """Share of pixels by which two pictures differ."""
+def different_fraction(one: np.ndarray, other: np.ndarray) -> float:
+    """Return the fraction of pixels in which two pictures differ visibly."""
     return float((np.abs(one - other).max(axis=-1) > LEVELS).mean())
 
 
@@ -229,10 +229,10 @@ def test_turned_view_is_in_its_link(visit: Visit, wrench: str) -> None:
     page.reload()
     expect(page.locator("#r-frame")).to_have_text(re.compile("Frame 60 of"))
     page.wait_for_function("() => window.foldback.player.shown?.exact")
-    assert off(picture(page), turned) <= 0.01
+    assert different_fraction(picture(page), turned) <= 0.01
     page.locator("#sides").select_option("reset")
     page.wait_for_url(re.compile(r"#frame=60$"))
-    assert off(picture(page), turned) > 0.01
+    assert different_fraction(picture(page), turned) > 0.01
 
 
 def test_view_is_saved_as_a_picture_and_embedded(visit: Visit, blog: Blog, wrench: str) -> None:
@@ -260,7 +260,7 @@ def test_view_is_saved_as_a_picture_and_embedded(visit: Visit, blog: Blog, wrenc
         assert (alpha.min() == 0) == transparent
         assert alpha.max() == 255
 
-    # The frame for other sites, of the whole fold by now.
+    # The frame for other sites, of the finished fold.
     blog.html = f"<!doctype html><title>A blog</title>{page.locator('#share-embed').input_value()}"
     reader = visit(blog.origin, width=640, height=400, view=False)
     inside = reader.frame_locator("iframe")

@@ -11,13 +11,13 @@ from playwright.sync_api import Browser, expect
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import TimelineWriter
-from tests.browser.conftest import PATIENCE_MS, until
+from tests.browser.conftest import TIMEOUT_MS, wait_until
 from tests.web.conftest import SNAKE, folding
 from web.viser import show
 
 pytestmark = [
     pytest.mark.browser,
-    # viser tells so of a page that is closed just as its camera is moved.
+    # viser logs this when a page is closed while its camera moves.
     pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection:UserWarning"),
 ]
 LAST = 59
@@ -30,19 +30,19 @@ def test_viser_server_scrubs_selects_and_plays(browser: Browser, tmp_path: Path)
         writer.append(folding(chain, LAST + 1))
     with show(tmp_path / "timeline.zarr", port=0) as shown:
         page = browser.new_page(viewport={"width": 800, "height": 360})
-        page.set_default_timeout(PATIENCE_MS)
+        page.set_default_timeout(TIMEOUT_MS)
         page.goto(shown.url)
         expect(page.get_by_text(f"Frame 1 of {LAST + 1}")).to_be_visible()
-        expect(page.get_by_text("<b>snake</b>")).to_be_visible()  # a name stays a name
-        until(page, lambda: len(shown._cameras._aspects) == 1)
+        expect(page.get_by_text("<b>snake</b>")).to_be_visible()  # a name is shown as it is
+        wait_until(page, lambda: len(shown._cameras._aspects) == 1)
         (client,) = shown.server.get_clients().values()
         far = np.linalg.norm(client.camera.position)
         page.get_by_role("slider").press("End")
-        until(page, lambda: shown.frame == LAST)
-        until(page, lambda: np.linalg.norm(client.camera.position) < far)  # it is folded there
-        page.mouse.click(295, 230)  # the nearest module
-        until(page, lambda: shown._selected is not None)
+        wait_until(page, lambda: shown.frame == LAST)
+        wait_until(page, lambda: np.linalg.norm(client.camera.position) < far)  # it is folded there
+        page.mouse.click(295, 230)  # the closest module
+        wait_until(page, lambda: shown._selected is not None)
         expect(page.get_by_text(f"Module {shown._selected + 1} of {len(SNAKE)}")).to_be_visible()
-        page.get_by_role("button", name="Play").click()  # from the first frame again
-        until(page, lambda: 0 < shown.frame < LAST)
+        page.get_by_role("button", name="Play").click()  # restarts at the first frame
+        wait_until(page, lambda: 0 < shown.frame < LAST)
         page.close()

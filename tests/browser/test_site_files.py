@@ -1,4 +1,4 @@
-"""`foldback site`: its links, which are relative to its pages, and opened from a folder."""
+"""`foldback site`: relative links, and pages that work from a folder."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from playwright.sync_api import Browser, expect
 from planner.plan.packed import unpack
 from server.api.finished import FINISHED_FOLDS_DIR
 from server.cli.site import site
-from tests.browser.conftest import LOOK
+from tests.browser.conftest import MEDIA
 
 SERVICE = "https://fold.example.org"
 MOVING = "([selector, before]) => document.querySelector(selector).value !== before"
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A site of two folds, in a directory below a path."""
+def site_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Site of two folds, in a directory below a path."""
     place = tmp_path_factory.mktemp("host")
     for name in ("a wrench & a mallet", "cube"):
         (place / "folds" / name).mkdir(parents=True)
@@ -32,7 +32,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Links(HTMLParser):
-    """What a page refers to, and the places in it that can be referred to."""
+    """Links of a page, and the anchors in it."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -50,9 +50,9 @@ class Links(HTMLParser):
                 self.places.add(value)
 
 
-def test_every_link_of_a_site_leads_to_something_in_it(written: Path) -> None:
-    pages = {path: Links(path) for path in written.rglob("*.html")}
-    names = {path.relative_to(written).as_posix() for path in pages}
+def test_every_link_of_a_site_leads_to_something_in_it(site_dir: Path) -> None:
+    pages = {path: Links(path) for path in site_dir.rglob("*.html")}
+    names = {path.relative_to(site_dir).as_posix() for path in pages}
     fold = "folds/a-wrench-a-mallet.html"
     assert {"index.html", "paper.html", "benchmarks.html", fold, "folds/cube.html"} <= names
     reached: set[Path] = set()
@@ -60,28 +60,28 @@ def test_every_link_of_a_site_leads_to_something_in_it(written: Path) -> None:
         for link in links.found - {SERVICE}:
             name, place = urldefrag(unquote(link))
             target = (path.parent / name).resolve() if name else path
-            assert target.is_file() and target.is_relative_to(written), (path, link)
+            assert target.is_file() and target.is_relative_to(site_dir), (path, link)
             assert not place or place in pages[target].places or "icons" in place, (path, link)
             reached.add(target)
-    # Viser's client is named by the pages' data alone, and the element by pages of others.
-    unused = {path for path in written.rglob("*") if path.is_file()} - reached
-    assert unused == {written / "view.html", written / "foldback-fold.js"}
-    assert SERVICE in pages[written / "index.html"].found
-    assert SERVICE in pages[written / "folds" / "cube.html"].found
+    # Viser's client is named only in the pages' data, and the element only by pages of others.
+    unused = {path for path in site_dir.rglob("*") if path.is_file()} - reached
+    assert unused == {site_dir / "view.html", site_dir / "foldback-fold.js"}
+    assert SERVICE in pages[site_dir / "index.html"].found
+    assert SERVICE in pages[site_dir / "folds" / "cube.html"].found
 
 
-def test_site_plays_from_a_folder_without_a_server(written: Path, browser: Browser) -> None:
-    context = browser.new_context(offline=True, viewport={"width": 800, "height": 480}, **LOOK)
+def test_site_plays_from_a_folder_without_a_server(site_dir: Path, browser: Browser) -> None:
+    context = browser.new_context(offline=True, viewport={"width": 800, "height": 480}, **MEDIA)
     page = context.new_page()
     wrong: list[str] = []
     page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+    page.on("console", lambda log: wrong.append(log.text) if log.type == "error" else None)
     page.on("requestfailed", lambda request: wrong.append(request.url))
-    page.goto(f"{written.as_uri()}/index.html")
+    page.goto(f"{site_dir.as_uri()}/index.html")
     drawn = page.locator(".card img").first
     assert drawn.evaluate("image => image.decode().then(() => image.naturalWidth)") > 0
     page.locator("a[href='folds/cube.html']").first.click()
-    page.locator("#sketch.gone").wait_for(state="attached")  # the 3D view has come
+    page.locator("#sketch.gone").wait_for(state="attached")  # the 3D view is shown
     page.locator("#play").click()
     page.wait_for_function(MOVING, arg=["#scrub", page.locator("#scrub").input_value()])
     page.locator("#details").click()
@@ -91,7 +91,7 @@ def test_site_plays_from_a_folder_without_a_server(written: Path, browser: Brows
     page.get_by_role("link", name="Paper").first.click()
     page.locator(".headline .run-start").click()
     page.wait_for_function(MOVING, arg=[".headline .run-scrub", "0"])
-    page.goto(f"{written.as_uri()}/kiosk.html?folds=cube")
+    page.goto(f"{site_dir.as_uri()}/kiosk.html?folds=cube")
     expect(page.frame_locator("iframe").locator(".tour-caption")).to_be_visible()
     assert wrong == []
     page.context.close()

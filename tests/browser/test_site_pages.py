@@ -10,33 +10,33 @@ from playwright.sync_api import Page, expect
 from tests.browser.conftest import WIDTH, Visit
 
 
-def shown(page: Page) -> list[str]:
+def visible_cards(page: Page) -> list[str]:
     return page.locator("#cards li:visible .card-title").all_text_contents()
 
 
 def test_gallery_is_filtered_by_form_and_address(visit: Visit) -> None:
     page = visit("/gallery", width=390, height=640, view=False)
-    everything = len(shown(page))
+    everything = len(visible_cards(page))
     expect(page.locator("#found")).to_have_text(f"{everything} shapes")
     page.get_by_text("Letters", exact=True).click()
-    letters = shown(page)
+    letters = visible_cards(page)
     assert 0 < len(letters) < everything
     assert all(title.startswith("Letter") for title in letters)
     page.get_by_label("At most").fill("90")
     expect(page).to_have_url(re.compile(r"\?kind=letter&modules=-90$"))
-    few = shown(page)
+    few = visible_cards(page)
     assert 0 < len(few) < len(letters)
     expect(page.locator("#found")).to_have_text(f"{len(few)} of {everything} shapes")
     page.get_by_role("searchbox").fill("letter T")
     expect(page).to_have_url(re.compile("q=letter"))
     page.reload()
-    assert shown(page) == ["Letter T"]
+    assert visible_cards(page) == ["Letter T"]
     drawn = page.locator("#cards li:visible img").first
     assert drawn.evaluate("image => image.decode().then(() => image.naturalWidth)") > 0
     page.get_by_role("searchbox").fill("letter t elephant")
     expect(page.locator("#nothing")).to_be_visible()
     page.get_by_role("link", name="Show all").click()
-    assert len(shown(page)) == everything
+    assert len(visible_cards(page)) == everything
     expect(page).to_have_url(re.compile("/gallery$"))
     assert page.evaluate(WIDTH) <= 390
 
@@ -50,7 +50,7 @@ def test_gallery_and_paper_work_without_scripts(visit: Visit) -> None:
     page.goto("/gallery")
     page.get_by_role("searchbox").fill("dodecahedron")
     page.get_by_role("button", name="Show", exact=True).click()
-    assert shown(page) == ["Rhombic dodecahedron"]
+    assert visible_cards(page) == ["Rhombic dodecahedron"]
     page.get_by_role("button", name=re.compile("dodecahedron")).click()
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
     expect(page.locator("h1")).to_have_text("Rhombic dodecahedron")
@@ -62,7 +62,7 @@ def test_paper_film_plays_scrubs_and_shows_its_tangle(visit: Visit) -> None:
     films: list[str] = []
     page.on("request", lambda request: films.append(request.url.partition("/paper/")[2]))
     run = page.locator("#direct .run:has(.run-where)").first
-    # Nothing moves by itself for who wants it calm, and nothing is loaded.
+    # With reduced motion nothing plays by itself, and nothing is loaded.
     assert not [name for name in films if name.endswith("/batch")]
 
     run.scroll_into_view_if_needed()

@@ -1,23 +1,23 @@
-"""Small frames, touch screens and the keyboard: what stays visible and what can be reached."""
+"""Small frames, touch screens and the keyboard: what stays visible and reachable."""
 
 from __future__ import annotations
 
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.conftest import AT_REST, Visit, until
+from tests.browser.conftest import WAIT_FOR_REST, Visit, wait_until
 from tests.server.service_process import Service
 from tests.web.blog import Blog
 
 MIN_PICTURE_SHARE = 0.55
-"""Smallest part of the page that shows the picture, without controls on it."""
+"""Minimum fraction of the page that shows the picture without controls on it."""
 PICTURE_SHARE = """() => {
   const [step, places] = [8, []];
   for (let x = step / 2; x < innerWidth; x += step)
     for (let y = step / 2; y < innerHeight; y += step) places.push(document.elementFromPoint(x, y));
   return places.filter((one) => one?.matches("iframe, canvas, .stage")).length / places.length;
 }"""
-"""Part of the page where nothing lies over the picture."""
+"""Script that returns the fraction of the page where nothing covers the picture."""
 SIZES = {
     "fold": [(1366, 768), (390, 844), (640, 360), (683, 384)],
     "embed": [(640, 360), (300, 260), (300, 200)],
@@ -28,13 +28,13 @@ SIZES = {
 def test_picture_fills_most_of_the_page_at_each_size(visit: Visit, wrench: str, kind: str) -> None:
     page = visit(f"/{kind}s/{wrench}" if kind == "fold" else f"/embed/{wrench}", view=False)
     expect(page.locator("#legend")).to_be_visible()
-    page.locator("#cover.gone").wait_for(state="attached")  # until then it lies over the picture
+    page.locator("#cover.gone").wait_for(state="attached")  # it hides the picture
     shares = {}
     for width, height in SIZES[kind]:
         page.set_viewport_size({"width": width, "height": height})
         shares[width, height] = page.evaluate(PICTURE_SHARE)
     assert {size: share for size, share in shares.items() if share < MIN_PICTURE_SHARE} == {}
-    # The rest comes with a button.
+    # A button shows the rest.
     rest = page.locator("#loop, #speed, #jump, #follow, #colour-by").locator("visible=true")
     expect(rest).to_have_count(0)
     page.locator("#more").click()
@@ -63,10 +63,10 @@ DROP = """() => {
   document.elementFromPoint(innerWidth / 2, innerHeight / 2).dispatchEvent(
     new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
 }"""
-"""Drops a file with two numbers on what the pointer would meet in the middle of the page."""
+"""Drops a file with two numbers on the element in the middle of the page."""
 
 
-def test_embed_zooms_after_a_click_and_takes_files(
+def test_embed_zooms_after_a_click_and_accepts_dropped_files(
     visit: Visit, blog: Blog, service: Service, wrench: str
 ) -> None:
     address = f"{service.http.base_url}/embed/{wrench}#frame=9"
@@ -77,7 +77,7 @@ def test_embed_zooms_after_a_click_and_takes_files(
     reader = visit(blog.origin, width=640, height=480)
     frame = reader.frames[1]
     frame.wait_for_function("() => window.foldback?.player.standIn?.opened")
-    frame.evaluate(AT_REST)
+    frame.evaluate(WAIT_FOR_REST)
     distance = (
         "() => { const { position: p, target: t } = foldback.player.standIn.stage.eye;"
         " return Math.hypot(...p.map((v, k) => v - t[k])); }"
@@ -89,17 +89,17 @@ def test_embed_zooms_after_a_click_and_takes_files(
     expect(reader.frame_locator("iframe").locator("#toast")).to_contain_text("Click to zoom")
     assert frame.evaluate(distance) == before
     reader.evaluate("() => scrollTo(0, 0)")
-    # A locator's click reaches the view even if the browser still takes the page for scrolled.
+    # A locator clicks into the view even while the browser takes the page for scrolled.
     view = reader.frame_locator("iframe").frame_locator("#view").locator("canvas[data-engine]")
     view.click(position={"x": 330, "y": 150})
     frame.wait_for_function("() => foldback.player.selected !== null")
     view.hover(position={"x": 190, "y": 110})
 
-    def zoomed() -> bool:  # a browser may send one wheel too many to what scrolled last
+    def zoomed() -> bool:  # the first wheel event may go to the element that scrolled last
         reader.mouse.wheel(0, -200)
         return frame.evaluate(distance) < before - 1e-6
 
-    until(reader, zoomed)
+    wait_until(reader, zoomed)
     assert reader.evaluate("() => scrollY") == 0
 
     # A file that is dragged over the view is dropped on the page around it.

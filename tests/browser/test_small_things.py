@@ -1,4 +1,4 @@
-"""Small things that a visitor meets: keys, words, covers."""
+"""Details: keys, messages and covers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.conftest import WIDTH, Visit, keep_as_mine, opened_fold
+from tests.browser.conftest import WIDTH, Visit, keep_as_mine, wait_for_fold
 from tests.browser.test_accessibility import findings
 from tests.server.service_process import Service
 
@@ -19,7 +19,7 @@ def test_escape_closes_the_details_and_restores_focus(visit: Visit, wrench: str)
     page.locator("#details").click()
     page.locator("#sketch.gone").wait_for(state="attached")
     view = page.locator("#view").bounding_box()
-    page.mouse.click(view["x"] + 20, view["y"] + 60)  # the focus is in the view now
+    page.mouse.click(view["x"] + 20, view["y"] + 60)  # the view has the focus now
     page.keyboard.press("Escape")
     expect(page.locator("#drawer")).to_be_hidden()
     expect(page.locator("#details")).to_be_focused()
@@ -35,7 +35,7 @@ NOTE_COVERS = """addEventListener("DOMContentLoaded", () => {
   new MutationObserver(note).observe(
     cover, { subtree: true, childList: true, attributes: true });
 });"""
-"""Notes whether the cover of a fold ever offers anything."""
+"""Notes whether the cover of a fold ever offers an action."""
 
 
 def test_failed_baseline_offers_the_default_preset(visit: Visit) -> None:
@@ -43,7 +43,7 @@ def test_failed_baseline_offers_the_default_preset(visit: Visit) -> None:
     page.locator("details.options > summary").click()
     page.locator("#preset").select_option(label="Direct servoing (usually fails)")
     page.locator("[data-shape=wrench-80]").click()
-    opened_fold(page)
+    wait_for_fold(page)
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "bad")
     page.reload()
     page.locator("#sketch.gone").wait_for(state="attached")
@@ -87,5 +87,5 @@ def test_typed_chain_folds_and_names_a_wrong_character(visit: Visit) -> None:
     expect(page.locator("#drop-message")).to_contain_text("Character 5")
     page.locator("#angles").fill("- - - + - - - + - - -")
     page.keyboard.press("Enter")
-    opened_fold(page)
+    wait_for_fold(page)
     expect(page.locator("#verdict")).to_have_text(re.compile(r"^Verified .* · 12 modules$"))

@@ -1,4 +1,4 @@
-"""The way through the pages: the hero, a fold while it is computed, its menu."""
+"""Path of a visitor: the animation of the first page, a fold while it is computed, its menu."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from playwright.sync_api import Route, expect
 
-from tests.browser.conftest import Visit, choose, opened_fold, path_file, until
+from tests.browser.conftest import Visit, choose, path_file, wait_for_fold, wait_until
 from tests.server.service_process import STAIRS
 
 MOVING = {"reduced_motion": "no-preference", "width": 320, "height": 240}
 """A small window, since each frame is drawn by software."""
-NOTE = """(() => {
+NOTE_PICTURES = """(() => {
   const noted = window.noted = { frames: [], titles: [], toasts: [] };
   const note = (list, value) => { if (value && list.at(-1) !== value) list.push(value); };
   const look = () => {
@@ -27,7 +27,7 @@ NOTE = """(() => {
   };
   look();
 })()"""
-"""Notes what a page shows in each of its pictures."""
+"""Notes the frame, title and message of every picture of a page."""
 FRAME = "() => foldback.player.playhead.frame"
 AT_LAST_FRAME = """() => {
   const { timeline, playhead } = foldback.player;
@@ -39,7 +39,7 @@ FACTS = "**/facts"
 
 
 def test_running_fold_plays_from_its_start_to_the_finished_shape(visit: Visit) -> None:
-    page = visit("/", view=False, script=NOTE, **MOVING)
+    page = visit("/", view=False, script=NOTE_PICTURES, **MOVING)
     # The animation on the landing page can be stopped.
     button = page.locator("#hero-pause")
     page.wait_for_function(f"() => ({FRAME})() > 0")
@@ -55,11 +55,11 @@ def test_running_fold_plays_from_its_start_to_the_finished_shape(visit: Visit) -
     page.route(FACTS, lambda route: held.append(route))
     page.locator("#seed").evaluate("seed => { seed.value = 77; }")
     page.locator("[data-shape=wrench-24]").click()
-    opened_fold(page)
+    wait_for_fold(page)
     page.wait_for_function("() => window.foldback?.player.playhead.frame > 9")
-    until(page, lambda: bool(held))
-    page.unroute(FACTS)  # which lets go on what is held back
-    page.evaluate("foldback.player.send({ do: 'set', speed: 6 })")  # less to draw
+    wait_until(page, lambda: bool(held))
+    page.unroute(FACTS)  # this lets the held requests continue
+    page.evaluate("foldback.player.send({ do: 'set', speed: 6 })")  # fewer frames to draw
     page.wait_for_function(AT_LAST_FRAME)
     noted = page.evaluate("noted")
     frames = [frame for frame, *_ in noted["frames"]]
@@ -82,7 +82,7 @@ def test_running_fold_plays_from_its_start_to_the_finished_shape(visit: Visit) -
 def test_menu_of_a_fold_links_and_renames(visit: Visit) -> None:
     page = visit("/", view=False)
     choose(page, "stairs.json", path_file(STAIRS))
-    fold = opened_fold(page)
+    fold = wait_for_fold(page)
     expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
     menu, rename = page.get_by_role("button", name="Menu"), page.locator("#rename")
     menu.click()
@@ -93,7 +93,7 @@ def test_menu_of_a_fold_links_and_renames(visit: Visit) -> None:
     menu.click()
     rename.click()
     expect(page.get_by_role("textbox", name="New name")).to_have_value("stairs")
-    page.keyboard.type("My stairs")  # in place of the name, which is selected
+    page.keyboard.type("My stairs")  # replaces the name, which is selected
     page.keyboard.press("Enter")
     expect(page.locator("#name")).to_have_text("My stairs")
     expect(page).to_have_title("My stairs · foldback")

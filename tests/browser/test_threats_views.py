@@ -1,4 +1,4 @@
-"""Strangers' scripts in the 3D view, which is a program of others in a frame of our pages."""
+"""Scripts of attackers in the 3D view, a third-party program in a frame of our pages."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from tests.server.service_process import Service
 SMALL = {"width": 320, "height": 240}
 """Window size in pixels that software rendering paints quickly."""
 MARK = "a stranger's script saw"
-KEPT = {"foldback:owner:mine": "a token"}
-RUNS = f'console.log("{MARK} " + JSON.stringify(localStorage))'
-REACHES = """async () => {
+STORED = {"foldback:owner:mine": "a token"}
+SCRIPT = f'console.log("{MARK} " + JSON.stringify(localStorage))'
+FIND_REACHABLE = """async () => {
   const asked = (begin) => new Promise((done, failed) => begin(() => done(true), failed));
   const ways = {
     storage: () => localStorage.length + 1,
@@ -55,7 +55,7 @@ REACHES = """async () => {
   return reached;
 }"""
 """Objects that a script in the view can access."""
-HANDED = """async ([messages]) => {
+HAND_OVER_PORTS = """async ([messages]) => {
   const [view] = document.querySelectorAll("iframe");
   const hand = () => {
     const { port1, port2 } = new MessageChannel();
@@ -75,10 +75,10 @@ HANDED = """async ([messages]) => {
 }"""
 
 
-def notice() -> list[dict[str, object]]:
-    """Messages of viser's: a notice with a picture that runs a script."""
-    html = f"<img src='data:,' onerror='{RUNS.replace(chr(39), '&#39;')}'>"
-    told = (
+def notice_messages() -> list[dict[str, object]]:
+    """Return messages of viser: a notice with a picture that runs a script."""
+    html = f"<img src='data:,' onerror='{SCRIPT.replace(chr(39), '&#39;')}'>"
+    encoded = (
         messages.GuiModalMessage(order=0.0, uuid="notice", title=""),
         messages.GuiHtmlMessage(
             uuid="html",
@@ -86,94 +86,94 @@ def notice() -> list[dict[str, object]]:
             props=messages.GuiHtmlProps(order=0.0, content=html, visible=True),
         ),
     )
-    return [message.as_serializable_dict() for message in told]
+    return [message.as_serializable_dict() for message in encoded]
 
 
-def recording() -> str:
-    """The same as a recording, and that as an address."""
-    told = msgspec.msgpack.encode(
+def recording_url() -> str:
+    """Return these messages as a recording, encoded as a data URL."""
+    encoded = msgspec.msgpack.encode(
         {
             "viserVersion": viser.__version__,
             "durationSeconds": 1.0,
-            "messages": [(0.0, message) for message in notice()],
+            "messages": [(0.0, message) for message in notice_messages()],
             "binaryBufferLengths": [],
         }
     )
-    raw = len(told).to_bytes(8, "little") + told
+    raw = len(encoded).to_bytes(8, "little") + encoded
     data = len(raw).to_bytes(8, "little") + zstandard.compress(raw)
     return "data:application/octet-stream;base64," + base64.b64encode(data).decode()
 
 
-def keeping(visit: Visit, address: str = "/health") -> Page:
-    """A page of a browser that keeps something to steal for our origin."""
+def page_with_secrets(visit: Visit, address: str = "/health") -> Page:
+    """Return a page whose browser stores something for our origin that an attacker could steal."""
     page = visit(address, **SMALL)
-    page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
+    page.evaluate("(kept) => Object.assign(localStorage, kept)", STORED)
     return page
 
 
-ELSEWHERE = ("/embed/{0}", "/compare?a={0}&b={0}", "preview")
-HOSTILE = f"playbackPath={quote(recording())}"
+OTHER_PAGES = ("/embed/{0}", "/compare?a={0}&b={0}", "preview")
+HOSTILE_QUERY = f"playbackPath={quote(recording_url())}"
 
 
-def hostile(page: Page, address: str) -> list[str]:
-    """Opens an address with a hostile query and fragment; what its console says from then on.
+def open_hostile(page: Page, address: str) -> list[str]:
+    """Open an address with a hostile query and fragment; return its console messages from then on.
 
-    Who frames a page of ours can set the addresses of the frames in it as well.
+    A site that frames our pages can set the addresses of the frames in them as well.
     """
-    said: list[str] = []
-    page.on("console", lambda message: said.append(message.text))
-    page.goto(f"{address}{'&' if '?' in address else '?'}{HOSTILE}#{HOSTILE}")
-    return said
+    logs: list[str] = []
+    page.on("console", lambda message: logs.append(message.text))
+    page.goto(f"{address}{'&' if '?' in address else '?'}{HOSTILE_QUERY}#{HOSTILE_QUERY}")
+    return logs
 
 
-def at_work(frame: Frame) -> Frame:
-    """Viser's client, when it has begun to draw."""
+def wait_for_client(frame: Frame) -> Frame:
+    """Return the frame of viser's client when it has begun to draw."""
     frame.locator("#root canvas").first.wait_for(state="attached")
     frame.evaluate("() => new Promise((done) => setTimeout(() => requestAnimationFrame(done)))")
     return frame
 
 
-def framed(page: Page) -> list[Frame]:
-    """The clients that a page frames, at hostile addresses where they have one.
+def hostile_clients(page: Page) -> list[Frame]:
+    """Return the clients that a page frames, with hostile addresses where they have one.
 
-    They get those as they are given any: the client that comes is the first, and takes the scene.
+    The addresses are set as soon as the frames have any: the first client to load takes the scene.
     """
     found: list[Frame] = []
     for view in page.locator("iframe").all():
-        expect(view).to_have_attribute(*GIVEN)
+        expect(view).to_have_attribute(*VIEW_TITLE)
         view.and_(page.locator("[src], [srcdoc]")).wait_for(state="attached")
         element = view.element_handle()
-        element.evaluate(READDRESSED, HOSTILE)
+        element.evaluate(SET_ADDRESS, HOSTILE_QUERY)
         frame = element.content_frame()
         assert frame
-        found.append(at_work(frame))
+        found.append(wait_for_client(frame))
     return found
 
 
-GIVEN = ("title", re.compile("^3D view"))
-READDRESSED = """(frame, asked) => frame.getAttribute("src") && new Promise((done) => {
+VIEW_TITLE = ("title", re.compile("^3D view"))
+SET_ADDRESS = """(frame, asked) => frame.getAttribute("src") && new Promise((done) => {
   frame.addEventListener("load", done, { once: true });
   frame.src += `?${asked}#${asked}`;
 })"""
 
 
-def harmless(frames: list[Frame], said: list[str]) -> None:
+def assert_harmless(frames: list[Frame], logs: list[str]) -> None:
     for frame in frames:
         assert frame.evaluate("() => location.search + location.hash") == ""
-        assert frame.evaluate(REACHES) == []
-    assert not [words for words in said if MARK in words]
+        assert frame.evaluate(FIND_REACHABLE) == []
+    assert not [words for words in logs if MARK in words]
 
 
 @pytest.mark.parametrize("address", ["/view", pytest.param("/embed/view", marks=pytest.mark.long)])
 def test_view_opened_directly_is_harmless(visit: Visit, address: str) -> None:
-    page = keeping(visit)
-    said = hostile(page, address)
-    harmless([at_work(page.main_frame)], said)
+    page = page_with_secrets(visit)
+    logs = open_hostile(page, address)
+    assert_harmless([wait_for_client(page.main_frame)], logs)
 
 
 @pytest.mark.parametrize(
     "address",
-    ["/folds/{0}", *(pytest.param(each, marks=pytest.mark.long) for each in ELSEWHERE)],
+    ["/folds/{0}", *(pytest.param(each, marks=pytest.mark.long) for each in OTHER_PAGES)],
 )
 def test_view_in_fold_pages_is_harmless(
     visit: Visit, service: Service, wrench: str, address: str
@@ -181,11 +181,11 @@ def test_view_in_fold_pages_is_harmless(
     if address == "preview":
         files = {"file": ("brick.stl", stl())}
         address = service.http.post("/api/shapes/preview", files=files).json()["links"]["page"]
-    page = keeping(visit)
-    said = hostile(page, address.format(wrench))
-    frames = framed(page)
+    page = page_with_secrets(visit)
+    logs = open_hostile(page, address.format(wrench))
+    frames = hostile_clients(page)
     assert len(frames) == (2 if "compare" in address else 1)
-    harmless(frames, said)
+    assert_harmless(frames, logs)
 
 
 def test_view_in_a_downloaded_page_is_harmless(
@@ -194,36 +194,36 @@ def test_view_in_a_downloaded_page_is_harmless(
     path = tmp_path / "fold.html"
     path.write_bytes(service.http.get(f"/folds/{wrench}/standalone.html").content)
     page = visit("about:blank", **SMALL)
-    said = hostile(page, path.as_uri())
-    page.evaluate("(kept) => Object.assign(localStorage, kept)", KEPT)
-    frames = framed(page)
+    logs = open_hostile(page, path.as_uri())
+    page.evaluate("(kept) => Object.assign(localStorage, kept)", STORED)
+    frames = hostile_clients(page)
     assert len(frames) == 1
-    harmless(frames, said)
+    assert_harmless(frames, logs)
 
 
 @pytest.mark.long
 def test_view_plays_nothing_when_its_query_stays(visit: Visit) -> None:
     script = "History.prototype.replaceState = () => { throw new DOMException('no'); }"
     page = visit("about:blank", script=script, **SMALL)
-    said = hostile(page, "/view")
-    frame = at_work(page.main_frame)
+    logs = open_hostile(page, "/view")
+    frame = wait_for_client(page.main_frame)
     assert "playbackPath" in frame.evaluate("() => location.search")
-    harmless([], said)
+    assert_harmless([], logs)
 
 
 def test_view_accepts_one_port_and_only_from_its_page(visit: Visit) -> None:
-    page = keeping(visit)
-    said = hostile(page, "/shapes/new")
+    page = page_with_secrets(visit)
+    logs = open_hostile(page, "/shapes/new")
     page.evaluate(
         """() => Promise.all([0, 1].map(() => new Promise((done) => {
           const view = document.createElement("iframe");
           Object.assign(view, { src: "/view", title: "3D view", onload: done });
           view.sandbox = "allow-scripts";
-          view.style = "position: fixed; top: 0"; // what nobody sees is not drawn
+          view.style = "position: fixed; top: 0"; // invisible frames are not drawn
           document.body.append(view);
         })))"""
     )
-    view, beside = (at_work(frame) for frame in page.frames[1:])
+    view, beside = (wait_for_client(frame) for frame in page.frames[1:])
     beside.evaluate(
         """() => {
           const { port1, port2 } = new MessageChannel();
@@ -233,8 +233,8 @@ def test_view_accepts_one_port_and_only_from_its_page(visit: Visit) -> None:
           port1.postMessage({ do: "pass", id: 1 });
         }"""
     )
-    # A port handed over later is left alone, and so are messages that are no part of a scene.
-    assert page.evaluate(HANDED, [notice()]) == []
+    # The view ignores a second port, and messages that are no part of a scene.
+    assert page.evaluate(HAND_OVER_PORTS, [notice_messages()]) == []
     assert beside.evaluate("() => heard") == []
     assert view.locator("[onerror]").count() == 0
-    harmless([view, beside], said)
+    assert_harmless([view, beside], logs)

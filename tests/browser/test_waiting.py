@@ -1,4 +1,4 @@
-"""Waiting: what is left of a fold, and uploads and movies that are stopped."""
+"""Waiting: remaining time of a fold, and uploads and movies that are stopped."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.conftest import Visit, choose, until
+from tests.browser.conftest import Visit, choose, wait_until
 from tests.browser.test_accessibility import findings
 from tests.server.service_process import Service, owner
 
 SLOW = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 80_000}
-"""Of a network, in bytes a second."""
-HEARD = """addEventListener("DOMContentLoaded", () => {
+"""Network conditions; throughput in bytes/s."""
+NOTE_VERDICTS = """addEventListener("DOMContentLoaded", () => {
   window.heard = [];
   const verdict = document.getElementById("verdict");
   const note = () => window.heard.push(verdict.textContent);
@@ -45,21 +45,21 @@ def test_upload_shows_progress_and_is_stopped(visit: Visit, service: Service) ->
     sending.get_by_role("button", name="Stop").click()
     expect(page.locator("#drop-message")).to_have_text("Stopped")
     expect(sending).to_have_count(0)
-    until(page, lambda: not any(service.data_dir.glob("uploads/*/*")))
+    wait_until(page, lambda: not any(service.data_dir.glob("uploads/*/*")))
     network.detach()
 
 
 @pytest.mark.long
 def test_time_left_is_shown_and_movie_is_stopped(visit: Visit, service: Service) -> None:
-    for seed in ("31", "32"):  # what like folds take is known then
+    for seed in ("31", "32"):  # the durations of similar folds are then known
         service.wait_over(service.fold(shape="wrench-24", seed=seed)["id"])
     ahead = service.fold(shape="mallet-80", seed="31")
     fold = service.fold(shape="wrench-80", seed="31")
-    page = visit(f"/folds/{fold['id']}", view=False, script=HEARD)
+    page = visit(f"/folds/{fold['id']}", view=False, script=NOTE_VERDICTS)
     expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")
-    heard = page.evaluate("window.heard")
+    verdicts = page.evaluate("window.heard")
     left = re.compile("· (about [0-9]+ (s|min) left|a few seconds left|longer than usual)")
-    assert any(left.search(text) for text in heard), heard
+    assert any(left.search(text) for text in verdicts), verdicts
     service.wait_over(ahead["id"])
 
     page.locator("#details").click()

@@ -1,4 +1,4 @@
-"""Builds deploy/Dockerfile for real and tries what came of it, without a container daemon.
+"""Build deploy/Dockerfile and try the image, without a container daemon.
 
 Run by ``make deploy-check``, as root on a Debian; it takes minutes and some gigabytes. The base
 image is made by debootstrap instead of being fetched from a registry: Debian's own Python 3.11,
@@ -23,17 +23,17 @@ from pathlib import Path
 from tests.deploy.files import DEPLOY, check
 
 ROOT = DEPLOY.parent
-BASE = "docker.io/library/python:3.11-slim-bookworm"
+BASE_IMAGE = "docker.io/library/python:3.11-slim-bookworm"
 PACKAGES = ("buildah", "debootstrap", "crun")
-INSIDE = ("ca-certificates", "python3", "python3-venv", "python3-pip")
+BASE_PACKAGES = ("ca-certificates", "python3", "python3-venv", "python3-pip")
 MIRROR = "http://deb.debian.org/debian"
 PORT = 8765
-PATIENCE_S = 180.0
+TIMEOUT_S = 180.0
 CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"
 
 
 class Builder:
-    """buildah, with a store of its own."""
+    """Runner of buildah, with a store of its own."""
 
     def __init__(self, place: Path) -> None:
         self._place = place
@@ -48,7 +48,7 @@ class Builder:
         }
 
     def __call__(self, *arguments: str) -> str:
-        """What a command of buildah prints."""
+        """Run a command of buildah and return its output."""
         command = ["buildah", *arguments]
         done = subprocess.run(
             command, env=self._environment, stdout=subprocess.PIPE, text=True, check=True
@@ -56,30 +56,30 @@ class Builder:
         return done.stdout.strip()
 
     def start(self, *arguments: str) -> subprocess.Popen[str]:
-        """A command that goes on."""
+        """Start a command of buildah that keeps running."""
         return subprocess.Popen(["buildah", *arguments], env=self._environment, text=True)
 
 
-def base(builder: Builder, place: Path) -> None:
-    """Makes the base image."""
+def make_base_image(builder: Builder, place: Path) -> None:
+    """Make the base image."""
     root = place / "base"
     if not (root / "usr/bin/python3").exists():
         shutil.rmtree(root, ignore_errors=True)
-        wanted = f"--include={','.join(INSIDE)}"
+        wanted = f"--include={','.join(BASE_PACKAGES)}"
         command = ["debootstrap", "--variant=minbase", wanted, "bookworm", str(root), MIRROR]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    # What this machine trusts, the build does: some networks have certificates of their own.
+    # The build trusts the certificates of this machine, as some networks have their own.
     trusted = os.environ.get("SSL_CERT_FILE") or ssl.get_default_verify_paths().cafile
     shutil.copyfile(trusted or CERTIFICATES, root / CERTIFICATES[1:])
     container = builder("from", "scratch")
     builder("add", "--quiet", container, str(root), "/")
     paths = "PATH=/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin"
     builder("config", "--env", paths, "--env", f"PIP_CERT={CERTIFICATES}", container)
-    builder("commit", "--quiet", "--rm", container, BASE)
+    builder("commit", "--quiet", "--rm", container, BASE_IMAGE)
 
 
 def build(builder: Builder) -> None:
-    """Runs every step of the Dockerfile."""
+    """Run every step of the Dockerfile."""
     dockerfile = str(ROOT / "deploy" / "Dockerfile")
     builder(
         *("bud", "--network=host", "--pull-never", "--format=docker"),
@@ -88,7 +88,7 @@ def build(builder: Builder) -> None:
 
 
 def try_out(builder: Builder) -> None:
-    """Looks at the image, folds with it, and starts the service in it."""
+    """Check the image's configuration, fold with it, and start the service in it."""
     about = json.loads(builder("inspect", "--type=image", "foldback:local"))
     config = about["Docker"]["config"]
     check("it runs as a user of its own", config["User"] == "10001:10001")
@@ -117,13 +117,13 @@ def try_out(builder: Builder) -> None:
 
 
 def serve(builder: Builder, container: str) -> None:
-    """Starts the service as the image does, and asks it and its own health check."""
+    """Start the service as the image does, and request its status and run its health check."""
     name = secrets.token_hex(4)
     environment = f"FOLDBACK_PORT={PORT} FOLDBACK_DATA_DIR=/data/{name} FOLDBACK_WORKERS=0"
     line = f"{environment} foldback serve & echo $! > /data/{name}.pid; wait"
     process = builder.start("run", "--network=host", container, "--", "sh", "-c", line)
     try:
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while True:
             try:
                 with urllib.request.urlopen(f"http://127.0.0.1:{PORT}/health") as answer:
@@ -139,11 +139,10 @@ def serve(builder: Builder, container: str) -> None:
         check("its health check says so", True)
     finally:
         builder("run", container, "--", "sh", "-c", f"kill $(cat /data/{name}.pid)")
-        process.wait(PATIENCE_S)
+        process.wait(TIMEOUT_S)
 
 
 def dockerfile_text() -> str:
-    """The Dockerfile."""
     return (ROOT / "deploy" / "Dockerfile").read_text()
 
 
@@ -161,7 +160,7 @@ def main() -> None:
     given.place.mkdir(parents=True, exist_ok=True)
     builder = Builder(given.place)
     try:
-        base(builder, given.place)
+        make_base_image(builder, given.place)
         build(builder)
         try_out(builder)
     finally:

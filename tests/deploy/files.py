@@ -26,7 +26,7 @@ EXAMPLES = (
 
 
 def settings_named(text: str) -> set[str]:
-    """The settings that a text sets or speaks of."""
+    """Return the names of the settings in a text."""
     return set(re.findall(r"\bFOLDBACK_([A-Z0-9_]+)\b", text))
 
 
@@ -39,19 +39,19 @@ def variables(name: str = "compose.example.env") -> dict[str, str]:
 def compose(given: Mapping[str, str]) -> dict[str, Any]:
     """Return compose.yaml with its variables replaced, as compose does it."""
 
-    def value(found: re.Match[str]) -> str:
-        name, way, default = found.groups()
+    def value(match: re.Match[str]) -> str:
+        name, operator, default = match.groups()
         if name in given:
             return given[name]
-        assert way == ":-", f"{name} is not in compose.example.env"
+        assert operator == ":-", f"{name} is not in compose.example.env"
         return default
 
     text = (DEPLOY / "compose.yaml").read_text()
     return yaml.safe_load(re.sub(r"\$\{([A-Z0-9_]+)(?:(:-|:\?)([^}]*))?\}", value, text))
 
 
-def check(what: str, so: bool) -> None:
-    """Print what was found, and exit when it is not so."""
-    print(f"{'ok ' if so else 'NOT'} {what}", flush=True)
-    if not so:
+def check(what: str, passed: bool) -> None:
+    """Print the result of a check, and exit if it failed."""
+    print(f"{'ok ' if passed else 'NOT'} {what}", flush=True)
+    if not passed:
         sys.exit(1)

@@ -1,4 +1,4 @@
-"""A real proxy for tests: Caddy with deploy/Caddyfile and a certificate of its own."""
+"""Caddy with deploy/Caddyfile and a certificate of its own, for tests."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import httpx
 
-from tests.server.service_process import PATIENCE_S
+from tests.server.service_process import TIMEOUT_S
 from tests.tools import CADDY
 
 CADDYFILE = Path(__file__).parents[2] / "deploy" / "Caddyfile"
@@ -26,7 +26,7 @@ def free_ports(count: int) -> list[int]:
 
 
 class Proxy:
-    """Caddy in front of web processes; `http` talks to it."""
+    """Caddy in front of web processes; ``http`` is a client of it."""
 
     def __init__(self, place: Path, *upstreams: object, max_body: str) -> None:
         self.log = place / "caddy.log"
@@ -49,20 +49,20 @@ class Proxy:
             self.process = subprocess.Popen(command, env=environment, stderr=log, stdout=log)
         self._wait(f"http://127.0.0.1:{health}/")
         root = place / "caddy" / "pki" / "authorities" / "local" / "root.crt"
-        self.trusts = ssl.create_default_context(cafile=str(root))
+        self.tls = ssl.create_default_context(cafile=str(root))
         self.address = f"https://localhost:{self.port}"
         self.http = self.client()
 
     def client(self, comes_from: str | None = None) -> httpx.Client:
-        """Someone else's, when told an address of this machine to come from."""
-        transport = httpx.HTTPTransport(verify=self.trusts, local_address=comes_from)
+        """Return a client that connects from another address of this machine, if one is given."""
+        transport = httpx.HTTPTransport(verify=self.tls, local_address=comes_from)
         return httpx.Client(base_url=self.address, transport=transport, timeout=60)
 
     def raw(self, target: str) -> bytes:
-        """What is answered to a target that no client would send so."""
+        """Return the answer to a target that no HTTP client would send unchanged."""
         with (
             socket.create_connection(("127.0.0.1", self.port), timeout=60) as plain,
-            self.trusts.wrap_socket(plain, server_hostname="localhost") as tls,
+            self.tls.wrap_socket(plain, server_hostname="localhost") as tls,
         ):
             host = f"localhost:{self.port}"
             tls.sendall(
@@ -70,16 +70,16 @@ class Proxy:
             )
             return b"".join(iter(lambda: tls.recv(65536), b""))
 
-    def broken_off(self, said: bytes) -> None:
-        """Says the beginning of a request and is gone."""
+    def send_and_disconnect(self, data: bytes) -> None:
+        """Send the beginning of a request and disconnect."""
         with (
             socket.create_connection(("127.0.0.1", self.port), timeout=60) as plain,
-            self.trusts.wrap_socket(plain, server_hostname="localhost") as tls,
+            self.tls.wrap_socket(plain, server_hostname="localhost") as tls,
         ):
-            tls.sendall(said)
+            tls.sendall(data)
 
     def _wait(self, address: str) -> None:
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while True:
             try:
                 if httpx.get(address).is_success:
@@ -92,4 +92,4 @@ class Proxy:
     def stop(self) -> None:
         self.http.close()
         self.process.terminate()
-        self.process.wait(PATIENCE_S)
+        self.process.wait(TIMEOUT_S)

@@ -1,10 +1,10 @@
-"""Runs deploy/compose.yaml as a whole without containers, and tries what came of it.
+"""Run deploy/compose.yaml as a whole without containers, and try the result.
 
 Run by ``make compose-check``, as root on Linux. Each service is a process in a network namespace of
-its own, connected as the file says, under its names and addresses, with exactly the environment of
-the file and of the Dockerfile but for the paths of data and kernels. PostgreSQL and Caddy are those
-of this machine; moto stands for the S3 store, a file of names for Docker's name server. Nothing of
-it is seen outside: all namespaces go with this process.
+its own, with the networks, names, addresses and environment that the file and the Dockerfile set;
+only the paths of data and kernels differ. PostgreSQL and Caddy are those of this machine; moto
+replaces the S3 store, a hosts file Docker's name server. Nothing of it is visible outside: all
+namespaces end with this process.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from tests.tools import CADDY, POSTGRES
 ROOT = DEPLOY.parent
 SITE = "fold.localhost"
 NETWORKS = {"back": "10.77.0", "outside": "10.78.0"}
-"""First numbers of the networks whose addresses Docker would choose."""
-HOME = {"database": 2, "storage": 3, "proxy": 2, "web": 129, "worker": 150}
-"""Last numbers of the addresses of services; replicas follow."""
-PATIENCE_S = 120.0
+"""First three numbers of the addresses of networks for which Docker would choose them."""
+FIRST_HOST = {"database": 2, "storage": 3, "proxy": 2, "web": 129, "worker": 150}
+"""Last number of the address of each service's first replica; the others follow."""
+TIMEOUT_S = 120.0
 FOLDBACK = (sys.executable, "-P", "-m", "server.cli.command_line")
 
 
@@ -52,11 +52,11 @@ def ip(arguments: str) -> None:
     run("ip", *arguments.split())
 
 
-def wait_for(what: str, so: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+def wait_for(what: str, condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + TIMEOUT_S
     while True:
         try:
-            if so():
+            if condition():
                 return check(what, True)
         except (httpx.TransportError, AssertionError, OSError):
             pass
@@ -66,22 +66,22 @@ def wait_for(what: str, so: Callable[[], bool]) -> None:
 
 
 class Services:
-    """The services of the file, each process in a network namespace of its own.
+    """Services of the file, each process in a network namespace of its own.
 
     Args:
-        place: Holds data and logs.
+        place: Directory for data and logs.
     """
 
     def __init__(self, place: Path) -> None:
         self.place = place
-        made = {name: secrets.token_hex(32) for name in ("POSTGRES_PASSWORD", "S3_SECRET_KEY")}
-        self.file = compose({**variables(), **made, "SITE": SITE})
+        secret = {name: secrets.token_hex(32) for name in ("POSTGRES_PASSWORD", "S3_SECRET_KEY")}
+        self.file = compose({**variables(), **secret, "SITE": SITE})
         front = self.file["networks"]["front"]["ipam"]["config"][0]["subnet"]
         self.networks = {**NETWORKS, "front": front.rpartition(".")[0]}
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         text = (DEPLOY / "Dockerfile").read_text().rpartition("FROM ")[2]
         (block,) = re.findall(r"^ENV ((?:.*\\\n)*.*)", text, re.MULTILINE)
-        self.of_image = dict(word.split("=", 1) for word in block.replace("\\\n", " ").split())
+        self.image = dict(word.split("=", 1) for word in block.replace("\\\n", " ").split())
 
     def replicas(self, service: str) -> list[str]:
         count = self.file["services"][service].get("deploy", {}).get("replicas", 1)
@@ -90,11 +90,11 @@ class Services:
     def address(self, replica: str, network: str) -> str:
         service, _, n = replica.rpartition("-")
         fixed = self.file["services"][service]["networks"]
-        told = (fixed[network] or {}).get("ipv4_address") if isinstance(fixed, dict) else None
-        return told or f"{self.networks[network]}.{HOME[service] + int(n)}"
+        fixed_ip = (fixed[network] or {}).get("ipv4_address") if isinstance(fixed, dict) else None
+        return fixed_ip or f"{self.networks[network]}.{FIRST_HOST[service] + int(n)}"
 
     def connect(self) -> None:
-        """Makes networks, namespaces and names."""
+        """Create networks, namespaces and host names."""
         Path("/run/netns").mkdir(exist_ok=True)
         run("mount", "-t", "tmpfs", "tmpfs", "/run/netns")
         for network, first in self.networks.items():
@@ -122,16 +122,16 @@ class Services:
 
     def environment(self, service: str) -> dict[str, str]:
         given = self.file["services"][service].get("environment", {})
-        # compose replaces variables after it has read YAML: every value is a text.
+        # compose replaces variables after it has parsed the YAML: every value is a text.
         texts = {name: "" if value is None else str(value) for name, value in given.items()}
         return {"PATH": os.environ["PATH"], "HOME": str(self.place), **texts}
 
-    def of_foldback(self, replica: str) -> dict[str, str]:
-        """That of the image and of the file, with a data directory of this machine."""
-        of_image = {k: v for k, v in self.of_image.items() if k not in ("PATH", "NUMBA_CACHE_DIR")}
+    def foldback_env(self, replica: str) -> dict[str, str]:
+        """Return the environment of image and file, with a data directory of this machine."""
+        image = {k: v for k, v in self.image.items() if k not in ("PATH", "NUMBA_CACHE_DIR")}
         data = {"FOLDBACK_DATA_DIR": str(self.place / f"data-{replica}")}
         named = self.environment(replica.rpartition("-")[0])
-        return {**of_image, **named, **data, "PYTHONPATH": str(ROOT)}
+        return {**image, **named, **data, "PYTHONPATH": str(ROOT)}
 
     def inside(self, replica: str, *command: object) -> list[str]:
         return ["nsenter", f"--net=/run/netns/{replica}", *(str(part) for part in command)]
@@ -151,16 +151,16 @@ class Services:
         for service in ("web", "worker"):
             (command,) = self.file["services"][service]["command"]
             for replica in self.replicas(service):
-                self.start(replica, self.of_foldback(replica), *FOLDBACK, command)
+                self.start(replica, self.foldback_env(replica), *FOLDBACK, command)
 
     def stop_foldback(self) -> None:
         self.stop(*(name for name in self.processes if name.startswith(("web", "worker"))))
 
     def admin(self, *arguments: object) -> subprocess.CompletedProcess[str]:
-        """What `docker compose run --rm worker admin …` does."""
+        """Run the equivalent of `docker compose run --rm worker admin …`."""
         return subprocess.run(
             self.inside("worker-0", *FOLDBACK, "admin", *arguments),
-            env=self.of_foldback("worker-0"),
+            env=self.foldback_env("worker-0"),
             cwd=self.place,
             capture_output=True,
             text=True,
@@ -169,11 +169,11 @@ class Services:
 
     def stop(self, *replicas: str) -> None:
         for replica in replicas:
-            # PostgreSQL would wait for its clients.
+            # On SIGTERM PostgreSQL would wait for its clients.
             number = signal.SIGINT if replica.startswith("database") else signal.SIGTERM
             self.processes[replica].send_signal(number)
         for replica in replicas:
-            self.processes.pop(replica).wait(PATIENCE_S)
+            self.processes.pop(replica).wait(TIMEOUT_S)
 
 
 def start_database(services: Services) -> None:
@@ -184,22 +184,22 @@ def start_database(services: Services) -> None:
     (home / "password").write_text(given["POSTGRES_PASSWORD"])
     shutil.chown(home, "postgres", "postgres")
     shutil.chown(home / "password", "postgres", "postgres")
-    anyone = ("setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups")
-    made = ("--username", given["POSTGRES_USER"], "--pwfile", home / "password")
+    as_postgres = ("setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups")
+    secret = ("--username", given["POSTGRES_USER"], "--pwfile", home / "password")
     run(
-        *(*anyone, programs / "initdb", "--pgdata", home / "cluster", *made),
+        *(*as_postgres, programs / "initdb", "--pgdata", home / "cluster", *secret),
         *("--auth=scram-sha-256", "--no-sync", "--no-instructions"),
         cwd=home,
     )
     with open(home / "cluster" / "pg_hba.conf", "a") as file:
         file.write("host all all all scram-sha-256\n")
     _, *options = services.file["services"]["database"]["command"]
-    begun = ("-D", home / "cluster", "-h", "*", "-k", home, *options)
-    services.start("database-0", given, *anyone, programs / "postgres", *begun)
-    _, *well = services.file["services"]["database"]["healthcheck"]["test"]
+    server_options = ("-D", home / "cluster", "-h", "*", "-k", home, *options)
+    services.start("database-0", given, *as_postgres, programs / "postgres", *server_options)
+    _, *health_check = services.file["services"]["database"]["healthcheck"]["test"]
     wait_for(
         "its own health check finds the database well",
-        lambda: not subprocess.call(services.inside("database-0", *well), env=given),
+        lambda: not subprocess.call(services.inside("database-0", *health_check), env=given),
     )
     query = f"CREATE DATABASE {given['POSTGRES_DB']}"
     reach = ("--host=database", f"--username={given['POSTGRES_USER']}", "--dbname=postgres")
@@ -226,7 +226,7 @@ def start_proxy(services: Services) -> ssl.SSLContext:
 
 
 def try_out(services: Services, trusts: ssl.SSLContext) -> None:
-    """Folds through the proxy, and looks at what is open and what is closed."""
+    """Fold through the proxy, and check which ports and routes are open."""
     address = f"https://{SITE}"
     webs = [services.address(replica, "front") for replica in services.replicas("web")]
     http = httpx.Client(base_url=address, verify=trusts, timeout=30)
@@ -246,10 +246,10 @@ def try_out(services: Services, trusts: ssl.SSLContext) -> None:
         check(f"{path} is closed outside", "foldback_" not in refused.text and refused.is_error)
     for host, port in ((services.address("database-0", "back"), 5432), ("web", 8000)):
         code = f"import socket; socket.create_connection(({host!r}, {port}), 3)"
-        left = subprocess.call(
+        failed = subprocess.call(
             services.inside("proxy-0", sys.executable, "-c", code), stderr=subprocess.DEVNULL
         )
-        check(f"the proxy reaches port {port}: {port == 8000}", (left == 0) == (port == 8000))
+        check(f"the proxy reaches port {port}: {port == 8000}", (failed == 0) == (port == 8000))
     with Client(address, verify=trusts) as client:
         fold = client.fold(SNAKE, seed=1)
         wait_for("it folds", lambda: client.get(fold.id).status == "verified")
@@ -266,7 +266,7 @@ def try_out(services: Services, trusts: ssl.SSLContext) -> None:
 
 
 def back_up_and_restore(services: Services) -> None:
-    """Makes a backup of the running service, loses all data, and restores them."""
+    """Back up the running service, delete all data, and restore them."""
     copy = services.place / "backup"
     done = services.admin("backup", copy)
     check(f"a backup is made: {done.stdout.strip()}{done.stderr}", done.returncode == 0)
@@ -274,7 +274,7 @@ def back_up_and_restore(services: Services) -> None:
     refused = services.admin("restore", "--replace", copy)
     check("not even when told", refused.returncode == 1 and "in use" in refused.stderr)
     services.stop_foldback()
-    services.stop("storage-0")  # it holds everything in memory
+    services.stop("storage-0")  # moto stores everything in memory
     start_storage(services)
     for data in services.place.glob("data-*"):
         shutil.rmtree(data)
@@ -301,7 +301,7 @@ def rehearse() -> None:
                 print(f"--- {log.name}\n" + "\n".join(log.read_text().splitlines()[-15:]))
             raise
         finally:
-            services.stop_foldback()  # workers hand folds back, for which they need the rest
+            services.stop_foldback()  # workers need the others to requeue
             services.stop(*services.processes)
 
 

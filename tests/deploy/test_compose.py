@@ -1,4 +1,4 @@
-"""deploy/compose.yaml against the compose specification, and against what it is meant to be."""
+"""deploy/compose.yaml: valid by the compose specification, and set up as intended."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ COMPOSE = compose(ENVIRONMENT)
 SERVICES: dict[str, dict[str, Any]] = COMPOSE["services"]
 
 
-def plain() -> dict[str, Any]:
-    """Without what only helps to write it; merges are applied already."""
+def stripped() -> dict[str, Any]:
+    """Return the file without extension fields, whose anchors are merged already."""
     return {name: value for name, value in COMPOSE.items() if not name.startswith("x-")}
 
 
 def test_compose_file_is_valid_and_wrong_ones_are_found() -> None:
-    found = PyCompose.from_yaml(yaml.safe_dump(plain()))
+    found = PyCompose.from_yaml(yaml.safe_dump(stripped()))
     found.validate()
     names = {"proxy", "web", "worker", "database", "storage", "prometheus"}
     assert set(found.service_names()) == names
@@ -36,7 +36,7 @@ def test_compose_file_is_valid_and_wrong_ones_are_found() -> None:
         {"expose": "8000"},
         {"read_onli": True},
     ):
-        broken = {**plain(), "services": {**SERVICES, "web": {**SERVICES["web"], **wrong}}}
+        broken = {**stripped(), "services": {**SERVICES, "web": {**SERVICES["web"], **wrong}}}
         with pytest.raises(Exception, match=r"\w"):
             PyCompose.from_yaml(yaml.safe_dump(broken)).validate()
 
@@ -71,10 +71,10 @@ def test_every_container_is_confined_and_has_a_health_check(name: str) -> None:
     assert {"cpus", "memory", "pids"} <= set(service["deploy"]["resources"]["limits"])
     assert ("ports" in service) == (name == "proxy")
     assert "privileged" not in service
-    # An image has to be one version, not whatever is the latest.
+    # The tag of an image is a fixed version, not the latest one.
     assert re.search(r":[\w.-]+$", service["image"]) and ":latest" not in service["image"]
     check = service.get("healthcheck")
-    if name == "web":  # its image has one
+    if name == "web":  # foldback's image has its own health check
         assert check is None and "HEALTHCHECK" in (DEPLOY / "Dockerfile").read_text()
     else:
         assert check == {"disable": True} if name == "worker" else check["test"][0] == "CMD"
@@ -93,7 +93,7 @@ def test_only_the_proxy_is_trusted_for_addresses() -> None:
     address = SERVICES["proxy"]["networks"]["front"]["ipv4_address"]
     assert SERVICES["web"]["environment"]["FOLDBACK_TRUSTED_PROXIES"] == address
     assert ipaddress.ip_address(address) in ipaddress.ip_network(front["subnet"])
-    # No other container can be given that address.
+    # Docker's own address range for containers ends before it.
     assert ipaddress.ip_address(address) not in ipaddress.ip_network(front["ip_range"])
     moved = compose({**ENVIRONMENT, "FRONT_NETWORK": "10.9.8"})
     assert "172.30.90" not in yaml.safe_dump(moved)
@@ -115,7 +115,7 @@ def test_metrics_are_open_inside_and_closed_outside() -> None:
 
 
 def test_backup_programs_match_the_database_version() -> None:
-    bookworm = "15"  # what Debian 12 has, the base of both images
+    bookworm = "15"  # version in Debian 12, on which both images are based
     assert SERVICES["database"]["image"] == f"postgres:{bookworm}-bookworm"
     text = (DEPLOY / "Dockerfile").read_text()
     assert "postgresql-client " in text and "slim-bookworm\n\n# For movies" in text

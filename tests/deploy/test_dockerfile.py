@@ -100,7 +100,7 @@ def test_image_runs_as_an_unprivileged_user() -> None:
     users = re.findall(r"^USER (\d+):(\d+)$", last, re.M)
     assert users == [("10001", "10001")]
     assert f"--uid {users[0][0]}" in last
-    # Nothing is run after that, and the program belongs to root.
+    # No command follows, and the program belongs to root.
     assert "RUN" not in last.partition("USER ")[2]
     assert "--chown" not in last
 

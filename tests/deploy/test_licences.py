@@ -1,4 +1,4 @@
-"""The page of licences: every package that an installation brings, in the tested version."""
+"""Page of licences: every package that an installation brings, in its tested version."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""deploy/Caddyfile in a real Caddy, in front of two web processes on the same folds."""
+"""deploy/Caddyfile in a real Caddy, in front of two web processes that share their folds."""
 
 from __future__ import annotations
 
@@ -52,36 +52,36 @@ def test_pages_are_served_over_tls(proxy: Proxy) -> None:
 
 
 def test_events_are_streamed_unbuffered(proxy: Proxy) -> None:
-    with Client(proxy.address, verify=proxy.trusts) as client:
+    with Client(proxy.address, verify=proxy.tls) as client:
         fold = client.fold(SNAKE, seed=1)
         with proxy.http.stream("GET", f"/api/folds/{fold.id}/events") as stream:
             assert stream.headers["content-type"].startswith("text/event-stream")
             assert "content-encoding" not in stream.headers
             lines = stream.iter_lines()
-            told = [line for line in (next(lines) for _ in range(2)) if line]
-            # The first is here while the fold still waits; then the rest comes.
-            assert told[0] == "event: progress" and '"queued"' in told[1]
+            received = [line for line in (next(lines) for _ in range(2)) if line]
+            # The first event arrives while the fold still waits; the others follow.
+            assert received[0] == "event: progress" and '"queued"' in received[1]
             assert fold.cancel().status == "cancelled"
             rest = "\n".join(lines)
     assert "event: done" in rest and '"cancelled"' in rest
 
 
 def test_web_sockets_are_proxied(proxy: Proxy, webs: list[Service]) -> None:
-    with webs[0].worker(), Client(proxy.address, verify=proxy.trusts) as client:
+    with webs[0].worker(), Client(proxy.address, verify=proxy.tls) as client:
         fold = client.fold(STAIRS, seed=2).wait()
     address = f"wss://localhost:{proxy.port}/api/folds/{fold.id}/play"
     for origin in (None, f"https://localhost:{proxy.port}"):
-        with connect(address, ssl=proxy.trusts, origin=origin) as socket:  # type: ignore[arg-type]
+        with connect(address, ssl=proxy.tls, origin=origin) as socket:  # type: ignore[arg-type]
             assert json.loads(socket.recv(timeout=60))["is"] == "begin"
     with pytest.raises(InvalidStatus, match="403"):
-        connect(address, ssl=proxy.trusts, origin="https://evil.example")  # type: ignore[arg-type]
+        connect(address, ssl=proxy.tls, origin="https://evil.example")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("size", [300_000, 5_000_000])
 def test_large_bodies_are_refused(proxy: Proxy, size: int) -> None:
     answer = proxy.http.post("/api/folds", files={"file": ("large.stl", b"x" * size)})
     assert answer.status_code == 413
-    # Within the proxy's bound, the service itself says what is wrong.
+    # Within the proxy's limit, the service itself reports the error.
     assert (answer.headers.get("content-type") == "application/problem+json") == (size < 400_000)
 
 
@@ -90,12 +90,12 @@ def test_broken_requests_do_not_stop_the_service(proxy: Proxy) -> None:
         for _ in range(50):
             yield b"x" * 100_000
 
-    for _ in range(4):  # more often than there are web processes
+    for _ in range(4):  # more requests than web processes
         with contextlib.suppress(httpx.TransportError):
             proxy.http.post("/api/folds", content=endless())
     for _ in range(3):
         body = b"POST /api/folds HTTP/1.1\r\nHost: localhost\r\nContent-Length: 90000\r\n\r\nand"
-        proxy.broken_off(body)
+        proxy.send_and_disconnect(body)
     answers = [proxy.http.get("/api/shapes") for _ in range(8)]
     assert [answer.status_code for answer in answers] == [200] * 8
 
@@ -122,23 +122,23 @@ def test_operator_routes_are_closed_outside(proxy: Proxy, webs: list[Service], n
         status = int(answer.split(b" ", 2)[1])
         assert status in (400, 404) or 300 <= status < 400, (way, answer[:300])
         assert b"foldback_" not in answer and b'"database"' not in answer, way
-    # Under another name there is nothing at all.
+    # No other host name is served.
     assert proxy.raw(f"http://127.0.0.1:8000/{name}").endswith(b"\r\n\r\n")
     assert proxy.raw("/health").startswith(b"HTTP/1.1 200")
 
 
 def test_forwarded_addresses_of_visitors_are_ignored(proxy: Proxy, webs: list[Service]) -> None:
-    with Client(proxy.address, verify=proxy.trusts) as client:
+    with Client(proxy.address, verify=proxy.tls) as client:
         events = f"/api/folds/{client.fold(SNAKE, seed=3).id}/events"
-    webs[1].stop()  # each process counts by itself
+    webs[1].stop()  # each process counts separately
     try:
         with proxy.client("127.0.0.1") as mine, mine.stream("GET", events) as first:
             assert first.status_code == 200
             for header in ("X-Forwarded-For", "X-Real-IP", "Forwarded", "X-Client-IP"):
-                for told in ("203.0.113.7", "203.0.113.7, 127.0.0.1", "for=203.0.113.7"):
-                    with mine.stream("GET", events, headers={header: told}) as again:
-                        assert again.status_code == 429, (header, told)
-            # Another visitor is another one, so the service does know who asks.
+                for forged in ("203.0.113.7", "203.0.113.7, 127.0.0.1", "for=203.0.113.7"):
+                    with mine.stream("GET", events, headers={header: forged}) as again:
+                        assert again.status_code == 429, (header, forged)
+            # The service distinguishes visitors, since another one has another limit.
             with proxy.client("127.0.0.2") as other, other.stream("GET", events) as theirs:
                 assert theirs.status_code == 200
     finally:

@@ -17,7 +17,7 @@ def test_named_settings_exist(name: str) -> None:
 @pytest.mark.parametrize("name", ["compose.example.env", "systemd/foldback.env"])
 def test_example_settings_are_valid(name: str) -> None:
     lines = (DEPLOY / name).read_text().splitlines()
-    # Those that are commented out are examples as well.
+    # Settings that are commented out are examples as well.
     found = [re.fullmatch(r"#?FOLDBACK_([A-Z_]+)=(\S+)", line) for line in lines]
     given = [(one[1].lower(), one[2]) for one in found if one]
     assert len(given) >= 5
@@ -26,8 +26,8 @@ def test_example_settings_are_valid(name: str) -> None:
 
 
 def test_all_deploy_files_are_checked() -> None:
-    there = {str(p.relative_to(DEPLOY)) for p in DEPLOY.rglob("*") if p.is_file()}
-    assert there - {"systemd/foldback.sysusers"} == set(EXAMPLES)
+    names = {str(p.relative_to(DEPLOY)) for p in DEPLOY.rglob("*") if p.is_file()}
+    assert names - {"systemd/foldback.sysusers"} == set(EXAMPLES)
 
 
 def test_examples_offer_the_same_choices() -> None:

@@ -12,18 +12,18 @@ from tests.deploy.files import DEPLOY
 from tests.tools import SYSTEMD
 
 UNITS = ("foldback-web.service", "foldback-worker@.service")
-COMMON = "foldback-.service.d/common.conf"
-"""Drop-in of both."""
-MOST_EXPOSED = 20
-"""In tenths; 1.4 is what is left: the network, and compiled kernels."""
+DROP_IN = "foldback-.service.d/common.conf"
+"""Drop-in that both units share."""
+MAX_EXPOSURE = 20
+"""Maximum exposure by systemd-analyze, in tenths; 1.4 is due to network and kernels."""
 
 
 @pytest.fixture
 def units(tmp_path: Path) -> list[Path]:
-    """The units as they are, but for the program, which is not at its place here."""
+    """Return copies of the units with a program that exists on this machine."""
     found: list[Path] = []
-    (tmp_path / COMMON).parent.mkdir()
-    shutil.copy(DEPLOY / "systemd" / COMMON, tmp_path / COMMON)
+    (tmp_path / DROP_IN).parent.mkdir()
+    shutil.copy(DEPLOY / "systemd" / DROP_IN, tmp_path / DROP_IN)
     for name in UNITS:
         path = tmp_path / name.replace("@", "@1")
         text = (DEPLOY / "systemd" / name).read_text()
@@ -40,16 +40,16 @@ def analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
 def test_systemd_accepts_the_units_and_finds_mistakes(units: list[Path]) -> None:
     done = analyze("verify", "--man=no", *units)
     assert done.returncode == 0 and not done.stderr, done.stderr
-    drop_in = units[0].parent / COMMON
+    drop_in = units[0].parent / DROP_IN
     drop_in.write_text(drop_in.read_text().replace("KillMode=mixed", "KilMode=mixed"))
     assert "KilMode" in analyze("verify", "--man=no", units[0]).stderr
 
 
 def test_units_are_confined_by_their_drop_in(units: list[Path], tmp_path: Path) -> None:
-    rated = ("security", "--offline=true", f"--threshold={MOST_EXPOSED}")
+    rated = ("security", "--offline=true", f"--threshold={MAX_EXPOSURE}")
     done = analyze(*rated, *units)
     assert done.returncode == 0, done.stdout[-400:]
-    (tmp_path / COMMON).unlink()
+    (tmp_path / DROP_IN).unlink()
     for unit in units:
         assert analyze(*rated, unit).returncode != 0
 
@@ -67,12 +67,12 @@ def test_units_repeat_nothing_of_their_drop_in() -> None:
         found = (DEPLOY / "systemd" / name).read_text().splitlines()
         return [line for line in found if line and line[0] not in "#["]
 
-    shared = lines(COMMON)
+    shared = lines(DROP_IN)
     assert len(shared) > 40 and len(shared) == len(set(shared))
     for name in UNITS:
         own = set(lines(name))
         assert not own & set(shared)
-        # What a unit sets, the drop-in would override.
+        # The drop-in would override settings of a unit.
         keys = {line.partition("=")[0] for line in own} & {
             line.partition("=")[0] for line in shared
         }
@@ -80,8 +80,8 @@ def test_units_repeat_nothing_of_their_drop_in() -> None:
 
 
 def test_computing_processes_may_confine_themselves() -> None:
-    """Their first calls would end them, were they not among those that the unit lets through."""
-    text = (DEPLOY / "systemd" / COMMON).read_text()
+    """The first system calls of their sandbox are among those that the unit permits."""
+    text = (DEPLOY / "systemd" / DROP_IN).read_text()
     allowed: set[str] = set()
     for line in re.findall(r"^SystemCallFilter=(.*)$", text, re.MULTILINE):
         found = {call for name in line.lstrip("~").split() for call in calls_of(name)}
@@ -92,7 +92,7 @@ def test_computing_processes_may_confine_themselves() -> None:
 
 
 def calls_of(name: str) -> set[str]:
-    """The calls of one of systemd's groups; a call is itself."""
+    """Return the calls of one of systemd's groups; a name that is no group is a call."""
     if not name.startswith("@"):
         return {name}
     lines = analyze("syscall-filter", name).stdout.splitlines()[1:]

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from docs.make_drawings import PICTURES, drawn
+from docs.make_drawings import PICTURES, draw_shape
 from examples.make_pictures import pictures
 from web.pictures.shipped import shipped_pictures
 from web.timeline.columns import decode
@@ -15,11 +15,11 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 @pytest.mark.parametrize(("name", "shape", "title"), PICTURES)
 def test_drawings_of_the_readme_are_up_to_date(name: str, shape: str, title: str) -> None:
-    assert (DOCS / "pictures" / name).read_text(encoding="utf-8") == drawn(shape, title)
+    assert (DOCS / "pictures" / name).read_text(encoding="utf-8") == draw_shape(shape, title)
 
 
 SAMPLE = ("wrench-160-480.svg", "heart-160.svg", "tetra-ring-160.svg", "featured.bundle")
-"""Pictures of each kind, which are drawn again here."""
+"""One picture of each kind, which this test draws again."""
 
 
 def test_shipped_pictures_hold_all_that_are_made() -> None:
@@ -27,13 +27,13 @@ def test_shipped_pictures_hold_all_that_are_made() -> None:
 
 
 @pytest.mark.parametrize("name", SAMPLE)
-def test_shipped_picture_is_what_product_draws(name: str) -> None:
-    shipped, drawn = shipped_pictures()[name], dict(pictures())[name]()
+def test_shipped_picture_equals_a_new_drawing(name: str) -> None:
+    shipped, draw_shape = shipped_pictures()[name], dict(pictures())[name]()
     if not name.endswith(".bundle"):
-        assert shipped == drawn
+        assert shipped == draw_shape
         return
-    # The corners' order and triangles of a hull and last digits may differ between machines.
-    (header, columns), (drawn_header, drawn_columns) = decode(shipped), decode(drawn)
+    # The order of a hull's corners and triangles and last digits may differ between machines.
+    (header, columns), (drawn_header, drawn_columns) = decode(shipped), decode(draw_shape)
     assert header == drawn_header
     assert columns.keys() == drawn_columns.keys()
     for column, values in columns.items():

@@ -5,7 +5,7 @@ from collections import Counter
 
 import numpy as np
 
-from examples.make_gallery import HERE, drawings, drawn, lying, make, slices, standing
+from examples.make_gallery import HERE, drawings, lying, make, parse_drawings, slices, standing
 from planner.chain.path import Path
 from planner.pathfinding.knots import knot_of
 from planner.readers import read
@@ -15,7 +15,7 @@ DRAWINGS = drawings()
 
 
 def test_gallery_files_are_up_to_date() -> None:
-    """A part of them: what any code does to one, it does to most."""
+    """Check some of the files, since a change of the code affects most of them."""
     for shape in DRAWINGS[::5]:
         with case(shape.name):
             assert make(shape) == (HERE / "shapes" / f"{shape.name}.json").read_bytes()
@@ -38,7 +38,7 @@ def test_gallery_has_many_different_shapes() -> None:
     assert len(DRAWINGS) > 50
     text = (HERE / "gallery.txt").read_text(encoding="utf-8")
     headings = re.findall(r"^([a-z0-9-]+): .*\(", text, flags=re.MULTILINE)
-    assert headings == [shape.name for shape in drawn(text)]
+    assert headings == [shape.name for shape in parse_drawings(text)]
     placed = {
         frozenset(map(tuple, (cells - cells.min(axis=0)).tolist()))
         for cells in (np.array(list(shape.blocks)) for shape in DRAWINGS)

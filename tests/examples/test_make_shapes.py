@@ -15,7 +15,7 @@ def test_shape_files_visit_the_cells_of_their_drawings_and_are_up_to_date() -> N
             path = read(data)
             assert isinstance(path, Path)
             assert {tuple(cell) for cell in path.cells.tolist()} == shape.cells
-            # The solver's answer may differ between its versions; ours may not.
+            # The solver's result may differ between its versions; our algorithms' may not.
             if shape.path in (merged_blocks, snake):
                 assert make(shape) == data
 

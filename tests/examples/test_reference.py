@@ -1,4 +1,4 @@
-"""The README's example, and the reference that is made of docstrings."""
+"""Example of the README, and the reference made of docstrings."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def test_example_of_the_readme_runs(
     assert 8 <= len([line for line in code.splitlines() if line]) <= 10
     monkeypatch.chdir(ROOT)
     exec(compile(code, "README.md", "exec"), {})
-    told = capsys.readouterr().out.splitlines()
-    assert told[0] == "verified (simulated)"
-    assert 0.0 < float(told[1]) <= float(told[2])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "verified (simulated)"
+    assert 0.0 < float(lines[1]) <= float(lines[2])
 
 
 def test_public_names_have_docstrings() -> None:
@@ -37,8 +37,8 @@ def test_public_names_have_docstrings() -> None:
             assert inspect.getdoc(found)
             for member, value in vars(found).items() if inspect.isclass(found) else ():
                 kinds = property | classmethod | staticmethod
-                told = isinstance(value, kinds) or inspect.isroutine(value)
-                assert member.startswith("_") or not told or inspect.getdoc(value), member
+                has_own = isinstance(value, kinds) or inspect.isroutine(value)
+                assert member.startswith("_") or not has_own or inspect.getdoc(value), member
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The list of all texts: what counts as a text for people, in each kind of file."""
+"""List of all texts: the texts for people that each kind of file holds."""
 
 from __future__ import annotations
 

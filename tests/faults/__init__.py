@@ -1,1 +1,1 @@
-"""Seeded faults: mistakes made on purpose, which the suite must find."""
+"""Seeded faults: deliberate mistakes, which the suite must find."""

@@ -2,7 +2,7 @@
 
 Each fault is made in a copy of the checkout, and tests are run there until one fails: first those
 that should find it, then, with ``--all``, the whole suite. The test that failed is run again
-without the fault: it must pass.
+without the fault, where it must pass.
 """
 
 from __future__ import annotations
@@ -23,31 +23,31 @@ from rich.markup import escape
 from rich.table import Table
 
 from tests.faults.fault import Fault, all_faults
-from tests.faults.scratch import GREEN, RED, Scratch
+from tests.faults.scratch import FAILED_TESTS, PASSED, Scratch
 
 CHECKOUT: Final = Path(__file__).parents[2]
-LIKELY_S: Final = 900.0
-ALL_S: Final = 2 * 3600.0
-REST: Final = ("--ignore=tests/faults",)
-"""The whole suite, but for the test that the faults are not made already."""
+LIKELY_TIMEOUT_S: Final = 900.0
+ALL_TIMEOUT_S: Final = 2 * 3600.0
+WHOLE_SUITE: Final = ("--ignore=tests/faults",)
+"""Arguments for the whole suite without the test that requires code without faults."""
 Outcome = Literal["found", "not found", "no end", "unsound"]
-MET: Final = ("found", "no end")
-MOST_TOLD: Final = 4000
+SUCCESSES: Final = ("found", "no end")
+MAX_OUTPUT_CHARACTERS: Final = 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What became of one fault.
+    """Result of one fault.
 
     Attributes:
-        fault: Its name.
-        breaks: What is wrong with it.
-        outcome: ``found``, ``not found``, ``no end`` when tests did not end, which is a failure as
-            well, or ``unsound`` when they fail without the fault too or could not be run.
-        found_by: The test that failed.
-        part: ``likely`` or ``all``: what that test was run among.
-        seconds: How long it took.
-        output: The end of what pytest printed, where it was unsound.
+        fault: Name of the fault.
+        breaks: Behaviour that is wrong with it.
+        outcome: ``found``, ``not found``, ``no end`` if tests did not end, which is a failure as
+            well, or ``unsound`` if they also fail without the fault or could not be run.
+        found_by: Test that failed.
+        part: ``likely`` or ``all``: the tests that it was run with.
+        seconds: Wall time, s.
+        output: End of pytest's output if the outcome is unsound.
     """
 
     fault: str
@@ -60,7 +60,7 @@ class Answer:
 
 
 def main() -> int:
-    """Tries the asked-for faults; 1 unless each is found."""
+    """Try the requested faults; return 1 unless each is found."""
     faults = {fault.name: fault for fault in all_faults()}
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="of faults; all when none is told")
@@ -73,8 +73,8 @@ def main() -> int:
     console = Console(width=max(140, Console().width))
     answers: list[Answer] = []
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    with tempfile.TemporaryDirectory(prefix="faults-") as place:
-        scratch = Scratch(CHECKOUT, Path(place))
+    with tempfile.TemporaryDirectory(prefix="faults-") as work_dir:
+        scratch = Scratch(CHECKOUT, Path(work_dir))
         for fault in chosen:
             answer = _answer(scratch, fault, whole=arguments.all)
             answers.append(answer)
@@ -83,38 +83,38 @@ def main() -> int:
                 print(answer.output, flush=True)
     _write(arguments.out, answers)
     _show(console, answers)
-    return 0 if all(answer.outcome in MET for answer in answers) else 1
+    return 0 if all(answer.outcome in SUCCESSES for answer in answers) else 1
 
 
 def _answer(scratch: Scratch, fault: Fault, *, whole: bool) -> Answer:
-    begun = time.perf_counter()
-    outcome, found_by, part, output = _tried(scratch, fault, whole=whole)
+    start = time.perf_counter()
+    outcome, found_by, part, output = _try(scratch, fault, whole=whole)
     return Answer(
         fault=fault.name,
         breaks=fault.breaks,
         outcome=outcome,
         found_by=found_by,
         part=part,
-        seconds=round(time.perf_counter() - begun, 1),
-        output=output[-MOST_TOLD:],
+        seconds=round(time.perf_counter() - start, 1),
+        output=output[-MAX_OUTPUT_CHARACTERS:],
     )
 
 
-def _tried(
+def _try(
     scratch: Scratch, fault: Fault, *, whole: bool
 ) -> tuple[Outcome, str | None, str | None, str]:
-    parts = [("likely", fault.likely, LIKELY_S), ("all", REST, ALL_S)]
+    parts = [("likely", fault.likely, LIKELY_TIMEOUT_S), ("all", WHOLE_SUITE, ALL_TIMEOUT_S)]
     for part, tests, seconds in parts if whole else parts[:1]:
         with scratch.with_fault(fault):
-            run = scratch.tested(tests, seconds=seconds)
+            run = scratch.run_tests(tests, seconds=seconds)
         if run.code is None:
             return "no end", None, part, ""
-        if run.code == RED and run.failed:
-            again = scratch.tested(run.failed[:1], seconds=seconds)
-            if again.code != GREEN:
+        if run.code == FAILED_TESTS and run.failed:
+            again = scratch.run_tests(run.failed[:1], seconds=seconds)
+            if again.code != PASSED:
                 return "unsound", run.failed[0], part, again.output
             return "found", run.failed[0], part, ""
-        if run.code != GREEN:
+        if run.code != PASSED:
             return "unsound", None, part, run.output
     return "not found", None, None, ""
 
@@ -133,7 +133,7 @@ def _show(console: Console, answers: list[Answer]) -> None:
         found = escape(_words(answer).removeprefix("found "))
         table.add_row(answer.fault, answer.breaks, found, f"{answer.seconds:.0f}")
     console.print(table)
-    met = sum(answer.outcome in MET for answer in answers)
+    met = sum(answer.outcome in SUCCESSES for answer in answers)
     console.print(f"{met} of {len(answers)} faults are found.")
 
 

@@ -1,7 +1,7 @@
 """Faults: small realistic mistakes, each a replacement of one piece of text by another.
 
-They stand in ``planner.toml``, ``server.toml`` and ``web.toml``. Who moves the code moves ``file``
-along, who changes it changes ``old``; ``test_faults.py`` says which.
+They are listed in ``planner.toml``, ``server.toml`` and ``web.toml``. A change that moves the code
+also updates ``file``, one that edits it ``old``; ``test_faults.py`` reports the outdated ones.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ HERE: Final = Path(__file__).parent
 
 
 class StaleFaultError(Exception):
-    """The code is not there any more in which a fault is made."""
+    """Error of a fault whose original code is no longer in the file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,11 +23,11 @@ class Fault:
     """One mistake.
 
     Attributes:
-        name: Its name.
-        breaks: What is wrong with it, in one line.
-        file: Where it is made, from the root of the checkout on.
-        old: What stands there, exactly once.
-        new: What stands there instead.
+        name: Name of the fault.
+        breaks: Behaviour that is wrong with it, in one line.
+        file: Path of the changed file, relative to the root of the checkout.
+        old: Original text, which the file holds exactly once.
+        new: Text that replaces it.
         likely: Arguments for pytest: the tests that should find it.
     """
 
@@ -38,25 +38,25 @@ class Fault:
     new: str
     likely: tuple[str, ...]
 
-    def applied(self, text: str) -> str:
-        """The text of its file with the mistake in it.
+    def apply(self, text: str) -> str:
+        """Return the text of its file with the mistake in it.
 
         Raises:
-            StaleFaultError: When the old text is not there exactly once.
+            StaleFaultError: The file does not hold the old text exactly once.
         """
-        found = text.count(self.old)
-        if found != 1:
+        times = text.count(self.old)
+        if times != 1:
             raise StaleFaultError(
-                f"{self.name}: got its old text {found} times in {self.file}, expected it once; "
+                f"{self.name}: got its old text {times} times in {self.file}, expected it once; "
                 "adapt the fault to the code."
             )
         return text.replace(self.old, self.new)
 
 
 def all_faults() -> tuple[Fault, ...]:
-    """The faults of all rooms."""
+    """Return the faults of all files."""
     return tuple(
-        Fault(name=name, **{**told, "likely": tuple(told["likely"])})
+        Fault(name=name, **{**values, "likely": tuple(values["likely"])})
         for path in sorted(HERE.glob("*.toml"))
-        for name, told in tomllib.loads(path.read_text(encoding="utf-8")).items()
+        for name, values in tomllib.loads(path.read_text(encoding="utf-8")).items()
     )

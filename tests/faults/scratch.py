@@ -1,4 +1,4 @@
-"""Scratch: a copy of the checkout in which one fault after the other is made."""
+"""Copy of the checkout in which one fault after the other is made."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from tests.faults.fault import Fault
 
 KERNEL_CACHES: Final = ("*.nbi", "*.nbc")
 WARM_UP: Final = "from planner.pipeline.warm_up import warm_up; warm_up()"
-FAILED: Final = Path(".pytest_cache/v/cache/lastfailed")
-GREEN: Final = 0
-RED: Final = 1
+LAST_FAILED: Final = Path(".pytest_cache/v/cache/lastfailed")
+PASSED: Final = 0
+FAILED_TESTS: Final = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """How a run of tests ended.
+    """Result of a run of tests.
 
     Attributes:
-        code: What pytest exited with; None when it had not ended in time.
-        failed: The tests that failed.
-        output: What it printed.
+        code: Exit status of pytest; None if it did not end in time.
+        failed: Tests that failed.
+        output: Output of pytest.
     """
 
     code: int | None
@@ -41,20 +41,20 @@ class Run:
 
 
 class Scratch:
-    """Files of a checkout, as they are now, in a folder of their own.
+    """Copy of a checkout's current files in a folder of its own.
 
-    Files keep their times, so that kernels which numba has compiled in the checkout need not be
-    compiled again; what is not compiled yet is compiled once, before the first fault. It does not
-    know which kernels call which: those that call a changed one, in other files too, are compiled
-    anew when a test needs them.
+    The files have their original times, so that kernels which numba has compiled in the checkout
+    need not be compiled again; missing ones are compiled once, before the first fault. Kernels that
+    call a changed one, in other files too, are compiled again when a test needs them, as their
+    calls are unknown.
 
     Args:
-        checkout: The root of a git checkout.
-        place: An empty folder.
+        checkout: Root of a git checkout.
+        place: Empty folder.
     """
 
-    def __init__(self, checkout: Path, place: Path) -> None:
-        self._root = place
+    def __init__(self, checkout: Path, work_dir: Path) -> None:
+        self._root = work_dir
         listed = subprocess.run(
             ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
             cwd=checkout,
@@ -71,29 +71,29 @@ class Scratch:
             for kernel in (folder / "__pycache__").glob(kind)
         ]
         for path in (*tracked, *caches):
-            if path.is_file():  # and not deleted since it was committed
-                copy = place / path.relative_to(checkout)
+            if path.is_file():  # tracked files may be deleted
+                copy = work_dir / path.relative_to(checkout)
                 copy.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(path, copy)
-        self._python = _interpreter(place)
-        subprocess.run([self._python, "-c", WARM_UP], cwd=place, check=True)
+        self._python = _interpreter(work_dir)
+        subprocess.run([self._python, "-c", WARM_UP], cwd=work_dir, check=True)
 
     @contextmanager
     def with_fault(self, fault: Fault) -> Iterator[None]:
-        """Has a fault in the copy for as long as the context lasts.
+        """Make a fault in the copy for as long as the context lasts.
 
         Raises:
-            StaleFaultError: When the code is not there any more.
+            StaleFaultError: The file does not hold the old text exactly once.
         """
         path = self._root / fault.file
         before, times = path.read_text(encoding="utf-8"), path.stat()
-        aside = self._root / ".compiled"
-        kept: dict[Path, Path] = {}
+        cache_dir = self._root / ".compiled"
+        moved: dict[Path, Path] = {}
         stale = self._callers(fault.file)
-        path.write_text(fault.applied(before), encoding="utf-8")
-        aside.mkdir()
+        path.write_text(fault.apply(before), encoding="utf-8")
+        cache_dir.mkdir()
         for cache in self._compiled(stale):
-            kept[cache] = cache.rename(aside / f"{len(kept)}")
+            moved[cache] = cache.rename(cache_dir / f"{len(moved)}")
         try:
             yield
         finally:
@@ -101,23 +101,24 @@ class Scratch:
             os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
             for cache in self._compiled(stale):
                 cache.unlink()
-            for cache, where in kept.items():
+            for cache, where in moved.items():
                 where.rename(cache)
-            shutil.rmtree(aside)
+            shutil.rmtree(cache_dir)
 
-    def tested(self, arguments: Sequence[str], *, seconds: float) -> Run:
-        """Runs tests until the first one fails.
+    def run_tests(self, arguments: Sequence[str], *, seconds: float) -> Run:
+        """Run tests until the first one fails.
 
         Args:
-            arguments: For pytest.
-            seconds: How long they may take.
+            arguments: Arguments for pytest.
+            seconds: Time limit, s.
         """
-        (self._root / FAILED).unlink(missing_ok=True)
+        (self._root / LAST_FAILED).unlink(missing_ok=True)
         process = subprocess.Popen(
-            # All kernels that call a changed one take a minute; a test needs few of them.
+            # Compiling all kernels that call a changed one takes a minute; a test needs few of
+            # them.
             [self._python, "-m", "pytest", "-q", "-x", "--tb=short", "--no-compile", *arguments],
             cwd=self._root,
-            # Programs that are installed beside this Python are found by their names.
+            # Programs beside this Python are found by their names.
             env={**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -134,12 +135,12 @@ class Scratch:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-        failed = self._root / FAILED
+        failed = self._root / LAST_FAILED
         names: tuple[str, ...] = tuple(json.loads(failed.read_bytes())) if failed.exists() else ()
         return Run(code=code, failed=names, output=output)
 
     def _callers(self, file: str) -> set[Path]:
-        """A file and those that import it, directly or not, as far as they hold kernels."""
+        """Return a file and those that import it, directly or not, if they hold kernels."""
         kernels = {
             path: text
             for path in self._root.rglob("*.py")
@@ -157,7 +158,7 @@ class Scratch:
         return found
 
     def _compiled(self, files: set[Path]) -> list[Path]:
-        """What is kept of the kernels in some files."""
+        """Return the cache files of the kernels in some files."""
         return [
             cache
             for file in files
@@ -167,9 +168,9 @@ class Scratch:
 
 
 def _interpreter(root: Path) -> Path:
-    """A Python that imports from the copy, and all else from where this one does.
+    """Return a Python that imports from the copy, and all else from where this one does.
 
-    Processes that tests start are of the same Python, whatever variables they are given.
+    Processes that tests start use the same Python, regardless of their environment variables.
     """
     home = root / ".venv"
     venv.create(home)

@@ -16,7 +16,7 @@ def test_faults_apply_to_the_code() -> None:
     for fault in FAULTS:
         with case(fault.name):
             before = (ROOT / fault.file).read_text(encoding="utf-8")
-            after = fault.applied(before)
+            after = fault.apply(before)
             assert after != before
             if fault.file.endswith(".py"):
                 compile(after, fault.file, "exec")
@@ -40,4 +40,4 @@ def test_fault_names_are_unique() -> None:
 def test_stale_fault_is_an_error(text: str) -> None:
     fault = Fault(name="one", breaks="all", file="a.py", old="= 1", new="= 0", likely=("tests/a",))
     with pytest.raises(StaleFaultError, match=r"one: got its old text \d times in a.py"):
-        fault.applied(text)
+        fault.apply(text)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 PLANS = ("short", "wrench-24", "ring", "mallet-64", "refold")
-WITHIN = 1e-6
+ATOL = 1e-6
 
 
 @dataclass
 class Exported:
-    """Directory of a plan's exports, and what its own forward kinematics says."""
+    """Exported files of a plan, and poses of the modules by its own forward kinematics."""
 
     directory: Path
     angles_rad: np.ndarray
@@ -35,8 +35,8 @@ class Exported:
         for i, link in enumerate(links):
             found = to_root @ link
             offset = self.positions_m[frame, i] - self.positions_m[frame, self.root]
-            np.testing.assert_allclose(found[:3, 3] * scale, turn @ offset, atol=WITHIN)
-            np.testing.assert_allclose(found[:3, :3], turn @ self.rotations[frame, i], atol=WITHIN)
+            np.testing.assert_allclose(found[:3, 3] * scale, turn @ offset, atol=ATOL)
+            np.testing.assert_allclose(found[:3, :3], turn @ self.rotations[frame, i], atol=ATOL)
 
     def centred(self, link: np.ndarray, index: int) -> np.ndarray:
         shift = np.eye(4)

@@ -1,4 +1,4 @@
-"""GLB: without a complaint of the validator, and folded in Blender as in the plan."""
+"""GLB: accepted by the validator, and folded in Blender as in the plan."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ validator.validateBytes(data).then((report) => console.log(JSON.stringify(report
 """
 Z_UP_TO_Y_UP = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
 SINGLE = 2e-6
-"""Tolerance in pitches and of rotations: the file has single precision."""
+"""Tolerance in pitches and of rotations, since the file has single precision."""
 
 
 def test_validator_finds_no_fault_in_the_scene(exported: Any) -> None:
@@ -42,7 +42,7 @@ def test_blender_shows_the_folded_modules_as_the_plan(exported: Any, tmp_path: P
         matrix = np.array(found[f"module_{i}"])
         off = matrix[:3, 3] - exported.positions_m[-1, i]
         assert np.abs(off).max() <= 1e-6
-        # Blender turns the axes of each object and of its mesh alike from y up to z up.
+        # Blender rotates both the axes of each object and those of its mesh from y up to z up.
         np.testing.assert_allclose(
             matrix[:3, :3] @ Z_UP_TO_Y_UP, exported.rotations[-1, i], atol=SINGLE
         )

@@ -1,4 +1,4 @@
-"""A plan's motion by ipctk: verified folds are clear, and what touches between frames is found."""
+"""Motion of plans by ipctk: verified folds are clear, and contacts between frames are found."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_contact_between_two_frames_only_is_found(tmp_path: Path) -> None:
     assert 1.0 < contact.frame < 4 / 3
 
 
-def test_answer_true_means_free() -> None:
+def test_true_result_means_no_contact() -> None:
     first = np.asfortranarray([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     faces, edges = np.array([[1, 2, 3]], "i4"), np.array([[1, 2], [2, 3], [1, 3]], "i4")
     mesh = ipctk.CollisionMesh(first, edges, faces)

@@ -1,6 +1,6 @@
-"""Cases: the small folds whose results are compared, each through all stages of a fold.
+"""Small folds whose results are compared, each through all stages of a fold.
 
-Together they take every strategy, module, preset, kind of playback and world.
+Together they use every strategy, module, preset, kind of playback and world.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ HAIRPIN: Final = write_path(
         [*((x, 0, 0) for x in range(4)), *((x, 1, 0) for x in reversed(range(4)))], name="hairpin"
     )
 )
-"""A path through as many cells as ``FLAT``."""
+"""Path through as many cells as ``FLAT``."""
 FLAT: Final = write_path(SQUARE)
 LONG_COIL: Final = write_chain(coil(24))
 CUBE: Final = json.dumps([[0, 0, 0]]).encode()
@@ -47,12 +47,12 @@ def _begin(directory: FilePath, request: FoldRequest, data: bytes) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One fold.
+    """Input of one fold.
 
     Attributes:
         data: Content of the file that is folded.
         request: Options of the fold.
-        begin: Writes what a fold begins with besides: the plan that is smoothed or refolded.
+        begin: Function that writes the plan to be smoothed or refolded; None if there is none.
     """
 
     data: bytes
@@ -70,7 +70,7 @@ def _shape(name: str) -> bytes:
 
 
 def _folded_square(directory: FilePath) -> Plan:
-    """Return the plan of a fold in a directory below another one, which it leaves there."""
+    """Return the plan of a fold, which stays in a directory below the given one."""
     first = directory / "first"
     first.mkdir()
     Case(data=FLAT, request=FoldRequest(settings="robots=0")).fold(first)

@@ -32,10 +32,10 @@ RESULTS: Final = (
 DIGEST_LENGTH: Final = 12
 """Hexadecimal digits of a digest; 12 leave a change unseen once in 2⁴⁸ times. Chosen."""
 WALL_TIME: Final = "seconds"
-"""Name of a wall time in all files …"""
+"""Name of a wall time in all files, except in ``DURATION_OF``."""
 DURATION_OF: Final = "smoothing"
-"""… but for the part of a plan in which it is the duration of a motion."""
-UNSTABLE: Final = {"versions", "id", "chunks", "sha256"}
+"""Part of a plan in which that name is the duration of a motion."""
+IGNORED_NAMES: Final = {"versions", "id", "chunks", "sha256"}
 """Names of parts that change without a change of results: random ids, checksums of packed data."""
 Values = dict[str, Any]
 Digests = dict[str, dict[str, str]]
@@ -48,7 +48,7 @@ def digests(directory: FilePath) -> Digests:
 
 
 def changed_parts(stored: Digests, computed: Digests) -> list[str]:
-    """Return the parts that differ or that only one of them has, as ``record.npz: angles_rad``."""
+    """Return the parts that differ or that only one side has, as ``record.npz: angles_rad``."""
     return [
         f"{name}: {part}"
         for name in dict.fromkeys((*stored, *computed))
@@ -84,7 +84,7 @@ def summary(directory: FilePath) -> Values:
 
 
 def _parts(path: FilePath) -> Iterator[tuple[str, str]]:
-    if path.name == "plan.json":  # the same as plan.npz in another form
+    if path.name == "plan.json":  # holds the values of plan.npz in another form
         plan = json.loads(path.read_bytes())
         yield "content", _digest(json.dumps(_timeless(plan), sort_keys=True).encode())
     elif path.suffix == ".json":
@@ -123,7 +123,7 @@ def _timeless(value: Any) -> Any:
         return {
             name: each if name == DURATION_OF else _timeless(each)
             for name, each in cast("Values", value).items()
-            if name != WALL_TIME and name not in UNSTABLE
+            if name != WALL_TIME and name not in IGNORED_NAMES
         }
     return [_timeless(each) for each in value] if isinstance(value, list) else value
 
@@ -142,5 +142,5 @@ def _rounded(value: float | None) -> float | None:
 
 
 def _without_figures(verdict: str) -> str:
-    """Return the beginning of a verdict, before what it says of figures."""
+    """Return the beginning of a verdict, before its figures."""
     return verdict.partition(":")[0] if verdict.startswith("verified") else verdict[:60]

@@ -16,8 +16,8 @@ KEY_LENGTH: Final = 12
 
 
 ARITHMETIC: Final = ("amx", "asimd", "avx", "bmi", "f16c", "fma", "fp", "sse", "ssse", "sve")
-"""First letters of instruction sets by which libraries choose how they compute. Others, such as
-those of the kernel's mitigations, change without a change of results."""
+"""Prefixes of instruction sets that libraries compute with. Others, such as those of the kernel's
+mitigations, may change while the results stay the same."""
 
 
 def machine() -> dict[str, str]:

@@ -12,7 +12,7 @@ from tests.golden.cases import CASES
 from tests.golden.digests import Digests, Values, digests, summary
 from tests.golden.machine import machine, machine_key
 
-STORED: Final = FilePath(__file__).parent / "stored"
+STORED_DIR: Final = FilePath(__file__).parent / "stored"
 RELATIVE_TOLERANCE: Final = 0.25
 """Relative difference of a figure between two machines; a larger one may be a fault. Chosen."""
 
@@ -43,10 +43,10 @@ def compute(name: str) -> Result:
 
 
 def load(name: str) -> tuple[Result | None, list[Result]]:
-    """Return what is stored of a case for this machine, and for all machines."""
-    own = STORED / f"{machine_key(machine())}.json"
+    """Return the stored result of a case for this machine, and those of all machines."""
+    own = STORED_DIR / f"{machine_key(machine())}.json"
     everywhere: dict[FilePath, Result] = {}
-    for path in sorted(STORED.glob("*.json")):
+    for path in sorted(STORED_DIR.glob("*.json")):
         folds = json.loads(path.read_bytes())["folds"]
         if name in folds:
             everywhere[path] = Result(**folds[name])
@@ -56,7 +56,7 @@ def load(name: str) -> tuple[Result | None, list[Result]]:
 def save(results: dict[str, Result]) -> FilePath:
     """Store results for this machine; cases that are not among them stay as they are."""
     values = machine()
-    path = STORED / f"{machine_key(values)}.json"
+    path = STORED_DIR / f"{machine_key(values)}.json"
     earlier = json.loads(path.read_bytes())["folds"] if path.exists() else {}
     new = {name: asdict(result) for name, result in results.items()}
     folds = {name: (earlier | new)[name] for name in CASES if name in earlier | new}
@@ -66,7 +66,7 @@ def save(results: dict[str, Result]) -> FilePath:
 
 
 def summary_differences(stored: Values, computed: Values) -> list[str]:
-    """Return the figures of a summary that differ by more than machines may differ."""
+    """Return the figures of a summary that differ by more than they may between machines."""
     return [
         f"{name}: got {computed.get(name)!r}, expected {stored.get(name)!r}"
         for name in dict.fromkeys((*stored, *computed))

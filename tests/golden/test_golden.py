@@ -1,4 +1,4 @@
-"""Results of small folds: bit by bit as stored for this machine, nearly so on any other one."""
+"""Results of small folds: equal to the stored bits on the same machine, similar on others."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from tests.golden.machine import machine, machine_key
 from tests.golden.store import compute, load, summary_differences
 
 pytestmark = pytest.mark.slow
-TWICE = "blocks"
-"""A fold that is computed twice; a small one with an explosion and a simulated playback."""
-once = cache(compute)
+REPEATED_CASE = "blocks"
+"""Name of the fold that is computed twice: small, with an explosion and a simulated playback."""
+compute_once = cache(compute)
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_fold_gives_the_stored_results(name: str) -> None:
     own, everywhere = load(name)
     assert everywhere, f"nothing is stored; run `python -m tests.golden --store {name}`"
-    result = once(name)
+    result = compute_once(name)
     reference = everywhere[0] if own is None else own
     assert summary_differences(reference.summary, result.summary) == []
     if own is not None:
@@ -34,7 +34,7 @@ def test_fold_gives_the_stored_results(name: str) -> None:
 
 
 def test_fold_computed_twice_gives_the_same_bits() -> None:
-    first, second = once(TWICE), compute(TWICE)
+    first, second = compute_once(REPEATED_CASE), compute(REPEATED_CASE)
     assert changed_parts(first.digests, second.digests) == []
     assert first.summary == second.summary
 
@@ -53,7 +53,7 @@ def test_digests_name_the_part_that_has_changed(tmp_path: FilePath) -> None:
     assert changed_parts(before, digests(tmp_path)) == []
     write(np.nextafter(1.0, 2.0), seconds=0.1, version="1")
     assert changed_parts(before, digests(tmp_path)) == ["record.npz: angles_rad"]
-    # The duration of a motion is a result, though its name is that of a wall time.
+    # The duration of a motion is a result, though it has the name of a wall time.
     write(1.0, seconds=0.1, version="1", speed=2.0)
     assert changed_parts(before, digests(tmp_path)) == ["plan.npz: plan.smoothing"]
     (tmp_path / "attempts.json").unlink()
@@ -79,4 +79,4 @@ def test_key_changes_with_every_property_of_the_machine() -> None:
 @pytest.mark.parametrize("name", ["prefer-time", "table-stuck"])
 def test_number_of_workers_changes_no_bit(name: str, tmp_path: FilePath) -> None:
     CASES[name].fold(tmp_path, workers=2)
-    assert changed_parts(once(name).digests, digests(tmp_path)) == []
+    assert changed_parts(compute_once(name).digests, digests(tmp_path)) == []

@@ -19,12 +19,12 @@ Array = NDArray[np.float64]
 
 
 def line(modules: int) -> Chain:
-    """A chain whose folded configuration is straight."""
+    """Return a chain whose folded configuration is straight."""
     return Chain.from_path(Path.from_cells([(i, 0, 0) for i in range(modules)], name="line"))
 
 
 def coil(modules: int) -> Chain:
-    """A chain that folds into layers of 2 × 2 cells, one on the other."""
+    """Return a chain that folds into stacked layers of 2 × 2 cells."""
     turns = [(0, 0), (1, 0), (1, 1), (0, 1)]
     there_and_back = [*turns, *turns[::-1]]
     cells = [(*there_and_back[i % 8], i // 4) for i in range(modules)]
@@ -32,24 +32,24 @@ def coil(modules: int) -> Chain:
 
 
 COIL = Path.from_cells(np.round(coil(12).folded_poses.positions).astype(int), name="coil")
-"""A path that folds in a moment."""
+"""Short path that folds quickly."""
 SQUARE: Final = Path.from_cells(
     [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0), (0, 1, 0), (0, 2, 0), (1, 2, 0)],
     name="square",
 )
-"""The same, of eight cells in a plane."""
+"""Short path of eight cells in a plane."""
 
 
 def shuffled(sides: tuple[int, int, int], moves: int, seed: int) -> Chain:
-    """A box along a random path, made by so many moves for each cell."""
+    """Return a box along a random path, made by ``moves`` moves per cell."""
     cells = np.argwhere(np.ones(sides, dtype=bool))
     count, order = grow(neighbours(cells), np.ones(len(cells), bool), -1, moves * len(cells), seed)
     assert count == len(cells)
     return Chain.from_path(Path.from_cells(cells[order], name="box"))
 
 
-def unchecked(module: Module, folded_rad: Array) -> Chain:
-    """A chain whose modules may overlap when it is folded."""
+def unvalidated(module: Module, folded_rad: Array) -> Chain:
+    """Return a chain whose modules may overlap when it is folded."""
     return Chain(
         name="unchecked",
         module=module,
@@ -60,28 +60,28 @@ def unchecked(module: Module, folded_rad: Array) -> Chain:
 
 
 def random_angles(chain: Chain, rng: np.random.Generator, most: float = 1.5) -> Array:
-    """(J,) hinge angles."""
+    """Return (J,) random hinge angles."""
     return rng.uniform(-most, most, len(chain.folded_rad))
 
 
 def random_rotation(rng: np.random.Generator) -> Array:
-    """(3, 3)."""
+    """Return a random (3, 3) rotation."""
     return turned(rng.normal(size=3) * 2.0)
 
 
 def folded_state(chain: Chain) -> State:
-    """A folded chain at rest."""
+    """Return the state of a folded chain at rest."""
     poses = chain.folded_poses
     return State.at_rest(chain.folded_rad, poses.positions[chain.root], poses.rotations[chain.root])
 
 
 def near_pairs_of(modules: int) -> NDArray[np.int64]:
-    """(P, 2) all pairs of modules that are not linked."""
+    """Return all (P, 2) pairs of modules that are not linked."""
     return np.stack(np.triu_indices(modules, 2), axis=1)
 
 
 def random_state(chain: Chain, seed: int, most: float = 0.3) -> State:
-    """A moving chain anywhere, its angles small enough not to overlap."""
+    """Return a random state in motion, with angles small enough to avoid overlaps."""
     rng = np.random.default_rng(seed)
     return State(
         angles=random_angles(chain, rng, most),
@@ -94,10 +94,10 @@ def random_state(chain: Chain, seed: int, most: float = 0.3) -> State:
 
 
 def knotted(tail: int = 6) -> Chain:
-    """A trefoil of thick cells with two loose ends.
+    """Return a trefoil of thick cells with two loose ends.
 
-    Drawn on a 5 × 5 grid, two cells wide: upright strokes in one layer, lying ones two layers
-    below. The stroke at the right is left out and its ends are led away to the right.
+    It is drawn on a 5 × 5 grid, two cells wide: vertical strokes in one layer, horizontal ones two
+    layers below. The stroke at the right is omitted, and its ends lead away to the right.
     """
     corners = [(8 + tail, 2, 0)]
     row = 1
@@ -116,10 +116,10 @@ def knotted(tail: int = 6) -> Chain:
     return Chain.from_path(Path.from_cells(np.array(cells), name="knot"))
 
 
-def in_place(
+def anchored(
     phase: Phase, angles: Array, *, time_s: Array | None = None, error_rad: Array | None = None
 ) -> Motion:
-    """Frames of a chain whose module 0 stays upright at the origin, a second apart if not told."""
+    """Return frames with module 0 upright at the origin, 1 s apart by default."""
     count = len(angles)
     return Motion.from_frames(
         phase=phase,

@@ -25,20 +25,20 @@ SHAPES = FilePath(__file__).parents[2] / "examples" / "shapes"
 
 @pytest.fixture
 def hook() -> Path:
-    """Five cells: along x, then y, then z."""
+    """Path of five cells: along x, then y, then z."""
     cells = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 1, 1)]
     return Path.from_cells(cells, name="hook", pitch_m=0.02)
 
 
 @pytest.fixture
 def hook_chain(hook: Path) -> Chain:
-    """The chain that folds into the hook."""
+    """Chain that folds into the hook."""
     return Chain.from_path(hook)
 
 
 @dataclass(frozen=True)
 class Folded:
-    """A fold that has been through all stages, and what they left behind. Look, don't touch."""
+    """Fold that has passed all stages, with their results; tests must not change it."""
 
     directory: FilePath
     chain: Chain
@@ -53,16 +53,16 @@ Fold = Callable[..., Folded]
 
 @pytest.fixture(scope="session")
 def folded(tmp_path_factory: pytest.TempPathFactory) -> Fold:
-    """Folds an example shape once for all tests that want it: ``folded("wrench-24")``.
+    """Function that folds an example shape once for all tests: ``folded("wrench-24")``.
 
-    Tests that run on several processes share them, too.
+    Test processes share the folds, too.
     """
     shared = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         shared = shared.parent
 
     @cache
-    def made(shape: str, preset: str = "default", seed: int = 0) -> Folded:
+    def fold_shape(shape: str, preset: str = "default", seed: int = 0) -> Folded:
         directory = shared / f"folded-{shape}-{preset}-{seed}"
         request = FoldRequest(preset=preset, seed=seed)
         with open(directory.with_suffix(".lock"), "w") as lock:
@@ -85,4 +85,4 @@ def folded(tmp_path_factory: pytest.TempPathFactory) -> Fold:
             plan=plan,
         )
 
-    return made
+    return fold_shape

@@ -1,4 +1,4 @@
-"""Folds of quick chains, asked for and run to their end, and comparisons of what comes of them."""
+"""Folds of short chains through all stages, and comparisons of their results."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ from planner.plan.shape_files import write_path
 from tests.planner.chains import COIL
 
 
-def asked(directory: FilePath, data: bytes = write_path(COIL), **values: Any) -> FilePath:
-    """Return a directory with the request for a fold, of a coil if no shape is given."""
+def write_request(directory: FilePath, data: bytes = write_path(COIL), **values: Any) -> FilePath:
+    """Write the request for a fold, of a coil if no shape is given; return the directory."""
     directory.mkdir(parents=True, exist_ok=True)
     Workspace(directory).write_request(FoldRequest(**values), data)
     return directory
 
 
-def made(directory: FilePath, data: bytes = write_path(COIL), **values: Any) -> Plan:
-    """Return the plan of a fold that has been through all stages in a directory."""
-    run_stages(asked(directory, data, **values))
+def run_fold(directory: FilePath, data: bytes = write_path(COIL), **values: Any) -> Plan:
+    """Run all stages of a fold in a directory and return its plan."""
+    run_stages(write_request(directory, data, **values))
     return Plan.load(directory / "plan.npz")
 
 
-def timeless(value: Any) -> Any:
-    """Return a value without what a clock says."""
+def untimed(value: Any) -> Any:
+    """Return a value without its wall times."""
     if isinstance(value, dict):
-        return {k: timeless(v) for k, v in value.items() if k != "seconds"}
-    return [timeless(v) for v in value] if isinstance(value, (list, tuple)) else value
+        return {k: untimed(v) for k, v in value.items() if k != "seconds"}
+    return [untimed(v) for v in value] if isinstance(value, (list, tuple)) else value
 
 
-def same_motion(one: Any, other: Any) -> None:
+def compare_motions(one: Any, other: Any) -> None:
     """Compare all columns of two motions."""
     for name in type(one).__dataclass_fields__:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
-def refuse(monkeypatch: pytest.MonkeyPatch, times: int, **changes: Any) -> None:
-    """Have so many certificates say something else of their plans."""
-    asked = 0
+def falsify(monkeypatch: pytest.MonkeyPatch, times: int, **changes: Any) -> None:
+    """Replace fields of the first ``times`` certificates."""
+    calls = 0
 
-    def refused(*arguments: Any, **more: Any) -> Certificate:
-        nonlocal asked
-        asked += 1
+    def certify_with_changes(*arguments: Any, **more: Any) -> Certificate:
+        nonlocal calls
+        calls += 1
         found = certify(*arguments, **more)
-        return replace(found, **changes) if asked <= times else found
+        return replace(found, **changes) if calls <= times else found
 
-    monkeypatch.setattr("planner.pipeline.certifying.certify", refused)
+    monkeypatch.setattr("planner.pipeline.certifying.certify", certify_with_changes)

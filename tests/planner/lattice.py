@@ -17,7 +17,7 @@ def box(*sides: int) -> list[tuple[int, ...]]:
 
 
 def walk(turns: list[int]) -> NDArray[np.int64]:
-    """A self-avoiding walk: each turn picks one of the free neighbours, until there is none."""
+    """Return a self-avoiding walk: each turn picks a free neighbour, until none is left."""
     cells = [(0, 0, 0)]
     for turn in turns:
         x, y, z = cells[-1]
@@ -29,7 +29,7 @@ def walk(turns: list[int]) -> NDArray[np.int64]:
 
 
 def walks(*, most: int = 40) -> st.SearchStrategy[NDArray[np.int64]]:
-    """Self-avoiding lattice walks of three cells and more."""
+    """Return a strategy for self-avoiding lattice walks of three or more cells."""
     return st.lists(st.integers(0, 5), min_size=2, max_size=most).map(walk)
 
 
@@ -44,4 +44,4 @@ def _rotations() -> list[NDArray[np.int64]]:
 
 
 ROTATIONS = _rotations()
-"""The 24 rotations that keep the lattice."""
+"""24 rotations that map the lattice to itself."""

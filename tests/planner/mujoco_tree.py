@@ -1,4 +1,4 @@
-"""The accelerations of a chain as one tree of MuJoCo has them."""
+"""Accelerations of a chain as one MuJoCo tree."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def solve_exactly(model: Any) -> Any:
-    """Return a model with exact contacts, whose solver goes on to the end."""
+    """Return a model with exact contacts, whose solver iterates to convergence."""
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
     model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
@@ -35,7 +35,7 @@ def scale_masses(model: Any, masses: Array) -> None:
 
 
 def tree_with(chain: Chain, size: float, masses: Array) -> Any:
-    """Return one tree of modules of that size, their masses as multiples of their own."""
+    """Return one tree of modules of that size, with masses as multiples of the default."""
     model: Any = tree_spec(chain, Material(geom_size=size)).compile()
     scale_masses(model, masses)
     return model
@@ -49,7 +49,7 @@ def accelerate(
     forces: Array | None = None,
     torques: Array | None = None,
 ) -> Acceleration:
-    """Return what a tree does under forces on its modules and torques of its hinges."""
+    """Return the accelerations of a tree under forces on its modules and torques of its hinges."""
     data: Any = mujoco.MjData(model)
     data.joint("root").qpos[:] = [*state.position, *wxyz_from_matrix(state.rotation)]
     data.joint("root").qvel[:] = [*state.velocity, *state.spin]

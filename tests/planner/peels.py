@@ -1,4 +1,4 @@
-"""Long motions as windows, made by kinematics alone: nothing keeps them from touching."""
+"""Long motions as windows, made by kinematics alone, without collision checks."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ Array = NDArray[np.float64]
 
 
 def snake(sides: tuple[int, int, int]) -> Chain:
-    """A box, filled layer by layer along z: the last module is in the layer at the top."""
+    """Return a box, filled layer by layer along z: the last module is in the top layer."""
     cells = snake_path(sides, axes=(0, 1, 2))
     return Chain.from_path(Path.from_cells([tuple(cell) for cell in cells.tolist()], name="snake"))
 
 
 def windows_of(chain: Chain, first: list[int], angles: list[Array]) -> Motion:
-    """Windows that begin at the hinges ``first`` and have the ``angles``."""
+    """Return windows that begin at the hinges ``first`` and have the ``angles``."""
     count = len(first)
     return Motion.from_windows(
         time_s=np.arange(count, dtype=np.float64),
@@ -34,15 +34,15 @@ def windows_of(chain: Chain, first: list[int], angles: list[Array]) -> Motion:
 
 
 def peel(chain: Chain, *, width: int, step: float) -> Motion:
-    """Straightens a chain from its far end, the hinges of a window one after the other.
+    """Straighten a chain from its far end, the hinges of a window one after the other.
 
-    A hinge has a share of its folded angle that falls evenly along the window, and the window goes
-    down the chain by ``step`` hinges a frame.
+    The fraction of its folded angle that a hinge has decreases linearly along the window, and the
+    window moves down the chain by ``step`` hinges per frame.
 
     Args:
-        chain: The chain.
-        width: Hinges of a window.
-        step: Hinges a frame.
+        chain: Chain to straighten.
+        width: Number of hinges of a window.
+        step: Hinges per frame.
     """
     count = len(chain.folded_rad)
     starts = np.arange(count, -width - step, -step)

@@ -1,4 +1,4 @@
-"""Plans that somebody has changed."""
+"""Plans that tests change."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from planner.parameters.parameters import Parameters
 from planner.plan.plan import Plan
 
 
-def changed(plan: Plan, **values: Any) -> Plan:
-    """The plan with other values; columns of its frames may be among them."""
+def with_values(plan: Plan, **values: Any) -> Plan:
+    """Return the plan with other values, which may include columns of its frames."""
     columns = {name: values.pop(name) for name in list(values) if name in FRAME_COLUMNS}
     if columns:
         values["motion"] = plan.whole().with_columns(**columns)
@@ -23,7 +23,7 @@ def changed(plan: Plan, **values: Any) -> Plan:
 
 
 def unverified(chain: Chain, motion: Motion, parameters: Parameters) -> Plan:
-    """A plan of any motion, with the certificate that says that nothing was looked at."""
+    """Return a plan of any motion, with a certificate that states that nothing was checked."""
     certificate = certify(chain, None, None, parameters)
     plan = Plan.assembled(chain, parameters, 0, None, None, certificate)
     return replace(plan, motion=motion, max_error_rad=np.full(len(motion), np.nan))

@@ -1,4 +1,4 @@
-"""Meshes and voxel files for tests, made and written by parts that are not foldback's."""
+"""Meshes and voxel files for tests, made and written by third-party code."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def solid_of(mesh: Mesh) -> Solid:
 
 
 def exported(kind: str, mesh: Mesh) -> bytes:
-    """A mesh in a file format, as trimesh writes it."""
+    """Return a mesh in a file format, as trimesh writes it."""
     if kind == "3mf":
         data = trimesh.Scene(mesh).export(file_type="3mf")
     elif kind == "gltf":
@@ -82,10 +82,10 @@ def as_binvox(cells: NDArray[np.int64]) -> bytes:
     flat = grid.ravel()
     starts = np.flatnonzero(np.concatenate([[True], flat[1:] != flat[:-1]]))
     for start, end in zip(starts, [*starts[1:], len(flat)], strict=True):
-        left = int(end - start)
-        while left:
-            data += bytes([flat[start], min(left, 255)])
-            left -= min(left, 255)
+        rest = int(end - start)
+        while rest:
+            data += bytes([flat[start], min(rest, 255)])
+            rest -= min(rest, 255)
     return data
 
 
@@ -101,7 +101,7 @@ VOXEL_WRITERS: tuple[Callable[[NDArray[np.int64]], bytes], ...] = (as_vox, as_bi
 
 
 def zipped(**files: bytes) -> bytes:
-    """A zip archive; double underscores in names are slashes, and ``_model`` ends in .model."""
+    """Return a zip archive; in names double underscores become slashes, ``_model`` .model."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in files.items():

@@ -1,9 +1,9 @@
-"""Table replay: frames of a motion on a table, put into plain MuJoCo and released.
+"""Table replay: frames of a motion on a table are placed in plain MuJoCo and released.
 
-No statics of foldback's own is used here: gravity, the table and contacts are MuJoCo's, and every
-hinge is held by a brake, which slips beyond a torque a little larger than the certified one. A
-frame that rests stays; one that needs more sinks. Frames of a simulated playback suit best, as
-their modules touch where they bear; others settle until they do.
+No statics of foldback's own is used: gravity, the table and contacts are MuJoCo's, and every hinge
+has a brake, which slips beyond a torque a little larger than the certified one. A stable frame
+stays, one that needs more torque sinks. Frames of a simulated playback are suited best, as their
+modules touch where they carry load; others settle until they do.
 
 Units are natural: module mass, pitch and gravity are 1, time is in √(pitch / gravity).
 """
@@ -94,23 +94,23 @@ def table_replay(
     spare: float = BRAKE_TORQUE_RATIO,
     duration: float = REPLAY_DURATION,
 ) -> TableReplay:
-    """Release sampled frames, the first module held where it is.
+    """Release sampled frames, with the first module fixed.
 
     Args:
-        chain: The chain; folded, it stands on the table with its lowest modules, z up.
+        chain: Chain; when folded it stands on the table with its lowest modules, z up.
         frames: F frames of a motion on that table.
         torque: Certified torque, w·p.
         friction: μ between modules and table.
         count: Number of frames, evenly spread.
         also: Additional frames, such as the one with the largest torque.
         spare: Torque of the brakes as a multiple of the certified one.
-        duration: Time for which each is simulated, in √(pitch / gravity).
+        duration: Simulated time of each frame, in √(pitch / gravity).
     """
     limit = max(spare * torque, MIN_BRAKE_TORQUE_WP)
     spread = np.linspace(0, len(frames) - 1, count).round().astype(int)
     numbers = np.union1d(spread, np.array(also, dtype=int))
     model = _model(chain, limit, friction)
-    found = [_let_go(chain, model, frames, int(k), duration) for k in numbers]
+    found = [_release(chain, model, frames, int(k), duration) for k in numbers]
     return TableReplay(
         frames=tuple(int(k) for k in numbers),
         drifts=tuple(drift for drift, _ in found),
@@ -120,17 +120,17 @@ def table_replay(
     )
 
 
-def _let_go(
+def _release(
     chain: Chain, model: Any, frames: Motion, number: int, duration: float
 ) -> tuple[float, float]:
-    """Return the largest distances of a module, in all and in the last half of the time."""
+    """Return the largest displacements of a module: overall and in the second half of the time."""
     one = frames.dense(chain, number, number + 1)
     poses = chain.poses(one.joint_angles_rad[0], one.root_position[0], one.root_wxyz[0])
     data = mujoco.MjData(model)
     data.qpos[:3], data.qpos[3:7] = one.root_position[0], one.root_wxyz[0]
     for name, angle in zip(chain.joint_names, one.joint_angles_rad[0], strict=True):
         data.qpos[model.joint(name).qposadr[0]] = angle
-    _hold_first(data, poses)
+    _fix_first(data, poses)
     bodies = [model.body(f"module_{i}").id for i in range(len(chain))]
     steps = int(duration / REPLAY_STEP)
     middle = poses.positions
@@ -140,14 +140,14 @@ def _let_go(
         mujoco.mj_step(model, data)
     mujoco.mj_kinematics(model, data)
     end = data.xpos[bodies]
-    return _farthest(end - poses.positions), _farthest(end - middle)
+    return _largest(end - poses.positions), _largest(end - middle)
 
 
-def _farthest(ways: Array) -> float:
+def _largest(ways: Array) -> float:
     return float(np.linalg.norm(ways, axis=1).max())
 
 
-def _hold_first(data: Any, poses: Poses) -> None:
+def _fix_first(data: Any, poses: Poses) -> None:
     data.mocap_pos[0] = poses.positions[0]
     data.mocap_quat[0] = poses.wxyzs[0]
 

@@ -1,4 +1,4 @@
-"""Searches for a path on a table that expect to find one, or to find none."""
+"""Searches for a path on a table, for shapes with and without one."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from planner.table_paths.infeasibility import NoPath, most_telling
 from planner.table_paths.table_paths import TablePath, paths_or_reasons
 
 
-def table_paths(cells: ArrayLike, **how: Any) -> tuple[TablePath, ...]:
-    """The paths through a shape, the most promising first.
+def table_paths(cells: ArrayLike, **options: Any) -> tuple[TablePath, ...]:
+    """Return the paths through a shape, the most promising first.
 
     Raises:
-        InputError: With the most telling reason, when there is none.
+        InputError: There is no path; the error states the most informative reason.
     """
-    paths, reasons = paths_or_reasons(cells, **how)
+    paths, reasons = paths_or_reasons(cells, **options)
     if not paths:
         raise InputError(*most_telling(reasons))
     return paths
 
 
-def why_none(cells: ArrayLike, **how: Any) -> tuple[NoPath, ...]:
-    """The reason for each side of a shape without a path for a table; none if it has one."""
-    paths, reasons = paths_or_reasons(cells, most=1, **how)
+def reasons_for_no_path(cells: ArrayLike, **options: Any) -> tuple[NoPath, ...]:
+    """Return the reasons, one per side, why a shape has no path; empty if it has one."""
+    paths, reasons = paths_or_reasons(cells, most=1, **options)
     return () if paths else reasons

@@ -1,4 +1,4 @@
-"""Random changes to all copies of a value in a fold, digests included, each undone afterwards."""
+"""Random changes of a value in all files of a fold, digests included, undone afterwards."""
 
 from __future__ import annotations
 
@@ -19,38 +19,38 @@ from planner.pipeline.manifest import write_manifest
 
 ZARR = ("timeline.zarr", "figures.zarr")
 SMALLEST = 1e-6
-"""Numbers are changed by this part of themselves at least, which is more than any tolerance."""
+"""Minimum relative change of a number; it exceeds every tolerance."""
 Random = np.random.Generator
 
 
 def reseal(path: FilePath) -> None:
-    """Work out the checksums of a zarr group anew."""
+    """Compute the checksums of a zarr group again."""
     group, arrays = open_for_writing(path)
     group.attrs.put(checked_zarr.sealed(group.attrs.asdict(), checksums_of(path, arrays)))
 
 
 @dataclass(frozen=True)
 class Change:
-    """What was changed.
+    """Description of a change.
 
     Attributes:
-        kind: How.
-        files: In which files.
-        where: Where in them.
+        kind: Kind of the change.
+        files: Names of the changed files.
+        where: Position of the value in them.
     """
 
     kind: str
     files: tuple[str, ...]
     where: str
 
-    def told_in(self, problems: list[str]) -> bool:
-        """Whether problems name a file."""
+    def is_named_in(self, problems: list[str]) -> bool:
+        """Return True if one of the problems names a changed file."""
         return any(name in problem for problem in problems for name in self.files)
 
 
 @dataclass
 class Tampered:
-    """A fold's directory whose files are changed and put back."""
+    """Directory of a fold whose files are changed and restored."""
 
     place: FilePath
     whole: dict[FilePath, bytes] = field(default_factory=dict[FilePath, bytes])
@@ -60,7 +60,7 @@ class Tampered:
 
     @contextmanager
     def changed(self, random: Random) -> Iterator[Change | None]:
-        """Make a change at random, with new digests; None when there was nothing to change."""
+        """Make a random change, with new digests; yield None if there was nothing to change."""
         change = KINDS[random.integers(len(KINDS))](self.place, random)
         if change is not None:
             for name in (name for name in change.files if name in ZARR):
@@ -72,7 +72,7 @@ class Tampered:
             self.restore()
 
     def restore(self) -> None:
-        """Put all files back as they were."""
+        """Restore all files."""
         for path, data in self.whole.items():
             if not path.exists() or path.read_bytes() != data:
                 path.write_bytes(data)
@@ -82,7 +82,7 @@ class Tampered:
 
 
 def leaves(value: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Where the plain values in nested ones are."""
+    """Yield the key paths of all plain values in nested ones."""
     if isinstance(value, dict) and value:
         for key, part in value.items():
             yield from leaves(part, (*at, key))
@@ -94,7 +94,7 @@ def leaves(value: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 
 
 def other_value(value: Any, random: Random) -> Any:
-    """A plain value that is not this one."""
+    """Return a plain value that differs from the given one."""
     if isinstance(value, bool):
         return not value
     if isinstance(value, int):
@@ -111,21 +111,21 @@ def other_value(value: Any, random: Random) -> Any:
 
 
 def set_leaf(values: Any, at: tuple[Any, ...], value: Any) -> None:
-    """Puts a value into nested ones."""
+    """Set a value in nested ones."""
     for key in at[:-1]:
         values = values[key]
     values[at[-1]] = value
 
 
 def get_leaf(values: Any, at: tuple[Any, ...]) -> Any:
-    """A value in nested ones."""
+    """Return a value in nested ones."""
     for key in at:
         values = values[key]
     return values
 
 
 def one_leaf(values: Any, random: Random) -> tuple[Any, ...]:
-    """Where one of the values is: any field first, then any place in it."""
+    """Return a random key path: first a random field, then a random value in it."""
     fields = list(values) if isinstance(values, dict) else [*range(len(values))]
     key = fields[random.integers(len(fields))]
     places = [*leaves(values[key], (key,))]
@@ -133,7 +133,7 @@ def one_leaf(values: Any, random: Random) -> tuple[Any, ...]:
 
 
 def changed_array(array: Any, random: Random) -> Any:
-    """An array with another element."""
+    """Return an array with one element changed."""
     array = np.array(array)
     place = tuple(int(random.integers(n)) for n in array.shape)
     if array.dtype.kind == "U":
@@ -152,7 +152,7 @@ def changed_array(array: Any, random: Random) -> Any:
 
 
 def edit_npz(path: FilePath, edit: Callable[[dict[str, Any], dict[str, Any]], None]) -> None:
-    """Change the arrays of a file, and what a plan has beside them."""
+    """Change the arrays of a file, and the metadata of a plan."""
     with np.load(path, allow_pickle=False) as file:
         arrays = dict(file)
     rest = json.loads(str(arrays["plan"])) if "plan" in arrays else {}
@@ -163,12 +163,12 @@ def edit_npz(path: FilePath, edit: Callable[[dict[str, Any], dict[str, Any]], No
 
 
 def stage_array(place: FilePath, random: Random) -> Change:
-    """Change a number in what one stage left."""
-    # The record of a refold or a smoothed plan stands nowhere else.
-    made = any((place / name).exists() for name in ("start.npz", "recorded.npz"))
-    there = ["playback.npz"] if made else ["playback.npz", "record.npz"]
-    there = [name for name in there if (place / name).exists()]
-    name = there[random.integers(len(there))]
+    """Change a number in the arrays of one stage."""
+    # The record of a refold or a smoothed plan has no copy.
+    derived = any((place / name).exists() for name in ("start.npz", "recorded.npz"))
+    names = ["playback.npz"] if derived else ["playback.npz", "record.npz"]
+    names = [name for name in names if (place / name).exists()]
+    name = names[random.integers(len(names))]
     hit = ""
 
     def edit(arrays: dict[str, Any], rest: dict[str, Any]) -> None:
@@ -194,7 +194,7 @@ def timeline_attribute(place: FilePath, random: Random) -> Change | None:
     group = zarr.open_group(str(place / "timeline.zarr"), mode="r+")
     values = group.attrs.asdict()
     at = one_leaf(values, random)
-    if at == ("id",):  # drawn at random, so that pages notice another timeline
+    if at == ("id",):  # random, so that pages notice another timeline
         return None
     set_leaf(values, at, other_value(get_leaf(values, at), random))
     group.attrs.put(values)
@@ -208,13 +208,13 @@ NAME = re.compile(r'(?<=")(?:module|joint|root|at|straight|folded)_?[\w]*(?=")')
 def model(place: FilePath, random: Random) -> Change | None:
     path = place / "model.xml"
     text = path.read_text()
-    how = random.integers(3)
-    if how == 0:
+    choice = random.integers(3)
+    if choice == 0:
         found = [*NUMBER.finditer(text)]
         hit = found[random.integers(len(found))]
         number = other_value(float(hit.group()), random)
         new = f"{number:.12g}"
-    elif how == 1:
+    elif choice == 1:
         found = [*NAME.finditer(text)]
         hit = found[random.integers(len(found))]
         new = other_value(hit.group(), random)
@@ -225,40 +225,40 @@ def model(place: FilePath, random: Random) -> Change | None:
     path.write_text(text[: hit.start()] + new + text[hit.end() :])
     before = text[: hit.start()]
     element = before.rpartition("<")[2].partition(" ")[0]
-    attribute = before.rpartition('="')[0].rpartition(" ")[2] if how < 2 else ""
-    place_in = before.rpartition('"')[2].count(" ") if how == 0 else 0
+    attribute = before.rpartition('="')[0].rpartition(" ")[2] if choice < 2 else ""
+    place_in = before.rpartition('"')[2].count(" ") if choice == 0 else 0
     return Change(
-        ("number", "name", "element gone")[how] + " in model.xml",
+        ("number", "name", "element gone")[choice] + " in model.xml",
         ("model.xml",),
         f"{element}.{attribute}[{place_in}] {hit.group()[:80]}",
     )
 
 
-def says_nothing(change: Change) -> bool:
-    """Whether a number in a model may be of those that MuJoCo makes nothing of.
+def may_be_ignored(change: Change) -> bool:
+    """Return True if a change may be of a number in a model that MuJoCo ignores.
 
-    It takes axes and quaternions as directions, and inertias from the body, not from its geom.
+    MuJoCo normalises axes and quaternions, and reads inertias from the body, not from its geom.
     """
     where = change.where.partition(" ")[0]
     base = where in {f"key.qpos[{k}]" for k in range(3, 7)}
     return base or where.startswith(("geom.mass", "joint.axis")) or ".quat[" in where
 
 
-FREE = ("versions", "smoothing")
-"""Fields of a plan that stand nowhere else and cannot be worked out anew."""
-LOOSE = ("in_betweens", "clearance_bound", "seconds")
-"""Figures of a certificate that may come out a little otherwise on another processor; so may the
-places that are closest. ``test_verify`` looks at these."""
+UNCHECKED_FIELDS = ("versions", "smoothing")
+"""Fields of a plan that have no copy and cannot be computed again."""
+INEXACT_FIGURES = ("in_betweens", "clearance_bound", "seconds")
+"""Figures of a certificate that may differ slightly on another processor, as may the places that
+are closest. ``test_verify`` checks these."""
 
 
-def both_forms(place: FilePath, random: Random) -> Change | None:
-    """Change all copies of a value, as somebody would who knows of them."""
+def change_all_copies(place: FilePath, random: Random) -> Change | None:
+    """Change all copies of a value, as an attacker would who knows of them."""
     text = json.loads((place / "plan.json").read_bytes())
-    fields = [key for key in text if key not in FREE]
+    fields = [key for key in text if key not in UNCHECKED_FIELDS]
     key = fields[random.integers(len(fields))]
     at = one_leaf({key: text[key]}, random)
     if key == "certificate" and (
-        at[1] in LOOSE or (at[1].startswith("min_clearance_") and "_at" in at[1])
+        at[1] in INEXACT_FIGURES or (at[1].startswith("min_clearance_") and "_at" in at[1])
     ):
         return None
     old = get_leaf(text, at)
@@ -282,8 +282,8 @@ def both_forms(place: FilePath, random: Random) -> Change | None:
     return Change("all copies of a value", ("plan.npz", "plan.json"), str(at))
 
 
-def field_gone(place: FilePath, random: Random) -> Change | None:
-    """Remove a field, everywhere; earlier versions had fewer, and are let off."""
+def remove_field(place: FilePath, random: Random) -> Change | None:
+    """Remove a field everywhere, which earlier versions of the format may have lacked."""
     text = json.loads((place / "plan.json").read_bytes())
     within = ("", "certificate", "playback", "explosion")[random.integers(4)]
     held = text[within] if within else text
@@ -308,7 +308,7 @@ def field_gone(place: FilePath, random: Random) -> Change | None:
 
 Kind = Callable[[FilePath, Random], Change | None]
 KINDS: tuple[Kind, ...] = (
-    *(both_forms, both_forms, field_gone),
+    *(change_all_copies, change_all_copies, remove_field),
     *(timeline_array, timeline_attribute, stage_array, model),
 )
-"""Not among them: figures.zarr, which the digests alone hold."""
+"""Random changes. figures.zarr is not among them, as only digests protect it."""

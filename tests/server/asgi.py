@@ -9,10 +9,10 @@ import httpx
 from starlette.types import ASGIApp
 
 
-def asked(
+def send_request(
     app: ASGIApp, path: str, *, method: str = "GET", base_url: str = "http://here", **more: Any
 ) -> httpx.Response:
-    """Return the answer to one request; ``more`` is what httpx takes besides."""
+    """Return the answer to one request; ``more`` holds further arguments of httpx."""
 
     async def ask() -> httpx.Response:
         transport = httpx.ASGITransport(app)

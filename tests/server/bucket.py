@@ -1,4 +1,4 @@
-"""A real S3-compatible server for tests, moto's, in a process of its own on a free port."""
+"""S3-compatible server for tests, moto's, in a process of its own on a free port."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ import httpx
 
 from tests.server.postgres import free_port
 
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 REGION = "us-east-1"
 
 
 class Bucket:
-    """Starts and ends one server; `bucket` makes an empty bucket in it.
+    """Server of buckets; ``bucket`` creates an empty one in it.
 
-    It holds everything in memory: what was kept is gone with the process. An outage that loses
-    nothing is `silent`.
+    It holds everything in memory, so that all data are lost when the process ends. ``silent`` is an
+    outage without data loss.
 
     Args:
-        log: Where it writes its log; nowhere when None.
+        log: Path of its log; None discards the output.
     """
 
     def __init__(self, log: Path | None = None) -> None:
@@ -36,12 +36,12 @@ class Bucket:
 
     @property
     def endpoint(self) -> str:
-        """Where it answers."""
+        """Address of the server."""
         return f"http://127.0.0.1:{self.port}"
 
     @property
     def environment(self) -> dict[str, str]:
-        """What a program needs to know in order to reach it."""
+        """Environment variables with which a program reaches the server."""
         return {
             "AWS_ENDPOINT_URL": self.endpoint,
             "AWS_ACCESS_KEY_ID": "test",
@@ -51,7 +51,7 @@ class Bucket:
         }
 
     def start(self) -> Bucket:
-        """Starts it, on the port it had before if it had one."""
+        """Start the server, on its earlier port if it had one."""
         self.port = self.port or free_port()
         with open(self._log or "/dev/null", "ab") as log:
             self._process = subprocess.Popen(
@@ -61,25 +61,25 @@ class Bucket:
                 stdout=log,
                 stderr=log,
             )
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while True:
             assert self._process.poll() is None, "the server of buckets has ended"
             try:
-                httpx.get(f"{self.endpoint}/moto-api/", timeout=PATIENCE_S)
+                httpx.get(f"{self.endpoint}/moto-api/", timeout=TIMEOUT_S)
                 return self
             except httpx.TransportError:
                 assert time.monotonic() < deadline, "the server of buckets does not answer"
                 time.sleep(0.05)
 
     def bucket(self) -> str:
-        """The URL of a new, empty bucket."""
+        """Create an empty bucket and return its URL."""
         name = f"test-{uuid.uuid4().hex[:12]}"
-        httpx.put(f"{self.endpoint}/{name}", timeout=PATIENCE_S).raise_for_status()
+        httpx.put(f"{self.endpoint}/{name}", timeout=TIMEOUT_S).raise_for_status()
         return f"s3://{name}"
 
     @contextmanager
     def silent(self) -> Generator[None]:
-        """It takes calls and answers none."""
+        """Suspend the server, which then accepts calls and answers none."""
         self._process.send_signal(signal.SIGSTOP)
         try:
             yield
@@ -87,8 +87,8 @@ class Bucket:
             self._process.send_signal(signal.SIGCONT)
 
     def stop(self) -> None:
-        """Ends it."""
+        """Stop the server."""
         if self._process is not None and self._process.poll() is None:
             self._process.terminate()
-            self._process.wait(PATIENCE_S)
+            self._process.wait(TIMEOUT_S)
         self._process = None

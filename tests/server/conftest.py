@@ -14,27 +14,27 @@ from server.store.folds import Store
 from tests.server.bucket import Bucket
 from tests.server.postgres import DATABASES, Postgres
 from tests.server.service_process import SNAKE, Service
-from tests.server.service_thread import ServiceThread, give_tables
+from tests.server.service_thread import ServiceThread, copy_tables
 
 
 @pytest.fixture
-def here_with(tmp_path: Path) -> Iterator[Callable[..., ServiceThread]]:
-    """Makes services of one's own in this process, with settings; they are stopped at the end."""
-    made: list[ServiceThread] = []
+def service_with(tmp_path: Path) -> Iterator[Callable[..., ServiceThread]]:
+    """Function that creates services in this process; all are stopped at the end."""
+    services: list[ServiceThread] = []
 
     def make(**settings: object) -> ServiceThread:
-        made.append(ServiceThread(tmp_path / f"here-{len(made)}", **settings))
-        return made[-1]
+        services.append(ServiceThread(tmp_path / f"here-{len(services)}", **settings))
+        return services[-1]
 
     yield make
-    for service in reversed(made):  # each puts back what it found
+    for service in reversed(services):  # each restores the state that it found
         if service.running:
             assert service.stop() == 0
 
 
 @pytest.fixture
 def without_ffmpeg(tmp_path: Path) -> dict[str, str]:
-    """Return an environment whose processes have neither ffmpeg nor imageio-ffmpeg."""
+    """Environment whose processes have neither ffmpeg nor imageio-ffmpeg."""
     place = tmp_path / "without-ffmpeg"
     place.mkdir()
     (place / "sitecustomize.py").write_text("import sys; sys.modules['imageio_ffmpeg'] = None\n")
@@ -44,9 +44,9 @@ def without_ffmpeg(tmp_path: Path) -> dict[str, str]:
 
 @pytest.fixture
 def store(tmp_path: Path) -> Iterator[Store]:
-    """The folds of a service that has none yet."""
+    """Store of folds without any rows."""
     settings = Settings(data_dir=tmp_path)
-    give_tables(settings)
+    copy_tables(settings)
     with closing(Store(settings)) as store:
         yield store
 
@@ -57,20 +57,20 @@ def each_settings(request: pytest.FixtureRequest, tmp_path: Path) -> Settings:
     sqlite = request.param == "sqlite"
     url = None if sqlite else request.getfixturevalue("postgres").migrated()
     settings = Settings(data_dir=tmp_path, database_url=url)
-    give_tables(settings)
+    copy_tables(settings)
     return settings
 
 
 @pytest.fixture
 def each_store(each_settings: Settings) -> Iterator[Store]:
-    """The folds of a service that has none yet, in each kind of database."""
+    """Store of folds without any rows, in each kind of database."""
     with closing(Store(each_settings)) as store:
         yield store
 
 
 @pytest.fixture
 def bucket_url(bucket: Bucket, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The URL of an empty bucket, which this process can reach."""
+    """URL of an empty bucket, which this process can reach."""
     for name, value in bucket.environment.items():
         monkeypatch.setenv(name, value)
     return bucket.bucket()
@@ -78,7 +78,7 @@ def bucket_url(bucket: Bucket, monkeypatch: pytest.MonkeyPatch) -> str:
 
 @pytest.fixture(scope="session")
 def postgres() -> Iterator[Postgres]:
-    """A PostgreSQL; `postgres.database()` makes an empty database in it."""
+    """PostgreSQL server; `postgres.database()` creates an empty database in it."""
     made = Postgres()
     try:
         yield made.start()
@@ -88,7 +88,7 @@ def postgres() -> Iterator[Postgres]:
 
 @pytest.fixture(scope="session")
 def bucket() -> Iterator[Bucket]:
-    """A server of buckets; `bucket.bucket()` makes an empty one in it."""
+    """Server of buckets; `bucket.bucket()` creates an empty one in it."""
     made = Bucket().start()
     try:
         yield made
@@ -97,11 +97,11 @@ def bucket() -> Iterator[Bucket]:
 
 
 @pytest.fixture(scope="session")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceThread]:
-    """A service that takes folds in and has no worker: what is queued stays queued."""
-    kept = tempfile.tempdir
+def idle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceThread]:
+    """Service that accepts folds and has no worker, so that queued folds stay queued."""
+    before = tempfile.tempdir
     service = ServiceThread(
-        tmp_path_factory.mktemp("desk") / "data",
+        tmp_path_factory.mktemp("idle") / "data",
         max_upload_bytes=200_000,
         max_modules=1000,
         largest_queue=1000,
@@ -109,14 +109,14 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceThread]:
         largest_queue_seconds=1e9,
         largest_queue_seconds_of_visitor=1e9,
     ).start()
-    tempfile.tempdir = kept  # what the tests of this process keep there is not the desk's
+    tempfile.tempdir = before  # other tests of this process may store theirs at the same time
     yield service
     assert service.stop() == 0
 
 
 @pytest.fixture(scope="session")
 def finished(service: Service) -> dict[str, Any]:
-    """A fold that is over: what the upload was answered, its events and its state."""
+    """Finished fold: the answer to its upload, its events and its state."""
     accepted = service.fold(SNAKE, seed="3")
     events = list(service.events(accepted["id"]))
     return {

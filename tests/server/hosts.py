@@ -1,5 +1,5 @@
-"""Several hosts on this machine: each has a directory of its own and shares nothing with others
-but a real PostgreSQL and a real S3 server."""
+"""Several hosts on this machine, each with a directory of its own. They share only a real
+PostgreSQL and a real S3 server."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.server.service_process import Service
 
 
 class Hosts:
-    """Makes services without workers, and workers without a service, that belong together."""
+    """Hosts that belong together: services without workers, and workers without a service."""
 
     def __init__(self, place: Path, postgres: Postgres, bucket: Bucket) -> None:
         self._place = place
@@ -34,19 +34,19 @@ class Hosts:
         }
 
     def web(self) -> Service:
-        """A started service on a host of its own."""
+        """Start a service on a host of its own."""
         service = self._host()
         self._services.append(service)
         return service.start()
 
     @contextmanager
     def worker(self) -> Iterator[subprocess.Popen[bytes]]:
-        """A worker on a host of its own; it may be dead already at the end."""
+        """Run a worker on a host of its own; it may have died by the end."""
         with self._host().worker() as worker:
             yield worker
 
-    def kept(self) -> list[str]:
-        """The names of all that is in the storage."""
+    def stored_names(self) -> list[str]:
+        """Return the names of all objects in the storage."""
         name = self.storage_url.removeprefix("s3://")
         store = obstore.store.S3Store(
             name,
@@ -58,7 +58,7 @@ class Hosts:
         return [str(meta["path"]) for batch in obstore.list(store) for meta in batch]
 
     def close(self) -> None:
-        """Stops the services."""
+        """Stop the services."""
         for service in self._services:
             service.stop()
 

@@ -1,4 +1,4 @@
-"""A real PostgreSQL for tests: a cluster of its own in a temporary directory, on a free port."""
+"""PostgreSQL for tests: a cluster of its own in a temporary directory, on a free port."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ import pytest
 from server.store.tables import engine_for, migrate
 from tests.tools import POSTGRES
 
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 USER = "foldback"
 DATABASES = ["sqlite", pytest.param("postgresql", marks=pytest.mark.processes)]
-"""Kinds of databases, for tests that hold for each."""
+"""Kinds of databases, for tests of both."""
 
 
 class Postgres:
-    """Starts, kills and restarts one cluster; `database` makes an empty database in it.
+    """Cluster that can be started, killed and restarted; ``database`` creates a database in it.
 
-    PostgreSQL refuses to run as root: then it runs as another user of this machine. Nothing is
-    synced to disk, so only use it for what shall not survive.
+    PostgreSQL refuses to run as root, and then runs as another user of this machine. Nothing is
+    synced to disk, so that data may be lost in a crash.
     """
 
     def __init__(self) -> None:
         self._programs = Path(POSTGRES.get())
-        self._as = _other_user()
-        # Not pytest's own place: that one is closed to other users.
+        self._user_options = _other_user()
+        # pytest's own temporary directory is closed to other users
         self._directory = Path(tempfile.mkdtemp(prefix="foldback-postgres-"))
         self.log = self._directory / "log"
-        if self._as:
-            os.chown(self._directory, self._as["user"], self._as["group"])
+        if self._user_options:
+            os.chown(self._directory, self._user_options["user"], self._user_options["group"])
         self._process: subprocess.Popen[bytes] | None = None
         self.port = 0
         self._template = ""
@@ -55,7 +55,7 @@ class Postgres:
         return self._directory / "cluster"
 
     def start(self) -> Postgres:
-        """Starts it, on the port it had before if it had one."""
+        """Start the cluster, on its earlier port if it had one."""
         self.port = self.port or free_port()
         with open(self.log, "ab") as log:
             self._process = subprocess.Popen(
@@ -69,9 +69,9 @@ class Postgres:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                **self._as,
+                **self._user_options,
             )
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while True:
             assert self._process.poll() is None, self.log.read_text()
             try:
@@ -82,18 +82,18 @@ class Postgres:
                 time.sleep(0.05)
 
     def url(self, database: str) -> str:
-        """How a database is reached."""
+        """Return the URL of a database."""
         return f"postgresql://{USER}@127.0.0.1:{self.port}/{database}"
 
     def database(self, template: str = "template1") -> str:
-        """The URL of a new database, which is empty without a template."""
+        """Create a database, which is empty without a template, and return its URL."""
         name = f"test_{uuid.uuid4().hex[:12]}"
         with psycopg.connect(self.url("postgres"), autocommit=True) as connection:
             connection.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"'.encode())
         return self.url(name)
 
     def migrated(self) -> str:
-        """The URL of a new database with the tables of the service; they are made only once."""
+        """Create a database with the service's tables and return its URL."""
         if not self._template:
             url = self.database()
             engine = engine_for(url)
@@ -103,22 +103,22 @@ class Postgres:
         return self.database(self._template)
 
     def stop(self) -> None:
-        """Ends it in good order; connections that are open are cut."""
-        self._end(signal.SIGINT)
+        """Shut down in order, and close open connections."""
+        self._shut_down(signal.SIGINT)
 
     def kill(self) -> None:
-        """Ends it without a word to anybody, as it does when it fears for its data."""
-        self._end(signal.SIGQUIT)
+        """Shut down immediately, as after a crash."""
+        self._shut_down(signal.SIGQUIT)
 
     def remove(self) -> None:
-        """Ends it and removes all that it was."""
+        """Shut down and remove all files."""
         self.stop()
         shutil.rmtree(self._directory, ignore_errors=True)
 
-    def _end(self, number: int) -> None:
+    def _shut_down(self, number: int) -> None:
         if self._process is not None and self._process.poll() is None:
             self._process.send_signal(number)
-            self._process.wait(PATIENCE_S)
+            self._process.wait(TIMEOUT_S)
         self._process = None
 
     def _run(self, program: str, *arguments: str) -> None:
@@ -127,15 +127,15 @@ class Postgres:
             cwd=self._directory,
             capture_output=True,
             text=True,
-            timeout=PATIENCE_S,
+            timeout=TIMEOUT_S,
             check=False,
-            **self._as,
+            **self._user_options,
         )
         assert done.returncode == 0, done.stderr
 
 
 def _other_user() -> dict[str, Any]:
-    """Whom to run as when this is root; nothing when it is not."""
+    """Return the user to run as if this is root; otherwise nothing."""
     if os.geteuid() != 0:
         return {}
     names = {entry.pw_name: entry for entry in pwd.getpwall()}

@@ -1,4 +1,4 @@
-"""A relay between a client and a service, which misbehaves as it is told."""
+"""Relay between a client and a service, which causes failures on request."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import httpx
 
 Trouble = Callable[[str, str, int], "int | str | None"]
-"""Method, path and how often that was asked; a status to answer, ``lose`` or ``cut``, or None."""
+"""Method, path and count of such requests; returns a status, ``lose``, ``cut`` or None."""
 HOP_BY_HOP = {"connection", "host", "transfer-encoding", "content-length", "accept-encoding"}
 
 
 class Relay:
-    """Hands requests on, and makes the trouble it is told to."""
+    """Server that forwards requests and causes the failures that ``trouble`` returns."""
 
     def __init__(self, upstream: str, trouble: Trouble, retry_after: str = "0") -> None:
         self.asked: list[tuple[str, str]] = []
@@ -28,11 +28,11 @@ class Relay:
             def do(self) -> None:
                 path = self.path.partition("?")[0]
                 relay.asked.append((self.command, path))
-                found = trouble(self.command, path, relay.asked.count((self.command, path)))
+                failure = trouble(self.command, path, relay.asked.count((self.command, path)))
                 body = self.rfile.read(int(self.headers.get("content-length") or 0))
                 self.close_connection = True
-                if isinstance(found, int):
-                    self.send_response(found)
+                if isinstance(failure, int):
+                    self.send_response(failure)
                     self.send_header("Retry-After", retry_after)
                     self.end_headers()
                     return
@@ -40,7 +40,7 @@ class Relay:
                 with httpx.stream(
                     self.command, upstream + self.path, headers=headers, content=body, timeout=60
                 ) as answer:
-                    if found == "lose":
+                    if failure == "lose":
                         self.connection.shutdown(socket.SHUT_RDWR)
                         return
                     self.send_response(answer.status_code)
@@ -50,9 +50,9 @@ class Relay:
                     self.end_headers()
                     with contextlib.suppress(BrokenPipeError, ConnectionResetError):
                         for piece in answer.iter_bytes():
-                            self.wfile.write(piece[:100] if found == "cut" else piece)
+                            self.wfile.write(piece[:100] if failure == "cut" else piece)
                             self.wfile.flush()
-                            if found == "cut":
+                            if failure == "cut":
                                 return
 
             do_GET = do_POST = do_DELETE = do
@@ -70,8 +70,8 @@ class Relay:
 
 
 @contextlib.contextmanager
-def relayed(upstream: object, trouble: Trouble, retry_after: str = "0") -> Iterator[Relay]:
-    """A relay in front of a service, for a while."""
+def running_relay(upstream: object, trouble: Trouble, retry_after: str = "0") -> Iterator[Relay]:
+    """Run a relay in front of a service for the duration of the context."""
     relay = Relay(str(upstream).rstrip("/"), trouble, retry_after)
     try:
         yield relay

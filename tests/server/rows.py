@@ -20,7 +20,7 @@ SOMEBODY = Owner.from_token("a token of somebody")
 
 
 def a_fold(fold_id: str | None = None, **values: Any) -> FoldRow:
-    """A row as the service writes it, with some values changed."""
+    """Return a row as the service writes it, with some values changed."""
     usual: dict[str, Any] = {
         "id": fold_id or new_id(),
         "name": "a shape",
@@ -47,7 +47,7 @@ def a_fold(fold_id: str | None = None, **values: Any) -> FoldRow:
 
 
 def a_movie(fold_id: str, movie_id: str, **values: Any) -> MovieRow:
-    """The same for a movie."""
+    """Return a row of a movie, with some values changed."""
     usual: dict[str, Any] = {
         "job": f"{fold_id}-{movie_id}",
         "wishes": {},
@@ -63,16 +63,16 @@ def a_movie(fold_id: str, movie_id: str, **values: Any) -> MovieRow:
 
 @contextmanager
 def statements() -> Generator[list[tuple[str, Any]]]:
-    """The statements that all engines execute meanwhile, with their values, but those of sweeps."""
-    said: list[tuple[str, Any]] = []
+    """Yield statements of all engines meanwhile, with values, except those of sweeps."""
+    executed: list[tuple[str, Any]] = []
 
     def note(_: Any, __: Any, statement: str, values: Any, *___: Any) -> None:
         if threading.current_thread().name != SWEEPING_THREAD:
-            said.append((statement, values))
+            executed.append((statement, values))
 
     event.listen(sa.Engine, "before_cursor_execute", note)
     try:
-        yield said
+        yield executed
     finally:
         event.remove(sa.Engine, "before_cursor_execute", note)
 

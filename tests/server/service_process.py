@@ -19,27 +19,27 @@ from typing import Any
 import httpx
 import psutil
 
-PATIENCE_S = 120.0
+TIMEOUT_S = 120.0
 METRICS_TOKEN = "operator-token-of-tests"
 KINDS = ("stages", "reader", "preparer", "movies", "retimer", "pictures")
-"""Of processes that compute."""
+"""Kinds of processes that compute."""
 STAIRS = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0], [3, 2, 0], [3, 3, 0], [4, 3, 0]]
-"""Eight modules, which explode in no time."""
+"""Path of eight modules, which explodes quickly."""
 SPIRAL = [
     *([0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [-1, 1, 0], [-1, 0, 0], [-1, -1, 0], [0, -1, 0]),
     *([1, -1, 0], [2, -1, 0], [2, 0, 0], [2, 1, 0], [2, 2, 0], [1, 2, 0], [0, 2, 0], [-1, 2, 0]),
 ]
-"""What moves straight into it crosses itself."""
+"""Path that crosses itself if it continues straight into its middle."""
 SNAKE = [[x if y % 2 == 0 else 3 - x, y, 0] for y in range(4) for x in range(4)]
 
 
 class Service:
-    """Starts, stops and restarts one service; `http` talks to it.
+    """Service that can be started, stopped and restarted; ``http`` is a client of it.
 
     Args:
-        data_dir: Where its data is.
-        environment: Variables that it sees besides its settings.
-        settings: What is not as usual.
+        data_dir: Directory for its data.
+        environment: Variables of its environment besides its settings.
+        settings: Settings that differ from those of tests.
     """
 
     def __init__(
@@ -51,14 +51,14 @@ class Service:
             **{k: v for k, v in os.environ.items() if not k.startswith("FOLDBACK_")},
             "FOLDBACK_DATA_DIR": str(data_dir),
             "FOLDBACK_PORT": "0",
-            # A machine that runs tests is busy with them: folds would wait for all the rest.
+            # Machines that run tests are busy, and a lower priority would delay folds.
             "FOLDBACK_NICENESS": "0",
             # Few tests need all kinds of children, each of which takes seconds to start.
             "FOLDBACK_PREWARM": "false",
-            # Lists and counts begin empty.
+            # Lists and counts start empty.
             "FOLDBACK_FINISHED_FOLDS": "false",
             "FOLDBACK_METRICS_TOKEN": METRICS_TOKEN,
-            # All visitors of a test come from one address, unless it says otherwise.
+            # All visitors of a test have one address, unless it sets others.
             "FOLDBACK_REQUESTS_PER_SECOND_OF_VISITOR": "100000",
             "FOLDBACK_REQUESTS_AT_ONCE_OF_VISITOR": "1000000",
             "FOLDBACK_LISTS_PER_SECOND_OF_VISITOR": "100000",
@@ -79,7 +79,7 @@ class Service:
             )
         lines: queue.Queue[str] = queue.Queue()
         threading.Thread(target=self._read, args=(self.process, lines), daemon=True).start()
-        address = re.search(r"http://\S+", lines.get(timeout=PATIENCE_S))
+        address = re.search(r"http://\S+", lines.get(timeout=TIMEOUT_S))
         assert address, self.log.read_text()
         self.http.close()
         self.http = httpx.Client(base_url=address.group(), timeout=60.0)
@@ -96,11 +96,11 @@ class Service:
     def stop(self) -> int:
         self.process.send_signal(signal.SIGTERM)
         self.http.close()
-        return self.process.wait(PATIENCE_S)
+        return self.process.wait(TIMEOUT_S)
 
     @contextmanager
     def worker(self) -> Iterator[subprocess.Popen[bytes]]:
-        """A worker that nobody looks after."""
+        """Run a worker that is not supervised."""
         with open(self.log, "a") as log:
             worker = subprocess.Popen(
                 [sys.executable, "-P", "-m", "server.cli.command_line", "worker"],
@@ -111,16 +111,16 @@ class Service:
             yield worker
         finally:
             worker.terminate()
-            worker.wait(PATIENCE_S)
+            worker.wait(TIMEOUT_S)
 
     def wait_workers(self, count: int) -> None:
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while self.http.get("/ready").json()["workers"] != count:
             assert time.monotonic() < deadline, self.log.read_text()
             time.sleep(0.05)
 
     def children(self, *kinds: str) -> list[psutil.Process]:
-        """Its processes that compute; they call themselves by their kinds."""
+        """Return its processes that compute, whose names are their kinds."""
         return [child for kind in kinds or KINDS for child in self.processes(f"foldback {kind}")]
 
     def processes(self, module: str) -> list[psutil.Process]:
@@ -137,25 +137,24 @@ class Service:
     def fold(
         self, cells: object = None, /, *, token: str | None = None, **form: Any
     ) -> dict[str, Any]:
-        """Asks for a fold, of cells or of a gallery shape; as a visitor of its own each time
-        unless there is a token."""
+        """Request a fold of cells or a gallery shape, by a new visitor unless a token is given."""
         files = None if cells is None else {"file": ("path.json", json.dumps(cells))}
         headers = {} if token is None else bearer(token)
         answer = self.http.post("/api/folds", data=form, files=files, headers=headers)
         assert answer.status_code == 202, answer.text
         return answer.json()
 
-    def refused(self, **form: str) -> tuple[int, dict[str, Any]]:
-        """How a request without a file is answered."""
+    def refusal(self, **form: str) -> tuple[int, dict[str, Any]]:
+        """Return the answer to a request without a file."""
         answer = self.http.post("/api/folds", data=form)
         return answer.status_code, answer.json()
 
     def directory(self, fold_id: str) -> Path:
-        """Where the files of a fold are."""
+        """Return the directory of a fold."""
         return self.data_dir / "folds" / fold_id
 
     def metrics(self) -> httpx.Response:
-        """The operator's figures."""
+        """Return the operator's metrics."""
         return self.http.get("/metrics", headers=bearer(METRICS_TOKEN))
 
     def state(self, fold_id: str) -> dict[str, Any]:
@@ -166,8 +165,8 @@ class Service:
     def wait(
         self, fold_id: str, until: Callable[[dict[str, Any]], bool], *, longest_s: float = 0.05
     ) -> dict[str, Any]:
-        """Get the state of a fold, once it is as wanted; ask again after at most ``longest_s``."""
-        deadline = time.monotonic() + PATIENCE_S
+        """Return the state of a fold once ``until`` is true; poll at least every ``longest_s``."""
+        deadline = time.monotonic() + TIMEOUT_S
         pause = 0.02
         while not until(state := self.state(fold_id)):
             assert time.monotonic() < deadline, f"{state}\n{self.log.read_text()}"
@@ -176,11 +175,11 @@ class Service:
         return state
 
     def wait_over(self, fold_id: str) -> dict[str, Any]:
-        """Get the state of a fold that is over. Each question takes 10 ms of the processor."""
+        """Return the state of a finished fold. Each request takes 10 ms of the processor."""
         return self.wait(fold_id, over, longest_s=0.4)
 
     def wait_exploding(self, fold_id: str) -> dict[str, Any]:
-        """Get the state of a fold, once its explosion can be seen."""
+        """Return the state of a fold when its explosion is visible."""
         return self.wait(
             fold_id,
             lambda s: over(s) or (s["stage"] == "explode" and s["progress"]["frames"] > 2),
@@ -202,10 +201,10 @@ def over(state: dict[str, Any]) -> bool:
 
 
 def owner(accepted: dict[str, Any]) -> dict[str, str]:
-    """The headers that prove ownership."""
+    """Return the headers of a fold's owner."""
     return bearer(accepted["owner_token"])
 
 
 def bearer(token: str) -> dict[str, str]:
-    """The headers of who has a token."""
+    """Return the headers of the holder of a token."""
     return {"Authorization": f"Bearer {token}"}

@@ -22,38 +22,38 @@ from server.ops.logs import TextLines
 from server.processes.fork_server import ForkServer
 from server.settings import VARIABLE_PREFIX, Settings
 from server.store.folds import Store
-from tests.server.service_process import PATIENCE_S, Service
+from tests.server.service_process import TIMEOUT_S, Service
 
-NOWHERE = "NO_TEST_SETS_THIS_"
-"""Names of settings in the environment begin so for it: those of the machine count for nothing."""
-TELLER = logging.getLogger("foldback")
+UNUSED_PREFIX = "NO_TEST_SETS_THIS_"
+"""Prefix of variables for its settings, which no environment has: the machine's own are ignored."""
+LOGGER = logging.getLogger("foldback")
 FORKS = ForkServer(["reader", "preparer", "retimer", "stages"], warm=False)
-"""Forks for all services of this process, and for tests: to load what children need takes long."""
+"""Fork server for all services of this process, and for tests, since it takes long to load."""
 atexit.register(FORKS.close)
 
 
-TABLES: list[bytes] = []
-"""The file of a database without rows, once one was made."""
+EMPTY_DATABASE: list[bytes] = []
+"""Content of a database file without rows, once one was made."""
 
 
-def give_tables(settings: Settings) -> None:
-    """Puts tables into a place without any: to make them in each is a fifth of a start."""
+def copy_tables(settings: Settings) -> None:
+    """Copy empty tables to a new data directory: to create them takes a fifth of a start."""
     path = Path(settings.store_url.removeprefix("sqlite:///"))
     if not path.is_absolute() or path.exists():
-        return  # this is no file, or it has tables
+        return  # no file, or it has tables already
     path.parent.mkdir(parents=True, exist_ok=True)
-    if TABLES:
-        path.write_bytes(TABLES[0])
+    if EMPTY_DATABASE:
+        path.write_bytes(EMPTY_DATABASE[0])
     else:
         Store(settings).close()
-        TABLES.append(path.read_bytes())
+        EMPTY_DATABASE.append(path.read_bytes())
 
 
 class ServiceThread(Service):
-    """What ``foldback serve --workers 0`` runs, on a port of its own: it starts in no time.
+    """Service like ``foldback serve --workers 0``, on a port of its own, which starts quickly.
 
-    It has no process that could be killed, and starts no worker. What others in this process have
-    to say stands in its log, too.
+    It has no process that could be killed, and starts no worker. Its log also contains the messages
+    of others in this process.
     """
 
     def start(self, *arguments: str) -> ServiceThread:
@@ -63,22 +63,22 @@ class ServiceThread(Service):
             for name, value in self.environment.items()
             if name.startswith(VARIABLE_PREFIX)
         }
-        self.settings = Settings(_env_prefix=NOWHERE, **{**given, "workers": 0})  # type: ignore[arg-type]
+        self.settings = Settings(_env_prefix=UNUSED_PREFIX, **{**given, "workers": 0})  # type: ignore[arg-type]
         self.settings.make_directories()
-        give_tables(self.settings)
-        self._telling = logging.FileHandler(self.log)
-        self._telling.setFormatter(TextLines({}))
-        TELLER.addHandler(self._telling)
-        TELLER.setLevel(logging.INFO)
+        copy_tables(self.settings)
+        self._handler = logging.FileHandler(self.log)
+        self._handler.setFormatter(TextLines({}))
+        LOGGER.addHandler(self._handler)
+        LOGGER.setLevel(logging.INFO)
         self._server = server_of(self.settings, *arguments[1:], fork_server=FORKS)
-        # Whoever connects before it answers waits until it does.
+        # Connections before the server is ready wait until it answers.
         self._socket = socket.create_server((self.settings.host, 0))
         self._thread = threading.Thread(target=self._serve, args=(self._server, self._socket))
         self._thread.start()
         address = f"http://{self.settings.host}:{self._socket.getsockname()[1]}"
         self.http.close()
         self.http = httpx.Client(base_url=address, timeout=60.0)
-        assert httpx.get(f"{address}/health", timeout=PATIENCE_S).status_code == 200
+        assert httpx.get(f"{address}/health", timeout=TIMEOUT_S).status_code == 200
         return self
 
     @staticmethod
@@ -86,12 +86,12 @@ class ServiceThread(Service):
         with listening:
             server.run(sockets=[listening])
 
-    def take_over(self, other: Service, *fold_ids: str) -> None:
-        """Begins with the rows of another service, and with the files of some of its folds."""
+    def copy_from(self, other: Service, *fold_ids: str) -> None:
+        """Start with the rows of another service, and with the files of some of its folds."""
         self.data_dir.mkdir()
         name = "foldback.db"
         with (
-            closing(sqlite3.connect(other.data_dir / name, timeout=PATIENCE_S)) as theirs,
+            closing(sqlite3.connect(other.data_dir / name, timeout=TIMEOUT_S)) as theirs,
             closing(sqlite3.connect(self.data_dir / name)) as mine,
         ):
             theirs.backup(mine)
@@ -100,22 +100,22 @@ class ServiceThread(Service):
 
     @property
     def running(self) -> bool:
-        """Whether it has been started and not been stopped."""
+        """True from the start to the stop of the service."""
         thread: threading.Thread | None = getattr(self, "_thread", None)
         return thread is not None and thread.is_alive()
 
-    def tell_to_end(self) -> None:
-        """As SIGTERM does."""
+    def request_stop(self) -> None:
+        """Ask the service to stop, as SIGTERM does."""
         self._server.should_exit = True
 
     def stop(self) -> int:
-        self.tell_to_end()
+        self.request_stop()
         self.http.close()
-        self._thread.join(PATIENCE_S)
+        self._thread.join(TIMEOUT_S)
         if self._thread.is_alive():
-            faulthandler.dump_traceback(2)  # to the standard error: what it waits for
-        TELLER.removeHandler(self._telling)
-        self._telling.close()
+            faulthandler.dump_traceback(2)  # stderr shows where it hangs
+        LOGGER.removeHandler(self._handler)
+        self._handler.close()
         return int(self._thread.is_alive())
 
     def __enter__(self) -> ServiceThread:
@@ -125,7 +125,7 @@ class ServiceThread(Service):
         assert self.stop() == 0
 
     def processes(self, module: str) -> list[psutil.Process]:
-        """Those that were forked for it, by what they call themselves."""
+        """Return its forked processes that have a name."""
         app: Any = self._server.config.app
         context = app.state.context
         pools = (

@@ -1,4 +1,4 @@
-"""A blog: somebody else's site, which may show folds of the service that tests share."""
+"""Blog: a site of another origin, which may show folds of the service that tests share."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import threading
 
 
 class Blog(http.server.ThreadingHTTPServer):
-    """A real server of its own origin.
+    """Server with an origin of its own.
 
     Attributes:
-        html: Its one page, whatever the address.
-        origin: Where it is.
+        html: Content of its one page, at every address.
+        origin: Its address.
     """
 
     def __init__(self) -> None:

@@ -18,7 +18,7 @@ from planner.pipeline.workspace import Workspace
 from tests.tools import OPENGL
 
 SNAKE = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
-ERROR_AT_END = 3e-3
+FINAL_ERROR_RAD = 3e-3
 
 
 @pytest.fixture(scope="session")
@@ -27,16 +27,16 @@ def chain() -> Chain:
 
 
 def unfolding(chain: Chain, count: int) -> Motion:
-    """From folded to straight in even steps."""
+    """Return a motion from folded to straight in even steps."""
     return _between(chain, "explosion", np.linspace(1.0, 0.0, count), 0.0)
 
 
 def folding(chain: Chain, count: int) -> Motion:
-    """From straight to folded; the error of the middle joint's first hinge grows evenly."""
+    """Return a motion from straight to folded; the error of one middle hinge grows linearly."""
     share = np.linspace(0.0, 1.0, count)
     frames = _between(chain, "playback", share, 10.0)
     error = np.zeros_like(frames.joint_angles_rad)
-    error[:, 2 * (6 - 1)] = ERROR_AT_END * share
+    error[:, 2 * (6 - 1)] = FINAL_ERROR_RAD * share
     return Motion.from_frames(
         phase="playback",
         time_s=frames.time_s,
@@ -61,7 +61,7 @@ def _between(chain: Chain, phase: str, share: np.ndarray, start_s: float) -> Mot
 
 @pytest.fixture(scope="session")
 def timeline_path(chain: Chain, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A complete timeline: 100 frames of explosion, 100 of playback."""
+    """Path of a complete timeline: 100 frames of explosion, 100 of playback."""
     path = tmp_path_factory.mktemp("timeline") / "timeline.zarr"
     with TimelineWriter.create(path, chain) as writer:
         writer.append(unfolding(chain, 100))
@@ -71,7 +71,7 @@ def timeline_path(chain: Chain, tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 @pytest.fixture(scope="session")
 def peeled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Directory of a box that was peeled and that two robots with faults folded again."""
+    """Directory of a box that was peeled and that two robots with model errors folded again."""
     directory = tmp_path_factory.mktemp("peeled")
     request = FoldRequest(strategy="peel", settings="robots=2")
     Workspace(directory).write_request(request, json.dumps(snake_path((3, 3, 4)).tolist()).encode())
@@ -81,7 +81,7 @@ def peeled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def growing(chain: Chain, tmp_path: Path) -> tuple[Path, TimelineWriter, Callable[[int], None]]:
-    """A timeline with ten frames, its writer, and a way to add more."""
+    """Path of a timeline with ten frames, its writer, and a function that adds more."""
     path = tmp_path / "timeline.zarr"
     writer = TimelineWriter.create(path, chain)
 
@@ -95,5 +95,5 @@ def growing(chain: Chain, tmp_path: Path) -> tuple[Path, TimelineWriter, Callabl
 
 @pytest.fixture(scope="session")
 def backend() -> str:
-    """A backend of OpenGL that draws without a screen."""
+    """Backend of OpenGL that draws without a screen."""
     return OPENGL.get()

@@ -14,35 +14,35 @@ from tests.planner import peels
 
 
 def fold(
-    chain: Chain, *, width: int, step: float, base_moves: bool = False, off: float = 0.0
+    chain: Chain, *, width: int, step: float, base_moves: bool = False, error_rad: float = 0.0
 ) -> Motion:
-    """A chain straightened and folded again, at random a little beside the even way.
+    """Return a motion that straightens and folds a chain again, with small random deviations.
 
-    With ``off`` its playback was simulated: that is the size of the joint errors.
+    With ``error_rad`` the playback counts as simulated: it is the size of the joint errors, rad.
     """
     rng = np.random.default_rng(7)
-    there = peels.peel(chain, width=width, step=step)
-    noise = rng.normal(0.0, 0.01, len(there.angles_rad)).astype(np.float32)
-    there = dataclasses.replace(there, angles_rad=there.angles_rad + noise)
+    out = peels.peel(chain, width=width, step=step)
+    noise = rng.normal(0.0, 0.01, len(out.angles_rad)).astype(np.float32)
+    out = dataclasses.replace(out, angles_rad=out.angles_rad + noise)
     if base_moves:
-        turns = there.anchor_wxyz + rng.normal(0.0, 0.05, there.anchor_wxyz.shape)
-        there = there.with_columns(
-            base_position=there.anchor_position + rng.normal(0.0, 0.1, there.anchor_position.shape),
+        turns = out.anchor_wxyz + rng.normal(0.0, 0.05, out.anchor_wxyz.shape)
+        out = out.with_columns(
+            base_position=out.anchor_position + rng.normal(0.0, 0.1, out.anchor_position.shape),
             base_wxyz=turns / np.linalg.norm(turns, axis=1, keepdims=True),
         )
     back = dataclasses.replace(
-        there[np.arange(len(there))[::-1]],
-        time_s=there.time_s[-1] + 1.0 + there.time_s,
-        phase=np.full(len(there), PHASES.index("playback"), np.uint8),
+        out[np.arange(len(out))[::-1]],
+        time_s=out.time_s[-1] + 1.0 + out.time_s,
+        phase=np.full(len(out), PHASES.index("playback"), np.uint8),
     )
-    if off:
-        errors = np.abs(rng.normal(0.0, off, len(back.angles_rad))).astype(np.float32)
+    if error_rad:
+        errors = np.abs(rng.normal(0.0, error_rad, len(back.angles_rad))).astype(np.float32)
         back = dataclasses.replace(back, errors_rad=errors)
-    return Motion.joined([there, back])
+    return Motion.joined([out, back])
 
 
 def write(path: Path, chain: Chain, windows: Motion) -> Path:
-    """A complete timeline of them."""
+    """Write a complete timeline of windows."""
     with TimelineWriter.create(path, chain, windowed=True) as writer:
         for start in range(0, len(windows), 512):
             writer.append(windows[start : start + 512])

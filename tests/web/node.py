@@ -17,15 +17,15 @@ VERDICTS: Final = Path(__file__).parent / "check" / "verdicts.js"
 
 
 class JavaScriptChecker:
-    """The pages' checker in one process, for many plans. Used in a ``with`` statement.
+    """Process of the pages' checker for many plans, used in a ``with`` statement.
 
     Args:
-        way: ``claim`` proves what plans claim, ``size`` finds how large their modules may be.
+        way: ``claim`` proves the claims of plans, ``size`` finds the largest size of their modules.
     """
 
-    def __init__(self, way: str = "claim") -> None:
+    def __init__(self, mode: str = "claim") -> None:
         self._process = subprocess.Popen(
-            [NODE, VERDICTS, way], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [NODE, VERDICTS, mode], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
 
     def __enter__(self) -> JavaScriptChecker:
@@ -35,10 +35,10 @@ class JavaScriptChecker:
         self._process.communicate()
 
     def __call__(self, path: Path) -> dict[str, Any]:
-        """Return what is found of a plan.
+        """Return the checker's result for a plan.
 
         Raises:
-            RuntimeError: The checker broke off.
+            RuntimeError: The checker has stopped with an error.
         """
         assert self._process.stdin is not None
         assert self._process.stdout is not None

@@ -1,4 +1,4 @@
-"""Types of the API's answers, as the pages' scripts are checked with them."""
+"""Types of the API's answers, with which the pages' scripts are checked."""
 
 from __future__ import annotations
 

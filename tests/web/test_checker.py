@@ -1,4 +1,4 @@
-"""The pages' checker proves what ``foldback_check.py`` proves, and no plan that was forged."""
+"""Pages' checker: it proves what ``foldback_check.py`` proves, and no forged plan."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from tests.planner.verification.forged_plans import (
     FALSE,
     MOTIONS,
     Arrays,
-    Told,
+    Meta,
     forge,
     rewrite,
     save,
-    take,
+    select,
 )
 from tests.web.node import JavaScriptChecker
 
@@ -39,8 +39,8 @@ def checker() -> Iterator[JavaScriptChecker]:
         yield checker
 
 
-def python_says(path: Path) -> dict[str, Any]:
-    """The verdict of the other checker, and what it came across."""
+def by_python(path: Path) -> dict[str, Any]:
+    """Return the verdict of the other checker, and its findings."""
     try:
         return foldback_check.check(path)
     except ValueError:
@@ -54,7 +54,7 @@ def plans(peeled: Path) -> list[Path]:
 
 def test_both_checkers_prove_the_same(plans: list[Path], checker: JavaScriptChecker) -> None:
     for path in plans:
-        found, other = checker(path), python_says(path)
+        found, other = checker(path), by_python(path)
         assert other["verdict"] == "proved", path
         assert found["proved"], found
         assert found["claim"] == other["clearance"] <= found["least"]
@@ -70,16 +70,16 @@ def test_modules_are_made_larger_until_two_touch(plans: list[Path]) -> None:
         plan = foldback_check.Plan(path)
         assert plan.size < found["size"] <= 1.0
         assert proved_clearance(plan) > 0.0
-        # A little larger, and the modules that are named touch.
+        # a little larger, and the named modules touch
         at = found["touch"]
         assert at["size"] == pytest.approx(found["size"], abs=2e-4)
-        chain, angles = sampled(plan, [at["frame"]])
+        chain, angles = sample(plan, [at["frame"]])
         clearance, _ = clearances_of(chain, angles, size=min(at["size"] + 1e-4, 1.0))
         assert clearance[0, at["modules"]].max() <= 1e-4
 
 
-def sampled(plan: foldback_check.Plan, frames: Iterable[float]) -> tuple[Chain, np.ndarray]:
-    """The chain of a plan, and its angles at moments, also between frames."""
+def sample(plan: foldback_check.Plan, frames: Iterable[float]) -> tuple[Chain, np.ndarray]:
+    """Return the chain of a plan, and its angles at and between frames."""
     slots = len(plan.folded)
     ends = np.array([plan.angles(k, plan.pad, slots) for k in range(plan.frames)])
     low = np.minimum(np.floor(list(frames)).astype(int), plan.frames - 1)
@@ -90,9 +90,9 @@ def sampled(plan: foldback_check.Plan, frames: Iterable[float]) -> tuple[Chain, 
 
 
 def proved_clearance(plan: foldback_check.Plan) -> float:
-    """The least clearance that the planner finds at frames and some moments between them."""
+    """Return the smallest clearance that the planner finds at and between frames."""
     frames = (np.arange(plan.frames - 1)[:, None] + BETWEEN).ravel()
-    return float(clearances_of(*sampled(plan, frames), size=plan.size)[0].min())
+    return float(clearances_of(*sample(plan, frames), size=plan.size)[0].min())
 
 
 def test_no_forged_plan_is_proved(
@@ -103,7 +103,7 @@ def test_no_forged_plan_is_proved(
         path, random = tmp_path / "plan.npz", np.random.default_rng(SEED + seed)
         kind = forge(plans[seed % len(plans)], path, random, kinds[seed // 2])
         found = checker(path)
-        assert found["proved"] == (python_says(path)["verdict"] == "proved"), (kind, seed, found)
+        assert found["proved"] == (by_python(path)["verdict"] == "proved"), (kind, seed, found)
         refused += not found["proved"]
         if found["proved"]:
             assert kind not in FALSE, (kind, seed)
@@ -111,20 +111,20 @@ def test_no_forged_plan_is_proved(
     assert refused > len(kinds)
 
 
-def test_pairs_at_rest_are_no_crowd_at_first(checker: JavaScriptChecker, tmp_path: Path) -> None:
-    """One module turns at the end of a folded box: at first, all pairs in the box are looked at."""
+def test_pairs_at_rest_are_checked_at_first(checker: JavaScriptChecker, tmp_path: Path) -> None:
+    """One module rotates at the end of a folded box: at first, all pairs in the box are checked."""
     folded = snake((10, 10, 8)).folded_rad
     last = np.array([-0.3, 0.0]) * [[1.0], [0.5], [0.0]] + folded[-2:]
     path = save(tmp_path / "plan.npz", np.vstack([folded] * len(last)))
 
-    def window(arrays: Arrays, told: Told) -> None:
+    def window(arrays: Arrays, meta: Meta) -> None:
         arrays.pop("joint_angles_rad")
         arrays["first"] = np.full(len(last), len(folded) - 2)
         arrays["offsets"] = np.arange(len(last) + 1) * 2
         arrays["angles_rad"] = last.ravel().astype("f4")
-        told["start"] = {"folded_rad": [*folded[:-2], *last[0]]}
+        meta["start"] = {"folded_rad": [*folded[:-2], *last[0]]}
 
-    found, other = checker(rewrite(path, path, window)), python_says(path)
+    found, other = checker(rewrite(path, path, window)), by_python(path)
     assert found["proved"], found
     assert other["verdict"] == "proved", other
     assert found["pairs"] == other["looks"] > 14 * foldback_check.CROWD, (
@@ -133,30 +133,30 @@ def test_pairs_at_rest_are_no_crowd_at_first(checker: JavaScriptChecker, tmp_pat
 
 
 @pytest.mark.parametrize("change", [{"apart": 9}, {"apart": 0}, {"rigid_links": -1}])
-def test_a_module_of_ones_own_exempts_no_more(
+def test_custom_module_exempts_no_more_pairs(
     change: dict[str, Any], checker: JavaScriptChecker, tmp_path: Path
 ) -> None:
-    def own(_: Arrays, told: Told) -> None:
-        geometry = told["claim"]["module"] | change
-        told["chain"]["module"], told["claim"] = "brick", {"module": geometry}
+    def own(_: Arrays, meta: Meta) -> None:
+        geometry = meta["claim"]["module"] | change
+        meta["chain"]["module"], meta["claim"] = "brick", {"module": geometry}
         apart = geometry["apart"]
-        told["certificate"]["exempt_pairs"] = {"apart": apart, "count": (apart - 1) * 7}
+        meta["certificate"]["exempt_pairs"] = {"apart": apart, "count": (apart - 1) * 7}
 
     assert not checker(rewrite(PLANS["box-8-windows"], tmp_path / "own.npz", own))["proved"]
 
 
-def test_no_bound_is_above_what_is_seen(checker: JavaScriptChecker, tmp_path: Path) -> None:
-    """With few frames hinges turn far from one to the next, and interpolation loses much."""
+def test_no_bound_exceeds_the_sampled_clearance(checker: JavaScriptChecker, tmp_path: Path) -> None:
+    """With few frames, hinges rotate far from one to the next, and interpolation loses much."""
     for stride in (2, 3, 5, 8, 12):
 
-        def few(arrays: Arrays, told: Told, stride: int = stride) -> None:
+        def thin_out(arrays: Arrays, meta: Meta, stride: int = stride) -> None:
             last = len(arrays["time_s"]) - 1
-            take(arrays, np.array([*range(0, last, stride), last]))
-            told["certificate"] |= {"clearance_bound": 1e-3, "max_joint_step_rad": None}
+            select(arrays, np.array([*range(0, last, stride), last]))
+            meta["certificate"] |= {"clearance_bound": 1e-3, "max_joint_step_rad": None}
 
-        path = rewrite(PLANS["ring-12-frames"], tmp_path / "few.npz", few)
+        path = rewrite(PLANS["ring-12-frames"], tmp_path / "few.npz", thin_out)
         found = checker(path)
-        assert found["proved"] == (python_says(path)["verdict"] == "proved")
+        assert found["proved"] == (by_python(path)["verdict"] == "proved")
         if found["proved"]:
             assert found["bounds"] > 100
             assert found["above"] == 0

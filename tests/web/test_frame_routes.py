@@ -11,7 +11,7 @@ from web.timeline.columns import decode
 from web.viser.scene_bundle import opened_scene
 
 
-def test_whole_fold_comes_in_batches(service: Service, wrench: str) -> None:
+def test_all_frames_of_a_fold_are_sent_in_batches(service: Service, wrench: str) -> None:
     timeline = Timeline.open(service.directory(wrench) / "timeline.zarr")
     at, angles = 0, timeline.frames().joint_angles_rad
     while at < len(timeline):
@@ -77,9 +77,9 @@ def test_recording_is_read_by_viser(service: Service, wrench: str) -> None:
         and m["name"] == "/modules"
         and "batched_positions" in m["updates"]
     ]
-    assert len({t for t, _ in places}) >= len(timeline) - 3  # what rests is not said twice
-    told = places[-1][1]
-    last = np.frombuffer(buffers[told["__binary_index"]], told["dtype"]).reshape(-1, 3)
+    assert len({t for t, _ in places}) >= len(timeline) - 3  # constant values are not repeated
+    change = places[-1][1]
+    last = np.frombuffer(buffers[change["__binary_index"]], change["dtype"]).reshape(-1, 3)
     frame = timeline.frames(len(timeline) - 1)
     poses = timeline.chain.poses(frame.joint_angles_rad, frame.root_position, frame.root_wxyz)
     assert np.allclose(last / 0.25, poses.positions[0], atol=1e-5)

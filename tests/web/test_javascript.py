@@ -1,7 +1,7 @@
-"""The pages' scripts under node: what they compute is what Python computes.
+"""Scripts of pages under node: they compute the same values as Python.
 
-The tests themselves are in ``js/``, one file for a script or two. What Python computes is handed to
-them in a file of JSON; arrays in it are messages of ``web.timeline.columns``, as pages get them.
+The tests themselves are in ``js/``, one file for a script or two. Python's values are passed to
+them in a JSON file; arrays in it are messages of ``web.timeline.columns``, as pages get them.
 """
 
 from __future__ import annotations
@@ -63,11 +63,11 @@ LONG_CHAINS = {
 }
 FILMS = (*("wrench-24", "tetra-ring", "direct-mallet-64", "letter-l", "box-4x4x4", "tetra-bar"),)
 SHIPPED = ("mallet-24", "tetra-letter-f", "refold")
-"""Recorded cubes, tetrahedra and a refold, whose drawn poses are compared."""
+"""Recordings of cubes, tetrahedra and a refold, whose drawn poses are compared."""
 FILES = sorted((Path(__file__).parent / "js").glob("*.test.js"))
 Vectors = Mapping[str, Any]
 Cases = list[ElementTree.Element]
-"""Tests of scripts: each with its file, its name and what it said when it failed."""
+"""Tests of scripts, each with its file, its name and its failure."""
 
 
 def text(message: bytes) -> str:
@@ -78,7 +78,7 @@ def packed(header: Mapping[str, Any] | None = None, /, **arrays: NDArray[Any]) -
     return text(encode(header or {}, {k: np.asarray(v, "<f8") for k, v in arrays.items()}))
 
 
-def posed(poses: Poses, **more: NDArray[Any]) -> str:
+def encoded(poses: Poses, **more: NDArray[Any]) -> str:
     return packed(positions=poses.positions, wxyzs=poses.wxyzs, **more)
 
 
@@ -90,7 +90,7 @@ def kinematics() -> list[Vectors]:
         position = rng.uniform(-3, 3, 3)
         wxyz = rng.normal(size=4)
         wxyz /= np.linalg.norm(wxyz)
-        given = posed(
+        given = encoded(
             chain.poses(angles, position, wxyz), angles=angles, position=position, wxyz=wxyz
         )
         found.append({"name": name, "bundle": text(bundle_of(chain)), "given": given})
@@ -118,8 +118,8 @@ def picking() -> list[Vectors]:
             modules.append(int(inside[first[0]].argmax()) if len(first) else None)
         assert len(set(modules)) > 3
         assert None in modules
-        told = {"name": name, "bundle": text(bundle_of(chain)), "given": posed(poses)}
-        found.append(told | {"origin": origin.tolist(), "ways": ways.tolist(), "modules": modules})
+        data = {"name": name, "bundle": text(bundle_of(chain)), "given": encoded(poses)}
+        found.append(data | {"origin": origin.tolist(), "ways": ways.tolist(), "modules": modules})
     return found
 
 
@@ -127,23 +127,23 @@ def windows() -> list[Vectors]:
     found: list[Vectors] = []
     for name, chain in LONG_CHAINS.items():
         off = 1e-3 if name == "cubes" else 0.0
-        windows = long_folds.fold(chain, width=31, step=3.7, base_moves=True, off=off)
+        windows = long_folds.fold(chain, width=31, step=3.7, base_moves=True, error_rad=off)
         columns = window_columns(windows, chain.folded_rad)
-        told = windows_of(columns, chain.folded_rad)
-        angles, errors = told.angles(chain), told.joint_errors(chain)
+        rows = windows_of(columns, chain.folded_rad)
+        angles, errors = rows.angles(chain), rows.joint_errors(chain)
         frames: list[Vectors] = []
-        count = len(told)
+        count = len(rows)
         for frame in (0.0, 1.0, count / 5, count / 3 + 0.25, 0.75 * count, count - 1.0):
             low, share = int(frame), frame % 1
             high = min(low + 1, count - 1)
             q, at, turn = (
                 v[low] + share * (v[high] - v[low])
-                for v in (angles, told.anchor_position, told.anchor_wxyz)
+                for v in (angles, rows.anchor_position, rows.anchor_wxyz)
             )
             poses = forward_kinematics(
                 chain.module, q, root_position=at, root_wxyz=turn / np.linalg.norm(turn)
             )
-            frames.append({"frame": frame, "poses": posed(poses, angles=q, errors=errors[low])})
+            frames.append({"frame": frame, "poses": encoded(poses, angles=q, errors=errors[low])})
         header = {"start": 0, "stop": len(windows), "stride": 1}
         batch = encode(header, columns, planes=PLANE_COLUMNS, short=SINGLE_BYTE_COLUMNS)
         bundle = text(bundle_of(chain, 40))
@@ -168,7 +168,7 @@ def touching() -> Vectors:
 
 
 def paths() -> list[Vectors]:
-    """Lists of cells, and what is wrong with each as a path."""
+    """Return lists of cells, and the error of each as a path."""
     rng = np.random.default_rng(7)
     found: list[Vectors] = []
     for count in np.resize([2, 3, 6, 12], 80):
@@ -183,7 +183,7 @@ def paths() -> list[Vectors]:
         except InputError as error:
             code = error.code
         found.append({"cells": cells.tolist(), "code": code})
-    assert {None, "repeated-cell", "not-adjacent"} <= {told["code"] for told in found}
+    assert {None, "repeated-cell", "not-adjacent"} <= {each["code"] for each in found}
     return found
 
 
@@ -211,11 +211,11 @@ def camera() -> list[Vectors]:
 
 
 def stored(name: str) -> Vectors:
-    """A recording of the paper's page with its scene bundle, and the poses that are drawn of it."""
+    """Return a recording of the paper's page with its scene bundle, and its drawn poses."""
     place = STATIC.parent / "paper" / name
     chain = chain_from_attributes(json.loads((place / "chain.json").read_bytes()))
     batch = text((place / "batch").read_bytes())
-    drawn = posed(chain.folded_poses)
+    drawn = encoded(chain.folded_poses)
     return {"name": name, "bundle": text(bundle_of(chain)), "batch": batch, "drawn": drawn}
 
 
@@ -263,7 +263,7 @@ def quantities() -> list[Vectors]:
 
 
 def module_texts() -> list[list[str]]:
-    """Return texts of the planner, and the same counted as on the server's pages."""
+    """Return texts of the planner, and the same with numbers as on the server's pages."""
     texts = (
         "in the plan, modules 3 and 7 overlap by 0.02 pitch at module size 0.95",
         "Modules 0, 12, 202, 262 and 12 more",
@@ -278,7 +278,7 @@ def module_texts() -> list[list[str]]:
 
 
 def timeline(path: Path) -> Vectors:
-    """A short fold, as its page gets it, and what Python says of three of its frames."""
+    """Return a short fold as its page gets it, and Python's values for three of its frames."""
     timeline = TimelineView(path)
     chain = timeline.chain
     frames: list[Vectors] = []
@@ -306,7 +306,7 @@ def timeline(path: Path) -> Vectors:
 
 @pytest.fixture(scope="module")
 def cases(timeline_path: Path, peeled: Path, tmp_path_factory: pytest.TempPathFactory) -> Cases:
-    """What came out of every test under node: one run for all of them."""
+    """Results of all tests under node, from one run."""
     vectors = {
         "kinematics": kinematics(),
         "picking": picking(),
@@ -326,19 +326,19 @@ def cases(timeline_path: Path, peeled: Path, tmp_path_factory: pytest.TempPathFa
     path = tmp_path_factory.mktemp("javascript") / "vectors.json"
     path.write_text(json.dumps(vectors, allow_nan=False), encoding="utf-8")
     asked = [NODE, "--test", "--test-isolation=none", "--test-reporter=junit", *FILES]
-    told = os.environ | {"FOLDBACK_VECTORS": str(path)}
-    done = subprocess.run(asked, env=told, capture_output=True, text=True, check=False)
+    environment = os.environ | {"FOLDBACK_VECTORS": str(path)}
+    done = subprocess.run(asked, env=environment, capture_output=True, text=True, check=False)
     assert done.stdout.rstrip().endswith("</testsuites>"), done.stdout + done.stderr
     return list(ElementTree.fromstring(done.stdout).iter("testcase"))
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name.removesuffix(".test.js"))
 def test_scripts(cases: Cases, file: Path) -> None:
-    told = [case for case in cases if case.get("file") == str(file)]
-    assert told, cases
+    results = [case for case in cases if case.get("file") == str(file)]
+    assert results, cases
     failed = [
         f"{case.get('name')}\n{failure}"
-        for case in told
+        for case in results
         if (failure := case.findtext("failure")) is not None
     ]
     assert not failed, "\n\n".join(failed)
@@ -352,8 +352,8 @@ def test_every_script_is_used() -> None:
     scripts = {path.relative_to(STATIC).as_posix() for path in STATIC.rglob("*.js")}
     pages = {name for name in scripts if name.startswith("js/pages/")}
     used = {script for page in pages for script in scripts_of(page)}
-    # What runs in the 3D view's frame, in a worker, in pages of others, and before a page's modules
-    # is named alone.
+    # Scripts of the 3D view's frame, of a worker, of pages of others, and those that run before a
+    # page's modules are named alone.
     named_alone = {
         "foldback-fold.js",
         "js/viewer/bridge.js",
@@ -371,4 +371,4 @@ def test_node_packages_are_pinned_without_addresses() -> None:
     named = json.loads((ROOT / "package.json").read_text(encoding="utf-8"))["devDependencies"]
     locked = json.loads((ROOT / "package-lock.json").read_text(encoding="utf-8"))["packages"]
     assert {name: locked[f"node_modules/{name}"]["version"] for name in named} == named
-    assert [name for name, told in locked.items() if "resolved" in told] == []
+    assert [name for name, entry in locked.items() if "resolved" in entry] == []

@@ -32,15 +32,15 @@ SMALL = {"width": 320, "height": 180, "seconds": 0.8, "fps": 10}
 
 
 def make(timeline: Path, movie: Movie, out: Path, backend: str, **more: Any) -> list[int]:
-    """Make a whole movie; the numbers of its pictures as they were told."""
+    """Make a whole movie; return the numbers of its pictures as they were reported."""
     done: list[int] = []
-    told: dict[str, Any] = {"progress": done.append, "cancelled": lambda: False, **more}
-    assert make_movie(timeline, movie, out, backend=backend, **told)
+    options: dict[str, Any] = {"progress": done.append, "cancelled": lambda: False, **more}
+    assert make_movie(timeline, movie, out, backend=backend, **options)
     return done
 
 
 def read(path: Path) -> tuple[str, np.ndarray]:
-    """What ffmpeg says of a movie's picture stream, and (K, H, W, 3) sRGB bytes."""
+    """Return ffmpeg's description of a movie's picture stream, and (K, H, W, 3) sRGB bytes."""
     command = [find_ffmpeg(), "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24"]
     found = subprocess.run(
         [*command, "-fps_mode", "passthrough", "-"], capture_output=True, check=True
@@ -66,16 +66,16 @@ def test_movie_has_its_format_size_ground_and_colours(
     if kind == "mp4":
         assert "h264" in about and "yuv420p(tv, bt709" in about
         data = (tmp_path / name).read_bytes()
-        assert data.index(b"moov") < data.index(b"mdat")  # it plays while it is being loaded
+        assert data.index(b"moov") < data.index(b"mdat")  # it plays while it is loading
     ground = np.array(THEMES["light"].ground)
     corners = pictures[:, [2, 2, -3, -3], [2, -3, 2, -3]].astype(int)
     assert np.abs(corners - ground).max() <= 12
     modules = (np.abs(pictures.astype(int) - ground).max(axis=-1) > 60).mean(axis=(1, 2))
     assert (modules > 0.005).all()
-    assert modules[-1] > modules[0]  # the camera comes nearer as the chain gets shorter
+    assert modules[-1] > modules[0]  # the camera approaches as the chain gets shorter
     assert np.abs(np.diff(pictures[:, ::4, ::4].astype(int), axis=0)).max(axis=(1, 2, 3))[3] > 40
     if kind == "mp4":  # a palette has few reds
-        # The joint with the error gets red.
+        # The joint with the error turns red.
         over = pictures[[0, -1], ..., 0].astype(int) - pictures[[0, -1], ..., 1]
         few, many = (over > 70).sum(axis=(1, 2))
         assert few == 0 < 10 < many
@@ -127,7 +127,7 @@ def test_movie_of_a_tour_rests_at_its_stops_for_as_long_as_reading_takes(
     assert (frames == 150).sum() >= movie.stops[1].reading_s * movie.fps - 1
     assert (np.diff(frames) >= 0).all() and (frames[0], frames[-1]) == (100, 199)
     hurried, _ = schedule(TimelineView(timeline_path), Movie.of({"seconds": 3}, TOUR))
-    assert (np.diff(hurried) > 0).mean() > 0.15  # it moves all the same
+    assert (np.diff(hurried) > 0).mean() > 0.15  # it moves nevertheless
 
 
 def test_movie_shows_captions_and_highlights_their_modules(

@@ -25,7 +25,7 @@ def redness(colours: np.ndarray) -> np.ndarray:
 
 
 def test_linear_light_of_known_greys() -> None:
-    # 18 % grey is 118 in sRGB; black and white stay.
+    # 18 % grey is 118 in sRGB; black and white are fixed.
     assert linear_from_srgb(np.array([0.0, 118 / 255, 1.0])) == pytest.approx(
         [0.0, 0.181, 1.0], abs=1e-3
     )
@@ -51,7 +51,7 @@ def test_scale_is_the_next_round_number(largest: float) -> None:
     assert largest <= scale * (1 + 1e-9)
     assert scale <= 2.5 * largest * (1 + 1e-9) or scale == 1e-5
     assert f"{scale:e}"[0] in "125"
-    # Tiny errors are not blown up.
+    # Tiny errors are not exaggerated.
     assert error_scale(1e-9) == error_scale(0.0) == error_scale(float("nan")) == 1e-5
 
 

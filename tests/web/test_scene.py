@@ -1,4 +1,4 @@
-"""The scene of a fold: in a viser server, and as a browser gets it; test_show.py compares poses."""
+"""Scene of a fold: in a viser server, and as a browser gets it; test_show.py compares poses."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def server() -> Iterator[viser.ViserServer]:
     server.stop()
 
 
-def sent(server: viser.ViserServer, kind: type) -> list[messages.Message]:
-    """What a client that connected now would be sent."""
+def messages_of(server: viser.ViserServer, kind: type) -> list[messages.Message]:
+    """Return the messages that a new client would be sent."""
     buffer = server._websock_server.get_message_buffer()
     return [m for m in buffer.message_from_id.values() if isinstance(m, kind)]
 
@@ -59,18 +59,18 @@ def test_scene_marks_both_ends_above_the_ground_and_moves_all_cameras(
 
     view = framing(scene.points(straight), radius=scene.radius)
     look(server, view)
-    (position,) = sent(server, messages.SetCameraPositionMessage)
-    (target,) = sent(server, messages.SetCameraLookAtMessage)
+    (position,) = messages_of(server, messages.SetCameraPositionMessage)
+    (target,) = messages_of(server, messages.SetCameraLookAtMessage)
     assert np.allclose(position.position, view.position)
     assert np.allclose(target.look_at, view.target)
     assert not position.initial
 
 
-def refused(header: dict[str, Any]) -> set[str]:
-    """Types of a scene's messages that the view does not hand on to viser's client."""
+def refusals(header: dict[str, Any]) -> set[str]:
+    """Return types of a scene's messages that the view does not pass to viser's client."""
     bridge = (STATIC / "js/viewer/bridge.js").read_text(encoding="utf-8")
     taken = set(re.findall(r'"(\w+Message)"', bridge.partition("SHOWN")[2].partition("]")[0]))
-    # None of them brings text that could be a script; of a theme the links are left out.
+    # None of them contains text that could be a script; the links of a theme are removed.
     assert not [name for name in taken if re.search("Gui|Notification|Html|Label", name)]
     return {message["type"] for message in header["messages"]} - taken
 
@@ -78,7 +78,7 @@ def refused(header: dict[str, Any]) -> set[str]:
 def test_bundle_has_the_nodes_properties_and_chain_that_pages_use(chain: Chain) -> None:
     header, arrays = decode(bundle_of(chain))
     kinds = {m["type"] for m in header["messages"]}
-    # What the page sends for each frame names these nodes and properties.
+    # The page's updates for each frame use the names of these nodes and properties.
     assert {"BatchedMeshesMessage", "GridMessage", "LineSegmentsMessage"} <= kinds
     nodes = {m["name"]: m for m in header["messages"] if "props" in m}
     assert {"/modules", "/ends", "/path", "/ground"} <= nodes.keys()
@@ -87,10 +87,10 @@ def test_bundle_has_the_nodes_properties_and_chain_that_pages_use(chain: Chain) 
         assert props[name]["column"] in arrays
     assert {"opacity", "cast_shadow", "receive_shadow"} <= props.keys()
     assert "points" in nodes["/path"]["props"]
-    assert refused(header) == set()
-    told = header["chain"]
-    assert told["modules"] == 16
-    assert told["hinge_names"] == list(chain.module.hinge_names)
+    assert refusals(header) == set()
+    stated = header["chain"]
+    assert stated["modules"] == 16
+    assert stated["hinge_names"] == list(chain.module.hinge_names)
     assert np.allclose(arrays["folded_rad"], chain.folded_rad)
     assert np.allclose(arrays["folded_positions"], chain.folded_poses.positions)
 

@@ -20,7 +20,7 @@ from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.workspace import Workspace
 from planner.progress import Progress
 from tests.planner.peels import snake
-from tests.web.conftest import ERROR_AT_END
+from tests.web.conftest import FINAL_ERROR_RAD
 from web.palette import (
     NO_ERROR_RGB,
     SELECTED_RGB,
@@ -34,7 +34,7 @@ from web.timeline.view import TimelineView
 from web.viser import Live, Shown, show
 from web.viser.viewer import COLOUR_ALONG_CHAIN
 
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 
 
 @pytest.fixture
@@ -43,16 +43,16 @@ def shown(timeline_path: Path) -> Iterator[Shown]:
         yield shown
 
 
-def until(true: Callable[[], bool]) -> None:
-    """Waits for what another thread does."""
-    deadline = time.monotonic() + PATIENCE_S
+def wait_until(true: Callable[[], bool]) -> None:
+    """Wait until a condition is true that another thread fulfils."""
+    deadline = time.monotonic() + TIMEOUT_S
     while not true():
         assert time.monotonic() < deadline
         time.sleep(0.005)
 
 
 def colours(shown: Shown) -> np.ndarray:
-    """(n, 3) linear bytes that clients were sent."""
+    """Return the (n, 3) linear bytes that clients were sent."""
     return np.asarray(shown._scene._modules.batched_colors)
 
 
@@ -61,7 +61,7 @@ def positions(shown: Shown) -> np.ndarray:
 
 
 def distances(positions: np.ndarray) -> np.ndarray:
-    """(n, n) between all modules, which float about."""
+    """Return the (n, n) distances between all modules, since the chain floats."""
     return np.linalg.norm(positions[:, None] - positions[None], axis=-1)
 
 
@@ -76,7 +76,7 @@ def test_frames_are_posed_as_in_the_timeline(shown: Shown, timeline_path: Path) 
     for frame in (0, 40, 199):
         shown.frame = frame
         assert np.allclose(positions(shown), view.snapshot(frame).positions, atol=1e-6)
-        assert shown._controls.slider.value == frame + 1  # people count from 1
+        assert shown._controls.slider.value == frame + 1  # counted from 1
         assert f"Frame {frame + 1} of 200" in shown._controls.text.content
     for asked, got in ((-5, 0), (10**12, 199)):
         shown.frame = asked
@@ -85,10 +85,10 @@ def test_frames_are_posed_as_in_the_timeline(shown: Shown, timeline_path: Path) 
 
 def test_colours_show_joint_errors_or_the_place_in_the_chain(shown: Shown, chain: Chain) -> None:
     shown.frame = 50
-    assert (colours(shown) == linear(UNKNOWN_ERROR_RGB)).all()  # nothing is off while it explodes
+    assert (colours(shown) == linear(UNKNOWN_ERROR_RGB)).all()  # no errors during the explosion
     assert "No joint error recorded" in shown._controls.text.content
     shown.frame = 199
-    red = instance_colours(error_colours(np.array([ERROR_AT_END]), 5e-3))[0]
+    red = instance_colours(error_colours(np.array([FINAL_ERROR_RAD]), 5e-3))[0]
     assert colours(shown)[6].tolist() == red.tolist()
     assert colours(shown)[4].tolist() == linear(NO_ERROR_RGB)
     assert "0.003 rad" in shown._controls.text.content
@@ -101,10 +101,10 @@ def test_clicked_module_is_described(shown: Shown) -> None:
     shown.frame = 199
     shown._select(6)
     assert colours(shown)[6].tolist() == linear(SELECTED_RGB)
-    told = shown._controls.module.content
-    for text in ("**Module 7** of 16", "joint_6_z: ", f"error {ERROR_AT_END} rad"):
-        assert text in told
-    shown._select(6)  # once more lets go of it
+    panel = shown._controls.module.content
+    for text in ("**Module 7** of 16", "joint_6_z: ", f"error {FINAL_ERROR_RAD} rad"):
+        assert text in panel
+    shown._select(6)  # another click deselects it
     assert shown._controls.module.content == "Click on a module."
 
 
@@ -113,10 +113,10 @@ def test_playing_stops_at_the_end_and_begins_again(shown: Shown) -> None:
     shown.frame = 190
     shown.play()
     assert shown._controls.button.label == "Pause"
-    until(lambda: shown._controls.button.label == "Play")
+    wait_until(lambda: shown._controls.button.label == "Play")
     assert shown.frame == 199
     shown.play()
-    until(lambda: 0 < shown.frame < 190)
+    wait_until(lambda: 0 < shown.frame < 190)
     shown.pause()
     assert shown._controls.button.label == "Play"
 
@@ -131,7 +131,7 @@ def test_closing_frees_the_port_and_all_threads(timeline_path: Path) -> None:
     with socket.socket() as again:
         again.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         again.bind(("127.0.0.1", port))
-    until(lambda: not {t for t in threading.enumerate() if t.is_alive()} - before)
+    wait_until(lambda: not {t for t in threading.enumerate() if t.is_alive()} - before)
 
 
 def test_unusable_addresses_and_places_without_a_timeline_are_refused(
@@ -160,29 +160,29 @@ def test_newest_frame_is_followed_until_another_is_chosen(
     with show(Timeline.open(path), port=0) as shown:
         assert shown._controls.slider.max == 10
         add(5)
-        until(lambda: shown._controls.slider.max == 15)
+        wait_until(lambda: shown._controls.slider.max == 15)
         assert shown.frame == 0
     with show.live(port=0) as live:
         assert live._controls.text.content == "Nothing to show yet."
         live(Progress(stage="play_back", fraction=0.25, directory=str(path.parent)))
-        until(lambda: live.frame == 14)
-        until(
+        wait_until(lambda: live.frame == 14)
+        wait_until(
             lambda: live._controls.text.content.startswith("Play back, 25%\n\n**Frame 15 of 15**")
         )
         live.frame = 3
         add(5)
-        until(lambda: live._playhead.last == 19)
+        wait_until(lambda: live._playhead.last == 19)
         assert live.frame == 3
         live.frame = 19
         add(5)
-        until(lambda: live.frame == 24)
+        wait_until(lambda: live.frame == 24)
         live.pause()
         writer.close()
         live(Progress(stage="export", fraction=1.0, directory=str(path.parent)))
-        until(lambda: live._moments is live._whole)
-        live.play()  # it is over: from the first frame
+        wait_until(lambda: live._moments is live._whole)
+        live.play()  # the fold is finished: from the first frame
         assert live.frame == 0
-        # What says nothing of a directory, or of one without a timeline, harms no fold.
+        # Reports without a directory, or without a timeline in it, do no harm.
         live(Progress(stage="export", fraction=1.0))
         live(Progress(stage="export", fraction=1.0, directory=str(path)))
 
@@ -196,10 +196,10 @@ def test_plan_is_posed_as_its_timeline(tmp_path: Path) -> None:
         assert shown._controls.text.content.startswith("**Frame 1 of")
         for frame in (0, shown._playhead.last // 2, shown._playhead.last):
             shown.frame, whole.frame = frame, first + frame
-            # The plan has what the hinges should be, the timeline what a robot made of it.
+            # The plan has the target angles, the timeline those of a simulated robot.
             assert np.abs(positions(shown) - positions(whole)).max() < 0.01
             assert (colours(shown) == colours(whole)).all()
-    # In its file a plan has no errors to colour by.
+    # The file of a plan holds no errors for the colours.
     assert np.isfinite(plan.motion.joint_error_rad).any()
     with show(Plan.load(directory / "plan.npz"), port=0) as shown:
         shown.frame = shown._playhead.last
@@ -227,25 +227,25 @@ def test_windows_are_posed_as_their_timeline(peeled: Path) -> None:
         assert np.array_equal(one.module_error_rad, other.module_error_rad, equal_nan=True)
 
 
-def test_live_fold_is_followed_and_kept_without_its_folder() -> None:
+def test_live_fold_is_followed_and_outlives_its_directory() -> None:
     with show.live(port=0) as live:
         assert isinstance(live, Live)
-        told: list[Progress] = []
+        reports: list[Progress] = []
         seen: set[int] = set()
 
-        def watch(progress: Progress) -> None:
+        def follow_progress(progress: Progress) -> None:
             live(progress)
-            told.append(progress)
+            reports.append(progress)
             seen.add(live._playhead.last)
 
-        plan = fold(snake((2, 2, 3)), progress=watch)
-        directory = told[-1].directory
+        plan = fold(snake((2, 2, 3)), progress=follow_progress)
+        directory = reports[-1].directory
         assert directory is not None and not Path(directory).exists()
         assert live._controls.text.content.startswith("Done")
         assert live.frame == live._playhead.last > 0
         assert live._playhead.last >= len(plan.motion)
         apart = distances(plan.chain.folded_poses.positions)
         assert np.abs(distances(positions(live)) - apart).max() < 0.01
-        live.frame = 0  # it is held, though its folder has gone
+        live.frame = 0  # the frames are in memory, though the directory is gone
         assert live.frame == 0
         assert np.abs(distances(positions(live)) - apart).max() < 0.2

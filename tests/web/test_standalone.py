@@ -1,4 +1,4 @@
-"""A fold in one HTML file: what it holds of the plan, and what it takes from there."""
+"""A fold in one HTML file: the parts of the plan that it holds and uses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WINDOWS = Path(__file__).parents[1] / "planner/certificate/earlier_plans/box-8-w
 
 
 def parts_of(timeline: Path, plan: Path) -> dict[str, Any]:
-    """What the page holds besides its scripts."""
+    """Return the data of the page besides its scripts."""
 
     def render(**values: Any) -> str:
         return values["parts"]
@@ -31,7 +31,7 @@ def parts_of(timeline: Path, plan: Path) -> dict[str, Any]:
     return json.loads(standalone_html(TimelineView(timeline), render, {}, plan=plan, kept={}))
 
 
-def there_and_back(path: Path, plan: Plan) -> Path:
+def round_trip(path: Path, plan: Plan) -> Path:
     with TimelineWriter.create(path, plan.chain, windowed=True) as writer:
         for phase, motion in (("explosion", plan.motion[::-1]), ("playback", plan.motion)):
             times = np.arange(len(motion), dtype=float)
@@ -46,14 +46,14 @@ def test_plan_is_in_the_page_and_proved_from_there(
     plan = peeled / "plan.npz" if simulated else WINDOWS
     timeline = peeled / "timeline.zarr"
     if not simulated:
-        timeline = there_and_back(tmp_path / "timeline.zarr", Plan.load(plan))
+        timeline = round_trip(tmp_path / "timeline.zarr", Plan.load(plan))
     parts = parts_of(timeline, plan)
     (held := tmp_path / "held.npz").write_bytes(base64.b64decode(parts["plan"]))
     whole, part = (foldback_check.check(path) for path in (plan, held))
     assert part["verdict"] == "proved"
     assert part["clearance"] == whole["clearance"]
     assert foldback_check.Plan(held).digest == foldback_check.Plan(plan).digest
-    # The angles of robots with errors are not the plan's; others are in the page once.
+    # The angles of robots with errors differ from the plan's; other angles are in the page once.
     header, columns = decode(base64.b64decode(parts["batch"]))
     assert header["total"] == len(TimelineView(timeline))
     _, shown = decode(batch_of(TimelineView(timeline)))
@@ -65,7 +65,7 @@ def test_motion_that_is_thinned_comes_without_the_plan(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(standalone, "MAX_STANDALONE_BYTES", 1000)
-    parts = parts_of(there_and_back(tmp_path / "timeline.zarr", Plan.load(WINDOWS)), WINDOWS)
+    parts = parts_of(round_trip(tmp_path / "timeline.zarr", Plan.load(WINDOWS)), WINDOWS)
     _, columns = decode(base64.b64decode(parts["batch"]))
     assert parts["plan"] is None
     assert columns.keys() >= WINDOW_ANGLES

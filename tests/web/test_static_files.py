@@ -10,10 +10,10 @@ from web.static_files import STATIC, code_of, scripts_of, text_of
 
 SCRIPTS = sorted(path.relative_to(STATIC).as_posix() for path in STATIC.rglob("*.js"))
 MAX_SCRIPTS = {"compare": 22, "editor": 7, "embed": 25, "fold": 34, "landing": 17, "preview": 10}
-"""Scripts that a page may load at once. Each is a request; with data, styles and pictures, more of
-them would exceed the number of requests that ``make bench`` (weights) allows the page."""
+"""Maximum number of scripts that a page loads at once. Each is a request; with data, styles and
+pictures, more of them would exceed the limit of ``make bench`` (weights) for the page."""
 TYPE = re.compile(r"/\*\* @.*?\*/ ?")
-"""A type within a line of code."""
+"""Type annotation within a line of code."""
 
 
 def test_scripts_lose_only_comments() -> None:
@@ -44,7 +44,7 @@ def test_scripts_of_a_page_are_imported_at_once_or_later() -> None:
     assert {"js/player/player.js", "js/panels/plots.js"} <= set(at_once)
     assert "js/panels/downloads.js" in set(all_of_them) - set(at_once)
     assert at_once[0] == all_of_them[0] == "js/pages/fold.js"
-    # Types that come from a script need nothing of it.
+    # Imports of types load nothing.
     assert scripts_of("js/panels/failure.js") == (
         "js/panels/failure.js",
         "js/lib/text.js",

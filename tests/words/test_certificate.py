@@ -6,7 +6,7 @@ from typing import Any
 
 from planner.certificate.table_certificate import table_certificate
 from planner.parameters.explosion import Base
-from tests.planner.certificate.test_table_certificate import LIFTED, line, moving
+from tests.planner.certificate.test_table_certificate import LIFTED, line, swing
 from words import certificate as certificate_words
 from words.certificate import clearance, headline, linked, on_table, record, rows, torque
 
@@ -46,17 +46,17 @@ def test_headline_has_the_proved_clearance_rounded_down() -> None:
     assert headline(failed) == "failed: it was cancelled"
 
 
-def test_negative_clearance_is_said_to_be_an_overlap() -> None:
-    for value, said in (
+def test_negative_clearance_is_called_an_overlap() -> None:
+    for value, words in (
         (0.0, "stay at least 0 %"),
         (-0.0042, "overlap by at most 0.5 %"),
         (-0.000019, "overlap by at most 0.0019 %"),
         (-2.0, "overlap by at most 200.0 %"),
     ):
-        assert f"modules {said} of a" in str(clearance(SIMULATED | {"clearance_bound": value}))
+        assert f"modules {words} of a" in str(clearance(SIMULATED | {"clearance_bound": value}))
 
 
-def test_margins_are_rounded_down_and_name_what_limits_them() -> None:
+def test_margins_are_rounded_down_and_name_their_limit() -> None:
     place = {"frame": 41.5, "modules": [0, 158]}
     margins = {
         "module_size": {"value": 0.99589, "limited_by": place},
@@ -65,19 +65,19 @@ def test_margins_are_rounded_down_and_name_what_limits_them() -> None:
         "failure_probability": 0.05,
     }
     limit = "limited by modules 1 and 159 near frame 43 of the plan"
-    told = dict(rows(SIMULATED | {"margins": margins}))
-    assert told["Margin: module size"] == f"up to 0.995 pitch; {limit}"
-    assert told["Margin: error of one hinge"] == f"up to 0.17°, all others exact; {limit}"
-    assert str(told["Margin: random errors of all hinges"]).startswith("up to 0.0022° each: ")
-    assert "5 of 100 robots" in str(told["Margin: random errors of all hinges"])
+    shown = dict(rows(SIMULATED | {"margins": margins}))
+    assert shown["Margin: module size"] == f"up to 0.995 pitch; {limit}"
+    assert shown["Margin: error of one hinge"] == f"up to 0.17°, all others exact; {limit}"
+    assert str(shown["Margin: random errors of all hinges"]).startswith("up to 0.0022° each: ")
+    assert "5 of 100 robots" in str(shown["Margin: random errors of all hinges"])
     assert "Margin: error of one hinge" not in dict(rows(SIMULATED))
 
 
 def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:
-    said, followed = dict(rows(SIMULATED)), dict(rows(FOLLOWED))
+    simulated, followed = dict(rows(SIMULATED)), dict(rows(FOLLOWED))
     unknown = dict(rows(SIMULATED | {"simulated": None, "rms_position_error": None}))
     for label in ("Least clearance, simulated robots", FINAL_ERROR, "Largest joint error"):
-        assert said[label] and said[label] != "not simulated"
+        assert simulated[label] and simulated[label] != "not simulated"
         assert followed[label] == "not simulated"
     assert unknown[FINAL_ERROR] == certificate_words.NOT_KNOWN
 
@@ -88,24 +88,24 @@ def test_torque_is_called_peak_only_if_every_step_was_simulated() -> None:
 
 
 def test_text_about_linked_modules() -> None:
-    """Those of known overlaps and of none are stored and compared: see tests/server/contract."""
-    told = linked({"exempt_pairs": EXEMPT | {"worst_overlap_bound": None}})
-    assert told is not None and "not checked against each other. Real modules need" in told
+    """tests/server/contract compares the texts for known overlaps and for none."""
+    text = linked({"exempt_pairs": EXEMPT | {"worst_overlap_bound": None}})
+    assert text is not None and "not checked against each other. Real modules need" in text
     assert linked({}) is None
 
 
 def test_text_about_a_record_that_overlaps() -> None:
     assert record(SIMULATED, limit_rad=1.6057) is None
-    for changes, said in (
+    for changes, words in (
         ({"min_clearance_record": -0.0042}, "overlaps by 0.0042 pitch, but the plan does not."),
         ({"max_angle_record_rad": 1.62}, "bends a joint to 92.8°, beyond its limit of ±92°, but"),
     ):
-        assert said in str(record(SIMULATED | changes, limit_rad=1.6057))
+        assert words in str(record(SIMULATED | changes, limit_rad=1.6057))
 
 
 def test_text_about_the_base_on_a_table() -> None:
     chain = line(7)
-    motion = moving(chain, 1, -LIFTED)
+    motion = swing(chain, 1, -LIFTED)
     cases: tuple[tuple[float, Base, str, str], ...] = (
         (0.0, "free", "frictionless", "the simulation pins the first module"),
         (0.2, "free", "friction 0.2, free base", "free on the table, where it may drift"),
@@ -113,6 +113,6 @@ def test_text_about_the_base_on_a_table() -> None:
     )
     for friction, base, words, held in cases:
         found = table_certificate(chain, motion, friction=friction, base=base)
-        told = on_table({"table": found.as_dict()}, None)
-        assert words in told["text"]
-        assert held in dict(told["rows"])["Base"]
+        text = on_table({"table": found.as_dict()}, None)
+        assert words in text["text"]
+        assert held in dict(text["rows"])["Base"]

@@ -1,4 +1,4 @@
-"""Table of the plans for a preference: a row for each plan, with gain and cost."""
+"""Table of the plans for a preference: one row per plan, with gain and cost."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ SMOOTH = {"fold_time_s": 10.0, "peak_torque_nm": 0.03, "clearance_bound": 0.0312
 def attempt(strategy: str, figures: dict[str, float] | None, **more: Any) -> dict[str, Any]:
     known = {} if figures is None else {"figures": {**FIGURES, **figures}}
     verdict = {} if figures is None else {"verdict": "verified (simulated)"}
-    told = {"candidate": 0, "seed": 0, "strategy": strategy, "status": "straight", "steps": 1}
-    return {**told, "seconds": 2.0, **verdict, **known, **more}
+    values = {"candidate": 0, "seed": 0, "strategy": strategy, "status": "straight", "steps": 1}
+    return {**values, "seconds": 2.0, **verdict, **known, **more}
 
 
-TRIED = (
+ATTEMPTS = (
     attempt("peel", {**SLOW, "one_hinge_rad": 0.002}),
     attempt("blocks", None, status="stalled"),
     attempt("simultaneous", QUICK, candidate=1),
@@ -34,7 +34,7 @@ TRIED = (
 )
 
 
-def written(directory: Path, chosen: int, *tried: dict[str, Any]) -> Path:
+def write_attempts(directory: Path, chosen: int, *tried: dict[str, Any]) -> Path:
     values = [{**each, "chosen": True} if k == chosen else each for k, each in enumerate(tried)]
     (directory / "attempts.json").write_text(json.dumps(values))
     return directory
@@ -48,20 +48,20 @@ def test_text_has_gain_and_cost_of_the_chosen_plan(tmp_path: Path) -> None:
         ("margin", 3, "0.57° instead of 0.11° of allowed error in one hinge"),
     )
     for prefer, chosen, text in cases:
-        choice = choice_of(written(tmp_path, chosen, *TRIED), prefer)
+        choice = choice_of(write_attempts(tmp_path, chosen, *ATTEMPTS), prefer)
         assert choice["text"] == f"{text}, after 11 s of further computing."
         assert choice["seconds"] == 100.0, "of those that are verified"
         assert [plan["chosen"] for plan in choice["plans"]].count(True) == 1
         assert superlative(prefer, len(choice["plans"])) is not None
-    first = choice_of(written(tmp_path, 0, *TRIED), "clearance")
+    first = choice_of(write_attempts(tmp_path, 0, *ATTEMPTS), "clearance")
     assert first["text"].startswith("The first plan that worked is still the best after 11 s")
 
 
 def test_plans_have_labels_and_rows(tmp_path: Path) -> None:
-    choice = choice_of(written(tmp_path, 3, *TRIED), "time")
-    told = {plan["label"]: plan["verified"] for plan in choice["plans"]}
+    choice = choice_of(write_attempts(tmp_path, 3, *ATTEMPTS), "time")
+    plans = {plan["label"]: plan["verified"] for plan in choice["plans"]}
     labels = ("1. One part at a time", "3. All at once, path 2", "4. Smoothed 3, seed 1")
-    assert told == {**dict.fromkeys(labels, True), "5. All at once": False}
+    assert plans == {**dict.fromkeys(labels, True), "5. All at once": False}
     assert choice["plans"][1]["cells"] == ["20", "1 mN·m", "40 µN·m", "0.0312", "3"]
     assert choice["plans"][1]["torque_mnm"] == pytest.approx(0.04)
     assert all(len(plan["cells"]) == len(PLAN_COLUMNS) - 1 for plan in choice["plans"])
@@ -69,14 +69,14 @@ def test_plans_have_labels_and_rows(tmp_path: Path) -> None:
 
 def test_no_choice_without_a_preference_or_a_plan(tmp_path: Path) -> None:
     assert choice_of(tmp_path, "time") is None
-    assert choice_of(written(tmp_path, 0, *TRIED), "computing") is None
-    assert choice_of(written(tmp_path, 9, TRIED[1], TRIED[4]), "time") is None
+    assert choice_of(write_attempts(tmp_path, 0, *ATTEMPTS), "computing") is None
+    assert choice_of(write_attempts(tmp_path, 9, ATTEMPTS[1], ATTEMPTS[4]), "time") is None
     assert superlative("computing", 3) is None
     assert set(PREFERENCE_WORDS) == set(PREFERENCES)
 
 
 def test_command_line_prints_the_choice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    show_choice(choice_of(written(tmp_path, 3, *TRIED), "time"))
+    show_choice(choice_of(write_attempts(tmp_path, 3, *ATTEMPTS), "time"))
     lines = capsys.readouterr().out.splitlines()
     (chosen,) = (line for line in lines if line.startswith("→"))
     assert "4. Smoothed 3, seed 1" in chosen

@@ -28,11 +28,11 @@ def test_verified_and_running_folds_have_no_failure() -> None:
 
 
 CROSSINGS = [(0.5, 3.5), (2.5, 5.5), (4.5, 1.5)]
-"""Over, under, over, under …: each crossing is passed once above and once below."""
+"""Parameters of the strand above and of the one below at each crossing, which alternate."""
 
 
 def trefoil(sign: int) -> KnotFigures:
-    """A knot with three crossings of a sign."""
+    """Return a knot with three crossings of a sign."""
     diagram = [{"over": over, "under": under, "sign": sign} for over, under in CROSSINGS]
     known = {"kind": "knot", "determinant": 3, "crossings": 3, "closings": [[]], "polygon": []}
     return cast("KnotFigures", {**known, "sight": [0.0, 0.0, 1.0], "diagram": diagram})
@@ -40,9 +40,9 @@ def trefoil(sign: int) -> KnotFigures:
 
 def test_knot_is_drawn_with_a_gap_at_each_crossing() -> None:
     stuck = {**KNOT, "evidence": trefoil(1)}
-    told = failure(row(), {"stuck": stuck})
-    assert told is not None and told["heading"] == "The chain is knotted"
-    drawn = told["knot"]
+    shown = failure(row(), {"stuck": stuck})
+    assert shown is not None and shown["heading"] == "The chain is knotted"
+    drawn = shown["knot"]
     assert drawn is not None and len(drawn["strokes"]) == 3
     assert drawn["label"] == "A knot with 3 crossings, determinant 3"
     numbers = [float(n) for n in re.findall(r"[\d.]+", " ".join(drawn["strokes"]))]
@@ -53,7 +53,7 @@ def test_knot_is_drawn_with_a_gap_at_each_crossing() -> None:
 
 
 def _signs(drawn: KnotDrawing) -> list[int]:
-    """The signs of the crossings, as they are seen: where one stroke ends and the next begins."""
+    """Return the signs of the drawn crossings, where one stroke ends and the next begins."""
     strokes = [
         np.array([[float(n) for n in point.split()] for point in stroke[1:].split(" L")])
         for stroke in drawn["strokes"]
@@ -74,30 +74,30 @@ def test_failure_lists_blocks_and_budgets() -> None:
     turn = {"hinge": 7, "module": 4, "turned_rad": -0.0349, "modules": [4, 9], "overlap": 0.0123}
     move = {"direction": [0, -1, 0], "moved": 0.5, "modules": [5, 2], "overlap": 0.45}
     evidence = {"kind": "blocks", "turns": [turn], "moves": [move]}
-    told = failure(row(), {"stuck": {**KNOT, "kind": "buried", "evidence": evidence}})
-    assert told is not None and told["heading"] == "Stalled: modules blocked each other"
-    assert told["blocks"] == [
+    shown = failure(row(), {"stuck": {**KNOT, "kind": "buried", "evidence": evidence}})
+    assert shown is not None and shown["heading"] == "Stalled: modules blocked each other"
+    assert shown["blocks"] == [
         "Hinge 7 at module 5, turned by 2°: modules 5 and 10 overlap by 0.012 pitch",
         "The next part, moved by 0.5 pitch along −y: modules 6 and 3 overlap by 0.45 pitch",
     ]
     many = {**evidence, "turns": 30 * [turn]}
-    told = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
-    assert told is not None and told["blocks"][-1] == "And 7 more"
+    shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
+    assert shown is not None and shown["blocks"][-1] == "And 7 more"
     budget = {"kind": "budget", "spent": "steps"}
-    told = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": budget}})
-    assert told is not None and told["heading"] == "Stalled: step limit reached"
+    shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": budget}})
+    assert shown is not None and shown["heading"] == "Stalled: step limit reached"
     assert set(get_args(SpentKind)) <= FAILURE_HEADINGS.keys()
 
 
 def test_failure_by_a_limit_names_the_limit_and_the_progress() -> None:
     stuck = {"kind": "stopped", "modules": [3, 8], "words": "the chain was still unfolding"}
     error = {"code": "time-limit", "detail": "the stage 'explode' took long.", "where": "explode"}
-    told = failure(row(error=error), {"stuck": stuck})
-    assert told["text"] == "Exploding took long. The chain was still unfolding."
-    # What was complete by then is not told to be on its way.
+    shown = failure(row(error=error), {"stuck": stuck})
+    assert shown["text"] == "Exploding took long. The chain was still unfolding."
+    # Completed stages are not reported as running.
     detail = {"detail": "the stage 'certify' failed: KeyError: 'x'"}
-    told = failure(row(error=detail, stage="certify"), {"stuck": stuck})
-    assert told is not None and told["text"] == "Checking the clearance failed: KeyError: 'x'."
+    shown = failure(row(error=detail, stage="certify"), {"stuck": stuck})
+    assert shown is not None and shown["text"] == "Checking the clearance failed: KeyError: 'x'."
     assert failure(row("cancelled"), {"stuck": stuck}) is None  # nothing stalled
 
 
@@ -106,10 +106,10 @@ def test_failure_by_an_overlap_has_its_frame() -> None:
     found = {"min_clearance": -0.0119, "min_clearance_at": place, "min_clearance_playback": 0.0}
     certificate = {"module_size": 1.0, **found, "min_clearance_playback_at": None}
     summary = {"certificate": certificate, "explosion": {"frames": 200}, "refold": None}
-    told = failure(row(), summary)
-    assert told is not None and told["heading"] == "Modules overlap"
-    assert told["text"] == "At a module size of 1, modules 4 and 8 overlap by 0.012 pitch."
-    assert (told["modules"], told["frame"]) == ([3, 7], 212.5)
+    shown = failure(row(), summary)
+    assert shown is not None and shown["heading"] == "Modules overlap"
+    assert shown["text"] == "At a module size of 1, modules 4 and 8 overlap by 0.012 pitch."
+    assert (shown["modules"], shown["frame"]) == ([3, 7], 212.5)
     # Their timelines are those of their plans alone.
     for alone in ({"refold": {"start": "a"}}, {"smoothing": {"way": "smoothed"}}):
         found = failure(row(), {**summary, **alone})
@@ -121,9 +121,9 @@ def test_failure_of_a_playback_that_ends_elsewhere() -> None:
         "certificate": {"min_clearance": 0.1},
         "reason": "the playback ends 1 pitch (RMS) from the folded shape",
     }
-    told = failure(row(), summary)
-    assert (told["heading"], told["modules"]) == ("It doesn't end in its target shape", [])
-    assert told["text"] == "The playback ends 1 pitch (RMS) from the folded shape."
+    shown = failure(row(), summary)
+    assert (shown["heading"], shown["modules"]) == ("It doesn't end in its target shape", [])
+    assert shown["text"] == "The playback ends 1 pitch (RMS) from the folded shape."
     beyond = failure(row(), {**summary, "reason": "the plan bends a joint beyond its range"})
     assert beyond is not None and beyond["heading"] == "Not verified"
 
@@ -148,7 +148,7 @@ def test_attempts_are_listed_with_strategy_and_outcome(tmp_path: Path) -> None:
         "Unfolded, not checked": "off",
         "Interrupted": "off",
     }
-    told = attempts(tmp_path)
-    assert {a["end"]: a["tone"] for a in told} == ends
-    assert told[0]["strategy"] == "All at once"
-    assert told[3]["how"] == "Path 2, seed 4, played back in smaller steps"
+    rows = attempts(tmp_path)
+    assert {a["end"]: a["tone"] for a in rows} == ends
+    assert rows[0]["strategy"] == "All at once"
+    assert rows[3]["how"] == "Path 2, seed 4, played back in smaller steps"

@@ -1,4 +1,4 @@
-"""Messages for people: what pages show of an error, beside what programs read."""
+"""Messages for people, which pages show of an error, and details for programs."""
 
 from planner.errors import InputError
 from server.errors import Unusable

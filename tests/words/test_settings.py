@@ -1,4 +1,4 @@
-"""Settings of the published method: how they are listed and typed, and what is said of them."""
+"""Settings of the published method: how they are listed, entered and described."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from words.settings import PAPER_ROWS, SOURCE_LABELS, changed, in_a_line
 
 
 def cli(*arguments: object) -> tuple[int, str]:
-    told = CliRunner().invoke(application(), list(map(str, arguments)))
-    return told.exit_code, told.output
+    result = CliRunner().invoke(application(), list(map(str, arguments)))
+    return result.exit_code, result.output
 
 
 def test_changed_settings_are_listed_with_their_defaults() -> None:
@@ -29,12 +29,12 @@ def test_changed_settings_are_listed_with_their_defaults() -> None:
 
 
 def test_command_line_lists_the_settings() -> None:
-    code, told = cli("settings")
+    code, text = cli("settings")
     assert code == 0
     for setting in SETTINGS:
-        assert f"{setting.name} " in told
+        assert f"{setting.name} " in text
     assert set(SOURCE_LABELS) == {row.source for row in PAPER_ROWS}
-    assert all(f"{source}: {meaning}" in told for source, meaning in SOURCE_LABELS.items())
+    assert all(f"{source}: {meaning}" in text for source, meaning in SOURCE_LABELS.items())
     rows = {row["name"]: row for row in json.loads(cli("settings", "--json")[1])}
     assert rows["damping"]["default"] == "0.1"
     assert rows["motor_max_force"]["default"] == "none"

@@ -1,4 +1,4 @@
-"""Tours: what is accepted as one, and what a draft says of a fold."""
+"""Tours: which ones are accepted, and the draft for a fold."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CERTIFICATE: dict[str, Any] = {
 
 
 def known(**summary: Any) -> FoldSummary:
-    """Return what is known of a fold."""
+    """Return the known values of a fold."""
     return cast(FoldSummary, summary)
 
 
@@ -74,7 +74,7 @@ def test_tours_are_read_as_written() -> None:
         assert Tour.from_dict(read.as_dict()) == read
 
 
-def test_what_is_no_tour_is_refused_with_its_place() -> None:
+def test_invalid_tour_is_refused_with_its_place() -> None:
     wrong: list[tuple[Any, str]] = [
         ([], "tour"),
         (tour(format="foldback-tour/2"), "format"),
@@ -97,14 +97,14 @@ def test_what_is_no_tour_is_refused_with_its_place() -> None:
         ({"from": 3, "to": 8}, "to"),
     ]
     wrong += [(tour(stops=[{**STOP, **change}]), place) for change, place in changes]
-    for told, place in wrong:
-        with case(told), pytest.raises(InputError) as caught:
-            Tour.from_dict(told, frames=7, modules=9)
+    for wrong_one, place in wrong:
+        with case(wrong_one), pytest.raises(InputError) as caught:
+            Tour.from_dict(wrong_one, frames=7, modules=9)
         assert caught.value.code == "bad-tour"
         assert place in str(caught.value.where)
 
 
-def test_captions_are_cleaned_of_what_is_invisible() -> None:
+def test_invisible_characters_are_removed_from_captions() -> None:
     read = Tour.from_dict(tour(stops=[{**STOP, "caption": "a\u202e \n <b>b</b>"}]))
     assert read.stops[0].caption == "a <b>b</b>"
 
@@ -137,8 +137,8 @@ def test_draft_claims_nothing_that_is_unknown() -> None:
     failed = replace(FOLD, status="failed", summary=known(certificate=certificate))
     refused = draft_tour(failed, 5000, MOMENTS)
     assert refused is not None
-    said = " ".join(stop.caption for stop in refused.stops)
-    assert not re.search("proved|[Vv]erified[^.]*:|Done", said)
+    captions = " ".join(stop.caption for stop in refused.stops)
+    assert not re.search("proved|[Vv]erified[^.]*:|Done", captions)
 
 
 def test_longest_name_leaves_a_tour() -> None:

@@ -22,17 +22,17 @@ from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
 from tests.case import case
-from tests.planner.chains import coil, in_place, line
+from tests.planner.chains import anchored, coil, line
 
 Array = NDArray[np.float64]
 PARAMETERS = Parameters()
 
 
 def playback_of(plan: Array, *, frames: Array | None = None, **changes: Any) -> Playback:
-    """A playback that did what the plan says, or says that it did."""
+    """Return a playback that ended as planned, or claims so."""
     done = plan if frames is None else frames
     values: dict[str, Any] = {"status": "folded", "reason": "", "steps": 100, "seconds": 1.0}
-    values |= {"frames": in_place("playback", done, error_rad=np.zeros_like(done))}
+    values |= {"frames": anchored("playback", done, error_rad=np.zeros_like(done))}
     values |= {"rms_position_error": 0.0, "max_angle_error_rad": 0.0}
     values |= {"peak_torque": 1.0, "rms_torque": 0.5}
     return Playback(reference_rad=plan, **(values | changes))
@@ -40,12 +40,12 @@ def playback_of(plan: Array, *, frames: Array | None = None, **changes: Any) -> 
 
 def record_of(frames: Array) -> Record:
     return Record(
-        status="straight", reason="", frames=in_place("explosion", frames), steps=10, seconds=1.0
+        status="straight", reason="", frames=anchored("explosion", frames), steps=10, seconds=1.0
     )
 
 
 def closing(steps: int = 40) -> tuple[Chain, Array]:
-    """A line that closes to a C, all of it clear."""
+    """Return a line that closes to a C without collisions."""
     cells = [(1, 0, 0), (0, 0, 0), (0, 1, 0), (0, 2, 0), (1, 2, 0)]
     chain = Chain.from_path(Path.from_cells(cells))
     return chain, np.linspace(0.0, 1.0, steps)[:, None] * chain.folded_rad
@@ -53,7 +53,7 @@ def closing(steps: int = 40) -> tuple[Chain, Array]:
 
 def verdict(chain: Chain, playback: Playback | None, record: Record | None = None) -> str:
     certificate = certify(chain, record, playback, PARAMETERS)
-    # Whatever is certified must be something that can be sent on.
+    # Every certificate must be serialisable.
     json.dumps(certificate.as_dict(), allow_nan=False)
     return certificate.verdict
 
@@ -78,10 +78,10 @@ def test_certificate_of_a_kinematic_playback() -> None:
     certificate = certify(chain, None, followed, PARAMETERS)
     assert certificate.verdict == "verified (kinematics only)"
     assert certificate.verified and certificate.simulated is False
-    told = certificate.as_dict()
+    data = certificate.as_dict()
     for name in ("min_clearance_playback", "min_clearance_playback_at", "rms_position_error"):
-        assert told[name] is None
-    assert told["max_position_error"] is told["max_angle_error_rad"] is None
+        assert data[name] is None
+    assert data["max_position_error"] is data["max_angle_error_rad"] is None
     assert certificate.plan_end_error_rad == 0.0
     source = "inverse dynamics at 38 of 40 frames, accelerations smoothed"
     assert certificate.torque_source == source
@@ -97,14 +97,14 @@ def test_clearance_bound_holds_for_plan_and_playback() -> None:
     done = plan.copy()
     done[10, 0] += 0.25
     off = certify(chain, None, playback_of(plan, frames=done), PARAMETERS)
-    assert off.max_angle_error_rad == pytest.approx(0.25)  # whatever the playback says
+    assert off.max_angle_error_rad == pytest.approx(0.25)  # whatever the playback reports
     done = plan.copy()
     done[38] = np.sign(chain.folded_rad) * np.deg2rad(91.5)
     closer = certify(chain, None, playback_of(plan, frames=done), PARAMETERS)
     assert closer.verified and closer.clearance_bound is not None
     assert closer.min_clearance_playback < closer.min_clearance
     assert 0.0 < closer.clearance_bound <= closer.min_clearance_playback
-    # The bound is worth telling: nearly all of what is seen is proved.
+    # The bound is tight: it proves nearly all of the observed clearance.
     assert closer.clearance_bound > 0.85 * closer.min_clearance_playback
 
 
@@ -131,16 +131,16 @@ def test_certificate_of_an_earlier_version_is_read() -> None:
     assert not Certificate.from_dict(gaps).verified
 
 
-# A verdict is attacked from here on: none of these plans may pass.
+# The tests below attack the verdict: none of these plans may pass.
 
 
 @pytest.mark.slow
 def test_moments_that_cannot_be_bounded_are_refused_by_their_frame() -> None:
-    # Modules of full size touch all along: nothing can be proved of them.
+    # Modules of full size touch throughout, so nothing can be proved.
     chain, plan = closing()
     found = certify(chain, None, playback_of(plan), replace(PARAMETERS, module_size=1.0)).verdict
     assert re.fullmatch(r"failed: in the plan, .*\(frame [\d.]+ of the plan\)", found)
-    # Everything goes around many times at once: no halving comes to an end there.
+    # All hinges rotate many times at once, so the bisection finds no end.
     far = line(100)
     jump = np.zeros((2, len(far.folded_rad)))
     jump[1] = np.linspace(-60.0, 60.0, len(far.folded_rad))
@@ -157,7 +157,7 @@ def test_collisions_are_refused() -> None:
     assert "(frame 20 of the plan)" in found
     found = verdict(chain, playback_of(plan, frames=done))
     assert found.startswith("failed: in the simulated playback, modules 0 and 4 overlap")
-    # Folding a coil in one go, all hinges at once, with nothing between start and end.
+    # A coil is folded in one go, all hinges at once, without frames in between.
     chain = coil(16)
     found = verdict(
         chain, playback_of(np.stack([np.zeros_like(chain.folded_rad), chain.folded_rad]))
@@ -175,14 +175,14 @@ def test_plan_with_other_ends_or_beyond_its_joints_is_refused() -> None:
     found = verdict(chain, playback_of(plan, frames=done))
     assert "the simulated playback bends joint_1_z to -92.5°" in found
     assert found.endswith("(frame 20 of the simulated playback)")
-    for where, value, said in (
+    for where, value, words in (
         (0, 0.01, "does not start straight"),
         (-1, 0.01, "does not end folded"),
         (20, np.deg2rad(92.5), "beyond its range"),
     ):
         other = plan.copy()
         other[where, 1] += value
-        assert said in verdict(chain, playback_of(other))
+        assert words in verdict(chain, playback_of(other))
 
 
 def test_failed_or_missing_stages_are_refused() -> None:
@@ -231,23 +231,23 @@ def test_arrays_of_other_shapes_and_times_are_refused() -> None:
 
 
 def test_cancelled_certificate_fails() -> None:
-    # Even when whoever cancelled asks no more: parts of the motion were never looked at.
+    # It fails even if the caller stops asking, since parts of the motion were never checked.
     chain, plan = closing(200)
     for times in (1, 3):
         answers = iter([False] * (times - 1) + [True])
         cancelled = partial(next, answers, False)
-        asked = record_of(plan), playback_of(plan), PARAMETERS
-        certificate = certify(chain, *asked, cancelled=cancelled)
+        arguments = record_of(plan), playback_of(plan), PARAMETERS
+        certificate = certify(chain, *arguments, cancelled=cancelled)
         assert certificate.verdict == "failed: it was cancelled"
-        told = certificate.as_dict()
-        places = [name for name in told if "clearance" in name]
-        assert len(places) == 7 and {told[name] for name in places} == {None}
+        data = certificate.as_dict()
+        places = [name for name in data if "clearance" in name]
+        assert len(places) == 7 and {data[name] for name in places} == {None}
         assert certificate.in_betweens == 0
 
 
 def test_gravity_torques_in_newton_metres() -> None:
-    # 1 cm cubes of 2700 kg/m³: m g L = 2.65e-4 N·m. A straight line of 11, held in the middle,
-    # hangs 1 + 2 + … + 5 of them on its root's hinge.
+    # 1 cm cubes of 2700 kg/m³: m g L = 2.65e-4 N·m. A straight line of 11 modules, held in the
+    # middle, hangs 1 + 2 + … + 5 of them on the root's hinge.
     chain = line(11)
     assert chain.pitch_m == 0.01
     plan = np.zeros((3, len(chain.folded_rad)))
@@ -260,7 +260,7 @@ def test_gravity_torques_in_newton_metres() -> None:
 
 def test_speed_limit_sets_the_fold_time_and_the_torque() -> None:
     chain, plan = closing(41)
-    # 40 s for a quarter turn: the fastest hinge does π/80 rad/s.
+    # 40 s for a quarter turn: the fastest hinge rotates at π/80 rad/s.
     slow, fast = (
         certify(chain, None, playback_of(plan), replace(PARAMETERS, joint_speed_limit_rad_s=limit))
         for limit in (0.5, 1.0)

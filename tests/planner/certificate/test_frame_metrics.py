@@ -23,21 +23,21 @@ from planner.motion.motion import Phase
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.parameters.parameters import Parameters
 from planner.pipeline.workspace import Workspace
-from tests.planner.chains import coil, in_place, random_angles
+from tests.planner.chains import anchored, coil, random_angles
 
 Array = NDArray[np.float64]
 PARAMETERS = Parameters()
 
 
 def timeline_of(path: FilePath, chain: Chain, *parts: tuple[Phase, Array], error: float) -> None:
-    """A timeline of those phases, a frame a second, every joint error the same."""
+    """Return a timeline of the given phases, one frame per second, every joint error the same."""
     start = 0
     with TimelineWriter.create(path, chain) as writer:
         for phase, angles in parts:
             count = len(angles)
             time_s = np.arange(start, start + count, dtype=np.float64)
             error_rad = np.full_like(angles, error)
-            writer.append(in_place(phase, angles, time_s=time_s, error_rad=error_rad))
+            writer.append(anchored(phase, angles, time_s=time_s, error_rad=error_rad))
             start += count - 1
 
 
@@ -50,7 +50,7 @@ def figures_of(
 
 
 def closing(chain: Chain, frames: int) -> Array:
-    """All hinges at once from straight to folded, beginning and ending at rest."""
+    """Return angles of all hinges from straight to folded, at rest at both ends."""
     way = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, frames))
     return way[:, None] * chain.folded_rad
 
@@ -80,7 +80,7 @@ def test_clearances_are_those_of_all_pairs(chain: Chain, size: float) -> None:
         )
         near = nearest[k] >= 0
         np.testing.assert_array_equal(near, least < CLEARANCE_REACH_PITCH)
-        # Where two are equally near, either may be named.
+        # Of equally close pairs either may be named.
         others = np.where(near, nearest[k], who)
         for i in np.flatnonzero(others != who):
             assert clearance[k, others[i]] <= clearance[k, i] + 1e-6
@@ -93,10 +93,10 @@ def test_figures_agree_with_the_certificate(folded: Callable[..., Any], tmp_path
     frames = Timeline.open(fold.directory / "timeline.zarr").frames()
     assert len(figures) == len(frames)
     exploded, played = (frames.phase == phase for phase in (0, 1))
-    for here in (exploded, played):
-        angles = frames.joint_angles_rad[here]
+    for part in (exploded, played):
+        angles = frames.joint_angles_rad[part]
         found = sweep(fold.chain, angles, size=fold.parameters.module_size).per_frame
-        capped = np.minimum(figures.min_clearance[here], 0.2)
+        capped = np.minimum(figures.min_clearance[part], 0.2)
         np.testing.assert_allclose(capped, np.minimum(found, 0.2), atol=1e-6)
     certificate: Certificate = fold.plan.certificate
     least = figures.min_clearance[played].min()
@@ -107,17 +107,17 @@ def test_figures_agree_with_the_certificate(folded: Callable[..., Any], tmp_path
     assert figures.max_error_rad[played].max() == pytest.approx(largest)
     torques = np.abs(figures.torque_nm[played])
     np.testing.assert_array_equal(figures.peak_torque_nm[played], torques.max(axis=1))
-    # The certificate saw every step, the figures see frames: close, not the same.
+    # The certificate checks every step, the figures frames only, so they agree closely.
     assert torques.max() == pytest.approx(certificate.peak_torque_nm, rel=0.35)
     most = certificate.hinges_moving_most
     assert figures.hinges_moving[played].max() == pytest.approx(most, abs=2)
-    # Torques are those of the certificate's fold time.
+    # Torques are computed at the certificate's fold time.
     slow = replace(certificate, fold_time_s=2.0 * certificate.fold_time_s)
     for name in ("request.json", "timeline.zarr"):
         (tmp_path / name).symlink_to(fold.directory / name)
     slower = figures_of(tmp_path / "timeline.zarr", fold.parameters, slow)
     np.testing.assert_allclose(slower.torque_nm, 0.25 * figures.torque_nm, rtol=1e-5)
-    # Without the certificate the speed is that of the frames, not of the plan.
+    # Without a certificate the speed is that of the frames, not of the plan.
     alone = Curves.load(Workspace(tmp_path).write_figures())
     np.testing.assert_array_equal(alone.min_clearance, figures.min_clearance)
     np.testing.assert_allclose(alone.peak_torque_nm, figures.peak_torque_nm, rtol=0.02)
@@ -143,7 +143,7 @@ def test_figures_of_several_chunks_are_computed_and_read_in_any_range(tmp_path: 
     least = sweep(chain, angles, size=PARAMETERS.module_size).per_frame.min()
     assert figures.min_clearance.min() == pytest.approx(least, abs=1e-6) and least < 0.0
     path = tmp_path / "figures"
-    write_figures(tmp_path / "t", path, PARAMETERS)  # replaces what was there
+    write_figures(tmp_path / "t", path, PARAMETERS)  # replaces the stored figures
     for start, stop in ((0, 300), (100, 140), (299, 300), (7, 7)):
         part = Figures.load(path, start, stop)
         for field in fields(Figures):

@@ -1,4 +1,4 @@
-"""Moments of a fold are where they say, found again by other means."""
+"""Moments of a fold: stored at their frames, which independent computations find again."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ from planner.pathfinding.knots import knot_of
 from planner.pipeline.fold_layout import stored_moments
 from planner.plan.moment_search import moments_of
 from planner.plan.moments import CONTACT_LINKS, CONTACT_PITCH, Moments
-from tests.planner.chains import coil, in_place, knotted
+from tests.planner.chains import anchored, coil, knotted
 from tests.planner.clearance.reference import separation
 from tests.planner.conftest import Fold
 
 
-def apart(chain: Chain, poses: Poses, size: float, pair: tuple[int, int]) -> float:
+def module_separation(chain: Chain, poses: Poses, size: float, pair: tuple[int, int]) -> float:
     """Return the separation of two modules, as the reference of the sweep computes it."""
     (a, b), hull = pair, chain.module.hull
     offset = poses.positions[b] - poses.positions[a]
     return separation(hull, size, offset, poses.rotations[a], poses.rotations[b])[0]
 
 
-def closest(chain: Chain, poses: Poses, size: float, links: int) -> float:
-    """Return the least separation of modules that are at least so many links apart."""
+def min_separation(chain: Chain, poses: Poses, size: float, links: int) -> float:
+    """Return the smallest separation of modules at least ``links`` links apart."""
     near = [
         (a, b)
         for a, b in combinations(range(len(chain)), 2)
         if b - a >= links and np.linalg.norm(poses.positions[a] - poses.positions[b]) < 1.9
     ]
-    return min((apart(chain, poses, size, pair) for pair in near), default=1.0)
+    return min((module_separation(chain, poses, size, pair) for pair in near), default=1.0)
 
 
 def straight_to_folded(directory: FilePath, chain: Chain, frames: int) -> Timeline:
-    """Return a timeline in which all hinges turn evenly, whatever is in their way."""
+    """Return a timeline in which all hinges rotate at constant rates, regardless of collisions."""
     angles = np.linspace(0.0, 1.0, frames)[:, None] * chain.folded_rad
     with TimelineWriter.create(directory, chain) as writer:
-        writer.append(in_place("playback", angles))
+        writer.append(anchored("playback", angles))
     return Timeline.open(directory)
 
 
-def test_moments_of_a_fold_are_stored_and_where_they_say(folded: Fold) -> None:
+def test_stored_moments_of_a_fold_have_the_right_frames(folded: Fold) -> None:
     fold = folded("wrench-24")
     moments, size = stored_moments(fold.directory), fold.plan.certificate.module_size
     assert moments is not None
@@ -63,9 +63,9 @@ def test_moments_of_a_fold_are_stored_and_where_they_say(folded: Fold) -> None:
     def at(frame: int) -> Poses:
         return Poses(positions=poses.positions[frame], rotations=poses.rotations[frame])
 
-    assert apart(fold.chain, at(contact.frame), size, contact.modules) < CONTACT_PITCH
+    assert module_separation(fold.chain, at(contact.frame), size, contact.modules) < CONTACT_PITCH
     for frame in range(moments.straight, contact.frame):
-        assert closest(fold.chain, at(frame), size, CONTACT_LINKS) >= CONTACT_PITCH
+        assert min_separation(fold.chain, at(frame), size, CONTACT_LINKS) >= CONTACT_PITCH
 
     figures = Figures.load(fold.directory / "figures.zarr", moments.plan)
     torques = np.abs(figures.torque_nm)
@@ -77,19 +77,19 @@ def test_moments_of_a_fold_are_stored_and_where_they_say(folded: Fold) -> None:
     assert moments.torque.modules[1] == moments.torque.modules[0] + 1
 
 
-def test_direct_servoing_collides_where_it_says(tmp_path: FilePath) -> None:
+def test_direct_servoing_collides_at_the_stored_moment(tmp_path: FilePath) -> None:
     chain = coil(24)
     moments = moments_of(straight_to_folded(tmp_path, chain, 201), size=0.95)
     assert moments is not None and moments.direct is not None and moments.direct_percent
     for percent in range(1, moments.direct_percent + 1):
         poses = chain.poses(percent / 100 * chain.folded_rad, np.zeros(3), np.eye(4)[0])
-        overlaps = closest(chain, poses, 0.95, chain.module.apart) < 0.0
+        overlaps = min_separation(chain, poses, 0.95, chain.module.apart) < 0.0
         assert overlaps == (percent == moments.direct_percent)
-    # All hinges turn evenly here as well, 200 steps long.
+    # All hinges rotate at constant rates here as well, in 200 steps.
     assert moments.direct.frame == pytest.approx(2 * moments.direct_percent, abs=1)
 
 
-def test_chain_becomes_a_knot_where_it_says(tmp_path: FilePath) -> None:
+def test_chain_becomes_a_knot_at_the_stored_moment(tmp_path: FilePath) -> None:
     chain = knotted(1)
     timeline = straight_to_folded(tmp_path, chain, 41)
     moments = moments_of(timeline, size=0.95, direct=False)

@@ -13,7 +13,7 @@ import pytest
 from planner.errors import InputError
 from planner.motion.angle_encoding import frame_planes, plan_columns
 from planner.plan.plan import PLAN_FORMAT, Plan
-from tests.planner.plans import changed
+from tests.planner.plans import with_values
 
 EARLIER = FilePath(__file__).parent / "earlier_plans"
 """Plans in ``foldback-plan/1`` and ``/2``, as earlier versions wrote them."""
@@ -42,9 +42,9 @@ def test_plan_is_read_back_from_documented_fields(plan: Plan, tmp_path: FilePath
     with np.load(tmp_path / "plan.npz", allow_pickle=False) as arrays:
         assert {*ARRAYS, "plan", "phase", "joint_names"} == set(arrays.files)
         assert all(arrays[name].dtype != object for name in arrays.files)
-    # Only angles in whole steps are said to be.
+    # Only angles in whole steps are marked as such.
     assert plan.rest()["angles"] is not None
-    moved = changed(plan, joint_angles_rad=plan.joint_angles_rad + 1e-9)
+    moved = with_values(plan, joint_angles_rad=plan.joint_angles_rad + 1e-9)
     assert moved.rest()["angles"] is None
 
 
@@ -53,11 +53,11 @@ def test_plan_is_read_back_from_documented_fields(plan: Plan, tmp_path: FilePath
     [
         ("format", lambda _: "foldback-plan/99"),
         ("certificate", None),
-        ("certificate", lambda told: {**told, "beauty": 1}),
+        ("certificate", lambda data: {**data, "beauty": 1}),
         ("joint_angles_rad", lambda rows: [row[:-1] for row in rows]),
         ("time_s", lambda times: [*times[:3], "soon", *times[4:]]),
         ("time_s", lambda times: times[:-1]),
-        ("chain", lambda told: {**told, "module": "sphere"}),
+        ("chain", lambda data: {**data, "module": "sphere"}),
         ("motion", lambda _: "jumps"),
     ],
 )
@@ -72,7 +72,7 @@ def test_invalid_plan_is_refused(
 
 
 def test_plan_with_angles_in_two_forms_is_refused(plan: Plan, tmp_path: FilePath) -> None:
-    """Readers that took one or the other would see two motions."""
+    """Readers that used either form would see two motions."""
     planes = frame_planes(plan.joint_angles_rad)
     assert planes is not None
     values = plan.as_dict()

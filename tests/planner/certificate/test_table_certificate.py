@@ -1,4 +1,4 @@
-"""The table certificate: known torques, verdicts, and what it says beside them."""
+"""Table certificate: known torques, verdicts, and the figures that it reports with them."""
 
 from __future__ import annotations
 
@@ -16,44 +16,44 @@ from planner.chain.kinematics import forward_kinematics
 from planner.errors import InputError
 from planner.motion.motion import Motion
 from tests.case import case
-from tests.planner.chains import coil, in_place, line
+from tests.planner.chains import anchored, coil, line
 
 LIFTED = 0.3
 FRAMES = 5
 
 
-def moving(chain: Chain, hinge: int, most: float = LIFTED, low: float = 0.5) -> Motion:
-    """A chain that lies straight turns one hinge; its first module stays where it is."""
+def swing(chain: Chain, hinge: int, most: float = LIFTED, low: float = 0.5) -> Motion:
+    """Return the motion of a straight lying chain that turns one hinge; module 0 is fixed."""
     angles = np.zeros((FRAMES, len(chain.folded_rad)))
     angles[:, hinge] = np.linspace(0.0, most, FRAMES)
     poses = forward_kinematics(
         chain.module, angles, root_position=np.tile([0.0, 0.0, low], (FRAMES, 1))
     )
-    return in_place("playback", angles).with_columns(
+    return anchored("playback", angles).with_columns(
         root_position=poses.positions[:, chain.root], root_wxyz=poses.wxyzs[:, chain.root]
     )
 
 
 def test_swing_needs_torque_with_friction_alone() -> None:
     chain = line(7)
-    found = table_certificate(chain, moving(chain, 0))
+    found = table_certificate(chain, swing(chain, 0))
     assert found.on_table and found.rests
     assert found.verdict == f"rests on a table within 0 w·p in frame 0 ({FRICTIONLESS})"
     assert found.standing == (tuple(range(7)),) * FRAMES
     assert found.clearance == pytest.approx(0.0, abs=1e-12)
-    found = table_certificate(chain, moving(chain, 0), friction=0.1)
-    free = table_certificate(chain, moving(chain, 0), friction=0.1, base="free")
+    found = table_certificate(chain, swing(chain, 0), friction=0.1)
+    free = table_certificate(chain, swing(chain, 0), friction=0.1, base="free")
     assert found.rests and "friction 0.1" in found.verdict
     assert any("Coulomb friction of 0.1" in line for line in found.assumptions)
     assert 0.0 < free.torque < found.torque < 0.1 * sum(np.hypot(j, 0.5) for j in range(1, 6))
 
 
 def test_lifted_arm_needs_the_torque_of_its_weight() -> None:
-    # Upwards is a negative angle about y. Five modules behind the hinge, all in the air but in the
-    # first frame: cos a · 5 · 6 / 2.
+    # Upwards is a negative angle about y. Five modules beyond the hinge, all lifted except in the
+    # first frame, need cos a · 5 · 6 / 2.
     chain = line(7)
     found = table_certificate(
-        chain, moving(chain, 1, -LIFTED), module_kg=0.1, pitch_m=0.05, bound=20.0
+        chain, swing(chain, 1, -LIFTED), module_kg=0.1, pitch_m=0.05, bound=20.0
     )
     angle = LIFTED / (FRAMES - 1)
     assert found.torque == pytest.approx(15.0 * np.cos(angle), rel=1e-4)
@@ -61,14 +61,14 @@ def test_lifted_arm_needs_the_torque_of_its_weight() -> None:
     assert found.torque_nm == pytest.approx(15.0 * np.cos(angle) * 0.1 * 9.81 * 0.05, rel=1e-4)
     assert found.standing[-1] == (0, 1)
     assert found.rests
-    refused = table_certificate(chain, moving(chain, 1, -LIFTED), bound=10.0)
+    refused = table_certificate(chain, swing(chain, 1, -LIFTED), bound=10.0)
     assert not refused.rests
     assert "expected at most 10 w·p" in refused.verdict
 
 
 def test_chain_that_tips_over_is_refused() -> None:
     chain = line(7)
-    found = table_certificate(chain, moving(chain, 1, -LIFTED), base="free")
+    found = table_certificate(chain, swing(chain, 1, -LIFTED), base="free")
     assert found.unbalanced == (1, 2, 3, 4)
     assert found.torques == (0.0, None, None, None, None)
     assert found.verdict.startswith(
@@ -78,10 +78,10 @@ def test_chain_that_tips_over_is_refused() -> None:
 
 def test_chain_below_the_table_is_refused() -> None:
     chain = line(7)
-    found = table_certificate(chain, moving(chain, 0, low=0.45))
+    found = table_certificate(chain, swing(chain, 0, low=0.45))
     assert found.clearance == pytest.approx(-0.05)
     assert "0.05 pitch into the table" in found.verdict
-    smaller = table_certificate(chain, moving(chain, 0), module_size=0.9)
+    smaller = table_certificate(chain, swing(chain, 0), module_size=0.9)
     assert smaller.rests and smaller.clearance == pytest.approx(0.0, abs=1e-12)
 
 
@@ -89,7 +89,7 @@ def test_floating_frames_are_put_down_and_refused() -> None:
     chain = coil(8)
     shares = np.linspace(0.0, 1.0, 20)
     angles = shares[:, None] * chain.folded_rad
-    frames = in_place("playback", angles).with_columns(root_position=np.full((20, 3), 30.0))
+    frames = anchored("playback", angles).with_columns(root_position=np.full((20, 3), 30.0))
     found = table_certificate(chain, frames, base="clamped")
     assert not found.on_table and not found.rests
     assert found.base == "free"
@@ -104,7 +104,7 @@ def test_floating_frames_are_put_down_and_refused() -> None:
 def test_table_certificate_is_read_back() -> None:
     chain = line(7)
     for base in ("clamped", "free"):
-        found = table_certificate(chain, moving(chain, 1, -LIFTED), base=base, friction=0.2)
+        found = table_certificate(chain, swing(chain, 1, -LIFTED), base=base, friction=0.2)
         written = json.loads(json.dumps(found.as_dict(), allow_nan=False))
         assert TableCertificate.from_dict(written) == found
     with pytest.raises(InputError, match="expected 'foldback-table/1'"):
@@ -119,9 +119,9 @@ def test_frames_and_parameters_out_of_range_are_refused() -> None:
         *({"module_size": 2.0}, {"bound": 0.0}, {"base": "held"}),
     ):
         with case(wrong), pytest.raises(InputError) as refused:
-            table_certificate(chain, moving(chain, 0), **wrong)
+            table_certificate(chain, swing(chain, 0), **wrong)
         assert (refused.value.code, refused.value.where) == ("bad-table", next(iter(wrong)))
-    frames = moving(chain, 0)
+    frames = swing(chain, 0)
     with pytest.raises(InputError, match="frames"):
         table_certificate(chain, frames[:0])
     frames.root_position[2] = np.nan
@@ -130,10 +130,10 @@ def test_frames_and_parameters_out_of_range_are_refused() -> None:
 
 
 def test_table_forces_bear_the_whole_weight_and_are_read_back(tmp_path: Path) -> None:
-    chain, kept = line(5), list[TableForces]()
-    table_certificate(chain, moving(chain, 0), base="free", sink=kept.append)
-    lifted = table_certificate(chain, moving(chain, 1), base="free", sink=kept.append)
-    flat, found = kept
+    chain, forces = line(5), list[TableForces]()
+    table_certificate(chain, swing(chain, 0), base="free", sink=forces.append)
+    lifted = table_certificate(chain, swing(chain, 1), base="free", sink=forces.append)
+    flat, found = forces
     assert np.allclose(flat.torque, 0.0)
     assert (flat.pressed >= -1e-6).all()
     assert np.allclose(found.pressed.sum(axis=1), 5.0, atol=1e-4)

@@ -1,4 +1,4 @@
-"""Whatever is changed in a fold's directory is told, by the name of the file."""
+"""Changes in a fold's directory: each is reported with the name of the file."""
 
 from __future__ import annotations
 
@@ -16,44 +16,44 @@ from planner.pipeline.fold import refold, smooth_plan
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_chain
 from planner.verification import verify
-from tests.planner.folds import made
+from tests.planner.folds import run_fold
 from tests.planner.peels import snake
-from tests.planner.tampering import Tampered, says_nothing
+from tests.planner.tampering import Tampered, may_be_ignored
 
 pytestmark = pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
-"""zarr leaves out an array whose description is damaged, and warns; its digest is then missing."""
+"""zarr ignores an array whose description is damaged, and warns; its digest is then missing."""
 RING = b"- - - + - - - + - - -"
 
 
-def folded(place: FilePath, shape: Chain | bytes, **options: Any) -> FilePath:
+def fold_into(place: FilePath, shape: Chain | bytes, **options: Any) -> FilePath:
     """Return the directory of a fold of a chain, or of tetrahedra by their signs."""
     data = shape if isinstance(shape, bytes) else write_chain(shape)
-    made(place, data, **options)
+    run_fold(place, data, **options)
     return place
 
 
-def told(directory: FilePath) -> list[str]:
+def problems_of(directory: FilePath) -> list[str]:
     try:
         return list(verify.verify(directory).problems)
     except (InputError, TimelineError) as error:
         return [str(error)]
-    except Exception as error:  # so that it is shown with the change that it came of
+    except Exception as error:  # reported with the change that caused it
         return [f"broke off: {error!r}"]
 
 
-def not_told(folds: list[Tampered], numbers: Iterable[int], seed: int) -> list[object]:
-    """Changes that matter and were not told by the name of their file, by their numbers."""
+def unreported_changes(folds: list[Tampered], numbers: Iterable[int], seed: int) -> list[object]:
+    """Return the changes that matter but were not reported with the name of their file."""
     missed: list[object] = []
     for number in numbers:
         random = np.random.default_rng((seed, number))
         found = None
-        while found is None:  # there may be nothing to change
+        while found is None:  # a file may have nothing to change
             fold = folds[random.integers(len(folds))]
             with fold.changed(random) as change:
-                found = change and (change, told(fold.place))
+                found = change and (change, problems_of(fold.place))
         change, problems = found
-        harmless = not problems and says_nothing(change)
-        if not (harmless or change.told_in(problems)):
+        harmless = not problems and may_be_ignored(change)
+        if not (harmless or change.is_named_in(problems)):
             missed.append((number, change, problems))
             print(missed[-1], flush=True)
     return missed
@@ -61,14 +61,14 @@ def not_told(folds: list[Tampered], numbers: Iterable[int], seed: int) -> list[o
 
 @pytest.fixture(scope="module")
 def few(tmp_path_factory: pytest.TempPathFactory) -> list[Tampered]:
-    """A peeled box of 8 cubes, and a simulated ring of 12 tetrahedra."""
+    """Folds of a peeled box of 8 cubes and of a simulated ring of 12 tetrahedra."""
     place = tmp_path_factory.mktemp("few")
     folds = [
-        folded(place / "peeled", snake((2, 2, 2)), strategy="peel"),
-        folded(place / "ring", RING, module="tetrahedron"),
+        fold_into(place / "peeled", snake((2, 2, 2)), strategy="peel"),
+        fold_into(place / "ring", RING, module="tetrahedron"),
     ]
     for fold in folds:
-        assert told(fold) == [], fold
+        assert problems_of(fold) == [], fold
     return [Tampered(fold) for fold in folds]
 
 
@@ -83,27 +83,27 @@ def test_damaged_files_are_named(few: list[Tampered]) -> None:
         data[len(data) // 2] ^= 1
         damaged[entry.name] = path
         path.write_bytes(data)
-    # The first damage that ends a verification is told alone; what is told is put back.
+    # The first damage that ends a verification is reported alone; reported files are restored.
     while damaged:
-        problems = "\n".join(told(fold.place))
+        problems = "\n".join(problems_of(fold.place))
         named = [name for name in damaged if name in problems]
         assert named, (damaged, problems)
         for path in map(damaged.pop, named):
             path.write_bytes(fold.whole[path])
-    assert told(fold.place) == []
+    assert problems_of(fold.place) == []
 
 
 @pytest.mark.slow
 def test_changes_with_new_digests_are_found(few: list[Tampered]) -> None:
-    assert not_told(few, range(4), seed=2) == []
+    assert unreported_changes(few, range(4), seed=2) == []
 
 
 @pytest.fixture(scope="module")
 def several(tmp_path_factory: pytest.TempPathFactory, few: list[Tampered]) -> list[Tampered]:
-    """With a simulated box, a smoothed plan and a refold."""
+    """The few folds, and a simulated box, a smoothed plan and a refold."""
     place = tmp_path_factory.mktemp("several")
     places = [
-        folded(place / "simulated", snake((2, 2, 2)), strategy="simultaneous"),
+        fold_into(place / "simulated", snake((2, 2, 2)), strategy="simultaneous"),
         place / "smoothed",
         place / "refold",
     ]
@@ -112,11 +112,11 @@ def several(tmp_path_factory: pytest.TempPathFactory, few: list[Tampered]) -> li
     other = Path.from_cells([(k, 0, 0) for k in range(6)] + [(5, 1, 0), (4, 1, 0)], name="hook-8")
     refold(start, other, directory=place / "refold")
     for fold in places:
-        assert told(fold) == [], fold
+        assert problems_of(fold) == [], fold
     return [*few, *(Tampered(fold) for fold in places)]
 
 
 @pytest.mark.long
 @pytest.mark.timeout(7200)
 def test_thousands_of_changes_with_new_digests_are_found(several: list[Tampered]) -> None:
-    assert not_told(several, range(2000), 4) == []
+    assert unreported_changes(several, range(2000), 4) == []

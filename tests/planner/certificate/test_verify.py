@@ -28,37 +28,37 @@ from planner.verification.replay import replay
 from planner.verification.verify import verify
 from tests.golden.cases import HOOK
 from tests.planner.chains import line
-from tests.planner.folds import made
-from tests.planner.plans import changed
+from tests.planner.folds import run_fold
+from tests.planner.plans import with_values
 from tests.planner.tampering import edit_npz, reseal
 
-LATER = (
+NEW_FIELDS = (
     *("simulated", "exempt_pairs", "min_clearance_record_at", "frames", "plan_end_error_rad"),
     *("max_angle_rad", "max_angle_record_rad", "torque_source", "torque_frames"),
 )
 """Fields that certificates of earlier versions did not have."""
 KINEMATIC = "simulated_modules=2"
-"""Settings with which nothing longer is simulated."""
+"""Setting by which longer chains are not simulated."""
 ROLLED_UP = np.tile([np.pi / 2, 0.0], 22)
-"""All modules of a chain of 24 in four cells."""
+"""Angles that put all modules of a chain of 24 into four cells."""
 
 
 @pytest.fixture
 def directory(folded: Callable[..., Any], tmp_path: FilePath) -> FilePath:
-    """A copy of a verified fold, to tamper with."""
+    """Copy of a verified fold, which tests may tamper with."""
     shutil.copytree(folded("wrench-24").directory, tmp_path / "fold")
     return tmp_path / "fold"
 
 
 def rewrite(directory: FilePath, **changes: Any) -> None:
-    """Writes other values into both forms of the plan, as a careful forger would."""
-    plan = changed(Plan.load(directory / "plan.npz"), **changes)
+    """Write other values into both forms of the plan, as a careful forger would."""
+    plan = with_values(Plan.load(directory / "plan.npz"), **changes)
     plan.save_npz(directory / "plan.npz")
     plan.save_json(directory / "plan.json")
 
 
-def told(directory: FilePath, *, sealed: bool = True) -> str:
-    """Return the problems that a verification finds, or its refusal; with new digests if sealed."""
+def findings(directory: FilePath, *, sealed: bool = True) -> str:
+    """Return the problems that a verification finds, or its error; with new digests if sealed."""
     if sealed:
         write_manifest(directory)
     try:
@@ -68,7 +68,7 @@ def told(directory: FilePath, *, sealed: bool = True) -> str:
 
 
 def edit_plan(directory: FilePath, change: Callable[[dict[str, Any]], Any]) -> None:
-    """Changes what is not an array in all copies of a plan."""
+    """Change values other than arrays in all copies of a plan."""
     values = json.loads((directory / "plan.json").read_bytes())
     change(values)
     (directory / "plan.json").write_text(json.dumps(values))
@@ -92,8 +92,8 @@ def test_untouched_fold_is_verified_again(
     larger = verify(directory, module_size=1.04)
     assert not larger.verified
     assert any("module size 1.04" in problem for problem in larger.problems)
-    said = "plain MuJoCo has the same poses and finds no overlap at one frame in 2"
-    assert said in larger.checked
+    note = "plain MuJoCo has the same poses and finds no overlap at one frame in 2"
+    assert note in larger.checked
     assert any("except simulated torques" in line for line in found.checked)
     assert any("the only check of figures.zarr (plots)" in line for line in found.checked)
 
@@ -107,8 +107,8 @@ def test_forged_verdict_is_refuted(directory: FilePath) -> None:
     found = verify(directory)
     assert not found.verified
     problems = "\n".join(found.problems)
-    for said in ("manifest.json: it is missing", "in the plan, modules", "MuJoCo finds an overlap"):
-        assert said in problems
+    for text in ("manifest.json: it is missing", "in the plan, modules", "MuJoCo finds an overlap"):
+        assert text in problems
     assert found.replay.overlap > 0.1
     assert 59.0 <= (found.replay.overlap_frame or 0.0) <= 61.0
 
@@ -124,7 +124,7 @@ def test_copies_that_differ_are_found(directory: FilePath) -> None:
     noted.view(np.uint32)[-1, 3] = 0x7FA00000  # a signalling NaN, widened without a warning
     errors[:] = noted
     reseal(directory / "timeline.zarr")
-    found = told(directory, sealed=False)
+    found = findings(directory, sealed=False)
     assert "timeline.zarr and plan.npz differ in max_error_rad" in found
     assert "plan.json and plan.npz differ in joint_angles_rad[40, 3]" in found
     assert "failed: plan.json: joint_angles_rad: it was changed" in found
@@ -132,15 +132,15 @@ def test_copies_that_differ_are_found(directory: FilePath) -> None:
 
 
 def test_fold_of_an_earlier_version_is_verified(directory: FilePath) -> None:
-    def as_then(values: dict[str, Any]) -> None:
+    def remove_new_fields(values: dict[str, Any]) -> None:
         values["format"] = "foldback-plan/1"
         for name in ("motion", "angles"):
             del values[name]
         values["certificate"]["verdict"] = "verified"
-        for name in LATER:
+        for name in NEW_FIELDS:
             del values["certificate"][name]
 
-    edit_plan(directory, as_then)
+    edit_plan(directory, remove_new_fields)
     for name in ("manifest.json", "playback.npz"):
         (directory / name).unlink()
     found = verify(directory)
@@ -151,7 +151,7 @@ def test_fold_of_an_earlier_version_is_verified(directory: FilePath) -> None:
 
 
 def test_fields_missing_in_all_files_are_named(directory: FilePath) -> None:
-    """A plan of today is not let off as one of earlier versions, which had fewer fields."""
+    """A current plan is not excused as one of earlier versions, which had fewer fields."""
     gone = {"certificate": ("simulated", "torque_frames"), "playback": ("kind",)}
     gone["explosion"] = ("strategy",)
 
@@ -162,20 +162,20 @@ def test_fields_missing_in_all_files_are_named(directory: FilePath) -> None:
         del values["attempts"], values["angles"]
 
     edit_plan(directory, remove)
-    found = told(directory)
+    found = findings(directory)
     for part, names in (*gone.items(), ("", ("attempts", "angles"))):
         for name in names:
             assert f"plan.npz.{part}.{name}".replace("..", ".") in found
 
 
 def test_straight_line_without_torques_is_verified(tmp_path: FilePath) -> None:
-    """It is not simulated: all of its frames are at one time, so none can be looked at."""
-    made(tmp_path, write_chain(line(5)), settings=KINEMATIC)
+    """The line is not simulated: all its frames have the same time, so none can be computed."""
+    run_fold(tmp_path, write_chain(line(5)), settings=KINEMATIC)
     assert verify(tmp_path).problems == ()
 
 
 def forge(directory: FilePath, **changes: Any) -> None:
-    """Writes another playback into all files that tell of it, with a certificate and digests."""
+    """Write another playback into all files that report it, with a certificate and digests."""
     plan = Plan.load(directory / "plan.npz")
     recorded, old = Workspace(directory).read_record(), Workspace(directory).read_playback()
     assert old is not None
@@ -198,20 +198,20 @@ def forge(directory: FilePath, **changes: Any) -> None:
 
 @pytest.fixture(scope="module")
 def kinematic(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
-    """A fold that was not simulated. Look, don't touch."""
+    """Fold that was not simulated; tests must not change it."""
     place = tmp_path_factory.mktemp("kinematic") / "fold"
-    made(place, HOOK, strategy="peel", settings=KINEMATIC)
+    run_fold(place, HOOK, strategy="peel", settings=KINEMATIC)
     return place
 
 
 @pytest.fixture
 def peeled(kinematic: FilePath, tmp_path: FilePath) -> FilePath:
-    """A copy of it."""
+    """Copy of the kinematic fold."""
     return FilePath(shutil.copytree(kinematic, tmp_path / "peeled"))
 
 
 def test_kinematic_playback_does_not_pass_for_simulated(peeled: FilePath) -> None:
-    """Not even where everything that tells of it has been made to agree."""
+    """It does not pass even if all files that report it agree."""
     plan = Plan.load(peeled / "plan.npz")
     forge(
         peeled,
@@ -222,17 +222,17 @@ def test_kinematic_playback_does_not_pass_for_simulated(peeled: FilePath) -> Non
         torque_frames=None,
     )
     assert Plan.load(peeled / "plan.npz").certificate.verdict == SIMULATED
-    assert 'plan.npz playback.kind: got "dynamic", expected "kinematic"' in told(peeled)
+    assert 'plan.npz playback.kind: got "dynamic", expected "kinematic"' in findings(peeled)
 
 
 def test_reference_passes_neither_for_a_simulation_nor_for_kinematic(directory: FilePath) -> None:
-    """Of a kind that could have been simulated: what comes of one is never its reference."""
+    """A kind that could have been simulated never ends exactly at its reference."""
     playback = Workspace(directory).read_playback()
     assert not playback.frames.is_windowed
     angles, still = playback.reference.joint_angles_rad, np.zeros_like(playback.reference_rad)
     frames = playback.frames.with_columns(joint_angles_rad=angles, joint_error_rad=still)
     forge(directory, frames=frames, rms_position_error=0.0, max_angle_error_rad=0.0)
-    assert "timeline.zarr joint angles: got exactly those of plan.npz" in told(directory)
+    assert "timeline.zarr joint angles: got exactly those of plan.npz" in findings(directory)
     frames = frames.with_columns(joint_error_rad=np.full_like(still, np.nan))
     torques = inverse_dynamics(Plan.load(directory / "plan.npz").chain, frames)
     none = dict.fromkeys(("rms_position_error", "max_angle_error_rad"))
@@ -240,7 +240,7 @@ def test_reference_passes_neither_for_a_simulation_nor_for_kinematic(directory: 
     count = len(torques.frames)
     forge(directory, kind="kinematic", frames=frames, steps=0, torque_frames=count, **none, **peaks)
     assert Plan.load(directory / "plan.npz").certificate.verdict == KINEMATICS_ONLY
-    found = told(directory)
+    found = findings(directory)
     assert 'plan.npz playback.kind: got "kinematic", expected "dynamic"' in found
 
 
@@ -265,14 +265,14 @@ def test_playback_has_the_figures_of_its_kind(
 ) -> None:
     place: FilePath = request.getfixturevalue(fold)
     forge(place, **changes)
-    found = told(place)
+    found = findings(place)
     for name, value in changes.items():
         wanted = f"expected {expected.get(name, '')}"
         assert f"plan.npz playback.{name}: got {json.dumps(value)}, {wanted}" in found
 
 
 def test_forged_joint_errors_are_found(directory: FilePath) -> None:
-    """In all copies: the largest errors of a frame, too, and the digests."""
+    """The errors and digests are forged in all copies, the largest errors of a frame too."""
     errors = zarr.open_array(str(directory / "timeline.zarr" / "joint_error_rad"), mode="r+")
     values: Any = errors[:]
     k = len(values) - 50
@@ -283,14 +283,14 @@ def test_forged_joint_errors_are_found(directory: FilePath) -> None:
     largest = plan.max_error_rad.copy()
     largest[k - len(values)] = values[k].max()
     rewrite(directory, max_error_rad=largest)
-    found = told(directory)
+    found = findings(directory)
     assert "timeline.zarr joint_error_rad[" in found
     assert "max_error_rad" not in found
 
 
 @pytest.mark.slow
 def test_certificate_may_name_another_place_that_is_as_near(directory: FilePath) -> None:
-    """Which of two like places is the closest depends on the last digit."""
+    """The closest of two equally close places depends on the last digit."""
     plan = Plan.load(directory / "plan.npz")
     certificate, last = plan.certificate, len(plan.motion) - 1
     cells = np.rint(plan.chain.folded_poses.positions)
@@ -306,7 +306,7 @@ def test_certificate_may_name_another_place_that_is_as_near(directory: FilePath)
     def with_certificate(**changes: Any) -> str:
         forged = replace(certificate, **changes)
         edit_plan(directory, lambda values: values.update(certificate=forged.as_dict()))
-        found = told(directory).split("\n")
+        found = findings(directory).split("\n")
         return "\n".join(line for line in found if "plan.npz certificate" in line)
 
     bound, looks = certificate.clearance_bound, certificate.in_betweens
@@ -319,7 +319,7 @@ def test_certificate_may_name_another_place_that_is_as_near(directory: FilePath)
 
 
 def test_forged_models_are_found(directory: FilePath) -> None:
-    """Other sizes, joints or exempt pairs; none at all; or a file that is no model."""
+    """Other sizes, joints or exempt pairs; an empty model; a file that is no model."""
     path, plan = directory / "model.xml", Plan.load(directory / "plan.npz")
     text = forged = path.read_text()
     for old, new in (
@@ -330,14 +330,14 @@ def test_forged_models_are_found(directory: FilePath) -> None:
         assert old in forged
         forged = forged.replace(old, new, 1)
     path.write_text(forged)
-    found = told(directory)
+    found = findings(directory)
     for words in ("geom", "exclude"):
         assert re.search(f"failed: model.xml: .*{words}", found)
     assert "poses differ" in found
     path.write_bytes(b"<mujoco/>")
-    assert "model.xml: the model does not belong to this plan" in told(directory)
+    assert "model.xml: the model does not belong to this plan" in findings(directory)
     path.write_bytes(b"\xff\xfe\x00")
-    assert "model" in told(directory)
+    assert "model" in findings(directory)
     for data in ("", "not xml"):
         with pytest.raises(InputError, match="model"):
             replay(plan, data)
@@ -346,7 +346,7 @@ def test_forged_models_are_found(directory: FilePath) -> None:
     names = [f"module_{i}" for i in range(24)]
     pairs = [f'<exclude body1="{a}" body2="{b}"/>' for a in names for b in names if a < b]
     blind = text.replace("</contact>", "".join(pairs) + "</contact>")
-    assert replay(changed(plan, joint_angles_rad=angles), blind).overlap > 0.1
+    assert replay(with_values(plan, joint_angles_rad=angles), blind).overlap > 0.1
 
 
 def test_plan_with_numbers_that_are_not_finite_is_refused(directory: FilePath) -> None:
@@ -359,11 +359,11 @@ def test_plan_with_numbers_that_are_not_finite_is_refused(directory: FilePath) -
 def test_missing_files_and_frames_are_named(directory: FilePath) -> None:
     for name in ("plan.npz", "plan.json", "model.xml"):
         (directory / name).rename(directory / "away")
-        assert name in told(directory, sealed=False)
+        assert name in findings(directory, sealed=False)
         (directory / "away").rename(directory / name)
     plan = Plan.load(directory / "plan.npz")
     rewrite(directory, motion=plan.motion[:-5], max_error_rad=plan.max_error_rad[:-5])
-    assert "timeline" in told(directory, sealed=False)
+    assert "timeline" in findings(directory, sealed=False)
     shutil.rmtree(directory / "timeline.zarr")
     with pytest.raises(TimelineError):
         verify(directory)
@@ -383,23 +383,23 @@ def test_forged_results_and_parameters_are_found(directory: FilePath) -> None:
         rewrite(directory, **{part: getattr(plan, part)})
     rewrite(directory, playback=None)
     assert not verify(directory).verified
-    # Smaller modules than asked for would be clear by more: the plan's own parameters count.
+    # Modules smaller than requested would have more clearance: the plan's own parameters count.
     smaller = {**plan.parameters, "module_size": 0.5}
     rewrite(directory, playback=plan.playback, parameters=smaller)
-    found = told(directory)
+    found = findings(directory)
     assert "plan.npz certificate.module_size: got 0.95, expected 0.5" in found
     assert "plan.npz parameters.module_size: got 0.5, expected 0.95" in found
     # Without an explosion, a chain of any length would count as simulated.
     rewrite(directory, parameters=plan.parameters, explosion=None)
     (directory / "record.npz").unlink()
-    assert "plan.npz explosion: expected its results with the preset default" in told(directory)
+    assert "plan.npz explosion: expected its results with the preset default" in findings(directory)
 
 
 def test_changed_snapshots_are_found(tmp_path: FilePath) -> None:
-    made(tmp_path, HOOK, preset="paper", settings="radial_gain=5")
+    run_fold(tmp_path, HOOK, preset="paper", settings="radial_gain=5")
     record = Workspace(tmp_path).read_record()
     snapshots = record.snapshots_rad.copy()
     snapshots[len(snapshots) // 2, 3] += 0.1
     for forged in (snapshots, None):
         replace(record, snapshots_rad=forged).save(tmp_path / "record.npz")
-        assert "record.npz snapshots_rad" in told(tmp_path)
+        assert "record.npz snapshots_rad" in findings(tmp_path)

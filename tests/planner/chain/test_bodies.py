@@ -1,4 +1,4 @@
-"""Derivatives are those of the motion, and what is said to bound it does."""
+"""Motion derivatives and their bounds: compared with numerical differences of the motion."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def bodies_of(module: Module, angles: Array, rates: Array, half: float, root: in
 def motion(
     module: Module, count: int, seed: int, step: float, root: float
 ) -> tuple[Array, Array, int]:
-    """Angles, rates and a root anywhere along the chain."""
+    """Return angles, rates and a root anywhere along the chain."""
     rng = np.random.default_rng(seed)
     hinges = len(module.joint_names(count))
-    # Some hinges stand still.
+    # some hinges are at rest
     rates = rng.uniform(-step, step, hinges) * rng.integers(0, 2, hinges)
     return rng.uniform(-1.5, 1.5, hinges), rates, int(root * (count - 1))
 
@@ -59,18 +59,18 @@ def test_derivatives_agree_with_differences(
     tiny = 1e-4
     moments = np.array([-tiny, 0.0, tiny])[:, None]
     poses = forward_kinematics(module, angles + moments * rates, root=root)
-    low, here, high = poses.positions
-    np.testing.assert_allclose(bodies[:, :3], here, atol=1e-9)
+    low, middle, high = poses.positions
+    np.testing.assert_allclose(bodies[:, :3], middle, atol=1e-9)
     turned = poses.rotations
     np.testing.assert_allclose(bodies[:, ROTATION:VELOCITY].reshape(-1, 3, 3), turned[1], atol=1e-9)
     scale = 1.0 + np.abs(rates).sum() ** 3 * count
     velocity = (high - low) / (2 * tiny)
     np.testing.assert_allclose(bodies[:, VELOCITY : VELOCITY + 3], velocity, atol=1e-7 * scale)
-    acceleration = (high - 2 * here + low) / tiny**2
+    acceleration = (high - 2 * middle + low) / tiny**2
     np.testing.assert_allclose(
         bodies[:, ACCELERATION : ACCELERATION + 3], acceleration, atol=1e-5 * scale
     )
-    # Ṙ Rᵀ is the spin's matrix; R̈ Rᵀ that of its change, plus the spin's squared.
+    # Ṙ Rᵀ is the matrix of ω; R̈ Rᵀ is the matrix of ω̇ plus the square of that of ω.
     spin = (turned[2] - turned[0]) / (2 * tiny) @ turned[1].swapaxes(1, 2)
     found = np.cross(bodies[:, None, ANGULAR_VELOCITY : ANGULAR_VELOCITY + 3], np.eye(3)).swapaxes(
         1, 2
@@ -117,7 +117,7 @@ def test_motion_bounds_hold_for_all_corners(
                 poses.rotations[:, i],
                 gap[:, None] + corners @ poses.rotations[:, j].swapaxes(1, 2),
             )
-            # In world axes of the middle, where the plane's normal is given.
+            # in world axes at the interval's midpoint, as for the plane's normal
             way = (seen - seen[10]) @ bodies[i, ROTATION:VELOCITY].reshape(3, 3).T
             assert np.linalg.norm(way, axis=-1).max() <= lose + 1e-9
             axis = rng.normal(size=3)

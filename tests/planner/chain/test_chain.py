@@ -50,7 +50,7 @@ def test_chain_from_the_angles_of_a_path_has_its_shape(cells: Cells) -> None:
 
 @given(walks(), st.data())
 def test_overlapping_modules_are_named(cells: Cells, data: st.DataObject) -> None:
-    # Fold the chain's tail onto itself: four quarter turns about z close a square.
+    # The tail is folded onto the chain: four quarter turns about z close a square.
     at = data.draw(st.integers(0, len(cells) - 3))
     angles = chain_of(cells).folded_rad.reshape(-1, 2)
     closed = np.concatenate([angles[:at], np.tile([QUARTER, 0.0], (4, 1))])
@@ -64,7 +64,7 @@ def test_overlapping_modules_are_named(cells: Cells, data: st.DataObject) -> Non
 
 
 def test_modules_that_graze_are_refused() -> None:
-    # Three bends of 85° bring module 0 and module 4 to less than a pitch of each other.
+    # Three bends of 85° bring modules 0 and 4 closer than one pitch.
     with pytest.raises(InputError, match="overlap"):
         Chain.from_angles(CUBE, np.deg2rad([85.0, 0.0] * 3 + [85.0, 0.0]))
     assert len(Chain.from_angles(CUBE, np.deg2rad([60.0, 0.0] * 3))) == 5

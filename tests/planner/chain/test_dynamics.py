@@ -54,7 +54,7 @@ def test_frames_that_are_not_finite_or_too_few_have_no_torques() -> None:
 
 @pytest.mark.parametrize("modules", [3, 12])
 def test_torque_of_a_straight_chain(modules: int) -> None:
-    # 1 + 2 + … of what lies beyond the root on its longer side.
+    # 1 + 2 + … of the modules beyond the root on its longer side.
     chain = line(modules)
     beyond = modules - 1 - chain.root
     before = chain.root - 1
@@ -64,7 +64,7 @@ def test_torque_of_a_straight_chain(modules: int) -> None:
 
 @pytest.mark.parametrize("modules", [5, 14])
 def test_torque_in_the_worst_direction_agrees_with_mujoco(modules: int) -> None:
-    # Torques are linear in gravity: three directions tell all.
+    # Torques are linear in gravity, so that three directions suffice.
     chain = line(modules)
     rng = np.random.default_rng(modules)
     model = tree_spec(chain, Material(geom_size=0.1)).compile()

@@ -59,13 +59,13 @@ def test_frames_at_once_are_the_frames_one_by_one() -> None:
 
 
 def mujoco_chain(modules: int) -> mujoco.MjModel:
-    """A chain of cubes written by hand: body k + 1 hangs on body k, hinges at k's centre."""
+    """Return a chain as MJCF: body k + 1 is a child of body k, with hinges at k's centre."""
     xml = ""
     for k in range(modules - 1, 0, -1):
         hinges = "".join(
             f'<joint type="hinge" axis="{axis}" pos="0 0 0"/>' for axis in ("0 0 1", "0 1 0")
         )
-        # The frame of body k begins at the centre of module k − 1; its box lies one pitch on.
+        # The frame of body k is at the centre of module k − 1; its box is one pitch further.
         body = '<geom type="box" size=".4 .4 .4" pos="1 0 0" contype="0" conaffinity="0"/>'
         site = f'<site name="m{k}" pos="1 0 0"/>'
         place = "0 0 0" if k == 1 else "1 0 0"
@@ -110,7 +110,7 @@ quaternions = (
 
 
 @given(quaternions)
-def test_quaternion_comes_back_from_its_matrix(q: np.ndarray) -> None:
+def test_quaternion_is_recovered_from_its_matrix(q: np.ndarray) -> None:
     back = wxyz_from_matrix(matrix_from_wxyz(q))
     np.testing.assert_allclose(np.abs((back * q).sum(axis=1)), 1.0, atol=1e-12)
     assert (back[:, 0] >= 0).all()

@@ -1,4 +1,4 @@
-"""A chain seen from above: turns are counted past full ones, and loops are told."""
+"""Chain seen from above: headings are counted past full turns, and loops are detected."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def line(headings: np.ndarray, rise: float = 0.0) -> np.ndarray:
-    """(m, 3) centres of a chain whose links point so, in radians."""
+    """Return the (m, 3) centres of a chain whose links have the given headings, in radians."""
     steps = np.stack([np.cos(headings), np.sin(headings), np.full(len(headings), rise)], axis=1)
     return np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
 

@@ -22,7 +22,7 @@ Ints = NDArray[np.int64]
 
 @st.composite
 def polycubes(draw: st.DrawFn) -> Ints:
-    """Cells joined by their faces, grown one by one."""
+    """Draw cells joined by their faces, one after the other."""
     cells = [(0, 0, 0)]
     for _ in range(draw(st.integers(0, 20))):
         base = draw(st.sampled_from(cells))
@@ -56,7 +56,7 @@ def test_opened_trail_starts_where_it_is_cut() -> None:
     assert not free.all()
     trail = Trail.from_nodes(opened(nodes, int(np.flatnonzero(free)[3])))
     np.testing.assert_array_equal(trail.nodes[0], nodes[np.flatnonzero(free)[3]])
-    assert (trail.nodes == trail.nodes[0]).all(axis=1).sum() == 2  # its two ends, nobody else
+    assert (trail.nodes == trail.nodes[0]).all(axis=1).sum() == 2  # only the two ends are odd
 
 
 def test_separate_cells_have_no_circuit() -> None:
@@ -97,13 +97,13 @@ TETRAHEDRA_PER_DODECAHEDRON = 24
 
 
 def corners(pair: Ints) -> NDArray[np.float64]:
-    """(4, 3) corners of the tetrahedron between two nodes: the ends of its two long edges."""
+    """Return the (4, 3) corners of the tetrahedron whose long edges end at two nodes."""
     axes = np.eye(3)[hinge_axes(pair)]
     return np.concatenate([pair - axes, pair + axes]).astype(np.float64)
 
 
 def folded_corners(chain: Chain) -> NDArray[np.float64]:
-    """(n, 4, 3) corners of the folded modules."""
+    """Return the (n, 4, 3) corners of the folded modules."""
     poses = chain.folded_poses
     turned = np.einsum("nij,vj->nvi", poses.rotations, chain.module.vertices)
     return poses.positions[:, None, :] + turned
@@ -156,4 +156,4 @@ def test_folded_chain_fills_the_tetrahedra_of_its_trail(pairs: Ints) -> None:
     assert found == wanted
     poses = chain.folded_poses
     full = closest(chain.module, poses.positions, poses.rotations, size=1.0)
-    assert full.clearance == pytest.approx(0.0, abs=1e-9)  # face to face, none in another
+    assert full.clearance == pytest.approx(0.0, abs=1e-9)  # face to face, without overlap

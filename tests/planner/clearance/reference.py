@@ -1,8 +1,8 @@
-"""The proof of clearance in plain NumPy, lemma by lemma: docs/decisions/0012-sweep-bound.md.
+"""Proof of clearance in plain NumPy, lemma by lemma: docs/decisions/0012-sweep-bound.md.
 
-It checks every pair and searches nothing cleverly, so that the code reads like the lemmas. Lengths
-are in pitches and angles in radians; a unit of time is the interval between two frames. Vectors are
-given in the frame of the root module, which is held still. An interval is |s| ≤ h about its middle.
+It checks every pair without search structures, so that the code reads like the lemmas. Lengths are
+in pitches and angles in radians; a unit of time is the interval between two frames. Vectors are
+given in the frame of the root module, which is fixed. An interval is |s| ≤ h about its midpoint.
 """
 # Capital letters are bounds, as in the lemmas.
 # pyright: reportConstantRedefinition=false
@@ -24,12 +24,12 @@ from planner.kernels.module import Hull
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Moves = tuple[Array, Array, Array, Array]
-"""Velocity, acceleration and angular velocity of bodies b seen from bodies a at s = 0, and a bound
-of what these leave out, for any point of b."""
+"""Velocity, acceleration and angular velocity of bodies b relative to bodies a at s = 0, and a
+bound of the remainder for any point of b."""
 
 
 class Body(NamedTuple):
-    """A module at s = 0 with bounds over |s| ≤ h; or many, with one more axis in front."""
+    """Module at s = 0 with bounds over |s| ≤ h; several modules have one more axis in front."""
 
     p: Array  # centre
     R: Array  # orientation
@@ -46,15 +46,15 @@ class Body(NamedTuple):
 
 
 class Interval(NamedTuple):
-    """Angles run evenly from ``start`` to ``start + rates``; modules low … high move."""
+    """Angles from ``start`` to ``start + rates`` at constant rates; modules low … high move."""
 
     chain: Chain
     size: float
     start: Array
     rates: Array
-    root: int  # held still
+    root: int  # fixed
     low: int  # rigid with all modules before it
-    high: int  # rigid with all modules behind it
+    high: int  # rigid with all modules after it
 
 
 def norm(x: Array) -> Array:
@@ -69,7 +69,7 @@ def rotation(axis: Array, angle: float) -> Array:
 
 
 def point_motion(body: Body, r: Array) -> tuple[Array, Array]:
-    """Return velocity and acceleration that turning gives a point of a body, r from its centre."""
+    """Return velocity and acceleration of a point of a body, r from its centre, due to rotation."""
     return cross(body.w, r), cross(body.dw, r) + cross(body.w, cross(body.w, r))
 
 
@@ -123,7 +123,7 @@ def walk(interval: Interval, middle: float, h: float, bodies: dict[int, Body], s
 
 
 def motion(interval: Interval, middle: float, h: float) -> Body:
-    """Return all modules at a moment, with bounds: lemmas 1 to 4."""
+    """Return all modules at one instant, with bounds: lemmas 1 to 4."""
     bodies = {interval.root: Body(np.zeros(3), np.eye(3), *np.zeros((4, 3)), *np.zeros(6))}
     walk(interval, middle, h, bodies, 1)
     walk(interval, middle, h, bodies, -1)
@@ -139,12 +139,13 @@ def motion(interval: Interval, middle: float, h: float) -> Body:
 
 
 def relative_motion(a: Body, b: Body, h: float, rho: float, links: Array) -> Moves:
-    """Return the motion of bodies b seen from a: lemma 5."""
+    """Return the motion of bodies b relative to a: lemma 5."""
     d, dd, ddd, y, dy = b.p - a.p, b.v - a.v, b.a - a.a, b.w - a.w, b.dw - a.dw
     x1 = dd - cross(a.w, d)
     x2 = ddd - cross(a.dw, d) - 2.0 * cross(a.w, dd) + cross(a.w, cross(a.w, d))
     dpsi, S, J, DDY = dy - cross(a.w, y), abs(b.S - a.S), a.J + b.J, a.DDW + b.DDW
-    # Bounds over the interval: of |d|, |d'|, |d''| and |ω_b − ω_a|, then of what a sees.
+    # Bounds over the interval: of |d|, |d'|, |d''| and |ω_b − ω_a|, then of the motion relative to
+    # a.
     DDD = norm(ddd) + h * J
     DD = norm(dd) + h * (norm(ddd) + 0.5 * h * J)
     D = norm(d) + h * DD
@@ -159,7 +160,7 @@ def relative_motion(a: Body, b: Body, h: float, rho: float, links: Array) -> Mov
 
 
 def loss(moves: Moves, h: float, rho: float, n: Array | None = None) -> Array:
-    """Return how near points of b may get, at most, along n or along any axis: lemma 6."""
+    """Return the largest approach of points of b along n or along any axis: lemma 6."""
     u, p, y, remainder = moves
     if n is None:
         return h * (norm(u) + 0.5 * h * norm(p) + rho * norm(y)) + remainder
@@ -179,7 +180,7 @@ def separation(hull: Hull, size: float, d: Array, Ra: Array, Rb: Array) -> tuple
 
 
 def near_pairs(bodies: Body, interval: Interval, h: float, reach: float) -> tuple[Ints, bool]:
-    """Return pairs that may get nearer than ``reach``; whether motion is too large: lemma 7."""
+    """Return pairs that may be closer than ``reach``, and True if motion is too large: lemma 7."""
     chain, size, *_, low, high = interval
     i, j = np.triu_indices(len(chain), chain.module.apart)
     nearing, bent = bodies.D[i] + bodies.D[j], (low <= i) & (j <= high)
@@ -197,7 +198,7 @@ def near_pairs(bodies: Body, interval: Interval, h: float, reach: float) -> tupl
 def check(
     bodies: Body, interval: Interval, pairs: Ints, h: float, cutoff: float, target: float
 ) -> tuple[float, float, Ints]:
-    """Return least clearance at s = 0, least bound of the proved pairs, other pairs: lemma 8."""
+    """Return minimum clearance at s = 0, minimum bound of proved pairs, other pairs: lemma 8."""
     module, (i, j) = interval.chain.module, pairs.T
     rho = module.radius * interval.size
     a, b = (Body(*(field[index] for field in bodies)) for index in (i, j))
@@ -220,7 +221,7 @@ def check(
 
 
 def prove_interval(interval: Interval, cutoff: float, least: float) -> tuple[float, float | None]:
-    """Return the least clearance seen between two frames and its bound, or None: lemma 9."""
+    """Return the minimum clearance observed between two frames and its bound, or None: lemma 9."""
     clearance = bound = cutoff
     stack: list[tuple[float, float, int, Ints | None]] = [(0.5, 0.5, 0, None)]
     while stack:
@@ -247,9 +248,9 @@ def prove_interval(interval: Interval, cutoff: float, least: float) -> tuple[flo
 
 
 def prove(intervals: list[Interval], cutoff: float) -> tuple[float, float | None]:
-    """Return the least clearance seen in a motion and its bound; None where there is no proof.
+    """Return the minimum clearance observed in a motion and its bound; None if unproved.
 
-    The last of the intervals says where the motion ends; its rates don't matter.
+    The start of the last interval is the end of the motion; its rates are ignored.
     """
     least = bound = cutoff
     for interval in intervals:

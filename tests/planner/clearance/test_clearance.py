@@ -17,7 +17,7 @@ from tests.planner.chains import random_rotation
 Array = NDArray[np.float64]
 UPRIGHT = np.eye(3)
 ON_EDGE = turned(np.array([0.0, 0.0, np.pi / 4]))
-# The diagonal of the cube along x: a corner looks at the other module.
+# The diagonal of the cube is along x: a corner points at the other module.
 ON_CORNER = turned(np.array([0.0, np.arctan(1 / np.sqrt(2)), 0.0])) @ ON_EDGE.T
 
 
@@ -42,7 +42,7 @@ def test_separation_from_a_face() -> None:
 
 
 def test_crossed_edges() -> None:
-    # One shows an edge along z, the other one along y: only a product of edges parts them. Which
+    # One has an edge along z, the other one along y: only a product of edges separates them. Which
     # of their own axes these edges lie along makes no difference.
     for distance, first, second in product((2.0, 1.5, 1.4), range(3), range(3)):
         one = ON_EDGE @ np.roll(UPRIGHT, first, axis=0)
@@ -70,19 +70,19 @@ def test_separation_has_the_sign_of_mujocos_distance_and_is_never_larger(
     first, second = random_rotation(rng), random_rotation(rng)
     gap = rng.normal(size=3)
     gap *= distance / np.linalg.norm(gap)
-    mine = separation(gap, first, second, size=size)
+    ours = separation(gap, first, second, size=size)
     model = two_boxes(size)
     data = mujoco.MjData(model)
     for k, (place, rotation) in enumerate(((np.zeros(3), first), (gap, second))):
         data.qpos[7 * k : 7 * k + 3] = place
         mujoco.mju_mat2Quat(data.qpos[7 * k + 3 : 7 * k + 7], rotation.ravel())
     mujoco.mj_kinematics(model, data)
-    theirs = mujoco.mj_geomDistance(model, data, 0, 1, 10.0, None)
-    if mine > 1e-5:
-        assert theirs > 0.0
-        assert mine <= theirs + 1e-5
-    elif mine < -1e-5:
-        assert theirs < 1e-5
+    mujocos = mujoco.mj_geomDistance(model, data, 0, 1, 10.0, None)
+    if ours > 1e-5:
+        assert mujocos > 0.0
+        assert ours <= mujocos + 1e-5
+    elif ours < -1e-5:
+        assert mujocos < 1e-5
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.5))

@@ -10,25 +10,25 @@ from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.clearance.exempt_pairs import exempt_pairs
 from planner.exports.mjcf import mjcf
-from tests.planner.chains import coil, in_place, line
+from tests.planner.chains import anchored, coil, line
 
 Array = NDArray[np.float64]
 
 
 def turned(z: Array, y: Array) -> Array:
-    """(N, 3, 3) rotations of the next cube: hinge z, then hinge y."""
+    """Return (N, 3, 3) rotations of the next cube: hinge z, then hinge y."""
     return Rotation.from_euler("ZY", np.stack([z, y], axis=-1)).as_matrix()
 
 
 def whole_range(count: int) -> Array:
-    """Rotations over all of the joint's range, its ends too."""
+    """Return rotations over the whole range of the joint, including its ends."""
     angles = np.linspace(-CUBE.angle_limit_rad, CUBE.angle_limit_rad, count)
     z, y = (values.ravel() for values in np.meshgrid(angles, angles))
     return turned(z, y)
 
 
-def relieved(size: float, count: int) -> Array:
-    """(N, 3) points of the relieved cube, those on its outside too."""
+def points_of_relieved_cube(size: float, count: int) -> Array:
+    """Return (N, 3) points of the relieved cube, including its surface."""
     side = np.linspace(-0.5, 0.5, count) * size
     points = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
     return points[CUBE.reach(points) <= CUBE.relief_radius(size)]
@@ -37,10 +37,10 @@ def relieved(size: float, count: int) -> Array:
 @pytest.mark.slow
 def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range() -> None:
     size = 0.9
-    points = relieved(size, 17)
+    points = points_of_relieved_cube(size, 17)
     half = 0.5 * size
     for rotation in whole_range(33):
-        seen = points @ rotation - CUBE.offset  # from the next cube, all of which is there
+        seen = points @ rotation - CUBE.offset  # the next cube is not relieved
         assert not (np.abs(seen) < half - 1e-9).all(axis=1).any()
 
 
@@ -51,7 +51,7 @@ def test_overlap_of_a_quarter_turn() -> None:
     assert found.worst_overlap == pytest.approx(0.95 / np.sqrt(2.0) - 0.525, abs=1e-4)
     assert found.worst_overlap_bound == pytest.approx(found.worst_overlap, abs=1e-3)
     assert found.worst_overlap_at.frame == pytest.approx(45.0, abs=1.0)
-    # Between two frames it is deeper than at both, and within the bound all the same.
+    # Between two frames the overlap is deeper than at both, but within the bound.
     coarse = exempt_pairs(chain, [np.deg2rad([[5.0, 0.0], [85.0, 0.0]])], size=0.95)
     assert found.worst_overlap <= coarse.worst_overlap_bound + 1e-9
 
@@ -61,7 +61,7 @@ def test_worst_overlap_of_windows_and_frames_is_the_same() -> None:
     share = np.linspace(0.0, 1.0, 30)[:, None]
     angles = np.float32(chain.folded_rad) * np.clip(5.0 * share - np.arange(28) / 7.0, 0.0, 1.0)
     angles = np.concatenate([angles, chain.folded_rad[None]])[::-1].astype(np.float64)
-    windows = exempt_pairs(chain, [in_place("explosion", angles).windowed(chain)], size=0.95)
+    windows = exempt_pairs(chain, [anchored("explosion", angles).windowed(chain)], size=0.95)
     whole = exempt_pairs(chain, [angles], size=0.95)
     assert windows.worst_overlap == pytest.approx(whole.worst_overlap, abs=1e-6) != 0.0
     assert windows.worst_overlap_at == whole.worst_overlap_at
@@ -72,7 +72,7 @@ def test_tetrahedra_have_no_exempt_pairs() -> None:
     found = exempt_pairs(chain, [np.zeros((2, 4))], size=0.95)
     assert (found.rule, found.count, found.worst_overlap_bound) == ("none", 0, 0.0)
     assert (found.relief_radius, found.relief_share) == (None, 0.0)
-    found = exempt_pairs(line(4), (), size=0.95)  # where no frame was looked at
+    found = exempt_pairs(line(4), (), size=0.95)  # at an instant between frames
     assert found.count and found.relief_radius is not None
     assert (found.worst_overlap, found.worst_overlap_bound, found.worst_overlap_at) == (None,) * 3
 

@@ -1,4 +1,4 @@
-"""Margins hold: disturbed motions within them are proved clear, and the lemmas hold in NumPy."""
+"""Margins: disturbed motions within them are proved clear, and the lemmas hold in NumPy."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from planner.clearance.sweep import disturbed_sweep, pair_clearance, sweep
 from planner.kernels.clearance_bounds import Tolerance
 from planner.motion.motion import Motion, as_motion
 from tests.planner.chains import coil
-from tests.planner.clearance.test_proof import bent
+from tests.planner.clearance.test_proof import random_chain
 from tests.planner.peels import peel
 
 Array = NDArray[np.float64]
@@ -82,8 +82,8 @@ def test_margins_that_are_too_large_are_not_proved(folding: tuple[Chain, Motion,
     assert unproved_margins(chain, motion, sure, size=SIZE) == ["independent_rad"]
 
 
-def _nearing(module: Module, x: Array, pair: tuple[int, int], errors: Tolerance) -> float:
-    """Return the allowance of lemmas 11 and 12, in NumPy."""
+def _allowance(module: Module, x: Array, pair: tuple[int, int], errors: Tolerance) -> float:
+    """Return the allowance of lemmas 11 and 12, computed in NumPy."""
     (i, j), (one, each, kappa, spare) = pair, errors
     arm = module.radius * SIZE + float(np.linalg.norm(module.anchor))
     from_i, from_j = (np.linalg.norm(x[i:j] - x[k], axis=1) + arm for k in (i, j))
@@ -98,12 +98,12 @@ def _nearing(module: Module, x: Array, pair: tuple[int, int], errors: Tolerance)
 def test_one_frame_leaves_the_clearance_less_the_allowance(module: Module) -> None:
     rng, errors = np.random.default_rng(2), Tolerance(0.02, 1e-3, 6.0, 1e-6)
     for _ in range(8):
-        chain = bent(module, 24, rng)
+        chain = random_chain(module, 24, rng)
         angles = chain.folded_rad
         poses = forward_kinematics(module, angles)
         least = min(
             pair_clearance(module, poses, (i, j), size=SIZE)
-            - _nearing(module, poses.positions, (i, j), errors)
+            - _allowance(module, poses.positions, (i, j), errors)
             for i in range(24)
             for j in range(i + module.apart, 24)
         )

@@ -13,8 +13,8 @@ from tests.planner.chains import line, random_state
 Array = NDArray[np.float64]
 
 
-def wandering(count: int, seed: int, stiffness: float) -> Array:
-    """Points one apart, each a random turn from the last."""
+def random_walk(count: int, seed: int, stiffness: float) -> Array:
+    """Return points at unit distance, each in a random direction from the previous one."""
     rng = np.random.default_rng(seed)
     steps = np.empty((count, 3))
     step = np.array([1.0, 0.0, 0.0])
@@ -37,7 +37,7 @@ def test_all_pairs_are_found(most: int) -> None:
     for seed in range(30 if most < module.MIN_GRID_POINTS else 3):
         rng = np.random.default_rng(seed)
         cutoff, apart = rng.uniform(0.5, 5.0), int(rng.integers(1, 6))
-        points = wandering(most - int(rng.integers(0, 149)), seed, rng.uniform(0.0, 3.0))
+        points = random_walk(most - int(rng.integers(0, 149)), seed, rng.uniform(0.0, 3.0))
         found = near_pairs(points, cutoff, apart).tolist()
         assert {(i, j) for i, j in found} == all_pairs(points, cutoff, apart)
         assert len(found) == len({(i, j) for i, j in found})
@@ -46,11 +46,11 @@ def test_all_pairs_are_found(most: int) -> None:
 @pytest.mark.parametrize("count", [10, 1100])
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200])
 def test_point_that_is_not_finite_has_no_pairs_and_hides_none(count: int, bad: float) -> None:
-    points = wandering(count, 1, 0.0)
+    points = random_walk(count, 1, 0.0)
     sound = all_pairs(points, 2.5, 2)
     points[4] = bad
     found = {(i, j) for i, j in near_pairs(points, 2.5, 2).tolist()}
-    # Walking from a far point skips what it cannot reach; from a lost one it must not.
+    # A search may skip points that it cannot reach from a distant point, but not from a NaN.
     assert found == {pair for pair in sound if 4 not in pair}
 
 
@@ -62,8 +62,9 @@ def test_step_limit_bounds_the_speed_of_all_surface_points() -> None:
         segments.place(state)
         pairs = near_pairs(segments.positions, 2.5, 2)
         radius = chain.module.radius
-        said = max_inverse_step_limit(segments.modules, pairs, PairLimits(radius, 1.0, 1.0))
-        # Corners of each seen from the other's centre, in a frame that turns as both do on average.
+        limit = max_inverse_step_limit(segments.modules, pairs, PairLimits(radius, 1.0, 1.0))
+        # Corners of each relative to the other's centre, in a frame that rotates at their mean
+        # rate.
         for i, j in [*pairs.tolist(), *pairs[:, ::-1].tolist()]:
             corners = chain.module.vertices @ segments.rotations[j].T
             places = segments.positions[j] + corners
@@ -73,4 +74,4 @@ def test_step_limit_bounds_the_speed_of_all_surface_points() -> None:
             seen -= np.cross(turning, places - segments.positions[i])
             distance = np.linalg.norm(segments.positions[j] - segments.positions[i])
             allowed = 1.0 + 0.5 * max(distance - 2.0 * radius, 0.0)
-            assert np.linalg.norm(seen, axis=1).max() <= said * allowed + 1e-9
+            assert np.linalg.norm(seen, axis=1).max() <= limit * allowed + 1e-9

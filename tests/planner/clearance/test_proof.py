@@ -1,4 +1,4 @@
-"""The compiled proof of clearance says what its plain reference says: decision 0012."""
+"""Compiled proof of clearance, compared with its plain reference: decision 0012."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
 from planner.motion.motion import Motion, as_motion
 from tests.conftest import examples
-from tests.planner.chains import coil, line, unchecked
+from tests.planner.chains import coil, line, unvalidated
 from tests.planner.clearance.reference import Interval, prove
 from tests.planner.peels import windows_of
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-9
-"""Pitches by which bounds may differ: both round, in another order. Measured: 4e-13."""
+"""Maximum difference of two bounds due to rounding, in pitches. Measured: 4e-13."""
 
 
 def _unit(vectors: Array) -> Array:
@@ -34,29 +34,29 @@ SKEWED = replace(
     face_normals=_unit(TETRAHEDRON.face_normals + _RNG.normal(0.0, 0.01, (4, 3))),
     edge_directions=_unit(TETRAHEDRON.edge_directions + _RNG.normal(0.0, 0.01, (6, 3))),
 )
-"""Tetrahedra whose candidate axes are turned a little. Linked tetrahedra are mirror images, so that
-two axes show the same separation, rounding chooses one, and another axis loses another distance."""
+"""Tetrahedra with slightly rotated candidate axes. Linked tetrahedra are mirror images: two axes
+have the same separation, rounding selects one, and the loss depends on the axis."""
 MODULES = st.sampled_from([CUBE, SKEWED])
 SEEDS = st.integers(0, 2**32 - 1)
 STEPS_RAD = st.sampled_from([0.05, 0.3, 1.5])
 
 
-def bent(module: Module, modules: int, rng: np.random.Generator) -> Chain:
-    """A chain whose folded configuration is bent at random; whether it overlaps does not matter."""
-    return unchecked(module, rng.normal(0.0, 0.4, len(module.joint_names(modules))))
+def random_chain(module: Module, modules: int, rng: np.random.Generator) -> Chain:
+    """Return a chain with a random folded configuration, which may overlap."""
+    return unvalidated(module, rng.normal(0.0, 0.4, len(module.joint_names(modules))))
 
 
 def reference(
     chain: Chain, motion: Array | Motion, size: float, *, cutoff: float
 ) -> tuple[float, float | None]:
-    """What the reference says of a motion."""
+    """Return the result of the reference for a motion."""
     motion = as_motion(motion)
     angles = motion.angles(chain)
     intervals: list[Interval] = []
     for k, start in enumerate(angles):
         end = angles[min(k + 1, len(angles) - 1)]
         if motion.is_windowed:
-            low, high = stretch(chain, motion, k)
+            low, high = moving_modules(chain, motion, k)
             ends = (low, low, high)
         else:
             ends = (chain.root, 0, len(chain) - 1)
@@ -64,8 +64,8 @@ def reference(
     return prove(intervals, cutoff)
 
 
-def stretch(chain: Chain, windows: Motion, k: int) -> tuple[int, int]:
-    """First and last module that move against others from window k to the next."""
+def moving_modules(chain: Chain, windows: Motion, k: int) -> tuple[int, int]:
+    """Return the first and last module that move relative to others from window k to the next."""
     hinges, rigid = chain.module.hinges_per_joint, chain.module.rigid_links
     first = int(windows.first[k : k + 2].min())
     last = max(int(windows.last[k : k + 2].max()), first + (first % hinges > 0))
@@ -74,7 +74,7 @@ def stretch(chain: Chain, windows: Motion, k: int) -> tuple[int, int]:
 
 
 def assert_same(chain: Chain, motion: Array | Motion, size: float, *, within: float = 0.0) -> bool:
-    """Both prove the motion, their bounds in this ratio, or both refuse it; returns which."""
+    """Check that both prove the motion, with bounds in this ratio, or refuse it; True if proved."""
     found = sweep(chain, motion, size=size)
     cutoff = (
         EXTENDED_CLEARANCE_CAP
@@ -97,7 +97,7 @@ def test_frames_have_the_bound_of_the_reference(
     module: Module, modules: int, seed: int, step: float, size: float
 ) -> None:
     rng = np.random.default_rng(seed)
-    chain = bent(module, modules, rng)
+    chain = random_chain(module, modules, rng)
     frames = rng.normal(0.0, 0.5, (1, len(chain.folded_rad)))
     steps = rng.uniform(-step, step, (2, len(chain.folded_rad)))
     assert_same(chain, np.cumsum(np.concatenate([frames, steps]), axis=0), size)
@@ -110,7 +110,7 @@ def test_windows_have_the_bound_of_the_reference(
     module: Module, modules: int, seed: int, step: float, size: float
 ) -> None:
     rng = np.random.default_rng(seed)
-    chain = bent(module, modules, rng)
+    chain = random_chain(module, modules, rng)
     hinges = len(chain.folded_rad)
     first = rng.integers(0, hinges + 1, 2)
     last = [int(rng.integers(begin, hinges + 1)) for begin in first]
@@ -125,7 +125,7 @@ def test_most_random_motions_are_proved_and_some_refused(module: Module) -> None
     verdicts: list[bool] = []
     for seed in range(5):
         rng = np.random.default_rng(seed)
-        chain = bent(module, 5, rng)
+        chain = random_chain(module, 5, rng)
         start = rng.normal(0.0, 0.6, len(chain.folded_rad))
         motion = np.stack([start, start + rng.uniform(-1.5, 1.5, len(start))])
         verdicts.append(assert_same(chain, motion, 0.8))
@@ -135,7 +135,7 @@ def test_most_random_motions_are_proved_and_some_refused(module: Module) -> None
 def test_real_tetrahedra_have_nearly_the_bound_of_the_reference() -> None:
     rng = np.random.default_rng(1)
     for _ in range(3):
-        chain = bent(TETRAHEDRON, 8, rng)
+        chain = random_chain(TETRAHEDRON, 8, rng)
         assert_same(chain, np.stack([chain.folded_rad, 0.9 * chain.folded_rad]), 0.8, within=0.1)
 
 

@@ -22,8 +22,8 @@ def clearance_of(chain: Chain, angles: Array, size: float) -> float:
     return place.clearance
 
 
-def densely(chain: Chain, frames: Array, size: float, samples: int) -> float:
-    """The least clearance at evenly spaced moments of a motion, by nothing but looking."""
+def sampled_clearance(chain: Chain, frames: Array, size: float, samples: int) -> float:
+    """Return the minimum clearance at evenly spaced instants of a motion, without any bound."""
     found = EXTENDED_CLEARANCE_CAP
     for a, b in zip(frames[:-1], frames[1:], strict=True):
         for s in np.linspace(0.0, 1.0, samples):
@@ -46,7 +46,7 @@ def test_collision_between_two_clear_frames_is_found() -> None:
 
 
 def crossing() -> tuple[Chain, Array]:
-    """Two clear frames between which a chain passes through itself, found by looking."""
+    """Return two clear frames between which a chain passes through itself, found by sampling."""
     chain = line(8)
     rng = np.random.default_rng(0)
     while True:
@@ -55,7 +55,7 @@ def crossing() -> tuple[Chain, Array]:
             continue
         if clearance_of(chain, frames.mean(axis=0), 0.95) < 0.0:
             continue
-        if densely(chain, frames, 0.95, 60) < -0.05:
+        if sampled_clearance(chain, frames, 0.95, 60) < -0.05:
             return chain, frames
 
 
@@ -71,7 +71,7 @@ def test_bound_holds_for_chains_whose_ends_swing_far() -> None:
         if clearance_of(chain, frames[0], 0.95) < 0.0 or clearance_of(chain, frames[1], 0.95) < 0.0:
             continue
         found = sweep(chain, frames, size=0.95)
-        dense = densely(chain, frames, 0.95, 81)
+        dense = sampled_clearance(chain, frames, 0.95, 81)
         assert found.unbounded is None or found.clearance <= 0.0
         if dense < -1e-3:
             assert found.clearance < 0.0

@@ -1,4 +1,4 @@
-"""Windows are swept like frames of all angles, and rods that swing too."""
+"""Sweeps of windows: they agree with those of dense frames, also with swinging tails."""
 
 from __future__ import annotations
 
@@ -28,10 +28,9 @@ def test_sweep_of_peeled_windows_agrees_with_frames(size: float) -> None:
     assert found.modules is not None
 
 
-def swinging(rod: int, *, post: bool) -> tuple[Chain, Motion, int]:
-    """A rod that swings over a beam in two frames; with a post in its way, clear in both.
-
-    Also the hinge it swings about.
+def swinging_rod(rod: int, *, post: bool) -> tuple[Chain, Motion, int]:
+    """Return a rod that swings over a beam in two clear frames, and the hinge; a post may be in its
+    way.
     """
     beam = [(x, 0, -1) for x in range(7, -2, -1)]
     cells = [*([(7, 0, 0)] if post else []), *beam, (-1, 0, 0), (0, 0, 0)]
@@ -45,9 +44,9 @@ def swinging(rod: int, *, post: bool) -> tuple[Chain, Motion, int]:
 
 
 def test_rod_through_a_post_between_two_frames_is_found() -> None:
-    chain, windows, _ = swinging(3000, post=True)
+    chain, windows, _ = swinging_rod(3000, post=True)
     assert sweep(chain, windows, size=0.95).clearance < 0.0
-    chain, windows, about = swinging(40, post=True)
+    chain, windows, about = swinging_rod(40, post=True)
     angles = windows.angles(chain)
     assert np.ptp(angles[:, about]) > 2.4
     found = sweep(chain, windows, size=0.95)
@@ -64,11 +63,11 @@ def test_rod_through_a_post_between_two_frames_is_found() -> None:
 
 @pytest.mark.parametrize("rod", [40, 3000])
 def test_rod_that_swings_clear_is_proved_clear(rod: int) -> None:
-    chain, windows, _ = swinging(rod, post=False)
+    chain, windows, _ = swinging_rod(rod, post=False)
     found = sweep(chain, windows, size=0.95)
     assert found.clearance == pytest.approx(0.05, abs=1e-6)
     assert 0.0 < found.bound <= found.clearance
-    # As long as it is, its far modules are near nothing and are not halved for.
+    # However long the rod is, its distant modules are far from everything and cause no bisections.
     assert found.in_betweens < 5000
 
 

@@ -19,7 +19,7 @@ DEFAULT = ExplosionParameters()
 
 
 def solid(x: int, y: int, z: int) -> Chain:
-    """A box of so many blocks of 4 × 4 × 4 modules, one after the other."""
+    """Return a box of x, y, z blocks of 4 × 4 × 4 modules along each axis, one after the other."""
     coarse = np.argwhere(np.ones((x, y, z), dtype=bool))
     cells = assembly_path(coarse, np.random.default_rng(0), side=4)
     assert cells is not None
@@ -68,12 +68,12 @@ def test_hinges_within_a_block_are_held() -> None:
     held[blocks.free] = False
     assert (found.hinges[held] == 0.0).all()
     assert np.abs(found.hinges[~held]).max() > 0.0
-    # Five joints of two hinges are free.
+    # five joints of two hinges are free
     assert (~held).sum() == 10
 
 
 def test_blocks_are_not_released_in_the_step_that_restarted() -> None:
-    """The restored state is recorded already; what was proposed before may not be sound."""
+    """The restored state is already recorded, and releases proposed before may be invalid."""
     chain = solid(2, 2, 1)
     run = Simultaneous.from_parameters(
         chain,

@@ -1,4 +1,4 @@
-"""The engine: its accelerations are those of one MuJoCo tree of the same bodies."""
+"""Engine of explosions: its accelerations are those of one MuJoCo tree of the same bodies."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def random_lumps(seed: int) -> Lumps:
 
 
 def tree(chain: Chain, size: float, masses: Array, rotors: Array, lumps: Lumps) -> Any:
-    """Return one MuJoCo tree, its lumps bodies of their own."""
+    """Return one MuJoCo tree that includes the composite bodies."""
     spec = tree_spec(chain, Material(geom_size=size))
     for end, module in enumerate((0, len(chain) - 1)):
         if lumps.masses[end]:

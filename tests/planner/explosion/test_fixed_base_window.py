@@ -1,4 +1,4 @@
-"""The window of a peeling: what it does is what one MuJoCo tree does, boxes, rod and all."""
+"""Window of a peeling: it moves as one MuJoCo tree with the same boxes and tail."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from tests.planner.chains import line
 
 Array = NDArray[np.float64]
 MATERIAL = Material(geom_size=0.98, stiffness=2.0, armature=3.0, stop_rad=1.6)
-HEAVIEST = 4
+MAX_ROD_MASS = 4
 BOX = (np.array([[0.0, 0.0, 0.0]]), np.array([[0.5, 0.5, 0.5]]))
-AWAY = (np.array([[0.0, 0.0, -50.0]]), np.array([[0.5, 0.5, 0.5]]))
+FAR_BOX = (np.array([[0.0, 0.0, -50.0]]), np.array([[0.5, 0.5, 0.5]]))
 
 
 def random_state(chain: Chain, seed: int, most: float = 0.4) -> State:
@@ -46,7 +46,7 @@ def add_box(body: Any, centre: Array, half: Array) -> None:
 
 
 def tree_of(chain: Chain, rod: int, boxes: tuple[Array, Array]) -> tuple[Any, Any]:
-    """One MuJoCo tree, held at module 0, with a rod as a body of its own."""
+    """Return one MuJoCo tree that is fixed at module 0, with a rod as a body of its own."""
     spec = base_spec()
     names = [f"module_{i}" for i in range(len(chain))]
     body = spec.worldbody.add_body()
@@ -61,7 +61,7 @@ def tree_of(chain: Chain, rod: int, boxes: tuple[Array, Array]) -> tuple[Any, An
     if rod:
         end = body.add_body()
         end.name = "rod"
-        mass = float(min(rod, HEAVIEST))
+        mass = float(min(rod, MAX_ROD_MASS))
         end.explicitinertial, end.mass = True, mass
         end.pos, end.ipos = [0.5, 0.0, 0.0], [0.5 * mass, 0.0, 0.0]
         end.inertia = [mass / 6.0, *[mass * (1.0 + mass**2) / 12.0] * 2]
@@ -73,15 +73,15 @@ def tree_of(chain: Chain, rod: int, boxes: tuple[Array, Array]) -> tuple[Any, An
     return model, mujoco.MjData(model)
 
 
-def both(
-    chain: Chain, state: State, rod: int, boxes: tuple[Array, Array] = AWAY
+def simulate(
+    chain: Chain, state: State, rod: int, boxes: tuple[Array, Array] = FAR_BOX
 ) -> tuple[Array, Array, int, int]:
-    """Hinge accelerations of the window and of the tree, and how many contacts each has."""
+    """Return hinge accelerations of the window and of the tree, and their contact counts."""
     rng = np.random.default_rng(7)
     forces, torque = rng.normal(size=(len(chain), 3)), rng.normal(size=3)
     finder = ContactFinder(chain, MATERIAL)
     finder.set_boxes(*boxes)
-    window = FixedBaseWindow(chain, MATERIAL, finder, rod=rod, heaviest_rod=HEAVIEST)
+    window = FixedBaseWindow(chain, MATERIAL, finder, rod=rod, heaviest_rod=MAX_ROD_MASS)
     finder.set_contact_time_constant(MATERIAL.contact_time_constant)
     window.place(state)
     mine = window.accelerations(state, forces, torque)
@@ -99,7 +99,7 @@ def both(
 def test_window_without_contacts_moves_as_one_tree() -> None:
     for modules, rod in product((4, 30), (0, 3, 200)):
         chain = line(modules)
-        mine, theirs, contacts, others = both(chain, random_state(chain, rod, 0.15), rod)
+        mine, theirs, contacts, others = simulate(chain, random_state(chain, rod, 0.15), rod)
         assert contacts == others == 0
         np.testing.assert_allclose(mine, theirs, atol=1e-9 * np.abs(theirs).max())
 
@@ -110,7 +110,7 @@ def test_window_in_contact_with_boxes_itself_and_its_rod_moves_as_one_tree() -> 
     for seed in range(10):
         state = random_state(chain, seed, 1.5)
         state.rates *= 0.0
-        mine, theirs, contacts, others = both(chain, state, 6, BOX)
+        mine, theirs, contacts, others = simulate(chain, state, 6, BOX)
         assert contacts == others
         seen.add(contacts)
         np.testing.assert_allclose(mine, theirs, atol=1e-4 * np.abs(theirs).max())
@@ -125,7 +125,7 @@ def test_contact_finder_serves_wider_windows_and_other_rods() -> None:
         found: list[Acceleration] = []
         for finder in (shared, ContactFinder(chain, MATERIAL)):
             finder.set_boxes(*BOX)
-            window = FixedBaseWindow(chain, MATERIAL, finder, rod=rod, heaviest_rod=HEAVIEST)
+            window = FixedBaseWindow(chain, MATERIAL, finder, rod=rod, heaviest_rod=MAX_ROD_MASS)
             window.place(state)
             found.append(window.accelerations(state, np.zeros((len(chain), 3)), np.zeros(3)))
         assert found[0].contacts == found[1].contacts
@@ -142,7 +142,7 @@ def test_boxes_are_moved_resized_added_and_removed() -> None:
 
     many = [(100.0 + i, 0.0, 0.0) for i in range(80)]
     cases = [
-        (AWAY, 0),
+        (FAR_BOX, 0),
         (cubes((4.9, 0.0, 0.0)), 4),
         (cubes((6.0, 0.0, 0.0)), 0),
         ((np.array([[6.0, 0.0, 0.0]]), np.array([[1.6, 0.5, 0.5]])), 4),
@@ -153,19 +153,19 @@ def test_boxes_are_moved_resized_added_and_removed() -> None:
     ]
     for boxes, contacts in cases:
         finder.set_boxes(*boxes)
-        window = FixedBaseWindow(chain, MATERIAL, finder, rod=0, heaviest_rod=HEAVIEST)
+        window = FixedBaseWindow(chain, MATERIAL, finder, rod=0, heaviest_rod=MAX_ROD_MASS)
         window.place(state)
         found = finder.find(window.positions, window.rotations)
         assert (0 if found is None else len(found.points.depths)) == contacts
 
 
 def test_long_rod_touches_no_unused_cube() -> None:
-    """They lay in one line, from 20 000 pitches on: a rod along it touched what was not there."""
+    """Unused cubes lay in one line, from 20 000 pitches on, where a rod along it touched them."""
     small, large = line(5), line(60)
     finder = ContactFinder(small, MATERIAL)
-    finder.set_boxes(*AWAY)
-    FixedBaseWindow(large, MATERIAL, finder, rod=0, heaviest_rod=HEAVIEST)
-    window = FixedBaseWindow(small, MATERIAL, finder, rod=500_000, heaviest_rod=HEAVIEST)
+    finder.set_boxes(*FAR_BOX)
+    FixedBaseWindow(large, MATERIAL, finder, rod=0, heaviest_rod=MAX_ROD_MASS)
+    window = FixedBaseWindow(small, MATERIAL, finder, rod=500_000, heaviest_rod=MAX_ROD_MASS)
     for rotation in (np.eye(3), np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])):
         window.place(State.at_rest(np.zeros(len(small.folded_rad)), np.zeros(3), rotation))
         assert finder.find(window.positions, window.rotations) is None

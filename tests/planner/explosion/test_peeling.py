@@ -1,4 +1,4 @@
-"""Chains come off their core straight, clear and the same each time; a buried one says so."""
+"""Peeling: straight, clear and reproducible results; buried chains are refused."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def snake() -> tuple[Chain, Record]:
 
 
 def test_modules_of_nearly_full_size_are_peeled() -> None:
-    """Folded neighbours are as close as their size has it, which is no reason to go back."""
+    """Folded neighbours of this size are close, which must not cause a return to the checkpoint."""
     chain = chain_of(snake_path((4, 4, 4)))
     record = peel(chain, replace(DEFAULT, geom_size=0.9995, verify_size=0.9985))
     assert record.status == "straight", record.reason
@@ -59,12 +59,12 @@ def test_core_stays_in_place_until_it_is_released() -> None:
     np.testing.assert_array_equal(
         frames.anchor_position, np.tile([0.0, 0.0, 0.0], (len(frames), 1))
     )
-    # What is held is the window alone.
+    # Only the window is recorded.
     assert np.diff(frames.offsets).max() <= 2 * DEFAULT.most_modules
 
 
 def test_step_limit_ignores_cells_that_the_core_has_left() -> None:
-    """Of a box of 100 000 the last layers never came off: a rod crept through all that was gone."""
+    """The last layers of a box of 100 000 never came off: removed cells slowed the tail down."""
     count, rod, turn = 6, 100, 0.01
     positions = np.array([[0.0, 0.0, z] for z in range(count)])
     along_z = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
@@ -85,8 +85,8 @@ def test_step_limit_ignores_cells_that_the_core_has_left() -> None:
     assert found[0] == found[1] < 2.0
 
 
-def test_run_goes_on_from_a_state_whose_contacts_are_too_deep() -> None:
-    """A ball of 10 000 went back to the same state for ever: each first step was too deep."""
+def test_run_continues_from_a_state_with_contacts_that_are_too_deep() -> None:
+    """A ball of 10 000 returned to the same state for ever, as each first step was too deep."""
     watch = Watch(silent, never, "peeling")
     run = floating_peeling(chain_of(snake_path((4, 4, 4))), DEFAULT, watch=watch)
     control, window, checkpoint = run.control, run.world, run.checkpoint
@@ -105,7 +105,6 @@ def test_run_goes_on_from_a_state_whose_contacts_are_too_deep() -> None:
 
 
 def make_step(run: Peeling) -> None:
-    """Makes one step."""
     run.world.place()
     run.record()
     step(run)
@@ -115,12 +114,12 @@ def test_cancelled_complete_and_refused_peelings() -> None:
     chain = coil(24)
     record = peel(chain, DEFAULT, cancelled=lambda: True)
     assert (record.status, record.steps) == ("cancelled", 25)
-    told: list[Progress] = []
+    reports: list[Progress] = []
     parts: list[Motion] = []
-    whole = peel(chain, DEFAULT, sink=parts.append, progress=told.append)
+    whole = peel(chain, DEFAULT, sink=parts.append, progress=reports.append)
     assert whole.status == "straight"
     np.testing.assert_array_equal(Motion.joined(parts).angles_rad, whole.frames.angles_rad)
-    assert all(0.0 <= p.fraction < 1.0 for p in told)
+    assert all(0.0 <= p.fraction < 1.0 for p in reports)
     assert peel(line(3), DEFAULT).status == "straight"
     with pytest.raises(InputError, match="lattice"):
         peel(Chain.from_angles(chain.module, np.full_like(chain.folded_rad, 0.1)), DEFAULT)
@@ -149,7 +148,7 @@ def test_recorder_proves_no_way_through_the_core() -> None:
     proof = Proof(chain, 0.98)
     first = 120
     folded = chain.folded_rad[2 * first : 2 * first + 40]
-    here = WindowConfiguration(time_s=0.0, first=first, angles=folded)
-    there = WindowConfiguration(time_s=1.0, first=first, angles=-folded)
-    assert proof.keeps([here], 0.015)[0] == 0.015
-    assert proof.keeps([here, there], 0.015)[0] <= 0.0
+    start = WindowConfiguration(time_s=0.0, first=first, angles=folded)
+    end = WindowConfiguration(time_s=1.0, first=first, angles=-folded)
+    assert proof.keeps([start], 0.015)[0] == 0.015
+    assert proof.keeps([start, end], 0.015)[0] <= 0.0

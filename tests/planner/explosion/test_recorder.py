@@ -45,7 +45,7 @@ def test_far_moves_of_a_module_make_snapshots() -> None:
     for k in range(11):
         recording.add(step_of(chain, k, 0.009 * k))
     recording.commit(end=True)
-    # The end of the chain swings by nearly twenty times the angle.
+    # The end of the chain moves by nearly twenty times the angle.
     centres = chain.poses(
         recording.motion().joint_angles_rad, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     ).positions

@@ -24,7 +24,7 @@ MATERIAL = Material(geom_size=0.5, stiffness=3.0, armature=10.0)
 def tree_acceleration(
     chain: Chain, material: Material, state: State, forces: Array, held: Sequence[int] = ()
 ) -> Acceleration:
-    """Return what one MuJoCo tree does, with hinges so heavy that they are held."""
+    """Return the acceleration of one MuJoCo tree, with some hinges locked by their inertia."""
     model: Any = tree_spec(chain, material).compile()
     for hinge in held:
         model.dof_armature[model.joint(chain.joint_names[hinge]).dofadr[0]] = 1e12
@@ -55,10 +55,10 @@ def test_accelerations_are_those_of_the_whole_tree_wherever_it_is_cut(
         assert difference(mine, other) < 2e-3
 
 
-def test_contacts_push_as_they_do_in_the_whole_tree() -> None:
-    # Folded, slightly shaken, and hardly smaller than their cells: modules touch in many places.
-    # MuJoCo makes a contact as soft as its bodies are light, and those of a segment are lighter
-    # than those of a whole tree: a difference of a few per cent is what that costs.
+def test_contact_forces_are_those_of_the_whole_tree() -> None:
+    # Folded, slightly perturbed, and hardly smaller than their cells, the modules touch in many
+    # places. MuJoCo makes a contact as soft as its bodies are light, and those of a segment are
+    # lighter than those of a whole tree, which makes a difference of a few per cent.
     chain = coil(32)
     material = Material(geom_size=0.999, stiffness=3.0, armature=10.0)
     segments = Segments(chain, material)
@@ -119,7 +119,7 @@ def test_chain_is_free_until_it_touches_or_a_hinge_is_at_its_stop() -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_contacts_push_a_chain_with_hinges_at_their_stops(seed: int) -> None:
-    # Were stops seen to afterwards only, contacts would count on hinges that don't give.
+    # If stops were treated afterwards, contacts would rely on hinges that cannot move.
     chain = coil(40)
     rng = np.random.default_rng(seed)
     state = State.at_rest(0.99 * chain.folded_rad, np.zeros(3), np.eye(3))
@@ -140,7 +140,7 @@ def test_contacts_push_a_chain_with_hinges_at_their_stops(seed: int) -> None:
     material = Material(geom_size=1.0, stiffness=3.0)
     tree = tree_acceleration(chain, material, state, forces, held.tolist())
     assert difference(found, tree) < 1e-6
-    # None is held in vain: let go alone, it would go on beyond its stop.
+    # No hinge is locked unnecessarily: each one alone would move beyond its stop.
     for hinge in held.tolist():
         others = [other for other in held.tolist() if other != hinge]
         freed = tree_acceleration(chain, material, state, forces, others)
@@ -151,7 +151,7 @@ def test_method_for_many_contacts_agrees_with_the_exact_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     modules = 90
-    # The method for many contacts finds about the same forces as the exact one.
+    # The method for many contacts finds nearly the forces of the exact one.
     chain = coil(modules)
     segments = Segments(chain, Material(geom_size=1.0, stiffness=3.0, armature=10.0))
     near = near_pairs_of(modules)
@@ -166,5 +166,5 @@ def test_method_for_many_contacts_agrees_with_the_exact_one(
     monkeypatch.setattr("planner.simulation.engine.MAX_DIRECT_CONTACTS", 0)
     nearly = segments.lean_accelerations(state, forces, near)
     assert difference(free, exact) > 0.1
-    # Not the same: the softness of a contact is that of two modules that are not linked.
+    # They differ, as the softness of a contact is that of two modules that are not linked.
     assert difference(nearly, exact) < 0.05

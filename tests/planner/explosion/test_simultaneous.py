@@ -25,23 +25,23 @@ def test_linked_modules_are_pulled_apart_by_the_tension_alone(
 ) -> None:
     seen: list[Array] = []
 
-    def look(call: int, chain: WholeChain, forces: Array) -> Array:
+    def replace_forces(call: int, chain: WholeChain, forces: Array) -> Array:
         seen.append(forces.copy())
         raise SimulationError("seen")
 
-    watch_accelerations(monkeypatch, look)
+    watch_accelerations(monkeypatch, replace_forces)
     explode(line(3), replace(DEFAULT, repulsion_cutoff=1.5))
     assert np.linalg.norm(seen[0][0]) == pytest.approx(DEFAULT.tension * DEFAULT.spring)
 
 
 def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:
     chain = coil(24)
-    asked = 0
+    polls = 0
 
     def cancelled() -> bool:
-        nonlocal asked
-        asked += 1
-        return asked == 3
+        nonlocal polls
+        polls += 1
+        return polls == 3
 
     record = explode(chain, DEFAULT, cancelled=cancelled)
     assert (record.status, record.steps) == ("cancelled", 75)
@@ -54,16 +54,16 @@ def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:
 
 
 def watch_accelerations(
-    monkeypatch: pytest.MonkeyPatch, look: Callable[[int, WholeChain, Array], Array]
+    monkeypatch: pytest.MonkeyPatch, replace_forces: Callable[[int, WholeChain, Array], Array]
 ) -> None:
-    """Has a function see each call for accelerations by its number, and return other forces."""
+    """Pass the number of each call for accelerations to a function that returns other forces."""
     original = WholeChain.acceleration_under
     calls = 0
 
     def watched(self: WholeChain, forces: Array) -> Acceleration:
         nonlocal calls
         calls += 1
-        return original(self, look(calls, self, forces))
+        return original(self, replace_forces(calls, self, forces))
 
     monkeypatch.setattr(WholeChain, "acceleration_under", watched)
 
@@ -90,15 +90,15 @@ def test_failed_step_is_repeated_from_a_state_whose_contacts_are_known(
 ) -> None:
     looked_at: list[Array] = []
 
-    def hiccup(call: int, chain: WholeChain, forces: Array) -> Array:
-        if call in (26, 51, 140, 141):  # the first two right after a commit
+    def fail_once(call: int, chain: WholeChain, forces: Array) -> Array:
+        if call in (26, 51, 140, 141):  # the first two after a commit
             raise SimulationError("a hiccup.")
         if call in (27, 52):
             assert any(np.array_equal(chain.state.angles, angles) for angles in looked_at)
         looked_at.append(chain.state.angles.copy())
         return forces
 
-    watch_accelerations(monkeypatch, hiccup)
+    watch_accelerations(monkeypatch, fail_once)
     record = explode(coil(24), DEFAULT)
     assert record.status == "straight"
     assert (np.diff(record.frames.time_s) > 0.0).all()
@@ -110,12 +110,12 @@ def test_knot_opens_by_creeping() -> None:
     assert knot_of(chain.folded_poses.positions).verdict == "knotted"
     record = explode(chain, DEFAULT)
     assert record.status == "straight"
-    # It did not cheat: nothing passed through anything on the way.
+    # No module passed through another one on the way.
     assert sweep(chain, record.frames.joint_angles_rad, size=0.9).clearance > 0.0
 
 
 def test_chain_that_does_not_move_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Nothing moves: every push is in vain, and the run says so instead of going on forever.
+    # Nothing moves: no pulse makes progress, and the run must end.
     original = WholeChain.acceleration_under
 
     def frozen(self: WholeChain, forces: Array) -> Acceleration:

@@ -1,4 +1,4 @@
-"""Explosions on a table: every frame that is kept stands within the bound; what is not is told."""
+"""Explosions on a table: recorded frames are stable within the bound, refusals are reported."""
 
 from __future__ import annotations
 

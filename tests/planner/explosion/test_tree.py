@@ -14,7 +14,7 @@ from tests.planner.chains import line, random_state
 SOFT = Material(geom_size=0.3)
 
 
-def moving(chain: Chain, seed: int, step_s: float = 0.01) -> Tree:
+def moving_tree(chain: Chain, seed: int, step_s: float = 0.01) -> Tree:
     tree = Tree(chain, SOFT, step_s=step_s)
     state = random_state(chain, seed, most=0.8)
     tree.place(state.angles, state.position, wxyz_from_matrix(state.rotation))
@@ -25,9 +25,9 @@ def moving(chain: Chain, seed: int, step_s: float = 0.01) -> Tree:
 
 
 @pytest.mark.parametrize("modules", [3, 4, 24])
-def test_torques_give_the_accelerations_that_were_asked_for(modules: int) -> None:
+def test_torques_give_the_requested_accelerations(modules: int) -> None:
     chain = line(modules)
-    tree = moving(chain, modules)
+    tree = moving_tree(chain, modules)
     wanted = np.random.default_rng(1).normal(size=len(chain.folded_rad))
     tree.begin_step()
     before = [tree.data.qacc.copy(), tree.data.qpos.copy(), tree.data.qvel.copy()]
@@ -38,27 +38,27 @@ def test_torques_give_the_accelerations_that_were_asked_for(modules: int) -> Non
     mujoco.mj_forward(tree.model, tree.data)
     found = np.array([tree.data.joint(name).qacc[0] for name in chain.joint_names])
     np.testing.assert_allclose(found, wanted, atol=1e-6)
-    # Nothing pushes on the root.
+    # No force acts on the root.
     np.testing.assert_array_equal(tree.data.qfrc_applied[:6], 0.0)
 
 
 def test_torques_that_are_not_finite_raise() -> None:
     chain = line(6)
-    tree = moving(chain, 1)
+    tree = moving_tree(chain, 1)
     tree.begin_step()
     tree.apply_torques(np.full(len(chain.folded_rad), np.nan))
     with pytest.raises(SimulationError, match="finite"):
         tree.end_step()
 
 
-def resting(motors: Servos) -> Tree:
+def resting_tree(motors: Servos) -> Tree:
     tree = Tree(line(6), SOFT, step_s=0.01, motors=motors)
     tree.place(np.zeros(8), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     return tree
 
 
 def follow(tree: Tree, target: np.ndarray, steps: int) -> float:
-    """The largest torque on the way to a target of servos."""
+    """Return the largest torque on the way to a target of servos."""
     largest = 0.0
     for _ in range(steps):
         tree.begin_step()
@@ -69,10 +69,10 @@ def follow(tree: Tree, target: np.ndarray, steps: int) -> float:
 
 
 def test_servos_hold_their_target_within_their_torque() -> None:
-    tree = resting(Servos(stiffness=1e5, damping=1e4))
+    tree = resting_tree(Servos(stiffness=1e5, damping=1e4))
     target = np.linspace(-0.3, 0.3, 8)
     follow(tree, target, 800)
     np.testing.assert_allclose(tree.angles, target, atol=1e-3)
     for limit in (0.5, 20.0):
-        tree = resting(Servos(stiffness=1e4, damping=1e2, torque_limit=limit))
+        tree = resting_tree(Servos(stiffness=1e4, damping=1e2, torque_limit=limit))
         assert follow(tree, np.full(8, 0.5), 50) == pytest.approx(limit)

@@ -31,7 +31,7 @@ from planner.motion.angle_encoding import (
 from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters
 from planner.plan.plan import Plan
-from tests.planner.chains import in_place, line
+from tests.planner.chains import anchored, line
 from tests.planner.plans import unverified
 
 ANGLES = st.floats(-1.6, 1.6)
@@ -58,7 +58,7 @@ def test_angles_not_in_whole_steps_are_not_rounded() -> None:
         assert frame_planes(np.array([[0.0, spoilt]])) is None
     angles = np.random.default_rng(0).normal(size=(600, 500))
     assert packed_frames("a", angles) == {"a": angles}
-    angles = big(windowed=False).joint_angles_rad
+    angles = large_plan(windowed=False).joint_angles_rad
     packed = packed_frames("reference_rad", angles)
     assert set(packed) == {"reference_rad_planes", "reference_rad_told"}
     np.testing.assert_array_equal(unpacked_frames(packed, "reference_rad"), angles)
@@ -81,17 +81,17 @@ def test_windows_are_read_as_they_were_written(data: st.DataObject) -> None:
     angles = snapped(drawn).astype(np.float32)
     planes = window_planes(first, offsets, angles, folded)
     assert planes is not None
-    told = told_of(angles.shape, windowed=True)
-    again = window_angles(planes, told, first, offsets, folded)
+    meta = told_of(angles.shape, windowed=True)
+    again = window_angles(planes, meta, first, offsets, folded)
     assert again.tobytes() == angles.tobytes()
 
 
-def big(*, windowed: bool) -> Plan:
-    """A plan with too many angles for plain numbers: waves on a chain of 200 cubes."""
+def large_plan(*, windowed: bool) -> Plan:
+    """Return a plan with too many angles for plain numbers: waves on a chain of 200 cubes."""
     chain = line(200)
     rows, hinges = np.ogrid[:800, : len(chain.folded_rad)]
     rng = np.random.default_rng(0)
-    frames = in_place("playback", snapped(np.sin(rows / 50.0 + hinges)))
+    frames = anchored("playback", snapped(np.sin(rows / 50.0 + hinges)))
     frames = frames.with_columns(root_position=rng.normal(size=(800, 3)))
     return unverified(chain, frames.windowed(chain) if windowed else frames, Parameters())
 
@@ -99,10 +99,10 @@ def big(*, windowed: bool) -> Plan:
 @pytest.mark.parametrize("windowed", [False, True])
 @pytest.mark.parametrize("suffix", ["json", "npz"])
 def test_large_plan_is_read_back_exactly(windowed: bool, suffix: str, tmp_path: FilePath) -> None:
-    plan = big(windowed=windowed)
+    plan = large_plan(windowed=windowed)
     path = tmp_path / f"plan.{suffix}"
     plan.save_json(path) if suffix == "json" else plan.save_npz(path)
-    assert path.stat().st_size < 4 * 800 * 396  # some eighty bytes a hinge, as plain text
+    assert path.stat().st_size < 4 * 800 * 396  # plain text needs some eighty bytes per hinge
     again = Plan.load(path)
     theirs = again.motion.columns()
     for name, mine in plan.motion.columns().items():
@@ -115,24 +115,24 @@ def test_large_plan_is_read_back_exactly(windowed: bool, suffix: str, tmp_path: 
 
 
 def test_documented_recipe_reads_both_forms_with_numpy_alone() -> None:
-    """As docs/robot.md tells it."""
-    plan = big(windowed=False)
+    """The recipe is that of docs/robot.md."""
+    plan = large_plan(windowed=False)
 
-    def angles_of(told: dict[str, Any], planes: NDArray[np.uint8]) -> NDArray[np.float64]:
+    def angles_of(meta: dict[str, Any], planes: NDArray[np.uint8]) -> NDArray[np.float64]:
         codes = np.ascontiguousarray(planes.T).view("<u4").astype("i8")
-        steps = ((codes >> 1) ^ -(codes & 1)).reshape(told["shape"])
-        for _ in range(told["differences"]):
+        steps = ((codes >> 1) ^ -(codes & 1)).reshape(meta["shape"])
+        for _ in range(meta["differences"]):
             steps = steps.cumsum(axis=0)
-        return steps * told["step_rad"]
+        return steps * meta["step_rad"]
 
     file = io.BytesIO()
     np.savez_compressed(file, **plan.npz_arrays())
     file.seek(0)
     with np.load(file, allow_pickle=False) as arrays:
-        told = json.loads(str(arrays["plan"]))["angles"]
+        meta = json.loads(str(arrays["plan"]))["angles"]
         np.testing.assert_array_equal(
-            angles_of(told, arrays["angle_planes"]), plan.joint_angles_rad
+            angles_of(meta, arrays["angle_planes"]), plan.joint_angles_rad
         )
-    told = json.loads(plan.json_bytes())["angles"]
-    planes = np.frombuffer(decompress(b64decode(told["data"])), np.uint8).reshape(4, -1)
-    np.testing.assert_array_equal(angles_of(told, planes), plan.joint_angles_rad)
+    meta = json.loads(plan.json_bytes())["angles"]
+    planes = np.frombuffer(decompress(b64decode(meta["data"])), np.uint8).reshape(4, -1)
+    np.testing.assert_array_equal(angles_of(meta, planes), plan.joint_angles_rad)

@@ -1,4 +1,4 @@
-"""Plans of windows go through all stages, and what is made of them is what is in them."""
+"""Plans of windows: all stages and exports keep their content."""
 
 from __future__ import annotations
 
@@ -33,36 +33,36 @@ from planner.playback.playback import Playback
 from planner.verification.replay import replay
 from planner.verification.verify import verify
 from tests.case import case
-from tests.planner.chains import in_place, shuffled
-from tests.planner.folds import asked
+from tests.planner.chains import anchored, shuffled
+from tests.planner.folds import write_request
 from tests.planner.peels import peel, snake
 
 BOX = (4, 4, 4)
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
-    """A box that was peeled, with all its files."""
+def directory(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """Directory of a box that was peeled, with all its files."""
     place = tmp_path_factory.mktemp("peeled")
     settings = "simulated_modules=50"
-    run_stages(asked(place, write_chain(snake(BOX)), strategy="peel", settings=settings))
+    run_stages(write_request(place, write_chain(snake(BOX)), strategy="peel", settings=settings))
     return place
 
 
 @pytest.fixture(scope="module")
-def plan(made: FilePath) -> Plan:
-    return Plan.load(made / "plan.npz")
+def plan(directory: FilePath) -> Plan:
+    return Plan.load(directory / "plan.npz")
 
 
 @pytest.mark.slow
-def test_peeled_plan_is_verified_and_read_back(made: FilePath, plan: Plan) -> None:
+def test_peeled_plan_is_verified_and_read_back(directory: FilePath, plan: Plan) -> None:
     assert plan.certificate.verdict == "verified (kinematics only)"
     assert plan.explosion is not None and plan.explosion["strategy"] == "peel"
     assert plan.playback is not None and plan.playback["kind"] == "kinematic"
     assert plan.summary()["explosion"]["strategy"] == "peel"
     assert [attempt["strategy"] for attempt in plan.attempts] == ["peel"]
     assert plan.parameters["strategy"] == "peel"
-    assert Record.load(made / "record.npz").strategy == "peel"
+    assert Record.load(directory / "record.npz").strategy == "peel"
     ends = plan.part(0, 1), plan.part(len(plan.motion) - 1, len(plan.motion))
     np.testing.assert_array_equal(ends[0].joint_angles_rad, 0.0)
     np.testing.assert_allclose(ends[1].joint_angles_rad[0], plan.chain.folded_rad, atol=1e-7)
@@ -72,21 +72,21 @@ def test_peeled_plan_is_verified_and_read_back(made: FilePath, plan: Plan) -> No
     bent = [np.abs(key.angles_rad).sum() for key in keys]
     assert bent == sorted(bent)
     np.testing.assert_array_equal(plan.unfolding().folding_rad[0], 0.0)
-    told = json.loads((made / "plan.json").read_bytes())
-    assert (told["format"], told["motion"]) == ("foldback-plan/3", "windows")
-    assert "joint_angles_rad" not in told
-    again = Plan.load(made / "plan.json")
+    data = json.loads((directory / "plan.json").read_bytes())
+    assert (data["format"], data["motion"]) == ("foldback-plan/3", "windows")
+    assert "joint_angles_rad" not in data
+    again = Plan.load(directory / "plan.json")
     for name, values in again.motion.columns().items():
         np.testing.assert_allclose(values, plan.motion.columns()[name], rtol=0, atol=1e-11)
-    found = verify(made)
+    found = verify(directory)
     assert found.problems == ()
     assert found.certificate.min_clearance == plan.certificate.min_clearance
     assert found.replay is not None and found.replay.overlap == 0.0
     assert found.replay.frames == 2 * len(plan.time_s) - 1
 
 
-def test_timeline_holds_the_windows_of_record_and_playback(made: FilePath, plan: Plan) -> None:
-    timeline = Timeline.open(made / "timeline.zarr")
+def test_timeline_holds_the_windows_of_record_and_playback(directory: FilePath, plan: Plan) -> None:
+    timeline = Timeline.open(directory / "timeline.zarr")
     assert timeline.windowed and timeline.status == "complete"
     assert timeline.chain.folded_rad.tolist() == plan.chain.folded_rad.tolist()
     whole = timeline.windows()
@@ -134,21 +134,21 @@ def test_timeline_takes_one_layout_only(tmp_path: FilePath) -> None:
     np.testing.assert_array_equal(again.windows().angles(chain), expected.angles(chain))
 
 
-def test_plan_with_invalid_windows_is_refused(made: FilePath, tmp_path: FilePath) -> None:
-    told = json.loads((made / "plan.json").read_bytes())
+def test_plan_with_invalid_windows_is_refused(directory: FilePath, tmp_path: FilePath) -> None:
+    data = json.loads((directory / "plan.json").read_bytes())
     for change in (
         *({"first": [3]}, {"offsets": [0, 1]}, {"angles_rad": [0.0]}, {"angles_rad": None}),
         {"phase": ["straight"]},
     ):
-        (tmp_path / "plan.json").write_text(json.dumps({**told, **change}))
+        (tmp_path / "plan.json").write_text(json.dumps({**data, **change}))
         with case(change), pytest.raises(InputError) as refused:
             Plan.load(tmp_path / "plan.json")
         assert refused.value.code == "not-a-plan"
 
 
-def test_forged_window_is_found(made: FilePath, plan: Plan, tmp_path: FilePath) -> None:
+def test_forged_window_is_found(directory: FilePath, plan: Plan, tmp_path: FilePath) -> None:
     place = tmp_path / "forged"
-    shutil.copytree(made, place)
+    shutil.copytree(directory, place)
     windows = plan.motion
     angles = windows.angles_rad.copy()
     middle = int(np.argmax(np.diff(windows.offsets)))
@@ -159,22 +159,22 @@ def test_forged_window_is_found(made: FilePath, plan: Plan, tmp_path: FilePath) 
     forged.save_json(place / "plan.json")
     with pytest.raises(InputError, match="not the motion of plan.npz"):
         verify(place)
-    xml = (made / "model.xml").read_text()
+    xml = (directory / "model.xml").read_text()
     assert replay(forged, xml).overlap > 0.1
     assert replay(plan, xml, stride=7).frames == 2 * -(-len(plan.motion) // 7) - (
         (len(plan.motion) - 1) % 7 == 0
     )
-    record = Record.load(made / "record.npz")
-    playback = Playback.load(made / "playback.npz")
+    record = Record.load(directory / "record.npz")
+    playback = Playback.load(directory / "playback.npz")
     refused = certify(plan.chain, record, replace(playback, frames=forged.motion), Parameters())
     assert "overlap" in refused.verdict
     assert refused.min_clearance_record == pytest.approx(plan.certificate.min_clearance)
 
 
 def test_certify_refuses_windows_that_are_not_finite_or_out_of_range(
-    made: FilePath, plan: Plan
+    directory: FilePath, plan: Plan
 ) -> None:
-    playback = Playback.load(made / "playback.npz")
+    playback = Playback.load(directory / "playback.npz")
     for name, value, words in (
         ("time_s", -1.0, "run backwards"),
         ("base_position", np.nan, "not finite"),
@@ -188,32 +188,32 @@ def test_certify_refuses_windows_that_are_not_finite_or_out_of_range(
         assert verdict.startswith("failed") and words in verdict
 
 
-def test_curves_agree_with_the_certificate(made: FilePath, plan: Plan) -> None:
-    curves = Curves.load(made / "figures.zarr")
+def test_curves_agree_with_the_certificate(directory: FilePath, plan: Plan) -> None:
+    curves = Curves.load(directory / "figures.zarr")
     with pytest.raises(TimelineError):
-        Figures.load(made / "figures.zarr")
-    record = Record.load(made / "record.npz")
+        Figures.load(directory / "figures.zarr")
+    record = Record.load(directory / "record.npz")
     assert len(curves) == len(record.frames) + len(plan.motion)
     least = float(curves.min_clearance.min())
     assert plan.certificate.min_clearance - 1e-6 <= least < 0.06
-    begun = len(record.frames)
-    assert np.isnan(curves.peak_torque_nm[:begun]).all()
+    start = len(record.frames)
+    assert np.isnan(curves.peak_torque_nm[:start]).all()
     assert plan.certificate.peak_torque_nm == pytest.approx(
-        float(curves.peak_torque_nm[begun:].max()), rel=1e-4
+        float(curves.peak_torque_nm[start:].max()), rel=1e-4
     )
-    assert curves.hinges_moving[begun + 1 :].mean() == pytest.approx(
+    assert curves.hinges_moving[start + 1 :].mean() == pytest.approx(
         plan.certificate.hinges_moving_mean, rel=0.03
     )
 
 
 def test_inverse_dynamics_of_a_sine(plan: Plan) -> None:
-    """A hinge that swings as a sine: the same torques as from its derivatives."""
+    """A hinge swings as a sine: the torques equal those from its derivatives."""
     chain = plan.chain
     time_s = np.linspace(0.0, 2.0, 801)
     angles = np.zeros((len(time_s), len(chain.folded_rad)))
     angles[:, 60], rates, bent = np.sin(time_s), np.zeros_like(angles), np.zeros_like(angles)
     rates[:, 60], bent[:, 60] = np.cos(time_s), -np.sin(time_s)
-    frames = in_place("playback", angles, time_s=time_s)
+    frames = anchored("playback", angles, time_s=time_s)
     found = inverse_dynamics(chain, frames)
     expected = np.abs(floating_torques(chain.module, angles, rates, bent)).max(axis=1)
     assert found.frames.tolist() == list(range(1, 800))
@@ -249,26 +249,26 @@ def test_model_of_a_long_chain_is_cut_into_connected_trees(monkeypatch: pytest.M
         assert np.abs(data.efc_pos[: data.ne]).max() < 1e-9
 
 
-def ways(chain: Chain, wish: str, name: str = "default", *, refolds: bool = False) -> Any:
+def ranked(chain: Chain, wish: str, name: str = "default", *, refolds: bool = False) -> Any:
     return strategies_for(chain, replace(preset(name), strategy=wish), refolds=refolds)
 
 
 def test_strategies_by_chain_and_preset() -> None:
     small, large = snake((3, 3, 3)), snake((10, 10, 10))
     bent = Chain.from_angles(small.module, np.full(6, 0.3))
-    assert ways(small, "auto") == ("simultaneous", "peel")
-    assert ways(snake((6, 6, 6)), "auto") == ("simultaneous", "blocks", "peel")
-    assert ways(large, "auto") == ("peel", "simultaneous", "blocks", "one-by-one")
-    # What does not come off unit by unit goes all at once as long as that ends in time.
-    assert ways(shuffled((8, 9, 10), 20, 0), "auto")[0] == "simultaneous"
-    assert ways(small, "peel") == ("peel",)
-    assert ways(large, "simultaneous") == ("simultaneous",)
-    assert ways(large, "auto", "paper") == ways(large, "auto", "direct") == ("simultaneous",)
-    assert ways(bent, "auto") == ("simultaneous",)
-    assert ways(bent, "one-by-one") == ("one-by-one",)
+    assert ranked(small, "auto") == ("simultaneous", "peel")
+    assert ranked(snake((6, 6, 6)), "auto") == ("simultaneous", "blocks", "peel")
+    assert ranked(large, "auto") == ("peel", "simultaneous", "blocks", "one-by-one")
+    # Chains that cannot be peeled explode at once if that ends in time.
+    assert ranked(shuffled((8, 9, 10), 20, 0), "auto")[0] == "simultaneous"
+    assert ranked(small, "peel") == ("peel",)
+    assert ranked(large, "simultaneous") == ("simultaneous",)
+    assert ranked(large, "auto", "paper") == ranked(large, "auto", "direct") == ("simultaneous",)
+    assert ranked(bent, "auto") == ("simultaneous",)
+    assert ranked(bent, "one-by-one") == ("one-by-one",)
     # A refold is one simulation from end to end.
-    assert ways(small, "auto", refolds=True) == ("simultaneous",)
-    assert ways(large, "auto", refolds=True) == ("simultaneous", "blocks")
+    assert ranked(small, "auto", refolds=True) == ("simultaneous",)
+    assert ranked(large, "auto", refolds=True) == ("simultaneous", "blocks")
 
 
 def test_unsuitable_strategy_is_refused(tmp_path: FilePath) -> None:
@@ -281,12 +281,12 @@ def test_unsuitable_strategy_is_refused(tmp_path: FilePath) -> None:
         (small, "fastest", "default"),
     ):
         with pytest.raises(InputError, match="strategy"):
-            ways(chain, wish, name)
+            ranked(chain, wish, name)
     with pytest.raises(InputError, match="strategy"):
-        ways(small, "peel", refolds=True)
+        ranked(small, "peel", refolds=True)
     with pytest.raises(InputError) as refused:
         FoldRequest(strategy="fastest").check()
     assert (refused.value.code, refused.value.where) == ("unknown-strategy", "strategy")
-    # It is said when the input is read, before anything is computed.
+    # The error is raised when the input is read, before anything is computed.
     with pytest.raises(InputError, match="expected one of: auto, simultaneous"):
-        run_stage("read", asked(tmp_path, strategy="blocks", preset="paper"))
+        run_stage("read", write_request(tmp_path, strategy="blocks", preset="paper"))

@@ -1,4 +1,4 @@
-"""A windowed motion holds what a dense one does; neither copies what it need not."""
+"""Windowed motions: they hold the values of dense ones, and neither copies without need."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def chain() -> Chain:
 
 
 def frames_of(chain: Chain) -> Motion:
-    """Folded, three that are folded up to some hinge and straight from another on, straight."""
+    """Return a folded frame, three that are partly straight, and a straight one."""
     rng = np.random.default_rng(1)
     count = len(chain.folded_rad)
     angles = np.zeros((5, count))
@@ -54,7 +54,7 @@ def test_windows_become_the_same_frames_again(chain: Chain) -> None:
 def test_windows_hold_hinges_that_are_neither_folded_nor_straight(chain: Chain) -> None:
     windows = frames_of(chain).windowed(chain)
     count = len(chain.folded_rad)
-    # Hinges that are 0 when folded may be either; windows begin behind all that are folded.
+    # Hinges that are 0 when folded count as either; windows begin after all that are folded.
     assert windows.first.tolist()[0] == count
     assert windows.first[1] >= 14 and windows.last[1] == count
     assert windows.last.tolist()[2:4] == [20, 7]
@@ -78,7 +78,7 @@ def test_joint_errors_are_those_of_the_windows(chain: Chain) -> None:
     windows = frames_of(chain).windowed(chain)
     rng = np.random.default_rng(2)
     errors = rng.uniform(1e-4, 1e-3, len(windows.angles_rad)).astype(np.float32)
-    errors[: windows.offsets[2]] = np.nan  # of the first two, of which one is empty
+    errors[: windows.offsets[2]] = np.nan  # of the first two frames, of which one is empty
     off = dataclasses.replace(windows, errors_rad=errors)
     assert np.diff(off.offsets)[0] == 0
     assert off.recorded.tolist() == [False, False, True, True, bool(np.diff(off.offsets)[4])]
@@ -91,7 +91,7 @@ def test_joint_errors_are_those_of_the_windows(chain: Chain) -> None:
     )
     np.testing.assert_array_equal(off.largest_errors, dense.max(axis=1))
     np.testing.assert_array_equal(off.joint_errors(chain, 2, 4), dense[2:4])
-    # Where all is folded or straight in a playback, nothing is off.
+    # Hinges that are folded or straight in a playback have no error.
     played = dataclasses.replace(off, phase=np.full(5, PHASES.index("playback"), np.uint8))
     assert played.largest_errors[0] == 0.0
     assert not windows.recorded.any()

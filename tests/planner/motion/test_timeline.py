@@ -22,7 +22,7 @@ COLUMNS = ("time_s", "joint_angles_rad", "root_position", "root_wxyz")
 def some_frames(
     count: int, *, start: int = 0, phase: Phase = "explosion", error: bool = False, joints: int = 6
 ) -> Motion:
-    """Frames that all differ from each other."""
+    """Return frames that all differ from each other."""
     rows = np.arange(start, start + count, dtype=np.float64)
     return Motion.from_frames(
         phase=phase,
@@ -46,11 +46,11 @@ def place(tmp_path: FilePath) -> FilePath:
 
 @pytest.fixture
 def five(place: FilePath, hook_chain: Chain) -> FilePath:
-    """A timeline of five frames."""
-    return written(place, hook_chain, some_frames(5))
+    """Timeline of five frames."""
+    return write_timeline(place, hook_chain, some_frames(5))
 
 
-def written(place: FilePath, chain: Chain, *parts: Motion) -> FilePath:
+def write_timeline(place: FilePath, chain: Chain, *parts: Motion) -> FilePath:
     with TimelineWriter.create(place, chain) as writer:
         for part in parts:
             writer.append(part)
@@ -60,7 +60,7 @@ def written(place: FilePath, chain: Chain, *parts: Motion) -> FilePath:
 def test_timeline_is_read_with_its_phases_and_its_chain(place: FilePath, hook_chain: Chain) -> None:
     explosion = some_frames(3)
     playback = some_frames(4, start=3, phase="playback", error=True)
-    timeline = Timeline.open(written(place, hook_chain, explosion, playback))
+    timeline = Timeline.open(write_timeline(place, hook_chain, explosion, playback))
     assert (len(timeline), timeline.status) == (7, "complete")
     assert_same(timeline.frames(), Motion.joined([explosion, playback]))
     assert [PHASES[p] for p in timeline.frames().phase] == ["explosion"] * 3 + ["playback"] * 4
@@ -71,7 +71,7 @@ def test_timeline_is_read_with_its_phases_and_its_chain(place: FilePath, hook_ch
 
 
 def test_ranges_and_strides_are_those_of_the_whole(place: FilePath, hook_chain: Chain) -> None:
-    timeline = Timeline.open(written(place, hook_chain, some_frames(300)))
+    timeline = Timeline.open(write_timeline(place, hook_chain, some_frames(300)))
     for wanted in ((0, 300, 1), (17, 290, 3), (130, 140, 1), (255, 300, 7), (9, 9, 400)):
         with case(wanted):
             assert_same(timeline.frames(*wanted), some_frames(300)[slice(*wanted)])
@@ -97,7 +97,7 @@ def test_frames_not_flushed_are_counted_by_the_writer_only(
 ) -> None:
     monkeypatch.setattr(timeline_module, "MIN_FLUSH_PERIOD_S", 1e9)
     writer = TimelineWriter.create(place, hook_chain)
-    writer.append(some_frames(3))  # the first ones are shown at once
+    writer.append(some_frames(3))  # the first frames are flushed at once
     writer.append(some_frames(5))
     assert len(writer) == 8
     assert len(Timeline.open(place)) == 3
@@ -112,30 +112,30 @@ def test_writer_with_slow_flushes_flushes_less_often(
     writer = TimelineWriter.create(place, hook_chain)
     mark = writer._mark
 
-    def slow_mark(status: timeline_module.Status) -> None:
+    def mark_slowly(status: timeline_module.Status) -> None:
         nonlocal now
         mark(status)
         flushes.append(now)
         now += 0.03 if now < 3.0 else 2.0
 
-    monkeypatch.setattr(writer, "_mark", slow_mark)
+    monkeypatch.setattr(writer, "_mark", mark_slowly)
     for k in range(120):
         now += 0.05
         writer.append(some_frames(1, start=k))
     cheap = np.diff([at for at in flushes if at < 3.0])
     dear = np.diff([at for at in flushes if at > 3.0])
-    assert 0.15 < cheap[0] < 0.25  # whoever waits for the motion to begin waits no longer
-    assert ((cheap[1:] > 0.32) & (cheap[1:] < 0.4)).all()  # a tenth of the time
-    assert ((dear > 2.9) & (dear < 3.2)).all()  # and never more than a second after the last
+    assert 0.15 < cheap[0] < 0.25  # readers wait for the start
+    assert ((cheap[1:] > 0.32) & (cheap[1:] < 0.4)).all()  # at most a tenth of the time
+    assert ((dear > 2.9) & (dear < 3.2)).all()  # at most a second apart
 
 
-def test_killed_writer_leaves_only_whole_frames(
+def test_killed_writer_leaves_only_complete_frames(
     place: FilePath, hook_chain: Chain, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     writer = TimelineWriter.create(place, hook_chain)
     writer.append(some_frames(5))
     writer.flush()
-    # Killed when the columns have grown and the count has not been written yet.
+    # The writer is killed when the columns have grown and the count has not been written yet.
     monkeypatch.setattr(writer, "_mark", _killed)
     writer.append(some_frames(7, start=5))
     with pytest.raises(KeyboardInterrupt):
@@ -155,10 +155,10 @@ def _killed(status: str) -> None:
     raise KeyboardInterrupt(status)
 
 
-def test_reopened_writer_goes_on_after_the_frames_it_keeps(
+def test_reopened_writer_continues_after_the_frames_it_keeps(
     place: FilePath, hook_chain: Chain
 ) -> None:
-    written(place, hook_chain, some_frames(200))
+    write_timeline(place, hook_chain, some_frames(200))
     with TimelineWriter.reopen(place, frames=130) as writer:
         assert len(writer) == 130
         assert Timeline.open(place).status == "growing"
@@ -212,7 +212,7 @@ def test_missing_timeline_raises(place: FilePath) -> None:
 def test_timeline_with_other_attributes_raises(five: FilePath, hook_chain: Chain) -> None:
     file = five / "zarr.json"
     document, chain = json.loads(file.read_text()), chain_attributes(hook_chain)
-    for name, value, told in (
+    for name, value, words in (
         *((name, None, None) for name in ("format", "frames", "chain", "status")),
         ("format", "foldback-timeline/9", "foldback-timeline/9"),
         ("frames", 9, "promises 9 frames but has 5"),
@@ -225,12 +225,12 @@ def test_timeline_with_other_attributes_raises(five: FilePath, hook_chain: Chain
             del attributes[name]
         file.write_text(json.dumps({**document, "attributes": attributes}))
         reseal(five)
-        with case((name, value)), pytest.raises(TimelineError, match=told):
+        with case((name, value)), pytest.raises(TimelineError, match=words):
             Timeline.open(five)
 
 
 def test_timeline_that_loses_frames_has_another_id(place: FilePath, hook_chain: Chain) -> None:
-    written(place, hook_chain, some_frames(9))
+    write_timeline(place, hook_chain, some_frames(9))
     reader = Timeline.open(place)
     with TimelineWriter.reopen(place) as writer:
         writer.append(some_frames(3, start=9))
@@ -246,7 +246,7 @@ def test_timeline_that_loses_frames_has_another_id(place: FilePath, hook_chain: 
 
 
 def test_chunks_without_a_wanted_frame_are_not_read(place: FilePath, hook_chain: Chain) -> None:
-    written(place, hook_chain, some_frames(400))
+    write_timeline(place, hook_chain, some_frames(400))
     for chunk in (place / "joint_angles_rad" / "c" / "1").iterdir():
         chunk.write_bytes(b"damaged")
     timeline = Timeline.open(place)
@@ -257,9 +257,9 @@ def test_chunks_without_a_wanted_frame_are_not_read(place: FilePath, hook_chain:
 
 @pytest.mark.parametrize("array", ["joint_angles_rad/c/0/0", "phase/c/0", "time_s/c/0"])
 def test_timeline_with_damaged_chunk_raises(place: FilePath, hook_chain: Chain, array: str) -> None:
-    """Also of an array that is all zeros, which zarr would fill in."""
+    """An array of zeros is damaged as well, as zarr would fill it in."""
     played = some_frames(130, start=130, phase="playback", error=True)
-    file = written(place, hook_chain, some_frames(130), played) / array
+    file = write_timeline(place, hook_chain, some_frames(130), played) / array
     whole, foreign = file.read_bytes(), (place / array.replace("c/0", "c/1")).read_bytes()
     middle = len(whole) // 2
     changed = whole[:middle] + bytes([whole[middle] ^ 16]) + whole[middle + 1 :]
@@ -291,7 +291,7 @@ def test_timeline_with_damaged_metadata_raises(five: FilePath) -> None:
         whole[:k] + bytes([whole[k] ^ 1]) + whole[k + 1 :] for k in range(60, len(whole), 191)
     ]
     for data in (whole[:50], *changed):
-        if data.split() == whole.split():  # means the same in JSON
+        if data.split() == whole.split():  # the same value in JSON
             continue
         file.write_bytes(data)
         with case(data), pytest.raises(TimelineError):
@@ -302,7 +302,7 @@ def test_timeline_with_damaged_metadata_raises(five: FilePath) -> None:
         Timeline.open(five)
 
 
-def test_writer_goes_on_only_with_an_undamaged_tail(five: FilePath) -> None:
+def test_writer_continues_only_after_an_undamaged_tail(five: FilePath) -> None:
     (five / "joint_angles_rad" / "c" / "0" / "0").unlink()
     with pytest.raises(DamagedError):
         TimelineWriter.reopen(five)

@@ -1,4 +1,4 @@
-"""Paths in assembly order visit every cell once and come off from their far end."""
+"""Paths in assembly order: they visit every cell once and can be peeled from their far end."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_path_by_layers_can_be_peeled(shape: Ints) -> None:
     np.testing.assert_array_equal(np.unique(path, axis=0), cells_of(shape, 2))
     assert peelable(path).score == 1.0
     steps = np.diff(path, axis=0)
-    assert ((steps >= 0).all(axis=0) | (steps <= 0).all(axis=0)).any()  # one axis is climbed
+    assert ((steps >= 0).all(axis=0) | (steps <= 0).all(axis=0)).any()  # one layer above the other
 
 
 def test_layers_in_parts_have_no_path() -> None:
@@ -80,18 +80,18 @@ def test_layers_in_parts_have_no_path() -> None:
 
 
 def test_pit_has_a_low_score() -> None:
-    # A handle on a head: laid last it leaves a hole, four cells deep, for the unit before it.
+    # A handle on a head: placed last it leaves a hole, four cells deep, for the group before it.
     head = box(4, 4, 4) * np.array([1, 1, 1])
     hole = (head[:, 0] == 3) & (head[:, 1] == 1) & (head[:, 2] == 1)
-    core = filled(head[~hole])
-    pit = filled(head[hole])
+    core = cells_of_blocks(head[~hole])
+    pit = cells_of_blocks(head[hole])
     rated = peelable(np.concatenate([core, pit]), 32)
     assert rated.free and rated.score < 0.7
     assert rated.ways[0] == 1
 
 
-def filled(blocks: Ints) -> Ints:
-    """Cells of blocks in any order: how they come off is asked for, not whether they are a path."""
+def cells_of_blocks(blocks: Ints) -> Ints:
+    """Return the cells of blocks in any order; removal is tested, not whether they form a path."""
     return (4 * blocks[:, None] + box(4, 4, 4)).reshape(-1, 3)
 
 
@@ -113,14 +113,14 @@ def test_path_is_peeled_from_its_better_end() -> None:
     assert from_better_end(snake) is snake
 
 
-def test_halved_blocks_have_a_path_where_blocks_have_none() -> None:
+def test_halved_blocks_may_have_a_path_if_blocks_have_none() -> None:
     # Four arms on one block: three of them would have to be an end.
     cross = plus()
     assert assembly_path(cross, np.random.default_rng(0), side=4) is None
     path = next(solid_paths(cross, np.random.default_rng(0), 4))
     Path.from_cells(path)
     np.testing.assert_array_equal(np.unique(path, axis=0), cells_of(cross, 4))
-    # Six arms along three axes, two of them twice: no axis has layers in one piece.
+    # Six arms along three axes, two of them twice: no axis has connected layers.
     legs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     frame = np.unique(np.concatenate([legs, plus(), [[0, 0, 1], [0, 0, -1]]]), axis=0)
     assert not list(solid_paths(frame, np.random.default_rng(0), 2))
@@ -137,7 +137,7 @@ def test_layered_snake_can_be_peeled_and_an_inward_spiral_cannot() -> None:
 
 
 def buried() -> Ints:
-    """A path through a box, but for one corner, whose far end is its very middle."""
+    """Return a path through a box, except for one corner, whose far end is its centre."""
     ring = [(2, 2), (2, 1), (2, 0), (1, 0), (0, 0), (0, 1), (0, 2), (1, 2)]
     top = [(1, 2), (2, 2), (2, 1), (2, 0), (1, 0), (0, 0), (0, 1), (1, 1)]
     return np.array(

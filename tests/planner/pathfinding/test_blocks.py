@@ -21,12 +21,12 @@ TREES: tuple[Tree, ...] = ("bfs", "dfs", "random")
 
 
 def connected_sets(most: int = 40) -> st.SearchStrategy[Ints]:
-    """Connected sets of cells: each new one lies next to one that was there."""
+    """Return a strategy for connected sets of cells: each new one is adjacent to an earlier one."""
     picks = st.tuples(st.integers(0, most), st.integers(0, 5))
-    return st.lists(picks, max_size=most).map(grown)
+    return st.lists(picks, max_size=most).map(grow)
 
 
-def grown(picks: list[tuple[int, int]]) -> Ints:
+def grow(picks: list[tuple[int, int]]) -> Ints:
     cells = [(0, 0, 0)]
     for which, side in picks:
         x, y, z = cells[which % len(cells)]
@@ -43,7 +43,7 @@ def is_path_through(path: Ints, cells: Ints) -> bool:
     )
 
 
-def doubled(coarse: Ints) -> Ints:
+def double(coarse: Ints) -> Ints:
     corners = np.array(list(product((0, 1), repeat=3)))
     return (2 * coarse[:, None, :] + corners).reshape(-1, 3)
 
@@ -51,14 +51,14 @@ def doubled(coarse: Ints) -> Ints:
 @given(coarse=connected_sets(), seed=st.integers(0, 99), tree=st.sampled_from(TREES))
 def test_block_path_of_connected_sets(coarse: Ints, seed: int, tree: Tree) -> None:
     path = block_path(coarse, np.random.default_rng(seed), tree=tree)
-    assert is_path_through(path, doubled(coarse))
+    assert is_path_through(path, double(coarse))
     assert np.abs(path[0] - path[-1]).sum() == 1
     assert surface(path)[[0, -1]].all()
 
 
 def test_blocks_can_be_joined_by_every_face_and_edge() -> None:
-    # This is the proof that block merging succeeds: whichever edge of whichever face a block is
-    # joined by, there is a cycle with that edge and a different edge in each of the other faces.
+    # This proves that block merging succeeds: for each edge of each face by which a block is joined
+    # there is a cycle with that edge and a different edge in each of the other faces.
     options = joint_options()
     of_faces = {
         (face, edge)
@@ -97,7 +97,7 @@ def test_spreads_of_cuts_are_those_of_their_paths(coarse: Ints, seed: int) -> No
 
 @given(coarse=connected_sets(most=10), shift=st.tuples(*[st.integers(-3, 3)] * 3))
 def test_doubled_shape_is_halved(coarse: Ints, shift: tuple[int, int, int]) -> None:
-    found = halved(Shape.from_cells(doubled(coarse) + np.array(shift)))
+    found = halved(Shape.from_cells(double(coarse) + np.array(shift)))
     assert np.array_equal(found - found.min(axis=0), np.unique(coarse - coarse.min(axis=0), axis=0))
 
 
@@ -105,13 +105,13 @@ def test_other_shapes_are_not_halved() -> None:
     line = [(x, 0, 0) for x in range(8)]
     assert halved(Shape.from_cells(line)) is None
     bent = np.concatenate(
-        [doubled(np.array([(0, 0, 0)])), doubled(np.array([(1, 0, 0)])) + (0, 1, 0)]
+        [double(np.array([(0, 0, 0)])), double(np.array([(1, 0, 0)])) + (0, 1, 0)]
     )
     assert halved(Shape.from_cells(bent)) is None
 
 
 def test_blocks_off_the_grid_are_merged() -> None:
-    lower, upper = doubled(np.array([(0, 0, 0), (1, 0, 0)])), doubled(np.array([(0, 0, 1)]))
+    lower, upper = double(np.array([(0, 0, 0), (1, 0, 0)])), double(np.array([(0, 0, 1)]))
     cells = np.concatenate([lower, upper + (1, 0, 0)])
     shape = frozenset((x, y, z) for x, y, z in cells.tolist())
     assert block_corners(shape) == [(0, 0, 0), (2, 0, 0), (1, 0, 2)]

@@ -34,14 +34,14 @@ def check(found: Ints | None, cells: Ints) -> None:
 
 
 def has_path(cells: Ints) -> bool:
-    """By trying everything: for a handful of cells."""
+    """Return True if there is a path, by brute force; for a handful of cells."""
     near = [[k for k in row if k >= 0] for row in neighbours(cells).tolist()]
 
-    def goes_on(cell: int, left: frozenset[int]) -> bool:
-        return not left or any(goes_on(k, left - {k}) for k in near[cell] if k in left)
+    def can_end(cell: int, rest: frozenset[int]) -> bool:
+        return not rest or any(can_end(k, rest - {k}) for k in near[cell] if k in rest)
 
     everything = frozenset(range(len(cells)))
-    return any(goes_on(k, everything - {k}) for k in everything)
+    return any(can_end(k, everything - {k}) for k in everything)
 
 
 small_sets = st.sets(
@@ -79,7 +79,7 @@ def test_path_from_the_start_of_a_walk_is_found(walk: Ints) -> None:
         assert found is not None and tuple(found[0]) == start
 
 
-def test_ends_lie_on_the_surface_when_asked_for() -> None:
+def test_ends_are_on_the_surface_if_requested() -> None:
     shape = Shape.from_cells(box(5, 5, 5))
     for seed in range(2):
         found = exact_path(shape, seed=seed, ends_on_surface=True).cells
@@ -102,15 +102,16 @@ def test_seed_decides_the_path() -> None:
     assert not np.array_equal(one, other)
 
 
-# Connected, even in colours, without dead ends or cut cells that forbid a path; found at random.
-SUBTLE = (
+# These cells are connected, with balanced colours and without dead ends or cut cells that would
+# rule out a path; found at random.
+WITHOUT_PATH = (
     *((-1, 0, 0), (-1, 1, 0), (0, -1, 0), (0, 0, 0), (0, 0, 1), (0, 1, 0), (0, 1, 1)),
     (1, 1, 0),
 )
 
 
 def test_solver_proves_that_there_is_no_path() -> None:
-    shape = Shape.from_cells(SUBTLE)
+    shape = Shape.from_cells(WITHOUT_PATH)
     assert not obstacles(shape.cells)
     assert not has_path(shape.cells)
     search = exact_path(shape)
@@ -132,7 +133,7 @@ def test_unsuitable_starts_are_refused_with_the_reason() -> None:
         exact_path(small, start=(5, 0, 0))
 
 
-# Colours rule out a path, which SAT solvers cannot prove in any time.
+# Colours rule out a path, which SAT solvers cannot prove in any reasonable time.
 ENDLESS = np.array([cell for cell in box(6, 6, 6) if cell not in {(0, 0, 0), (5, 5, 0), (5, 0, 5)}])
 
 

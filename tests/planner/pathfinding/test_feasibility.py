@@ -11,15 +11,15 @@ from planner.pathfinding.path_search import find_paths
 from planner.shapes.shape import Shape
 from tests.conftest import examples
 from tests.planner.lattice import NEIGHBOURS, box
-from tests.planner.pathfinding.test_exact_search import SUBTLE
+from tests.planner.pathfinding.test_exact_search import WITHOUT_PATH
 
 Cell = tuple[int, int, int]
 
 
 CROSS = [(0, 0, 0), *NEIGHBOURS, *((2 * x, 2 * y, 2 * z) for x, y, z in NEIGHBOURS)]
 CHECKERED = [c for c in box(3, 3, 3) if c not in ((0, 1, 0), (1, 0, 0), (1, 2, 0))]
-APART = box(3, 3, 3) + [(x + 5, y, z) for x, y, z in box(2, 2, 2)]
-FAR_APART = box(3, 3, 3) + [(x + 50, y, z) for x, y, z in box(2, 2, 2)]
+SEPARATE = box(3, 3, 3) + [(x + 5, y, z) for x, y, z in box(2, 2, 2)]
+DISTANT = box(3, 3, 3) + [(x + 50, y, z) for x, y, z in box(2, 2, 2)]
 LOPSIDED = [(x, 0, 0) for x in range(9)] + [(7, 1, 0), (7, -1, 0)]
 
 
@@ -37,7 +37,7 @@ def test_shape_with_a_path_is_feasible(cells: list[Cell]) -> None:
     ("cells", "codes"),
     [
         ([(0, 0, 0)], {"too-few"}),
-        (APART, {"disconnected"}),
+        (SEPARATE, {"disconnected"}),
         (CROSS, {"dead-ends", "cut-cells"}),
         (LOPSIDED, {"dead-ends", "cut-cells"}),
     ],
@@ -55,18 +55,18 @@ def test_shape_without_a_path_is_explained_and_repaired(cells: list[Cell], codes
 
 
 def test_separate_parts_are_bridged_or_dropped() -> None:
-    found = feasibility(Shape.from_cells(APART)).repairs
+    found = feasibility(Shape.from_cells(SEPARATE)).repairs
     changed = [len(repair.add) + len(repair.drop) for repair in found[:-1]]
     assert changed == sorted(changed)
     assert [repair.doubled for repair in found] == [False] * (len(found) - 1) + [True]
     bridge, keep, _ = found
     assert (len(bridge.add), bridge.drop) == (2, ())
     assert (keep.add, len(keep.drop)) == ((), 8)
-    assert all(repair.add == () for repair in feasibility(Shape.from_cells(FAR_APART)).repairs)
+    assert all(repair.add == () for repair in feasibility(Shape.from_cells(DISTANT)).repairs)
 
 
 def test_parity_is_repaired_with_the_fewest_cells() -> None:
-    # A cell more or less changes the excess by one, and one may be left.
+    # One cell more or less changes the excess by one, and an excess of one is allowed.
     shape = Shape.from_cells(CHECKERED)
     excess = abs(int((1 - 2 * (shape.cells.sum(axis=1) % 2)).sum()))
     found = feasibility(shape)
@@ -86,7 +86,7 @@ def test_apply_repair() -> None:
 
 
 def test_missing_path_is_proved_by_the_solver() -> None:
-    shape = Shape.from_cells(SUBTLE)
+    shape = Shape.from_cells(WITHOUT_PATH)
     found = feasibility(shape)
     assert [problem.code for problem in found.problems] == ["no-path"]
     assert found.repairs[0].doubled is False

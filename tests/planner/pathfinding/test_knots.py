@@ -1,4 +1,4 @@
-"""Knots: known ones are found, and nothing that keeps a knot changes the answer."""
+"""Knots: known ones are recognised, and the result is invariant under changes that keep a knot."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ OVERHAND = (
 
 
 def walk(corners: NDArray[np.int64] | tuple[tuple[int, int, int], ...], scale: int = 1) -> Cells:
-    """Cells along straight lines between corners."""
+    """Return the cells along straight lines between corners."""
     points = scale * np.array(corners)
     cells = [points[0]]
     for corner in points[1:]:
@@ -36,14 +36,14 @@ def walk(corners: NDArray[np.int64] | tuple[tuple[int, int, int], ...], scale: i
 
 
 def on_lattice(curve: NDArray[np.float64], scale: float) -> Cells:
-    """A closed curve as a walk on the lattice that visits no cell twice."""
+    """Return a closed curve as a walk on the lattice that visits no cell twice."""
     cells = walk(np.round(scale * np.concatenate([curve, curve[:1]])).astype(np.int64))[:-1]
     assert len(np.unique(cells, axis=0)) == len(cells)
     return cells
 
 
 def torus_winding(p: int, q: int) -> NDArray[np.float64]:
-    """p times around the axis, q times around the ring."""
+    """Return a curve with p turns around the axis and q turns around the ring."""
     u = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
     rho = 3 + np.cos(q * u)
     return np.stack([rho * np.cos(p * u), rho * np.sin(p * u), np.sin(q * u)], axis=1)
@@ -76,13 +76,13 @@ def test_overhand_knot_is_a_trefoil(scale: int) -> None:
 
 @pytest.mark.parametrize(("p", "q", "expected"), [(2, 3, 3), (2, 5, 5), (4, 3, 3), (5, 1, 1)])
 def test_windings_of_a_torus(p: int, q: int, expected: int) -> None:
-    """Torus knots of 2 and q have determinant q; of 3 and 4, 3; once around either way is none."""
+    """Torus knots of 2 and q have determinant q, of 3 and 4 have 3; single windings have 1."""
     knot = knot_of(on_lattice(torus_winding(p, q), 9.0), closed=True)
     assert (knot.verdict, knot.determinant) == ("unknot" if expected == 1 else "knotted", expected)
 
 
 def test_knot_of_determinant_one_is_found_by_its_polynomial() -> None:
-    """The torus knot of 3 and 5: |Δ(−1)| is 1, Δ is not."""
+    """|Δ(−1)| of the torus knot of 3 and 5 is 1, but Δ is not 1."""
     knot = knot_of(on_lattice(torus_winding(3, 5), 9.0), closed=True)
     assert (knot.verdict, knot.determinant) == ("knotted", 1)
 
@@ -129,7 +129,7 @@ def raw_determinant(polygon: NDArray[np.float64], rng: np.random.Generator) -> i
 
 
 def test_path_that_ends_deep_inside_is_unknotted() -> None:
-    """A layer, around the edge to another one, then a spiral between them to the middle."""
+    """The path fills a layer, crosses its edge to another one, then spirals inwards."""
     above = snake_path((5, 5, 1))
     around = np.array([(5, 4, 0), (5, 4, -1), (5, 4, -2)])
     below = above[::-1] - (0, 0, 2)
@@ -142,7 +142,7 @@ def test_path_that_ends_deep_inside_is_unknotted() -> None:
 
 
 def test_trefoil_cut_open_anywhere_is_a_trefoil() -> None:
-    """A closed trefoil cut open anywhere is a trefoil, though its ends lie amid other strands."""
+    """The result holds although the ends lie amid other strands."""
     cells = on_lattice(torus_winding(2, 3), 3.0)
     for place in range(0, len(cells), 7):
         assert knot_of(np.roll(cells, place, axis=0)).determinant == 3

@@ -17,7 +17,7 @@ from tests.planner.pathfinding.test_knots import OVERHAND, walk
 BENT = Shape.from_cells(box(6, 2, 2) + box(2, 6, 2), name="bent")  # 2×2×2 blocks
 PLATE = Shape.from_cells([c for c in box(5, 5, 2) if c[:2] != (2, 2)], name="plate")
 BOX = Shape.from_cells(box(4, 3, 2), name="box")
-# Blocks on no common grid: the upper one is half a block aside.
+# Blocks on no common grid: the upper one is shifted by half a block.
 STEP = Shape.from_cells(box(4, 2, 2) + [(x + 1, y, z + 2) for x, y, z in box(2, 2, 2)])
 
 
@@ -44,8 +44,8 @@ def test_large_shapes_are_peeled() -> None:
     assert peelable(best).score == 1.0
     assert np.array_equal(np.unique(best, axis=0), shape.cells)
     start = (0, 0, 0)
-    begun = find_paths(shape, start=start)
-    assert begun.paths and tuple(begun.paths[0].cells[0]) == start
+    started = find_paths(shape, start=start)
+    assert started.paths and tuple(started.paths[0].cells[0]) == start
 
 
 def test_method_assembly_works_for_boxes_and_blocks_only() -> None:
@@ -68,7 +68,7 @@ def test_candidates_are_ranked_by_knot_and_then_by_spread() -> None:
     assert ranked([overhand, winding])[0] is winding
 
 
-def test_ends_lie_on_the_surface_when_asked_for() -> None:
+def test_ends_are_on_the_surface_if_requested() -> None:
     search = find_paths(BENT, ends="surface")
     assert search.paths
     for path in search.paths:
@@ -86,7 +86,7 @@ def test_ends_lie_on_the_surface_when_asked_for() -> None:
         (PLATE, "exact", (0, 3, 1)),
     ],
 )
-def test_path_begins_where_it_is_asked_to(
+def test_path_starts_in_the_requested_cell(
     shape: Shape, method: str, start: tuple[int, int, int]
 ) -> None:
     search = find_paths(shape, method=method, start=start)

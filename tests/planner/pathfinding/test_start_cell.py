@@ -36,8 +36,8 @@ def test_open_path_begins_at_either_end() -> None:
     assert started(chain, None) == (chain, "")
     assert cells_of(started(chain, (0, 0, 0))[0]) == HOOK
     assert cells_of(started(chain, (0, 1, 1))[0]) == HOOK[::-1]
-    kept, why = started(chain, (1, 1, 0))
-    assert kept is chain
+    same, why = started(chain, (1, 1, 0))
+    assert same is chain
     assert "(1, 1, 0)" in why
     assert "voxels" in why
     with pytest.raises(InputError) as refused:

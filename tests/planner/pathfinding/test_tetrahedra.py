@@ -1,4 +1,4 @@
-"""Chains of tetrahedra from their angles to a verified plan, on the same code as cubes."""
+"""Chains of tetrahedra from their angles to a verified plan, by the same code as cubes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def cube(side: int) -> Chain:
 
 
 def test_linked_tetrahedra_are_checked_too() -> None:
-    """A hinge keeps two tetrahedra apart only up to a right angle; cubes share their joint."""
+    """A hinge separates two tetrahedra only up to a right angle; cubes share their joint."""
     chain = Chain.from_angles(TETRAHEDRON, np.zeros(2))
     poses = chain.poses(np.deg2rad([100.0, 0.0]), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     found = closest(TETRAHEDRON, poses.positions, poses.rotations, size=0.99)
@@ -77,7 +77,7 @@ def test_bad_chain_files_are_refused(key: str, value: object, code: str) -> None
 
 def test_largest_size_without_a_collision() -> None:
     chain = read_angle_string(RING)
-    # From straight half way to folded, evenly: never closer than at its end.
+    # From straight halfway to folded, at constant rates: the closest moment is the end.
     motion = np.linspace(0.0, 1.0, 40)[:, None] * chain.folded_rad[None]
     partly = motion[:24]
     size = largest_size(chain, (partly,), clear_at=0.5)
@@ -89,28 +89,28 @@ U = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [2, 2, 0], [1, 2, 0], [0, 2, 0]
 VOXELS = b'{"format": "foldback-voxels/1", "cells": [[0,0,0],[1,0,0],[1,1,0],[5,5,5]]}'
 
 
-def prepared(data: bytes, **options: object) -> Preparation:
+def prepare_chain(data: bytes, **options: object) -> Preparation:
     return prepare(data, "shape", PathOptions(module="tetrahedron", **options))  # pyright: ignore
 
 
 def test_cells_of_a_path_become_rings() -> None:
-    made = prepared(write_path(Path.from_cells(U, name="u")))
+    made = prepare_chain(write_path(Path.from_cells(U, name="u")))
     assert made.kind == "voxels"
     assert len(made.chain) == TETRAHEDRA_PER_RING * len(U)
     assert made.chain.module is TETRAHEDRON
     assert made.knot.verdict == "unknot"
-    # Each module is named by the cell in whose ring it lies: each cell twelve times.
+    # Each module has the name of the cell in whose ring it lies: each cell occurs twelve times.
     cells, counts = np.unique(made.cells, axis=0, return_counts=True)
     np.testing.assert_array_equal(cells, np.unique(U, axis=0))
     assert set(counts) == {TETRAHEDRA_PER_RING}
 
 
-def test_chain_of_tetrahedra_begins_in_the_cell_asked_for() -> None:
-    made = prepared(write_path(Path.from_cells(U)), start=(2, 1, 0), ends="surface")
+def test_chain_of_tetrahedra_starts_in_the_requested_cell() -> None:
+    made = prepare_chain(write_path(Path.from_cells(U)), start=(2, 1, 0), ends="surface")
     assert tuple(made.cells[0]) == (2, 1, 0)
     assert made.not_started == ""
     with pytest.raises(InputError) as refusal:
-        prepared(write_path(Path.from_cells(U)), start=(7, 7, 7))
+        prepare_chain(write_path(Path.from_cells(U)), start=(7, 7, 7))
     assert refusal.value.code == "not-a-cell"
     with pytest.raises(InputError) as refusal:
         prepare(b"[[0,0,0],[1,0,0],[2,0,0]]", None, PathOptions(module="sphere"))
@@ -118,12 +118,12 @@ def test_chain_of_tetrahedra_begins_in_the_cell_asked_for() -> None:
 
 
 def test_separate_parts_are_dropped_on_request_only() -> None:
-    made = prepared(VOXELS)
+    made = prepare_chain(VOXELS)
     assert not made.chains
     assert [p.code for p in made.feasibility.problems] == ["disconnected"]
     with pytest.raises(InputError, match="2 parts"):
         _ = made.chain
-    repaired = prepared(VOXELS, repair=True)
+    repaired = prepare_chain(VOXELS, repair=True)
     assert len(repaired.chain) == 3 * TETRAHEDRA_PER_RING
     assert any("remove the other 1 cell" in note for note in repaired.notes)
 
@@ -132,7 +132,7 @@ def test_separate_parts_are_dropped_on_request_only() -> None:
 def test_mesh_is_filled_with_tetrahedra() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=3)
     data = mesh.export(file_type="stl")
-    few, many = prepared(data, modules=72), prepared(data, modules=300)
+    few, many = prepare_chain(data, modules=72), prepare_chain(data, modules=300)
     assert few.iou is not None
     assert many.iou is not None
     assert 0.3 < few.iou < many.iou < 1.0

@@ -1,4 +1,4 @@
-"""The lock of the compilation, and the kernels that Python must not call."""
+"""Lock of the compilation, and kernels that Python must not call."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_lock_held_by_another_shows_its_fraction_and_waits_no_longer_than_its_bo
     other.release()
 
 
-def test_compiling_looks_for_unused_cycles_rarely_from_its_first_kernel_to_its_end() -> None:
+def test_garbage_collection_is_rare_while_kernels_are_compiled() -> None:
     before = gc.get_threshold()
     with Compiling():
         assert gc.get_threshold() == before
@@ -144,7 +144,7 @@ def test_inner_kernel_has_no_machine_code_and_serves_a_second_caller_from_the_ca
 FILES = sorted(path for path in KERNELS.glob("*.py") if path.name != "__init__.py")
 
 
-def imported(path: Path) -> set[Path]:
+def imports_of(path: Path) -> set[Path]:
     """Return the files of kernels that a file imports, by its syntax tree."""
     return {
         KERNELS / f"{node.module.rpartition('.')[2]}.py"
@@ -160,8 +160,8 @@ def test_sources_of_a_kernel_hold_all_its_imports() -> None:
         with case(path.stem):
             assert path in sources(path)
             for source in sources(path):
-                assert imported(source) <= set(sources(path))
-                # What another package defines would not be compared.
+                assert imports_of(source) <= set(sources(path))
+                # Definitions of other packages would not be compared.
                 modules = [
                     node.module or ""
                     for node in ast.parse(source.read_text()).body
@@ -176,7 +176,7 @@ def test_digest_changes_with_a_file_that_is_imported_by_an_imported_one(tmp_path
     for path in FILES:
         shutil.copy(path, tmp_path)
     sweep, kinematics = tmp_path / "sweep.py", tmp_path / "kinematics.py"
-    assert kinematics in sources(sweep) and kinematics not in imported(KERNELS / "sweep.py")
+    assert kinematics in sources(sweep) and kinematics not in imports_of(KERNELS / "sweep.py")
     before = sources_digest(sweep)
     kinematics.write_text(kinematics.read_text() + "# another step\n")
     sources_digest.cache_clear()
@@ -198,7 +198,7 @@ def test_every_kernel_compares_all_its_sources() -> None:
                     assert sources_digest(path) in file._version
 
 
-def test_index_of_other_sources_that_names_a_type_that_is_gone_is_not_read(
+def test_outdated_index_with_a_removed_type_is_not_read(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     gone = type("Gone", (), {"__module__": kernel_cache.__name__})

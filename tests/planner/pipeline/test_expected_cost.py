@@ -1,4 +1,4 @@
-"""Expected cost: what is expected of folds of all kinds, beside what was measured of them."""
+"""Expected cost of folds of all kinds, compared with measurements."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tests.case import case
 
 STAGE_S = 1800.0
 PAPER: dict[str, Any] = {"preset": "paper"}
-MEASURED = [  # processor seconds of whole folds, and of explosions as published
+MEASURED = [  # processor time in seconds of whole folds, and of published explosions
     (160, {}, 3.9),
     (160, {"settings": "robots=20"}, 15.9),
     (160, {"preset": "direct"}, 36.0),
@@ -38,18 +38,18 @@ ENDLESS = [
 ]
 
 
-def test_expected_cost_is_within_a_factor_of_three_of_what_was_measured() -> None:
-    for modules, asked, measured_s in MEASURED:
-        with case((modules, asked)):
-            cost = expected_cost(modules, FoldRequest(**asked))
+def test_expected_cost_is_within_a_factor_of_three_of_measurements() -> None:
+    for modules, options, measured_s in MEASURED:
+        with case((modules, options)):
+            cost = expected_cost(modules, FoldRequest(**options))
             assert measured_s / 3.0 < cost.expected_s < 3.0 * measured_s
             assert cost.least_s < STAGE_S
 
 
-def test_expected_cost_of_what_cannot_end_is_above_the_limit() -> None:
-    for modules, asked in ENDLESS:
-        with case((modules, asked)):
-            cost = expected_cost(modules, FoldRequest(**asked))
+def test_expected_cost_of_endless_folds_is_above_the_limit() -> None:
+    for modules, options in ENDLESS:
+        with case((modules, options)):
+            cost = expected_cost(modules, FoldRequest(**options))
             assert cost.least_s > STAGE_S
             assert cost.cause and cost.remedy.endswith(".")
             assert 0.0 < cost.expected_s <= MAX_EXPECTED_S
@@ -66,7 +66,7 @@ MAY_END = [
 ]
 
 
-def test_expected_cost_of_what_may_end_is_below_the_limit() -> None:
-    for modules, asked in MAY_END:
-        with case((modules, asked)):
-            assert expected_cost(modules, FoldRequest(**asked)).least_s < STAGE_S
+def test_expected_cost_of_folds_that_may_end_is_below_the_limit() -> None:
+    for modules, options in MAY_END:
+        with case((modules, options)):
+            assert expected_cost(modules, FoldRequest(**options)).least_s < STAGE_S

@@ -19,11 +19,11 @@ from planner.pipeline.fold import fold, refold, smooth_plan
 from planner.pipeline.job import Result, Search
 from planner.plan.plan import Plan
 from tests.planner.chains import coil, line
-from tests.planner.folds import timeless
+from tests.planner.folds import untimed
 
 CORNER = coil(3)
 ONE_ROBOT = "robots=1"
-"""Settings with which one robot is simulated, and not several."""
+"""Setting by which one robot is simulated instead of several."""
 
 
 def test_smallest_chains_and_a_line_fold() -> None:
@@ -51,19 +51,19 @@ def test_cancelled_fold_is_not_verified() -> None:
     assert len(plan.attempts) == 1
 
 
-def same_plans(one: Plan, other: Plan) -> None:
-    """Compare all but wall times."""
+def assert_same_plans(one: Plan, other: Plan) -> None:
+    """Compare two plans except for wall times."""
     for name, column in one.motion.columns().items():
         np.testing.assert_array_equal(column, other.motion.columns()[name])
     np.testing.assert_array_equal(one.max_error_rad, other.max_error_rad)
     values = [json.loads(json.dumps(plan.rest())) for plan in (one, other)]
-    assert timeless(values[0]) == timeless(values[1])
+    assert untimed(values[0]) == untimed(values[1])
     assert one.parameters == other.parameters
 
 
 @pytest.fixture(scope="module")
-def written() -> Iterator[list[str]]:
-    """Paths that this process has written to, from now on."""
+def written_paths() -> Iterator[list[str]]:
+    """List of the paths that this process writes from now on."""
     paths: list[str] = []
     watched = True
 
@@ -76,35 +76,35 @@ def written() -> Iterator[list[str]]:
 
     sys.addaudithook(note)
     yield paths
-    watched = False  # there is no way to take a hook back
+    watched = False  # an audit hook cannot be removed
 
 
 @pytest.mark.slow
 def test_plan_made_in_memory_writes_no_file_and_equals_that_of_a_directory(
-    tmp_path: FilePath, written: list[str]
+    tmp_path: FilePath, written_paths: list[str]
 ) -> None:
     folded = fold(CORNER, directory=tmp_path / "fold", settings=ONE_ROBOT)
     refolded = refold(folded, CORNER, directory=tmp_path / "refold", settings=ONE_ROBOT)
     smoothed = smooth_plan(folded, directory=tmp_path / "smoothed")
-    assert written
-    written.clear()
-    same_plans(folded, fold(CORNER, settings=ONE_ROBOT))
-    same_plans(refolded, refold(folded, CORNER, settings=ONE_ROBOT))
-    same_plans(smoothed, smooth_plan(folded))
-    assert written == []
+    assert written_paths
+    written_paths.clear()
+    assert_same_plans(folded, fold(CORNER, settings=ONE_ROBOT))
+    assert_same_plans(refolded, refold(folded, CORNER, settings=ONE_ROBOT))
+    assert_same_plans(smoothed, smooth_plan(folded))
+    assert written_paths == []
 
 
 @pytest.mark.slow
 def test_plan_made_in_memory_is_the_same_for_any_number_of_workers(
     monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
 ) -> None:
-    # Modules as large as their cells always touch, so that others are tried.
+    # Modules as large as their cells always touch, so that further attempts are made.
     monkeypatch.setattr("planner.pipeline.search.MAX_REFUSED_EXPLOSIONS", 2)
     too_large = partial(fold, CORNER, module_size=1.0, settings=ONE_ROBOT)
     plan = too_large()
     assert len(plan.attempts) > 1 and not plan.verified
-    same_plans(plan, too_large(workers=2))
-    same_plans(plan, too_large(directory=tmp_path))
+    assert_same_plans(plan, too_large(workers=2))
+    assert_same_plans(plan, too_large(directory=tmp_path))
 
 
 def test_best_of_unjudged_explosions_is_kept() -> None:

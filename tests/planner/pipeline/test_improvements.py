@@ -53,28 +53,28 @@ def choice(prefer: Preference, paths: int = 1, **more: int) -> RetryPolicy:
     )
 
 
-def tried_of(
-    portfolio: RetryPolicy, come_to: Callable[[Trial], Attempt] = verified
+def attempts(
+    portfolio: RetryPolicy, outcome_of: Callable[[Trial], Attempt] = verified
 ) -> Sequence[Attempt]:
-    """All that is tried when each try comes to something."""
+    """Return all attempts if each trial ends as ``outcome_of`` says."""
     tried: list[Attempt] = []
     while isinstance(step := next_step(tried, portfolio), Explode):
-        tried.append(come_to(step.trial))
+        tried.append(outcome_of(step.trial))
     return tried
 
 
 def test_first_verified_plan_ends_a_search_for_least_computing() -> None:
     for portfolio in (choice("computing"), RetryPolicy(strategies=(ALL,), seed=5)):
-        assert [each.trial for each in tried_of(portfolio)] == [Trial(0, 5, "simultaneous")]
+        assert [each.trial for each in attempts(portfolio)] == [Trial(0, 5, "simultaneous")]
 
 
 def test_other_strategies_and_paths_come_first_then_smoothings() -> None:
     quick = {"simultaneous": 5.0, "blocks": 3.0, "peel": 9.0, "smoothed": 2.0}
 
-    def come_to(trial: Trial) -> Attempt:
+    def outcome_of(trial: Trial) -> Attempt:
         return verified(trial, fold_time_s=quick[trial.strategy] - 0.1 * trial.candidate)
 
-    assert [each.trial for each in tried_of(choice("time", paths=2), come_to)] == [
+    assert [each.trial for each in attempts(choice("time", paths=2), outcome_of)] == [
         *(Trial(0, 5, name) for name in ALL),
         Trial(1, 5, "blocks"),
         Trial(1, 5, "smoothed", smooths=3),
@@ -85,10 +85,10 @@ def test_other_strategies_and_paths_come_first_then_smoothings() -> None:
 
 
 def test_refused_smoothings_are_softened_up_to_a_limit() -> None:
-    def come_to(trial: Trial) -> Attempt:
+    def outcome_of(trial: Trial) -> Attempt:
         return refused(trial) if trial.smooths is not None else verified(trial)
 
-    tried = [each.trial for each in tried_of(choice("torque", paths=4), come_to)]
+    tried = [each.trial for each in attempts(choice("torque", paths=4), outcome_of)]
     assert len([trial for trial in tried if trial.smooths is None]) == MAX_EXPLOSIONS
     assert [(trial.strategy, trial.smooths) for trial in tried[MAX_EXPLOSIONS:]] == [
         *(("smoothed", 0), ("softened", 0)),
@@ -98,18 +98,18 @@ def test_refused_smoothings_are_softened_up_to_a_limit() -> None:
 
 
 def test_long_motions_are_not_smoothed_and_expensive_attempts_not_made() -> None:
-    assert not [a for a in tried_of(choice("time", most_frames=99)) if a.trial.smooths is not None]
-    # Blocks are two dozen at most, however long the chain is.
+    assert not [a for a in attempts(choice("time", most_frames=99)) if a.trial.smooths is not None]
+    # There are at most two dozen blocks, however long the chain is.
     for modules, others in ((4000, ["blocks", "peel"]), (9600, ["peel"])):
-        tried = [each.trial for each in tried_of(choice("time", modules=modules))]
+        tried = [each.trial for each in attempts(choice("time", modules=modules))]
         assert [trial.strategy for trial in tried] == ["simultaneous", *others]
-        dear = [expected_seconds_of(trial, modules) for trial in tried]
-        assert dear[0] > 300.0 > sum(dear[1:])
+        expected_s = [expected_seconds_of(trial, modules) for trial in tried]
+        assert expected_s[0] > 300.0 > sum(expected_s[1:])
 
 
 def test_preference_changes_nothing_before_a_verified_plan() -> None:
-    tried = tried_of(choice("clearance", paths=2), refused)
-    plain = tried_of(replace(choice("clearance", paths=2), improvements=None), refused)
+    tried = attempts(choice("clearance", paths=2), refused)
+    plain = attempts(replace(choice("clearance", paths=2), improvements=None), refused)
     assert [each.trial for each in tried] == [each.trial for each in plain]
 
 
@@ -125,7 +125,7 @@ def test_smoothings_are_not_in_the_lookahead() -> None:
     ("prefer", "best"), [("computing", 0), ("time", 1), ("torque", 2), ("clearance", 3)]
 )
 def test_best_plan_by_each_preference(prefer: Preference, best: int) -> None:
-    """A slow plan needs little torque; in the same time as the others it may need most."""
+    """A slow plan needs little torque; one as fast as the others may need most."""
     trial = Trial(0, 5, "peel")
     tried = [
         verified(trial),
@@ -140,13 +140,13 @@ def test_best_plan_by_each_preference(prefer: Preference, best: int) -> None:
     assert best_of([refused(trial)], prefer) is None
 
 
-def test_preference_is_refused_where_there_is_one_plan() -> None:
+def test_preference_is_refused_if_there_is_one_plan() -> None:
     with pytest.raises(InputError, match="got the preference 'speed', expected one of: computing"):
         FoldRequest.of(prefer="speed").check()
     for other in ({"preset": "paper"}, {"smooth": True}, {"strategy": "one-by-one"}):
-        with pytest.raises(InputError, match="got the preference time for the .* one plan") as told:
+        with pytest.raises(InputError, match="got the preference time for the .* one plan") as got:
             FoldRequest.of(prefer="time", **other).check()
-        assert told.value.where == "prefer"
+        assert got.value.where == "prefer"
     for prefer in PREFERENCES:
         FoldRequest(prefer=prefer, strategy="peel").check()
 
@@ -160,26 +160,26 @@ def test_count_with_a_preference_is_the_number_of_plans_in_the_end(
     prefer: Preference, paths: int
 ) -> None:
     portfolio = choice(prefer, paths)
-    tried = tried_of(portfolio)
+    tried = attempts(portfolio)
     assert len(tried) > 3
     for number in range(1, len(tried) + 1):
-        begun = Attempt(trial=tried[number - 1].trial, status="begun")
-        assert count_plans([*tried[: number - 1], begun], portfolio) == (number, len(tried))
+        started = Attempt(trial=tried[number - 1].trial, status="begun")
+        assert count_plans([*tried[: number - 1], started], portfolio) == (number, len(tried))
 
 
 def test_count_of_plans_ignores_a_finer_playback() -> None:
     portfolio = choice("time")
-    tried = tried_of(portfolio)[:2]
+    tried = attempts(portfolio)[:2]
     finer = Attempt(trial=tried[-1].trial, status="straight", finer=REPEATED_PLAYBACK_REFINEMENT)
     assert count_plans([*tried, finer], portfolio)[0] == 2
 
 
 def test_report_without_a_preference_counts_nothing() -> None:
-    told: list[Progress] = []
+    seen: list[Progress] = []
     plain = RetryPolicy(strategies=(("peel",),), seed=5)
     trial = plain.next_attempt([])
     assert trial is not None
-    with_count(told.append, [verified(trial)], plain)(Progress(stage="certify", fraction=0.5))
+    with_count(seen.append, [verified(trial)], plain)(Progress(stage="certify", fraction=0.5))
     portfolio = choice("time")
-    with_count(told.append, [verified(trial)], portfolio)(Progress(stage="certify", fraction=0.5))
-    assert [(each.plan, each.plans > 1) for each in told] == [(0, False), (1, True)]
+    with_count(seen.append, [verified(trial)], portfolio)(Progress(stage="certify", fraction=0.5))
+    assert [(each.plan, each.plans > 1) for each in seen] == [(0, False), (1, True)]

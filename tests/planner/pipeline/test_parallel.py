@@ -1,4 +1,4 @@
-"""Attempts made beside: the same plan as one after the other, and no process left behind."""
+"""Parallel attempts: the plan equals that of sequential ones, and no process is left behind."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from planner.pipeline.stages import run_stage
 from planner.plan.shape_files import write_chain, write_path
 from planner.progress import Progress, never, silent
 from tests.planner.chains import COIL, knotted
-from tests.planner.folds import asked
+from tests.planner.folds import write_request
 
 pytestmark = pytest.mark.slow
 
@@ -33,16 +33,16 @@ def stuck(trial: Trial, kind: Kind) -> Attempt:
 CHOICE = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=3)
 FIRST = Trial(0, 3, "simultaneous")
 STUCK = stuck(FIRST, "joints")
-PUSHED = Progress(stage="explode", fraction=0.5, pushes=SPECULATION_PULSES)
+STALLING = Progress(stage="explode", fraction=0.5, pushes=SPECULATION_PULSES)
 
 
 def read(directory: FilePath, data: bytes, **values: Any) -> FilePath:
-    run_stage("read", asked(directory, data, **values))
+    run_stage("read", write_request(directory, data, **values))
     return directory
 
 
-def beside() -> list[psutil.Process]:
-    """Processes that this one has started to make tries in."""
+def attempt_processes() -> list[psutil.Process]:
+    """Return the child processes of this one that run attempts."""
     return [
         child
         for child in psutil.Process().children()
@@ -51,7 +51,7 @@ def beside() -> list[psutil.Process]:
 
 
 def _command(process: psutil.Process) -> list[str]:
-    """Return the command line, which is empty for a moment while it is loaded; none of a zombie."""
+    """Return the command line, which is empty briefly while it is loaded; empty for a zombie."""
     while process.status() != psutil.STATUS_ZOMBIE:
         if words := process.cmdline():
             return words
@@ -61,93 +61,93 @@ def _command(process: psutil.Process) -> list[str]:
 
 def test_lookahead_lists_the_likely_next_attempts() -> None:
     choice = RetryPolicy(strategies=(("simultaneous", "peel"),) * 2, seed=0)
-    here = Trial(0, 0, "simultaneous")
-    ahead = choice.lookahead([], here)
-    assert ahead[0] == Trial(1, 0, "simultaneous")  # as after joints that are stuck
-    assert len(set(ahead)) == len(ahead) and here not in ahead
-    buried = stuck(here, "buried")
-    now = choice.next_attempt([buried])
-    assert now == Trial(0, 0, "peel")
-    ahead = choice.lookahead([buried], now)
+    current = Trial(0, 0, "simultaneous")
+    ahead = choice.lookahead([], current)
+    assert ahead[0] == Trial(1, 0, "simultaneous")  # the next attempt if joints are stuck
+    assert len(set(ahead)) == len(ahead) and current not in ahead
+    buried = stuck(current, "buried")
+    following = choice.next_attempt([buried])
+    assert following == Trial(0, 0, "peel")
+    ahead = choice.lookahead([buried], following)
     reasons: tuple[Kind, ...] = ("buried", "limit", "knot")
     for reason in reasons:
-        assert choice.next_attempt([buried, stuck(now, reason)]) in ahead
-    # What is known takes the place of what is likely; a plan of it may still be refused.
+        assert choice.next_attempt([buried, stuck(following, reason)]) in ahead
+    # Known results replace likely ones; a plan of them may still be refused.
     straight = Attempt(trial=ahead[0], status="straight")
-    first, second, *_ = choice.lookahead([buried], now, {ahead[0]: straight})
+    first, second, *_ = choice.lookahead([buried], following, {ahead[0]: straight})
     assert first == ahead[0]
-    assert second == choice.next_attempt([buried, stuck(now, "buried"), straight])
+    assert second == choice.next_attempt([buried, stuck(following, "buried"), straight])
 
 
-def test_as_many_attempts_are_made_at_once_as_there_are_workers(tmp_path: FilePath) -> None:
+def test_number_of_parallel_attempts_is_that_of_the_workers(tmp_path: FilePath) -> None:
     fold = read(tmp_path / "fold", write_chain(knotted()), seed=3)
     seen: list[int] = []
 
-    def soon() -> bool:
-        seen.append(len(beside()))
+    def stop_after_eight_polls() -> bool:
+        seen.append(len(attempt_processes()))
         return len(seen) > 8
 
     with AttemptPool(fold, 1) as pool:
         pool.schedule(CHOICE, [STUCK], Trial(0, 3, "peel"))
-        assert not beside()
+        assert not attempt_processes()
     with AttemptPool(fold, 3) as pool:
         pool.schedule(CHOICE, [], FIRST)
-        assert not beside()  # a fold that comes to its end at once takes one core
-        pool.with_speculation(silent)(PUSHED)
-        assert len(beside()) == 2
+        assert not attempt_processes()  # a fold that ends quickly uses one core
+        pool.with_speculation(silent)(STALLING)
+        assert len(attempt_processes()) == 2
         pool.schedule(CHOICE, [STUCK], Trial(0, 3, "peel"))
-        made = pool.collect(fold / TIMELINE, silent, soon)
+        made = pool.collect(fold / TIMELINE, silent, stop_after_eight_polls)
         assert made is None or made.status == "cancelled"
         assert max(seen) == 3
         pool.end_running()
-        assert not beside()
+        assert not attempt_processes()
 
 
-def test_attempt_whose_process_fails_or_cannot_be_begun_is_not_collected(
+def test_attempt_whose_process_fails_or_does_not_start_is_not_collected(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fold = read(tmp_path / "fold", write_path(COIL), seed=3)
     with AttemptPool(fold, 2) as pool:
         pool.schedule(CHOICE, [], FIRST)
-        pool.with_speculation(silent)(PUSHED)
-        (child,) = beside()
+        pool.with_speculation(silent)(STALLING)
+        (child,) = attempt_processes()
         child.kill()
         pool.schedule(CHOICE, [STUCK], Trial(0, 3, "peel"))
         assert pool.collect(fold / TIMELINE, silent, never) is None
 
-    def none_left(*_: Any, **__: Any) -> None:
+    def refuse_process(*_: Any, **__: Any) -> None:
         raise BlockingIOError("no more processes")
 
-    monkeypatch.setattr("planner.pipeline.attempt_pool.subprocess.Popen", none_left)
+    monkeypatch.setattr("planner.pipeline.attempt_pool.subprocess.Popen", refuse_process)
     with AttemptPool(fold, 2) as pool:
         pool.schedule(CHOICE, [], FIRST)
-        told = pool.with_speculation(silent)
-        told(PUSHED)
-        told(PUSHED)
-        assert not beside()
+        report = pool.with_speculation(silent)
+        report(STALLING)
+        report(STALLING)
+        assert not attempt_processes()
     assert not (fold / TRIALS_DIR).exists()
 
 
-def test_no_more_attempts_are_begun_than_a_fold_may_have(
+def test_number_of_attempts_of_a_fold_is_limited(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fold = read(tmp_path / "fold", write_path(COIL), seed=3)
-    begun: list[Trial] = []
+    started: list[Trial] = []
 
     def begin(_: FilePath, trial: Trial) -> Running:
-        begun.append(trial)
+        started.append(trial)
         return Running()
 
     monkeypatch.setattr("planner.pipeline.attempt_pool._AttemptProcess", begin)
     many = RetryPolicy(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
     with AttemptPool(fold, 64) as pool:
         pool.schedule(many, [], Trial(0, 3, "peel"))
-        pool.with_speculation(silent)(PUSHED)
-    assert len(begun) == MAX_EXPLOSIONS - 1
+        pool.with_speculation(silent)(STALLING)
+    assert len(started) == MAX_EXPLOSIONS - 1
 
 
 class Running:
-    """A try that takes its time."""
+    """Attempt that keeps running."""
 
     running = True
 
@@ -182,7 +182,7 @@ def test_attempt_processes_end_with_their_fold(tmp_path: FilePath) -> None:
         stderr=subprocess.DEVNULL,
     )
     children: list[psutil.Process] = []
-    while not any((fold / TRIALS_DIR).glob("*/timeline.zarr")):  # they are at work
+    while not any((fold / TRIALS_DIR).glob("*/timeline.zarr")):  # the processes are running
         assert parent.poll() is None
         children = psutil.Process(parent.pid).children()
         time.sleep(0.05)

@@ -32,7 +32,7 @@ def voxels(cells: Any) -> bytes:
     return json.dumps({"format": "foldback-voxels/1", "name": "v", "cells": cells}).encode()
 
 
-def test_paths_and_chains_are_taken_as_they_are() -> None:
+def test_paths_and_chains_are_used_unchanged() -> None:
     report = prepare((SHAPES / "wrench-24.json").read_bytes(), "wrench-24.json").report()
     assert (report["kind"], report["modules"], report["candidates"]) == ("path", 24, 1)
     assert report["cells"] == json.loads((SHAPES / "wrench-24.json").read_bytes())["cells"]
@@ -53,7 +53,7 @@ def test_mesh_becomes_different_chains_of_the_same_cells() -> None:
     cells = np.array(report["cells"])
     assert (np.abs(np.diff(cells, axis=0)).sum(axis=1) == 1).all()
     assert len(np.unique(cells, axis=0)) == 64
-    # The mesh lies over the cells: same box, half a cell around the outermost centres.
+    # The mesh encloses the cells: the same box, half a cell around the outermost centres.
     mesh = np.array(report["mesh"]["vertices"])
     np.testing.assert_allclose(mesh.min(axis=0), cells.min(axis=0) - 0.5, atol=0.26)
     np.testing.assert_allclose(mesh.max(axis=0), cells.max(axis=0) + 0.5, atol=0.26)
@@ -66,10 +66,10 @@ def test_mesh_becomes_different_chains_of_the_same_cells() -> None:
     angles = {chain.folded_rad.tobytes() for chain in prepared.chains}
     assert len(angles) == len(prepared.chains)
     start = report["cells"][14]
-    begun = prepare(CUBE_OBJ, "cube.obj", PathOptions(modules=64, start=tuple(start)))
-    starts = [chain.folded_poses.positions[0].tolist() for chain in begun.chains]
-    assert starts == [start] * len(begun.chains)
-    assert begun.not_started == ""
+    started = prepare(CUBE_OBJ, "cube.obj", PathOptions(modules=64, start=tuple(start)))
+    starts = [chain.folded_poses.positions[0].tolist() for chain in started.chains]
+    assert starts == [start] * len(started.chains)
+    assert started.not_started == ""
 
 
 def test_voxels_without_a_path_are_repaired_or_doubled_on_request() -> None:
@@ -105,7 +105,7 @@ def test_cells_in_no_order_are_read_as_voxels_on_request_only() -> None:
     assert (prepared.kind, len(prepared.chain)) == ("voxels", 8)
 
 
-def test_start_without_a_path_keeps_another_path_and_says_so() -> None:
+def test_start_without_a_path_gives_another_path_and_a_note() -> None:
     cells = np.argwhere(np.ones((3, 3, 3))).tolist()
     prepared = prepare(voxels(cells), "box.json", PathOptions(start=(1, 0, 0)))
     assert "colour" in prepared.not_started
@@ -123,7 +123,7 @@ OPTIONS = PathOptions(as_voxels=True, method="blocks")
 KEY = key_of(CELLS, "bar.csv", OPTIONS, 3)
 
 
-def previewed() -> Preparation:
+def preparation() -> Preparation:
     return prepare(CELLS, "bar.csv", OPTIONS, seed=3)
 
 
@@ -140,14 +140,14 @@ def test_read_of_stored_chains_equals_a_search(
     for directory in (searched, stored):
         directory.mkdir()
     expected = read(searched)
-    previewed().prepared().save(stored, KEY)
+    preparation().prepared().save(stored, KEY)
     monkeypatch.delattr(reading, "prepare")  # the second fold does not search
     assert read(stored) == expected
     assert not (stored / PREPARED).exists()
 
 
 def test_load_with_another_key_or_of_a_damaged_file_returns_none(tmp_path: Path) -> None:
-    previewed().prepared().save(tmp_path, KEY)
+    preparation().prepared().save(tmp_path, KEY)
     for key in (
         key_of(CELLS + b"\n", "bar.csv", OPTIONS, 3),
         key_of(CELLS, "other.csv", OPTIONS, 3),
@@ -162,7 +162,7 @@ def test_load_with_another_key_or_of_a_damaged_file_returns_none(tmp_path: Path)
 
 
 def test_searches_that_the_clock_may_end_are_not_repeatable() -> None:
-    made = previewed()
+    made = preparation()
     assert made.repeatable
     for other in (
         replace(made, method="exact"),

@@ -1,4 +1,4 @@
-"""From one folded shape over straight to another: one simulation, one timeline, one certificate."""
+"""Refolds: from one shape over straight to another in one simulation and one certificate."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ from planner.playback.playback import Playback, play_back
 from planner.playback.unfolding import check_fits
 from planner.verification.verify import verify
 from tests.planner.chains import COIL, SQUARE, line
-from tests.planner.folds import refuse
-from tests.planner.plans import changed
+from tests.planner.folds import falsify
+from tests.planner.plans import with_values
 
 UNFOLDING = PHASES.index("unfolding")
 
@@ -46,28 +46,28 @@ HAIRPIN = Path.from_cells(
 
 
 @pytest.fixture(scope="module")
-def first() -> Plan:
-    """The plan of a square, whose end a refold begins with."""
+def square() -> Plan:
+    """Plan of a square, whose end a refold starts from."""
     return fold(SQUARE)
 
 
 @pytest.fixture(scope="module")
-def made(first: Plan, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
-    """The directory of a square that becomes a hairpin. Look, don't touch."""
+def folder(square: Plan, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """Directory of a square that becomes a hairpin; tests must not change it."""
     directory = tmp_path_factory.mktemp("refold")
-    refold(first, HAIRPIN, directory=directory)
+    refold(square, HAIRPIN, directory=directory)
     return directory
 
 
 @pytest.fixture(scope="module")
-def plan(made: FilePath) -> Plan:
-    return Plan.load(made / "plan.npz")
+def plan(folder: FilePath) -> Plan:
+    return Plan.load(folder / "plan.npz")
 
 
 @pytest.fixture
-def copy(made: FilePath, tmp_path: FilePath) -> FilePath:
-    """A refold to tamper with."""
-    shutil.copytree(made, tmp_path / "refold")
+def copy(folder: FilePath, tmp_path: FilePath) -> FilePath:
+    """Refold that a test may tamper with."""
+    shutil.copytree(folder, tmp_path / "refold")
     return tmp_path / "refold"
 
 
@@ -76,7 +76,7 @@ def straight(plan: Plan) -> int:
 
 
 @pytest.mark.slow
-def test_refold_is_verified_from_shape_to_shape(plan: Plan, made: FilePath, first: Plan) -> None:
+def test_refold_is_verified_from_shape_to_shape(plan: Plan, folder: FilePath, square: Plan) -> None:
     assert plan.certificate.verdict == "verified (simulated)"
     assert (plan.start.name, plan.chain.name) == ("square", "hairpin")
     assert plan.summary()["refold"] == {
@@ -87,15 +87,15 @@ def test_refold_is_verified_from_shape_to_shape(plan: Plan, made: FilePath, firs
     }
     json.dumps(plan.summary(), allow_nan=False)
     angles = plan.joint_angles_rad
-    np.testing.assert_allclose(angles[0], first.chain.folded_rad, atol=1e-9, rtol=0)
+    np.testing.assert_allclose(angles[0], square.chain.folded_rad, atol=1e-9, rtol=0)
     np.testing.assert_allclose(angles[-1], plan.chain.folded_rad, atol=1e-9, rtol=0)
     cells = plan.chain.poses(angles[0], plan.root_position[0], plan.root_wxyz[0]).positions
-    np.testing.assert_allclose(cells, first.chain.folded_poses.positions, atol=1e-9, rtol=0)
-    timeline = Timeline.open(made / "timeline.zarr")
+    np.testing.assert_allclose(cells, square.chain.folded_poses.positions, atol=1e-9, rtol=0)
+    timeline = Timeline.open(folder / "timeline.zarr")
     assert timeline.status == "complete"
     np.testing.assert_array_equal(timeline.frames().phase, plan.phase)
     np.testing.assert_array_equal(timeline.frames().root_position, plan.root_position)
-    again = Plan.load(made / "plan.json")
+    again = Plan.load(folder / "plan.json")
     np.testing.assert_array_equal(again.phase, plan.phase)
     np.testing.assert_array_equal(again.start.folded_rad, plan.start.folded_rad)
     lines = export_named("csv").write(plan).decode().splitlines()[1:]
@@ -103,57 +103,57 @@ def test_refold_is_verified_from_shape_to_shape(plan: Plan, made: FilePath, firs
     assert set(np.unique(plan.phase)) == {UNFOLDING, PHASES.index("playback")}
 
 
-def test_refold_is_straight_in_between_and_nothing_jumps(plan: Plan, made: FilePath) -> None:
+def test_refold_is_straight_in_between_and_nothing_jumps(plan: Plan, folder: FilePath) -> None:
     k = straight(plan)
     np.testing.assert_allclose(plan.joint_angles_rad[k - 1 : k + 1], 0.0, atol=1e-9, rtol=0)
     assert (np.diff(plan.time_s) > 0.0).all()
     assert (np.diff(plan.phase.astype(int)) != 0).sum() == 1
-    frames = Playback.load(made / "playback.npz").frames
+    frames = Playback.load(folder / "playback.npz").frames
     assert np.abs(frames.joint_angles_rad[k]).max() < 1e-4
-    # The simulation itself goes through: within its speed elsewhere, no place or turn is skipped.
+    # The simulation is continuous: no position or angle is skipped.
     spans = np.diff(frames.time_s)
     for values in (frames.root_position, frames.root_wxyz, frames.joint_angles_rad):
         speeds = np.linalg.norm(np.diff(values, axis=0), axis=1) / spans
         assert speeds[k - 1] <= np.median(speeds)
 
 
-def test_first_half_is_the_other_plan_backwards(plan: Plan, first: Plan) -> None:
-    there = first.joint_angles_rad
+def test_first_half_is_the_other_plan_backwards(plan: Plan, square: Plan) -> None:
+    out = square.joint_angles_rad
     back = plan.joint_angles_rad[: straight(plan)]
-    # Each configuration on the way back is near to one of the way there.
-    near = [np.abs(there - angles).max(axis=1).min() for angles in back]
+    # Each configuration on the way back is close to one of the way out.
+    near = [np.abs(out - angles).max(axis=1).min() for angles in back]
     assert max(near) < 0.03
     assert plan.certificate.min_clearance == pytest.approx(
-        min(first.certificate.min_clearance or 0.0, 0.05)
+        min(square.certificate.min_clearance or 0.0, 0.05)
     )
 
 
 def test_refold_floats_without_momentum(plan: Plan) -> None:
-    """A chain that turned a little about its length would spin ever faster as it gets straight."""
+    """A chain that rotated slowly about its length would spin ever faster as it straightens."""
     modules = plan.chain.poses(plan.joint_angles_rad, plan.root_position, plan.root_wxyz)
     centres = modules.positions.mean(axis=1)
-    # That of equal modules; those of a robot are not quite equal.
+    # momentum of equal modules; those of a robot differ a little
     np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=0.15)
-    # Where it waits straight, it moves no more than rubbing joints let a servo move it.
+    # While it waits straight, it moves only as far as friction lets a servo move it.
     k = straight(plan)
     for values in (plan.root_position, plan.root_wxyz):
         np.testing.assert_allclose(values[k], values[k - 1], atol=1e-3)
 
 
 def test_errors_torques_and_time_are_of_both_halves(
-    plan: Plan, made: FilePath, first: Plan, tmp_path: FilePath
+    plan: Plan, folder: FilePath, square: Plan, tmp_path: FilePath
 ) -> None:
     assert np.isfinite(plan.max_error_rad).all()
     assert plan.max_error_rad[: straight(plan)].max() > 0.0
-    alone, both = first.certificate, plan.certificate
+    alone, both = square.certificate, plan.certificate
     assert both.peak_torque_nm > 0.9 * alone.peak_torque_nm
     assert (both.fold_time_s or 0.0) > 1.35 * (alone.fold_time_s or np.inf)
-    peaks = Figures.load(made / "figures.zarr").peak_torque_nm
+    peaks = Figures.load(folder / "figures.zarr").peak_torque_nm
     assert np.isfinite(peaks).all()
-    # The certificate saw every step, the figures see frames: close, not the same.
+    # The certificate checks every step, the figures frames only, so they agree closely.
     assert peaks.max() == pytest.approx(both.peak_torque_nm, rel=0.35)
-    # Without the certificate the same comes of the frames' own speed.
-    write_figures(made / "timeline.zarr", tmp_path / "alone", Parameters())
+    # Without the certificate the figures follow from the frames' own speed.
+    write_figures(folder / "timeline.zarr", tmp_path / "alone", Parameters())
     np.testing.assert_allclose(Figures.load(tmp_path / "alone").peak_torque_nm, peaks, rtol=0.05)
 
 
@@ -176,7 +176,7 @@ def test_verify_finds_another_start_or_motion_of_a_refold(copy: FilePath, plan: 
     k = straight(plan)
 
     def tampered(**changes: Any) -> str:
-        forged = changed(plan, **changes)
+        forged = with_values(plan, **changes)
         forged.save_npz(copy / "plan.npz")
         forged.save_json(copy / "plan.json")
         return "\n".join(verify(copy).problems)
@@ -203,10 +203,10 @@ def test_verify_finds_another_start_or_motion_of_a_refold(copy: FilePath, plan: 
     assert "plan.json and plan.npz differ in plan.start.name" in verify(copy).problems[0]
 
 
-def test_certify_refuses_simulations_that_start_elsewhere_or_miss_straight(
-    made: FilePath, plan: Plan
+def test_certify_refuses_simulations_with_another_start_or_not_straight(
+    folder: FilePath, plan: Plan
 ) -> None:
-    playback = Playback.load(made / "playback.npz")
+    playback = Playback.load(folder / "playback.npz")
     frames = playback.frames
 
     def verdict(start: Chain | None = plan.start, **columns: Any) -> str:
@@ -226,7 +226,7 @@ def test_certify_refuses_simulations_that_start_elsewhere_or_miss_straight(
 
 
 @pytest.mark.slow
-def test_refold_of_a_refold(plan: Plan, first: Plan) -> None:
+def test_refold_of_a_refold(plan: Plan, square: Plan) -> None:
     way = plan.unfolding()
     assert way.chain.name == "hairpin"
     assert way.time_s[0] == 0.0
@@ -234,23 +234,23 @@ def test_refold_of_a_refold(plan: Plan, first: Plan) -> None:
     np.testing.assert_allclose(way.folding_rad[0], 0.0, atol=1e-9)
     back = refold(plan, SQUARE)
     assert back.verified
-    np.testing.assert_allclose(back.joint_angles_rad[-1], first.chain.folded_rad, atol=1e-9)
+    np.testing.assert_allclose(back.joint_angles_rad[-1], square.chain.folded_rad, atol=1e-9)
 
 
-def test_refold_is_refused_before_anything_is_computed(first: Plan, tmp_path: FilePath) -> None:
+def test_refold_is_refused_before_anything_is_computed(square: Plan, tmp_path: FilePath) -> None:
     with pytest.raises(InputError, match="got a shape of 12 cubes, expected one of 8") as refused:
-        refold(first, COIL, directory=tmp_path)
+        refold(square, COIL, directory=tmp_path)
     assert refused.value.code == "refold-differs"
     assert not (tmp_path / "timeline.zarr").exists()
     with pytest.raises(InputError, match="8 tetrahedra"):
-        check_fits(first.chain, "tetrahedron", 8)
+        check_fits(square.chain, "tetrahedron", 8)
     with pytest.raises(InputError, match="does not start straight and end folded") as refused:
-        replace(first, motion=first.motion[:-3]).unfolding()
+        replace(square, motion=square.motion[:-3]).unfolding()
     assert refused.value.code == "refold-not-folded"
 
 
-def test_refold_keeps_the_pitch_of_its_chain(first: Plan, tmp_path: FilePath) -> None:
-    larger = replace(first, chain=replace(first.chain, pitch_m=0.05))
+def test_refold_keeps_the_pitch_of_its_chain(square: Plan, tmp_path: FilePath) -> None:
+    larger = replace(square, chain=replace(square.chain, pitch_m=0.05))
     Workspace(tmp_path).write_start(larger)
     Workspace(tmp_path).write_request(FoldRequest(refold=True), write_path(HAIRPIN))
     assert run_stage("read", tmp_path)["pitch_m"] == 0.05
@@ -261,7 +261,7 @@ def test_other_paths_are_tried_for_an_overlap_in_the_second_half_only(
     copy: FilePath, plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for frame, again in ((straight(plan) + 3.0, "explode"), (3.0, None)):
-        refuse(
+        falsify(
             monkeypatch,
             times=1,
             verdict="failed: in the plan, modules 0 and 9 overlap",
@@ -273,22 +273,22 @@ def test_other_paths_are_tried_for_an_overlap_in_the_second_half_only(
             run_stage(stage, copy)
 
 
-def test_long_chain_is_refolded_by_kinematics(first: Plan, made: FilePath, plan: Plan) -> None:
-    way = first.unfolding()
-    told: list[Motion] = []
+def test_long_chain_is_refolded_by_kinematics(square: Plan, folder: FilePath, plan: Plan) -> None:
+    way = square.unfolding()
+    parts: list[Motion] = []
     found = play_back(
         plan.chain,
-        Record.load(made / "record.npz"),
+        Record.load(folder / "record.npz"),
         PlaybackParameters(dynamic_up_to=len(plan.chain) - 1),
         unfolding=way,
-        sink=told.append,
+        sink=parts.append,
     )
     assert found.kind == "kinematic"
-    frames = Motion.joined(told)
+    frames = Motion.joined(parts)
     count = int((frames.phase == UNFOLDING).sum())
     np.testing.assert_array_equal(frames.joint_angles_rad[: count + 1], way.folding_rad[::-1])
     assert (np.diff(frames.time_s) > 0.0).all()
-    certificate = certify(plan.chain, None, found, Parameters(), start=first.chain)
+    certificate = certify(plan.chain, None, found, Parameters(), start=square.chain)
     assert certificate.verdict == "verified (kinematics only)"
     centres = plan.chain.poses(
         frames.joint_angles_rad, frames.root_position, frames.root_wxyz

@@ -1,4 +1,4 @@
-"""Order of attempts, and the failure shown among several."""
+"""Order of attempts, and the failure that is shown of several."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_path
 from tests.planner.chains import SQUARE, coil
-from tests.planner.folds import asked
+from tests.planner.folds import write_request
 from tests.planner.peels import snake
 
 BOTH = ("simultaneous", "peel")
 
 
-def way(choice: RetryPolicy, kind: Reason) -> list[Trial]:
-    """All that is tried when everything fails for one reason."""
+def trials(choice: RetryPolicy, kind: Reason) -> list[Trial]:
+    """Return all attempts if every one fails for the same reason."""
     tried: list[Attempt] = []
     while (trial := choice.next_attempt(tried)) is not None:
         if kind == "refused":
@@ -68,20 +68,20 @@ def way(choice: RetryPolicy, kind: Reason) -> list[Trial]:
 
 
 def test_attempt_survives_json() -> None:
-    begun = Attempt(trial=Trial(1, 2, "peel", other_end=True, gentle=True), status="begun")
-    refused = replace(begun, status="straight", steps=5, finer=4, played=True, between=True)
+    started = Attempt(trial=Trial(1, 2, "peel", other_end=True, gentle=True), status="begun")
+    refused = replace(started, status="straight", steps=5, finer=4, played=True, between=True)
     found = Diagnosis(kind="knot", modules=(3, 4))
     for attempt in (
-        begun,
+        started,
         replace(refused, verdict="failed: …"),
-        replace(begun, status="stalled", reason="stuck", diagnosis=found),
+        replace(started, status="stalled", reason="stuck", diagnosis=found),
     ):
         assert Attempt.from_dict(json.loads(json.dumps(attempt.as_dict()))) == attempt
 
 
 def test_reason_of_a_failure_decides_the_next_attempt() -> None:
     choice = RetryPolicy(strategies=(BOTH, BOTH), seed=5)
-    assert way(choice, "joints") == [
+    assert trials(choice, "joints") == [
         Trial(0, 5, "simultaneous"),
         Trial(1, 5, "simultaneous"),
         Trial(1, 5, "peel"),
@@ -89,14 +89,14 @@ def test_reason_of_a_failure_decides_the_next_attempt() -> None:
         Trial(0, 6, "peel"),
         Trial(1, 6, "peel"),
     ]
-    assert way(choice, "contacts")[:3] == [
+    assert trials(choice, "contacts")[:3] == [
         Trial(0, 5, "simultaneous"),
         Trial(0, 5, "peel"),
         Trial(1, 5, "peel"),
     ]
     # Another seed does not open a knot.
-    assert {found.seed for found in way(choice, "knot")} == {5}
-    assert way(RetryPolicy(strategies=(("simultaneous",),), seed=2**32 - 1), "refused") == [
+    assert {found.seed for found in trials(choice, "knot")} == {5}
+    assert trials(RetryPolicy(strategies=(("simultaneous",),), seed=2**32 - 1), "refused") == [
         Trial(0, seed, "simultaneous") for seed in (2**32 - 1, 0, 1)
     ]
 
@@ -105,7 +105,7 @@ def test_attempts_end_and_none_is_made_twice() -> None:
     choice = RetryPolicy(strategies=(BOTH, ("peel",), BOTH), seed=0)
     kinds: tuple[Reason, ...] = ("knot", "buried", "contacts", "joints", "limit", "refused")
     for kind in kinds:
-        tried = way(choice, kind)
+        tried = trials(choice, kind)
         assert 1 < len(tried) <= MAX_EXPLOSIONS, kind
         assert len(set(tried)) == len(tried), kind
         assert all(found.strategy in choice.strategies[found.candidate] for found in tried), kind
@@ -113,22 +113,22 @@ def test_attempts_end_and_none_is_made_twice() -> None:
 
 def test_attempts_from_the_other_end_and_gentle_ones_depend_on_the_strategy() -> None:
     buried = RetryPolicy(strategies=(("peel", "blocks"),), seed=0, two_ended=True)
-    assert way(buried, "buried")[:3] == [
+    assert trials(buried, "buried")[:3] == [
         Trial(0, 0, "peel"),
         Trial(0, 0, "peel", other_end=True),
         Trial(0, 0, "blocks", other_end=True),
     ]
-    # Blocks and all at once begin at no end.
+    # Blocks and simultaneous explosions have no first end.
     both = RetryPolicy(strategies=(("blocks", "simultaneous"),), seed=0, two_ended=True)
-    assert not any(found.other_end for found in way(both, "buried"))
+    assert not any(found.other_end for found in trials(both, "buried"))
     forces = RetryPolicy(strategies=(BOTH,), seed=0, forces=True)
-    assert way(forces, "contacts")[1] == Trial(0, 0, "simultaneous", gentle=True)
-    assert way(forces, "refused")[3] == Trial(0, 2, "peel")
+    assert trials(forces, "contacts")[1] == Trial(0, 0, "simultaneous", gentle=True)
+    assert trials(forces, "refused")[3] == Trial(0, 2, "peel")
     alone = RetryPolicy(strategies=(("simultaneous",),), seed=0, forces=True)
-    assert way(alone, "refused")[3] == Trial(0, 2, "simultaneous", gentle=True)
-    # No seed changes what is laid one by one.
+    assert trials(alone, "refused")[3] == Trial(0, 2, "simultaneous", gentle=True)
+    # One-by-one plans do not depend on the seed.
     rows = RetryPolicy(strategies=(("peel", "one-by-one"),), seed=0, two_ended=True, forces=True)
-    laid = [found for found in way(rows, "buried") if found.strategy == "one-by-one"]
+    laid = [found for found in trials(rows, "buried") if found.strategy == "one-by-one"]
     assert {found.seed for found in laid} == {0}
     assert {found.other_end for found in laid} == {True, False}
     assert not any(found.gentle for found in laid)
@@ -174,7 +174,7 @@ def at_rest(chain: Chain, *, status: Any = "stalled", strategy: str = "simultane
     )
 
 
-def told(chain: Chain, record: Record) -> tuple[str, tuple[int, ...]] | None:
+def finding(chain: Chain, record: Record) -> tuple[str, tuple[int, ...]] | None:
     """Return the kind of a diagnosis and the modules that it names."""
     found = diagnose(chain, record, Parameters())
     if found is not None:
@@ -185,11 +185,11 @@ def told(chain: Chain, record: Record) -> tuple[str, tuple[int, ...]] | None:
 def test_diagnosis_names_the_kind_and_the_modules() -> None:
     box = snake((3, 3, 3))
     turns = np.abs(box.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
-    assert told(box, at_rest(box)) == ("contacts", tuple((np.flatnonzero(turns) + 1).tolist()))
+    assert finding(box, at_rest(box)) == ("contacts", tuple((np.flatnonzero(turns) + 1).tolist()))
     found = diagnose(box, at_rest(box), Parameters())
     assert found is not None and "16 hinges were still bent, by up to 90°" in found.words
-    assert told(box, at_rest(box, status="straight")) is None
-    assert told(box, at_rest(box, status="cancelled")) is None
+    assert finding(box, at_rest(box, status="straight")) is None
+    assert finding(box, at_rest(box, status="cancelled")) is None
     steps = [(k, k, 0) for k in range(7)]
     stairs = Chain.from_path(
         Path.from_cells([cell for x, y, z in steps for cell in ((x, y, z), (x + 1, y, z))])
@@ -203,7 +203,7 @@ def test_diagnosis_names_the_kind_and_the_modules() -> None:
         ("timeout", 0.5, "limit"),
     ):
         bent = record.frames.with_columns(joint_angles_rad=share * stairs.folded_rad[None])
-        found = told(stairs, replace(record, frames=bent, status=status))
+        found = finding(stairs, replace(record, frames=bent, status=status))
         assert found is not None and found[0] == kind, (status, share)
         assert bool(found[1]) == (kind != "limit"), (status, share)
 
@@ -212,12 +212,12 @@ def test_diagnosis_names_the_kind_and_the_modules() -> None:
 def test_plan_holds_all_attempts_and_their_diagnoses(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def sticks(chain: Chain, *arguments: Any, **more: Any) -> Record:
+    def stall_explosion(chain: Chain, *arguments: Any, **more: Any) -> Record:
         hasty = ExplosionParameters(max_steps=40)
         return replace(explode(chain, hasty, **more), status="stalled", reason="it sticks")
 
-    monkeypatch.setattr("planner.explosion.strategies.explode", sticks)
-    failed = run_stages(asked(tmp_path, write_path(SQUARE), strategy="simultaneous"))
+    monkeypatch.setattr("planner.explosion.strategies.explode", stall_explosion)
+    failed = run_stages(write_request(tmp_path, write_path(SQUARE), strategy="simultaneous"))
     assert failed["status"] == "failed" and "it sticks" in failed["reason"]
     tried = Plan.load(tmp_path / "plan.npz").attempts
     assert len(tried) > 1

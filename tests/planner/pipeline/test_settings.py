@@ -56,7 +56,7 @@ def test_settings_reach_their_parameters_of_each_preset() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "words"),
     [
         ("speed=1", "got 'speed=1', expected NAME=VALUE with one of: radial_gain"),
         ("damping", "got 'damping', expected NAME=VALUE"),
@@ -76,31 +76,31 @@ def test_settings_reach_their_parameters_of_each_preset() -> None:
         ("a" * 501, "got 501 characters of settings, expected at most 500"),
     ],
 )
-def test_read_settings_refuses_other_names_and_values(text: str, told: str) -> None:
+def test_read_settings_refuses_other_names_and_values(text: str, words: str) -> None:
     with pytest.raises(InputError) as refused:
         read_settings(text)
     assert refused.value.code == "bad-settings"
-    assert told in refused.value.detail
+    assert words in refused.value.detail
 
 
 def test_preset_refuses_settings_that_it_does_not_use_or_that_do_not_fit() -> None:
     for text in ("radial_gain=0.2", "threshold=0.1", "steps_per_snapshot=7", "spring=2"):
-        told = f"{text.partition('=')[0]} for the preset direct, which does not use"
-        with pytest.raises(InputError, match=told):
+        words = f"{text.partition('=')[0]} for the preset direct, which does not use"
+        with pytest.raises(InputError, match=words):
             with_settings(preset("direct"), read_settings(text))
-    # Motors may not turn past their target.
+    # Servos may not move past their target.
     with pytest.raises(InputError, match="motor_gain · step_s = 2, expected at most 1"):
         with_settings(PAPER, read_settings("motor_gain=100,step_s=0.02"))
 
 
-def test_settings_equal_to_the_preset_leave_the_request_as_it_is() -> None:
+def test_settings_equal_to_the_preset_do_not_change_the_request() -> None:
     for name, given, kept in (
         ("paper", "damping=.10, step_s=0.005, radial_gain=0.1", "step_s=0.005"),
         ("paper", "motor_max_force=none", ""),
         ("direct", "step_s=0.005,damping=0.1", "step_s=0.005"),
     ):
-        asked = FoldRequest(preset=name, settings=given)
-        assert asked.canonical() == FoldRequest(preset=name, settings=kept)
+        request = FoldRequest(preset=name, settings=given)
+        assert request.canonical() == FoldRequest(preset=name, settings=kept)
 
 
 @pytest.mark.slow

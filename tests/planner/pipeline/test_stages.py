@@ -25,7 +25,7 @@ from planner.progress import STAGES, Progress
 from planner.simulation.reduced import Acceleration
 from planner.simulation.segments import Segments
 from tests.planner.chains import SQUARE
-from tests.planner.folds import asked, refuse, same_motion, timeless
+from tests.planner.folds import compare_motions, falsify, untimed, write_request
 
 pytestmark = pytest.mark.slow
 
@@ -39,21 +39,21 @@ OUTPUTS = {
 
 
 def run(directory: FilePath, *stages: str) -> list[dict[str, Any]]:
-    """Run stages one by one: each tells what JSON can hold, and reports progress up to its end."""
+    """Run stages one by one: the results must be JSON, and the progress reach the end."""
     results: list[dict[str, Any]] = []
     for stage in stages:
-        told: list[Progress] = []
-        results.append(run_stage(stage, directory, progress=told.append))
+        reports: list[Progress] = []
+        results.append(run_stage(stage, directory, progress=reports.append))
         json.dumps(results[-1], allow_nan=False)
-        assert {p.stage for p in told} == {stage}
-        assert told[-1].fraction == 1.0
-        assert all(0.0 <= p.fraction <= 1.0 for p in told)
+        assert {p.stage for p in reports} == {stage}
+        assert reports[-1].fraction == 1.0
+        assert all(0.0 <= p.fraction <= 1.0 for p in reports)
     return results
 
 
 @dataclass(frozen=True)
-class Whole:
-    """A fold that has been through all stages. Look, don't touch."""
+class FullFold:
+    """Fold that has passed all stages; tests must not change it."""
 
     directory: FilePath
     results: list[dict[str, Any]]
@@ -61,8 +61,8 @@ class Whole:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
-    directory, created = asked(tmp_path_factory.mktemp("whole")), list[Any]()
+def full(tmp_path_factory: pytest.TempPathFactory) -> FullFold:
+    directory, created = write_request(tmp_path_factory.mktemp("whole")), list[Any]()
     create = TimelineWriter.create
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(
@@ -70,18 +70,18 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
             "create",
             lambda *args, **how: created.append(args) or create(*args, **how),
         )
-        return Whole(directory, run(directory, *STAGES), len(created))
+        return FullFold(directory, run(directory, *STAGES), len(created))
 
 
 @pytest.fixture
-def copy(whole: Whole, tmp_path: FilePath) -> FilePath:
-    """A fold to run stages of again."""
-    return shutil.copytree(whole.directory, tmp_path / "copy")
+def copy(full: FullFold, tmp_path: FilePath) -> FilePath:
+    """Copy of a fold whose stages a test may run again."""
+    return shutil.copytree(full.directory, tmp_path / "copy")
 
 
-def test_all_stages_make_a_verified_plan(whole: Whole) -> None:
-    assert whole.timelines_created == 1  # nobody waits for a timeline that is replaced at once
-    read, explode, play_back, certify, export = whole.results
+def test_all_stages_make_a_verified_plan(full: FullFold) -> None:
+    assert full.timelines_created == 1  # not replaced at once
+    read, explode, play_back, certify, export = full.results
     assert (read["name"], read["modules"], read["joints"], read["hinges"]) == ("coil", 12, 10, 20)
     assert explode["status"] == "straight"
     assert play_back["status"] == "folded"
@@ -89,14 +89,14 @@ def test_all_stages_make_a_verified_plan(whole: Whole) -> None:
     assert (export["status"], export["reason"]) == ("verified", "")
     expected = {name for names in OUTPUTS.values() for name in names}
     others = {"request.json", "input", "timeline.zarr", "figures.zarr", "manifest.json"}
-    assert {path.name for path in whole.directory.iterdir()} == expected | others
-    assert Plan.load(whole.directory / "plan.json").verified
+    assert {path.name for path in full.directory.iterdir()} == expected | others
+    assert Plan.load(full.directory / "plan.json").verified
 
 
-def test_timeline_holds_explosion_then_playback(whole: Whole) -> None:
-    timeline = Timeline.open(whole.directory / "timeline.zarr")
-    record = Record.load(whole.directory / "record.npz")
-    playback = Playback.load(whole.directory / "playback.npz")
+def test_timeline_holds_explosion_then_playback(full: FullFold) -> None:
+    timeline = Timeline.open(full.directory / "timeline.zarr")
+    record = Record.load(full.directory / "record.npz")
+    playback = Playback.load(full.directory / "playback.npz")
     frames = timeline.frames()
     assert timeline.status == "complete"
     explosion = int((frames.phase == PHASES.index("explosion")).sum())
@@ -108,31 +108,31 @@ def test_timeline_holds_explosion_then_playback(whole: Whole) -> None:
     )
     assert np.isnan(frames.joint_error_rad[:explosion]).all()
     assert np.isfinite(frames.joint_error_rad[explosion:]).all()
-    # The playback begins where the explosion has left the chain.
+    # The playback starts where the explosion has left the chain.
     np.testing.assert_allclose(
         frames.root_position[explosion], frames.root_position[explosion - 1], atol=1e-9
     )
 
 
 class Killed(BaseException):
-    """The process ends here."""
+    """Error that stands for the end of the process."""
 
 
 @pytest.mark.parametrize("stage", ["explode", "certify"])
 def test_stage_killed_half_way_leaves_nothing_half_written_and_can_be_run_again(
-    stage: str, whole: Whole, copy: FilePath
+    stage: str, full: FullFold, copy: FilePath
 ) -> None:
     shutil.rmtree(copy / "figures.zarr")
     place = STAGES.index(stage)
     for later in STAGES[place:]:
         for name in OUTPUTS[later]:
             (copy / name).unlink()
-    asked = 0
+    write_request = 0
 
     def killed() -> bool:
-        nonlocal asked
-        asked += 1
-        if asked == 4:
+        nonlocal write_request
+        write_request += 1
+        if write_request == 4:
             raise Killed
         return False
 
@@ -140,14 +140,14 @@ def test_stage_killed_half_way_leaves_nothing_half_written_and_can_be_run_again(
         run_stage(stage, copy, cancelled=killed)
     earlier = [name for s in STAGES[:place] for name in OUTPUTS[s]]
     under_way = {"attempts.json", "attempts"} if stage == "explode" else {"timeline.zarr"}
-    left = {path.name for path in copy.iterdir()}
-    assert left == {*earlier, *under_way, "request.json", "input"}
+    files = {path.name for path in copy.iterdir()}
+    assert files == {*earlier, *under_way, "request.json", "input"}
     Timeline.open(result(copy, "timeline.zarr")).frames()
     run(copy, *STAGES[place:])
-    first, again = (Plan.load(d / "plan.npz") for d in (whole.directory, copy))
-    same_motion(again.motion, first.motion)
-    assert timeless(again.summary()) == timeless(first.summary())
-    same_motion(*(Timeline.open(d / "timeline.zarr").frames() for d in (copy, whole.directory)))
+    first, again = (Plan.load(d / "plan.npz") for d in (full.directory, copy))
+    compare_motions(again.motion, first.motion)
+    assert untimed(again.summary()) == untimed(first.summary())
+    compare_motions(*(Timeline.open(d / "timeline.zarr").frames() for d in (copy, full.directory)))
 
 
 def test_failed_explosion_in_the_directory_of_a_good_fold_gives_a_failed_plan(
@@ -164,7 +164,9 @@ def test_failed_explosion_in_the_directory_of_a_good_fold_gives_a_failed_plan(
         return accelerations(self, *arguments)
 
     monkeypatch.setattr(Segments, "free_accelerations", broken)
-    _, explode, play_back, certify, export = run(asked(copy, strategy="simultaneous"), *STAGES)
+    _, explode, play_back, certify, export = run(
+        write_request(copy, strategy="simultaneous"), *STAGES
+    )
     assert not (copy / "picture.png").exists()
     assert explode["status"] == "diverged"
     assert play_back["status"] == "skipped"
@@ -181,7 +183,7 @@ def test_failed_explosion_in_the_directory_of_a_good_fold_gives_a_failed_plan(
 
 
 def test_direct_servoing_has_no_explosion(tmp_path: FilePath) -> None:
-    asked(tmp_path, write_path(SQUARE), preset="direct")
+    write_request(tmp_path, write_path(SQUARE), preset="direct")
     _, explode, play_back, certify, export = run(tmp_path, *STAGES)
     assert explode["status"] == "none"
     assert play_back["steps"] > 0
@@ -207,13 +209,13 @@ def test_next_candidate_is_tried_when_a_chain_sticks(
 ) -> None:
     cells = [[x, y, z] for x in range(4) for y in range(2) for z in range(2)]
     data = json.dumps({"format": "foldback-voxels/1", "name": "bar", "cells": cells}).encode()
-    # One strategy, so that there is little else to change.
-    asked(tmp_path, data, filename="bar.json", strategy="simultaneous")
+    # One strategy, so that little else may vary.
+    write_request(tmp_path, data, filename="bar.json", strategy="simultaneous")
     read = run_stage("read", tmp_path)
     assert read["kind"] == "voxels"
     assert read["candidates"] >= 2
     candidates = json.loads((tmp_path / "candidates.json").read_bytes())["chains"]
-    # As earlier versions wrote them.
+    # written by earlier versions
     (tmp_path / "candidates.json").write_text(json.dumps(candidates))
 
     def stuck_at_first(chain: Chain, *arguments: Any, **more: Any) -> Record:
@@ -228,7 +230,7 @@ def test_next_candidate_is_tried_when_a_chain_sticks(
     plan = Plan.load(tmp_path / "plan.json")
     assert [attempt["status"] for attempt in plan.attempts] == ["stalled", "straight"]
     assert plan.chain.folded_rad.tolist() == candidates[1]["folded_rad"]
-    # The timeline that people see is that of the candidate that came out.
+    # The public timeline is that of the candidate that was verified.
     timeline = Timeline.open(tmp_path / "timeline.zarr")
     assert timeline.chain.folded_rad.tolist() == candidates[1]["folded_rad"]
     assert timeline.frames().joint_angles_rad[0].tolist() == candidates[1]["folded_rad"]
@@ -237,14 +239,14 @@ def test_next_candidate_is_tried_when_a_chain_sticks(
 def test_overlap_between_frames_is_played_back_again_with_finer_frames(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    refuse(
+    falsify(
         monkeypatch,
         times=1,
         verdict="failed: in the simulated playback, modules 1 and 9 overlap",
         min_clearance_playback=-0.001,
         min_clearance_playback_at=Place(frame=3.5, modules=(1, 9)),
     )
-    directory = asked(tmp_path)
+    directory = write_request(tmp_path)
     run(directory, "read", "explode", "play_back")
     coarse = len(Playback.load(result(directory, "playback.npz")).frames)
     stage: str | None = "certify"

@@ -1,4 +1,4 @@
-"""Folds on a table, from cells to a plan that is simulated and certified to rest there."""
+"""Folds on a table: from cells to a plan that is simulated and certified to be stable there."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from planner.pipeline.request import FoldRequest
 from planner.plan.plan import Plan
 from planner.verification.plan_parameters import plan_parameters
 from planner.verification.verify import verify
-from tests.planner.folds import made
+from tests.planner.folds import run_fold
 
 CELLS = json.dumps([[x, y, z] for z in range(2) for y in range(2) for x in range(2)]).encode()
 ON_TABLE = FoldRequest(world="table", as_voxels=True)
-RUBBING = "table_friction=0.1"
+FRICTION = "table_friction=0.1"
 
 
 def problems(directory: Path, plan: Plan, **changed: Any) -> str:
-    """Return what a verification says of a changed plan."""
+    """Return the problems that a verification finds in a changed plan."""
     replace(plan, **changed).save_npz(directory / "plan.npz")
     return " ".join(verify(directory).problems)
 
 
 def test_box_folds_on_a_table_within_the_torques_of_its_certificate(tmp_path: Path) -> None:
-    plan = made(tmp_path, CELLS, world="table", as_voxels=True)
+    plan = run_fold(tmp_path, CELLS, world="table", as_voxels=True)
     table, motion = plan.certificate.table, plan.motion
     assert plan.certificate.verdict.startswith("verified (simulated)"), plan.certificate.verdict
     assert table.rests
     assert table.on_table
     assert table.torque <= Parameters().table.most_torque
     assert len(table.torques) == len(motion)
-    # Motors are limited by what the record asks, which the plan's curve leaves by a little.
+    # The record's torque limits the motors, which the plan's curve exceeds a little.
     allowed = 1.05 * TABLE_MOTOR_RESERVE * max(table.torque, MIN_SIZING_TORQUE_WP)
     assert plan.certificate.peak_torque_nm <= allowed * table.unit_nm
     assert any("No friction" in words for words in table.assumptions)
@@ -62,7 +62,7 @@ def test_box_folds_on_a_table_within_the_torques_of_its_certificate(tmp_path: Pa
 
 @pytest.mark.long
 def test_plan_with_friction_has_a_free_base_and_its_drift(tmp_path: Path) -> None:
-    plan = made(tmp_path, CELLS, world="table", as_voxels=True, settings=RUBBING)
+    plan = run_fold(tmp_path, CELLS, world="table", as_voxels=True, settings=FRICTION)
     table, motion = plan.certificate.table, plan.motion
     assert plan.certificate.verdict.startswith("verified (simulated)"), plan.certificate.verdict
     assert (table.base, table.friction) == ("free", 0.1)
@@ -72,9 +72,9 @@ def test_plan_with_friction_has_a_free_base_and_its_drift(tmp_path: Path) -> Non
     assert np.abs(motion.root_position - held.root_position).max() > 0.05
     assert verify(tmp_path).verified, verify(tmp_path).problems
     table_parameters = {**plan.parameters["table"], "base": "clamped"}
-    told = problems(tmp_path, plan, parameters={**plan.parameters, "table": table_parameters})
-    assert "plan.npz root_position of a chain whose first module is clamped" in told
-    assert "timeline.zarr root_position of a chain whose first module is clamped" in told
+    text = problems(tmp_path, plan, parameters={**plan.parameters, "table": table_parameters})
+    assert "plan.npz root_position of a chain whose first module is clamped" in text
+    assert "timeline.zarr root_position of a chain whose first module is clamped" in text
     lifted = motion.with_columns(root_position=motion.root_position + [0.0, 0.0, 0.01])
     for other in (held, lifted):
         assert "that drifts like the playback" in problems(tmp_path, plan, motion=other)
@@ -82,35 +82,35 @@ def test_plan_with_friction_has_a_free_base_and_its_drift(tmp_path: Path) -> Non
 
 def test_base_of_a_plan_is_read_from_its_parameters() -> None:
     def table_of(table: dict[str, object]) -> TableParameters:
-        told = SimpleNamespace(parameters={"world": "table", "table": table}, preset="default")
-        return plan_parameters(cast("Plan", told), None).table
+        data = SimpleNamespace(parameters={"world": "table", "table": table}, preset="default")
+        return plan_parameters(cast("Plan", data), None).table
 
-    for told, base, held in (
-        ({"friction": 0.1}, "clamped", True),  # as before there was a choice
+    for data, base, held in (
+        ({"friction": 0.1}, "clamped", True),  # plans of versions without the choice
         ({"friction": 0.0, "clamped": True}, "free", True),
         ({"friction": 0.1, "base": "free"}, "free", False),
         ({"friction": 0.0, "base": "clamped"}, "clamped", True),
     ):
-        assert (table_of(told).base, table_of(told).held) == (base, held), told
+        assert (table_of(data).base, table_of(data).held) == (base, held), data
     with pytest.raises(InputError, match=r"'held' in parameters\.table\.base"):
         table_of({"friction": 0.1, "base": "held"})
 
 
 def test_flat_shape_on_a_table_is_verified_from_its_files(tmp_path: Path) -> None:
-    """Its hinges turn by less than they are folded by from the moment in which they are free."""
+    """Free hinges of this shape rotate by less than their folded angles."""
     cells = [[x, y, 0] for y in range(3) for x in range(2)]
-    made(tmp_path, json.dumps(cells).encode(), world="table", as_voxels=True)
+    run_fold(tmp_path, json.dumps(cells).encode(), world="table", as_voxels=True)
     assert verify(tmp_path).verified, verify(tmp_path).problems
 
 
 def test_settings_of_a_table_are_its_parameters() -> None:
-    asked = FoldRequest(
+    request = FoldRequest(
         world="table", settings="table_torque=4, table_friction=0.1, table_base=clamped"
     )
-    table = asked.parameters().table
+    table = request.parameters().table
     assert (table.most_torque, table.friction, table.base) == (4.0, 0.1, "clamped")
-    assert FoldRequest(world="table", settings=RUBBING).parameters().table.base == "free"
-    same = replace(asked, settings="table_base=free").canonical()
+    assert FoldRequest(world="table", settings=FRICTION).parameters().table.base == "free"
+    same = replace(request, settings="table_base=free").canonical()
     assert same == FoldRequest(world="table")
 
 

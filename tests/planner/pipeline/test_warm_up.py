@@ -18,7 +18,7 @@ from planner.pipeline.compiling_lock import FIRST_KERNELS_BYTES, FIRST_LOCK
 from planner.pipeline.warm_up import warm_up
 from planner.progress import COMPILING
 from tests.compiled_later import compiled_later
-from tests.server.service_process import PATIENCE_S
+from tests.server.service_process import TIMEOUT_S
 
 pytestmark = pytest.mark.slow
 
@@ -31,12 +31,12 @@ from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.fold import smooth_plan
 from planner.pipeline.warm_up import warm_up
 from planner.plan.shape_files import write_path
-from tests.planner.folds import made
+from tests.planner.folds import run_fold
 """
 WORK = """
 def folded(data, **options):
     with TemporaryDirectory() as place:
-        plan = made(FilePath(place), data, **options)
+        plan = run_fold(FilePath(place), data, **options)
         assert plan.verified, options
         return plan
 
@@ -92,12 +92,12 @@ from planner.pipeline.compiling import beside
 print(beside("all", Path(sys.argv[1])).pid, flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
 """
-    # It has minutes of work.
+    # it needs minutes to finish
     number = int(run(script, tmp_path, kernels=tmp_path / "kernels"))
     with suppress(psutil.NoSuchProcess):
         orphan = psutil.Process(number)
         try:
-            orphan.wait(PATIENCE_S)
+            orphan.wait(TIMEOUT_S)
         finally:
             orphan.kill()
 
@@ -119,14 +119,14 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
     monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
 ) -> None:
     beside: list[str] = []
-    here: list[str] = []
+    calls: list[str] = []
 
     def start(part: str, directory: FilePath, *more: object) -> nullcontext[None]:
         beside.append(part)
         return nullcontext()
 
     def noted(name: str) -> None:
-        monkeypatch.setattr(module, name, lambda *_, **__: here.append(name))  # pyright: ignore[reportUnknownLambdaType]
+        monkeypatch.setattr(module, name, lambda *_, **__: calls.append(name))  # pyright: ignore[reportUnknownLambdaType]
 
     first = ["warm_up_clearance", "warm_up_torques", "warm_up_motions"]
     rest = [
@@ -146,9 +146,9 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
     monkeypatch.setattr(module, "second_process", partial(start, "second"))
     monkeypatch.setattr(module, "cores", lambda: 2)
     warm_up(soon=True, directory=tmp_path)
-    assert (beside, here) == ([], first + rest)
-    assert not list(tmp_path.iterdir())  # and no lock was taken
-    here.clear()
+    assert (beside, calls) == ([], first + rest)
+    assert not list(tmp_path.iterdir())  # no lock was taken
+    calls.clear()
     new_kernel, chains = njit(lambda: 0), module.warm_up_chains
 
     def chains_by_new_kernel() -> Chain:
@@ -157,7 +157,7 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
 
     monkeypatch.setattr(module, "warm_up_chains", chains_by_new_kernel)
     warm_up(soon=True, directory=tmp_path)
-    assert (beside, here) == (["second", "all"], first)
+    assert (beside, calls) == (["second", "all"], first)
 
 
 @pytest.mark.long

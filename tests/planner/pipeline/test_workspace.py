@@ -1,4 +1,4 @@
-"""The best of several refused plans is shown, even if later attempts are interrupted."""
+"""Workspace: the best of several refused plans is shown, even if later attempts are interrupted."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_files import write_path
 from tests.planner.chains import COIL, SQUARE
-from tests.planner.folds import asked
+from tests.planner.folds import write_request
 from tests.planner.peels import snake
 
 pytestmark = pytest.mark.slow
 
 
-def refusing(monkeypatch: pytest.MonkeyPatch, *clearances: float) -> None:
-    """Certificates that refuse one plan after the other, by so much, and none after them."""
+def refuse_plans(monkeypatch: pytest.MonkeyPatch, *clearances: float) -> None:
+    """Make certificates refuse the first plans, with these clearances, and accept later ones."""
     due = list(clearances)
     judged: dict[bytes, float] = {}
 
@@ -56,11 +56,11 @@ def refusing(monkeypatch: pytest.MonkeyPatch, *clearances: float) -> None:
     monkeypatch.setattr("planner.pipeline.certifying.certify", judge)
 
 
-def sticking(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Explosions that stick after a first one that doesn't."""
+def stall_after_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make all explosions but the first one stall."""
     made = 0
 
-    def once(chain: Any, parameters: Any, **more: Any) -> Record:
+    def explode_once(chain: Any, parameters: Any, **more: Any) -> Record:
         nonlocal made
         made += 1
         if made == 1:
@@ -68,16 +68,16 @@ def sticking(monkeypatch: pytest.MonkeyPatch) -> None:
         hasty = ExplosionParameters(max_steps=40)
         return replace(explode(chain, hasty, **more), status="stalled", reason="it sticks")
 
-    monkeypatch.setattr("planner.explosion.strategies.explode", once)
+    monkeypatch.setattr("planner.explosion.strategies.explode", explode_once)
 
 
 def test_refused_plan_is_shown_though_later_attempts_stick_and_stages_run_twice(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As after a kill between its last file and the note of its end."""
-    refusing(monkeypatch, -0.001)
-    sticking(monkeypatch)
-    directory = asked(tmp_path, write_path(SQUARE), strategy="simultaneous")
+    """A stage runs twice if the process is killed between its last file and the note of its end."""
+    refuse_plans(monkeypatch, -0.001)
+    stall_after_first(monkeypatch)
+    directory = write_request(tmp_path, write_path(SQUARE), strategy="simultaneous")
     stage: str | None = "read"
     number, result = 0, {}
     while stage is not None:
@@ -98,25 +98,25 @@ def test_refused_plan_is_shown_though_later_attempts_stick_and_stages_run_twice(
     assert not (directory / "attempts").exists()
 
 
-def test_refused_plan_is_kept_when_a_later_attempt_is_cancelled(
+def test_refused_plan_is_shown_if_a_later_attempt_is_cancelled(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    refusing(monkeypatch, -0.001)
-    directory = asked(tmp_path, write_path(SQUARE))
+    refuse_plans(monkeypatch, -0.001)
+    directory = write_request(tmp_path, write_path(SQUARE))
     for stage in ("read", "explode", "play_back", "certify"):
         run_stage(stage, directory)
     frames = len(Timeline.open(result(directory, "timeline.zarr")))
     run_stage("explode", directory, cancelled=lambda: True)
     assert len(Timeline.open(result(directory, "timeline.zarr"))) < frames
-    told = Workspace(directory).settle()
-    assert told["certificate"]["min_clearance"] == -0.001
-    assert told["explosion"]["status"] == "straight"
+    summary = Workspace(directory).settle()
+    assert summary["certificate"]["min_clearance"] == -0.001
+    assert summary["explosion"]["status"] == "straight"
     assert len(Timeline.open(directory / "timeline.zarr")) == frames
     assert not (directory / "attempts").exists()
 
 
-def attempted(directory: FilePath, clearances: Sequence[float | None], *verdicts: str) -> None:
-    """Attempts that came straight; a certificate has judged those that have a clearance."""
+def write_attempts(directory: FilePath, clearances: Sequence[float | None], *verdicts: str) -> None:
+    """Write straight attempts; those with a clearance have a certificate."""
     workspace = Workspace(directory)
     tried = [Attempt(trial=Trial(0, k, "peel"), status="straight") for k in range(len(clearances))]
     workspace.write_history(tried)
@@ -147,10 +147,10 @@ def attempted(directory: FilePath, clearances: Sequence[float | None], *verdicts
         ((0.4, 0.1), ("failed: a joint bends too far", "verified"), 1),
     ],
 )
-def test_keep_best_keeps_the_attempt_that_came_farthest(
+def test_keep_best_keeps_the_attempt_with_most_progress(
     clearances: tuple[float | None, ...], verdicts: tuple[str, ...], best: int, tmp_path: FilePath
 ) -> None:
-    attempted(tmp_path, clearances, *verdicts)
+    write_attempts(tmp_path, clearances, *verdicts)
     Workspace(tmp_path).keep_best()
     assert numbers(tmp_path) == [best]
     assert folder(tmp_path) == tmp_path / "attempts" / str(best)
@@ -160,7 +160,7 @@ def test_keep_best_with_a_preference_stores_the_other_verified_plans(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     verdicts = ("verified", "verified", "failed: modules overlap", "verified")
-    attempted(tmp_path, (0.1, 0.2, -0.1, 0.3), *verdicts)
+    write_attempts(tmp_path, (0.1, 0.2, -0.1, 0.3), *verdicts)
     Workspace(tmp_path).keep_best("time")
     assert numbers(tmp_path) == [0]
     stored = {path.name: path for path in (tmp_path / PLANS_DIR).iterdir()}
@@ -170,13 +170,13 @@ def test_keep_best_with_a_preference_stores_the_other_verified_plans(
     assert not (tmp_path / PLANS_DIR).exists()
 
     monkeypatch.setattr("planner.pipeline.workspace.MAX_PLANS_BYTES", 0)
-    attempted(tmp_path, (0.1, 0.2), "verified", "verified")
+    write_attempts(tmp_path, (0.1, 0.2), "verified", "verified")
     Workspace(tmp_path).keep_best("time")
     assert (numbers(tmp_path), (tmp_path / PLANS_DIR).exists()) == ([0], False)
 
 
 def test_keep_best_explosion_keeps_the_judged_ones(tmp_path: FilePath) -> None:
-    attempted(tmp_path, (-0.3, -0.1, None, None))
+    write_attempts(tmp_path, (-0.3, -0.1, None, None))
     Workspace(tmp_path).keep_best_explosion()
     assert numbers(tmp_path) == [0, 1, 3]
     Workspace(tmp_path).begin(1, Chain.from_path(COIL))
@@ -188,7 +188,7 @@ def test_keep_best_explosion_keeps_the_judged_ones(tmp_path: FilePath) -> None:
 def test_result_is_read_from_the_latest_attempt(tmp_path: FilePath) -> None:
     (tmp_path / "chain.json").write_text("of the first candidate")
     assert result(tmp_path, "chain.json").read_text() == "of the first candidate"
-    attempted(tmp_path, (None, None))
+    write_attempts(tmp_path, (None, None))
     assert result(tmp_path, "chain.json").read_text() == "1"
     Workspace(tmp_path).begin(2, Chain.from_path(COIL))
     assert Workspace(tmp_path).read_chain().name == "coil"
@@ -196,13 +196,13 @@ def test_result_is_read_from_the_latest_attempt(tmp_path: FilePath) -> None:
 
 
 @pytest.mark.parametrize("call", range(9))
-def test_publishing_goes_on_after_an_interruption(
+def test_publishing_continues_after_an_interruption(
     call: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Cut off once before some change of a directory; results are found all the while."""
+    """Each change of a directory is interrupted once; results can be read throughout."""
     calls = 0
 
-    def cut(original: Callable[..., Any]) -> Callable[..., Any]:
+    def interrupt(original: Callable[..., Any]) -> Callable[..., Any]:
         def moved(*arguments: Any, **more: Any) -> Any:
             nonlocal calls
             calls += 1
@@ -212,12 +212,12 @@ def test_publishing_goes_on_after_an_interruption(
 
         return moved
 
-    attempted(tmp_path, (-0.2, -0.1, -0.3))
+    write_attempts(tmp_path, (-0.2, -0.1, -0.3))
     (tmp_path / "chain.json").write_text("of the first candidate")
     with monkeypatch.context() as patched:
         for name in ("rename", "replace"):
-            patched.setattr(FilePath, name, cut(getattr(FilePath, name)))
-        patched.setattr("planner.pipeline.workspace.rmtree", cut(shutil.rmtree))
+            patched.setattr(FilePath, name, interrupt(getattr(FilePath, name)))
+        patched.setattr("planner.pipeline.workspace.rmtree", interrupt(shutil.rmtree))
         try:
             Workspace(tmp_path).publish()
         except KeyboardInterrupt:
@@ -236,8 +236,8 @@ CHAIN = snake((2, 2, 3))
 OTHER = snake((3, 2, 2))
 
 
-def recorded(path: FilePath, chain: Chain, share: float, phase: str = "explosion") -> None:
-    """A timeline that goes from folded to a share of its bends."""
+def write_record(path: FilePath, chain: Chain, share: float, phase: str = "explosion") -> None:
+    """Write a timeline from the folded chain to a fraction of its bends."""
     angles = np.linspace(1.0, share, 4)[:, None] * chain.folded_rad
     folded = chain.folded_poses
     frames = Motion.from_frames(
@@ -251,16 +251,16 @@ def recorded(path: FilePath, chain: Chain, share: float, phase: str = "explosion
         writer.append(frames)
 
 
-def stopped_at(directory: FilePath, chain: Chain, share: float) -> None:
-    """One more attempt, which was ended when so much of its bends was left."""
+def add_stopped_attempt(directory: FilePath, chain: Chain, share: float) -> None:
+    """Add an attempt that was ended when this fraction of its bends was left."""
     workspace = Workspace(directory)
     known = workspace.read_history()
-    begun = Attempt(trial=Trial(len(known), 0, "peel"), status="begun")
-    workspace.write_history([*known, begun])
-    recorded(workspace.begin(len(known), chain).timeline, chain, share)
+    started = Attempt(trial=Trial(len(known), 0, "peel"), status="begun")
+    workspace.write_history([*known, started])
+    write_record(workspace.begin(len(known), chain).timeline, chain, share)
 
 
-def bent(chain: Chain) -> list[int]:
+def modules_at_bends(chain: Chain) -> list[int]:
     """Return the numbers of the modules between bent joints."""
     bends = np.abs(chain.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
     return (np.flatnonzero(bends) + 1).tolist()
@@ -269,28 +269,28 @@ def bent(chain: Chain) -> list[int]:
 @pytest.mark.parametrize(
     ("phase", "share", "named"),
     [
-        ("explosion", 0.3, True),  # slight bends count where there are no others
+        ("explosion", 0.3, True),  # slight bends count if there are no others
         ("explosion", 1e-3, False),
         ("playback", 0.0, True),
-        ("unfolding", 1.0, True),  # bends of the other shape have to become straight first, too
+        ("unfolding", 1.0, True),  # bends of the first shape have to become straight first, too
     ],
 )
-def test_unfinished_fold_names_the_modules_that_are_not_there_yet(
+def test_unfinished_fold_names_the_modules_that_are_not_in_place(
     phase: str, share: float, named: bool, tmp_path: FilePath
 ) -> None:
-    recorded(tmp_path / "timeline.zarr", CHAIN, share, phase)
+    write_record(tmp_path / "timeline.zarr", CHAIN, share, phase)
     stuck = Workspace(tmp_path).settle()["stuck"]
-    assert stuck["modules"] == (bent(CHAIN) if named else [])
+    assert stuck["modules"] == (modules_at_bends(CHAIN) if named else [])
     assert stuck["kind"] == "stopped"
     assert phase != "explosion" or "still unfolding" in stuck["words"]
 
 
 def test_stopped_where_changes_no_file(tmp_path: FilePath) -> None:
-    stopped_at(tmp_path, CHAIN, 0.3)
-    stopped_at(tmp_path, OTHER, 0.8)
-    there = sorted(tmp_path.rglob("*"))
-    assert Workspace(tmp_path).stopped_where()["stuck"]["modules"] == bent(OTHER)
-    assert sorted(tmp_path.rglob("*")) == there
+    add_stopped_attempt(tmp_path, CHAIN, 0.3)
+    add_stopped_attempt(tmp_path, OTHER, 0.8)
+    before = sorted(tmp_path.rglob("*"))
+    assert Workspace(tmp_path).stopped_where()["stuck"]["modules"] == modules_at_bends(OTHER)
+    assert sorted(tmp_path.rglob("*")) == before
     assert Workspace(tmp_path / "nothing").stopped_where() == {}
     assert Workspace(tmp_path / "nothing").settle() == {}
     TimelineWriter.create(tmp_path / "empty" / "timeline.zarr", CHAIN).close("failed")
@@ -298,34 +298,34 @@ def test_stopped_where_changes_no_file(tmp_path: FilePath) -> None:
 
 
 @pytest.mark.parametrize(("left", "kept"), [(0.3, OTHER), (0.9, CHAIN)])
-def test_settle_keeps_the_explosion_that_came_farthest(
+def test_settle_keeps_the_explosion_with_most_progress(
     left: float, kept: Chain, tmp_path: FilePath
 ) -> None:
-    stopped_at(tmp_path, OTHER, left)
-    stopped_at(tmp_path, CHAIN, 0.6)
+    add_stopped_attempt(tmp_path, OTHER, left)
+    add_stopped_attempt(tmp_path, CHAIN, 0.6)
     Workspace(tmp_path).settle()
     timeline = Timeline.open(tmp_path / "timeline.zarr")
     np.testing.assert_array_equal(timeline.chain.folded_rad, kept.folded_rad)
-    told = chain_from_attributes(json.loads((tmp_path / "chain.json").read_text()))
-    np.testing.assert_array_equal(told.folded_rad, kept.folded_rad)
+    stored = chain_from_attributes(json.loads((tmp_path / "chain.json").read_text()))
+    np.testing.assert_array_equal(stored.folded_rad, kept.folded_rad)
     assert {path.name for path in tmp_path.iterdir()} == {
         *("attempts.json", "chain.json", "timeline.zarr")
     }
 
 
 def test_history_names_the_attempt_under_way(tmp_path: FilePath) -> None:
-    run_stage("read", asked(tmp_path, write_path(SQUARE)))
+    run_stage("read", write_request(tmp_path, write_path(SQUARE)))
     seen: list[object] = []
 
-    def look() -> bool:
+    def note_attempts() -> bool:
         seen.append(json.loads((tmp_path / "attempts.json").read_text()))
         return False
 
-    run_stage("explode", tmp_path, cancelled=look)
-    begun = Attempt(trial=Trial(0, 0, "simultaneous"), status="begun")
-    assert seen[0] == [begun.as_dict()]
+    run_stage("explode", tmp_path, cancelled=note_attempts)
+    started = Attempt(trial=Trial(0, 0, "simultaneous"), status="begun")
+    assert seen[0] == [started.as_dict()]
     (after,) = Workspace(tmp_path).read_history()
     assert after.status == "straight"
-    # Cut off there, it begins anew.
-    Workspace(tmp_path).write_history([begun])
+    # An attempt that is interrupted there starts anew.
+    Workspace(tmp_path).write_history([started])
     assert run_stage("explode", tmp_path)["attempts"] == 1

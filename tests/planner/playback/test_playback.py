@@ -51,7 +51,7 @@ def test_robots_fold_a_real_shape(folded: Callable[..., Any], tmp_path: FilePath
     np.testing.assert_allclose(
         frames.joint_error_rad,
         np.abs(playback.reference_rad - frames.joint_angles_rad),
-        # The target's angles are rounded to whole steps when they become the plan's.
+        # The reference is rounded to whole steps of angles when it becomes the plan.
         atol=0.5 * PLAN_STEP_RAD + 1e-15,
     )
     assert frames.joint_error_rad.max() <= playback.max_angle_error_rad + 1e-15
@@ -108,7 +108,7 @@ def test_cancelled_or_too_long_playback_keeps_its_frames(small: tuple[Chain, Rec
     answers = iter((False, False, False, True))
     playback = play_back(*small, DEFAULT, cancelled=lambda: next(answers, False))
     assert playback.status == "cancelled"
-    assert 0 < playback.steps <= 100  # several robots are asked in turn
+    assert 0 < playback.steps <= 100  # each robot asks in turn
     assert len(playback.frames) > 1
     playback = play_back(*small, replace(DEFAULT, max_steps=100))
     assert (playback.status, playback.steps) == ("timeout", 100)
@@ -137,11 +137,11 @@ def test_playback_without_record_or_controller_is_refused(small: tuple[Chain, Re
 def test_sink_and_progress(small: tuple[Chain, Record], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("planner.playback.run.PROGRESS_PERIOD_S", 0.0)
     parts: list[Motion] = []
-    told: list[Progress] = []
-    playback = play_back(*small, DEFAULT, sink=parts.append, progress=told.append, start_s=7.0)
+    reports: list[Progress] = []
+    playback = play_back(*small, DEFAULT, sink=parts.append, progress=reports.append, start_s=7.0)
     np.testing.assert_array_equal(Motion.joined(parts).time_s, playback.frames.time_s)
     assert playback.frames.time_s[0] == 7.0
-    fractions = [p.fraction for p in told]
+    fractions = [p.fraction for p in reports]
     assert fractions == sorted(fractions)
     assert 0.0 <= fractions[0] < fractions[-1] <= 1.0
 
@@ -153,7 +153,7 @@ def test_long_chain_is_played_back_by_kinematics(
     playback = play_back(chain, record, replace(DEFAULT, dynamic_up_to=len(chain) - 1))
     torques = inverse_dynamics(chain, playback.frames)
     assert len(torques.frames) == len(playback.frames) - 2
-    # Nothing was simulated, so there is no error to show, and nothing pushes the chain away.
+    # Nothing was simulated, so there is no error to show, and no contact moves the chain.
     assert np.isnan(playback.frames.joint_error_rad).all()
     centres = playback.frames.poses(chain).positions.mean(axis=1)
     assert np.abs(centres - centres[0]).max() < 1e-9

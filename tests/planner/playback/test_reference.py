@@ -24,7 +24,7 @@ def test_reference_follows_the_record_smoothly_and_clear(folded: Callable[..., A
     np.testing.assert_allclose(reference.first(u), slope, atol=1e-4 * scale)
     bend = (reference.first(u + h) - reference.first(u - h)) / (2 * h)
     np.testing.assert_allclose(reference.second(u), bend, atol=2e-2 * np.abs(bend).max())
-    # C²: the second derivative has no jumps, at knots either.
+    # C²: the second derivative has no jumps, not even at knots.
     knots = np.unique(reference.spline.t)[1:-1]
     jumps = np.abs(reference.second(knots + 1e-9) - reference.second(knots - 1e-9)).max()
     assert jumps < 1e-3 * np.abs(bend).max()
@@ -41,7 +41,7 @@ def test_lengths_count_the_largest_hinge_motion_and_displacements() -> None:
     angles[:, 3] = [0.0, 0.05, 0.0, 0.4]
     lengths = record_lengths(chain, angles, distance_weight=0.0)
     np.testing.assert_allclose(lengths, [0.0, 0.1, 0.3, 0.7])
-    # The middle hinge of 41 modules turned a little: the ends sweep some 5 pitches a radian.
+    # The middle hinge of 41 modules is turned a little: the ends move some 5 pitches per radian.
     chain = line(41)
     angles = np.zeros((2, len(chain.folded_rad)))
     angles[1, chain.joint_names.index("joint_20_z")] = 0.1

@@ -1,4 +1,4 @@
-"""Robots with faults: what they are like, how they fold, and what the certificate says of them."""
+"""Robots with model errors: their properties, their folding, and their certificates."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def small(folded: Callable[..., Any]) -> tuple[Chain, Record, Playback]:
     return fold.chain, fold.record, fold.playback
 
 
-def of(robot: RobotParameters) -> PlaybackParameters:
+def with_robot(robot: RobotParameters) -> PlaybackParameters:
     return PlaybackParameters(robot=robot)
 
 
-def made(chain: Chain, robot: RobotParameters, seed: int = 0) -> Robot:
+def make_robot(chain: Chain, robot: RobotParameters, seed: int = 0) -> Robot:
     contacts = robot_contacts(chain, geom_size=0.3, step_s=0.08)
     contacts.prepare(len(chain))
     return Robot(chain, contacts, robot, peak_torque=10.0, seed=[seed], step_s=0.08)
@@ -42,7 +42,7 @@ def made(chain: Chain, robot: RobotParameters, seed: int = 0) -> Robot:
 
 @pytest.mark.parametrize("chain", [line(7), coil(40)], ids=len)
 def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None:
-    robot = made(chain, replace(FAULTLESS, mass_error=0.1, torque_limit=100.0), seed=3)
+    robot = make_robot(chain, replace(FAULTLESS, mass_error=0.1, torque_limit=100.0), seed=3)
     assert robot.errors.masses.std() > 0.05
     hinges = len(chain.folded_rad)
     rng = np.random.default_rng(5)
@@ -65,7 +65,7 @@ def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None
     assert data.ncon == 0
     wanted = h * data.qacc[dofs]
     np.testing.assert_allclose(robot.rates, wanted, atol=1e-9 * np.abs(wanted).max())
-    # The servo is taken at the end of the step: what it gives there is what it asks for there.
+    # The servo's torque depends on the state at the end of the step, as in an implicit scheme.
     given = stiffness * (target - robot.angles) + damping * (rates - robot.rates) + torques
     np.testing.assert_allclose(
         robot.motor_torques, given, rtol=1e-6, atol=1e-6 * robot.errors.limit
@@ -74,7 +74,7 @@ def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None
 
 def test_each_fault_is_seen_in_the_joint_error(small: tuple[Chain, Record, Playback]) -> None:
     chain, record, _ = small
-    exact = play_back(chain, record, of(FAULTLESS))
+    exact = play_back(chain, record, with_robot(FAULTLESS))
     assert exact.status == "folded"
     assert exact.max_angle_error_rad < 1e-12
     assert (exact.robots, exact.others_rad) == (None, None)
@@ -84,7 +84,7 @@ def test_each_fault_is_seen_in_the_joint_error(small: tuple[Chain, Record, Playb
         {"encoder_rad": 2e-3},
         {"noise_rad": 1e-3},
     ):
-        faulty = play_back(chain, record, of(replace(FAULTLESS, **fault)))
+        faulty = play_back(chain, record, with_robot(replace(FAULTLESS, **fault)))
         assert faulty.status == "folded", fault
         assert 2.0 * exact.max_angle_error_rad < faulty.max_angle_error_rad < 0.05, fault
 
@@ -103,13 +103,13 @@ def test_seed_decides_the_robots_and_the_largest_error_is_shown(
     assert first.others_rad.shape == (2, *reference.shape)
     shown = np.abs(first.frames.joint_angles_rad - reference).max()
     assert all(np.abs(other - reference).max() < shown + 1e-12 for other in first.others_rad)
-    assert first.max_angle_error_rad >= shown - 1e-6  # angles are stored in steps of that
+    assert first.max_angle_error_rad >= shown - 1e-6  # angles are stored in steps of that size
 
 
 def test_motors_keep_their_torque_limit(small: tuple[Chain, Record, Playback]) -> None:
     chain, record, _ = small
-    need = play_back(chain, record, of(FAULTLESS)).peak_torque
-    weak = play_back(chain, record, of(replace(FAULTLESS, torque_limit=0.9)))
+    need = play_back(chain, record, with_robot(FAULTLESS)).peak_torque
+    weak = play_back(chain, record, with_robot(replace(FAULTLESS, torque_limit=0.9)))
     assert need is not None and weak.peak_torque is not None
     assert weak.peak_torque <= 0.91 * need
 
@@ -125,14 +125,14 @@ def test_each_robot_is_certified_and_refused_if_it_collides(
     assert certificate.clearance_bound <= min(bounds)
     assert Certificate.from_dict(certificate.as_dict()) == certificate
     collides, ends = playback.others_rad.copy(), playback.others_rad.copy()
-    collides[1, len(collides[1]) // 2, ::2] = 0.5 * np.pi  # around and around in a square
+    collides[1, len(collides[1]) // 2, ::2] = 0.5 * np.pi  # round and round in a square
     ends[0, -1] *= 0.9
     lost = "the playbacks of other robots do not have the plan's frames"
-    for others, said in (
+    for others, words in (
         (collides, "in the simulated playback of robot 3, modules"),
         (ends, "the playback of another robot ends"),
         (playback.others_rad[:, 1:], lost),
         (np.full_like(ends, np.nan), lost),
     ):
         found = certify(chain, record, replace(playback, others_rad=others), Parameters())
-        assert found.verdict.startswith(f"failed: {said}")
+        assert found.verdict.startswith(f"failed: {words}")

@@ -27,7 +27,7 @@ def test_snapshot_is_left_when_the_chain_is_near_after_the_least_steps() -> None
     assert goals(setpoints, 0.0, 5) == [0.0, 0.3, 0.6, 0.6, 0.6]
     assert goals(setpoints, 0.3, 3) == [0.9, 0.9, 0.9]
     assert goals(paper_guide(STEPS_AWAY, 3), 0.0, 8) == [0.0] * 3 + [0.3] * 3 + [0.6] * 2
-    # The threshold alone skips what is near, but for the first, where the motion begins.
+    # The threshold alone skips close snapshots, except the first, where the motion starts.
     setpoints = paper_guide(STEPS_AWAY, 0)
     assert goals(setpoints, 0.0, 3) == [0.0, 0.6, 0.6]
     assert goals(setpoints, 0.6, 1) == [1.2]

@@ -1,4 +1,4 @@
-"""Playback on a table: what limited motors hold, what they don't, and a box that folds there."""
+"""Playback on a table: loads that limited motors hold or not, and a box that folds there."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from planner.motion.motion import Motion
 from planner.parameters.explosion import TableParameters
 from planner.parameters.playback import TablePlaybackParameters
 from planner.playback.table_playback import TablePlayback, play_on_table
-from tests.planner.chains import in_place
+from tests.planner.chains import anchored
 from tests.planner.table_replay import table_replay
 from tests.planner.table_search import table_paths
 
 ARM = 15.0
-"""w·p: a cantilever of five modules."""
+"""Torque of a cantilever of five modules, w·p."""
 SLOW = replace(TablePlaybackParameters(), fastest=0.02)
 BOX = np.array([(x, y, z) for x in range(2) for y in range(2) for z in range(2)])
 
 
-def moved(chain: Chain, angles: np.ndarray) -> Motion:
-    """Straight ways between configurations, the first module where the folded chain has it."""
+def move_between(chain: Chain, angles: np.ndarray) -> Motion:
+    """Return straight lines between configurations, with module 0 fixed in its folded pose."""
     steps = [np.linspace(a, b, 40) for a, b in zip(angles, angles[1:], strict=False)]
-    frames = in_place("explosion", np.concatenate(steps)).windowed(chain)
+    frames = anchored("explosion", np.concatenate(steps)).windowed(chain)
     return frames.with_columns(
         base_position=np.tile(chain.folded_position, (len(frames), 1)),
         base_wxyz=np.tile(chain.folded_wxyz, (len(frames), 1)),
@@ -38,31 +38,31 @@ def moved(chain: Chain, angles: np.ndarray) -> Motion:
 
 @pytest.fixture(scope="module")
 def arm() -> tuple[Chain, Motion]:
-    """A row that is clamped three pitches above the table and folds a leg down to it."""
+    """Row that is clamped three pitches above the table and folds a leg down to it."""
     cells = [(0, 0, 3), (1, 0, 3), (2, 0, 3), (3, 0, 3), (3, 0, 2), (3, 0, 1), (3, 0, 0)]
     chain = Chain.from_path(Path.from_cells(cells, name="arm"))
-    return chain, moved(chain, np.array([chain.folded_rad, np.zeros(len(chain.folded_rad))]))
+    return chain, move_between(chain, np.array([chain.folded_rad, np.zeros(len(chain.folded_rad))]))
 
 
 def rms(found: TablePlayback) -> float:
     return float(np.sqrt((found.position_errors**2).mean()))
 
 
-def played(arm: tuple[Chain, Motion], share: float) -> TablePlayback:
+def play_arm(arm: tuple[Chain, Motion], share: float) -> TablePlayback:
     return play_on_table(*arm, torque_limit_wp=share * ARM, parameters=SLOW)
 
 
 def test_motors_a_little_stronger_than_the_weight_hold_an_arm(arm: tuple[Chain, Motion]) -> None:
-    found = played(arm, 1.5)
+    found = play_arm(arm, 1.5)
     assert found.status == "folded", found.reason
     assert rms(found) < 0.02
     assert found.largest_torque <= 1.5 * ARM * (1.0 + 1e-9)
-    # Hardly moving at first: what its weight asks of the hinge that bears it.
+    # Hardly in motion yet, the loaded hinge needs the torque of the weight.
     assert found.torques[1].max() == pytest.approx(ARM, rel=0.05)
 
 
 def test_arm_falls_with_weak_motors(arm: tuple[Chain, Motion]) -> None:
-    found = played(arm, 0.8)
+    found = play_arm(arm, 0.8)
     assert found.status == "missed"
     assert "yielded" in found.reason
     assert f"{0.8 * ARM:.3g} w·p" in found.reason
@@ -84,11 +84,11 @@ def row() -> tuple[Chain, Motion]:
     chain = Chain.from_path(
         Path.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 2, 0), (1, 3, 0)], name="row")
     )
-    return chain, moved(chain, np.array([chain.folded_rad, np.zeros(6)]))
+    return chain, move_between(chain, np.array([chain.folded_rad, np.zeros(6)]))
 
 
 def test_friction_needs_torque(row: tuple[Chain, Motion]) -> None:
-    """Without friction it takes as good as nothing."""
+    """Without friction the torque is nearly zero."""
     chain, record = row
     smooth, rough = (
         play_on_table(chain, record, torque_limit_wp=8.0, friction=mu, parameters=SLOW)
@@ -97,7 +97,7 @@ def test_friction_needs_torque(row: tuple[Chain, Motion]) -> None:
     assert smooth.status == rough.status == "folded"
     drag = 0.3 * (1 + 2 + 3)
     middle = slice(len(smooth.torques) // 3, 2 * len(smooth.torques) // 3)
-    turning = slice(0, None, 2)  # hinges that stand upright
+    turning = slice(0, None, 2)  # hinges with a vertical axis
     assert np.median(smooth.torques[middle, turning].max(axis=1)) < 0.1 * drag
     assert np.median(rough.torques[middle, turning].max(axis=1)) > 0.9 * drag
 
@@ -118,7 +118,7 @@ def test_chain_with_a_free_base_drifts(row: tuple[Chain, Motion]) -> None:
         assert (gone < 1e-6) if fixed else (gone > 0.1)
         turned = np.abs(poses.rotations[:, 0] - poses.rotations[0, 0]).max()
         assert (turned < 1e-6) if fixed else (turned > 0.3)
-    # It lies elsewhere, in the shape that it should have.
+    # It lies elsewhere, in the planned shape.
     assert free.position_errors.max() < 0.05
     assert free.position_errors[-1] < 0.005
 
@@ -128,11 +128,11 @@ def test_box_folds_on_the_table_with_half_as_much_torque_again() -> None:
     record = explode_on_table(chain, TableParameters(), seed=0)
     assert record.status == "straight", record.reason
     assert record.frames.is_windowed
-    asked = table_certificate(
+    needed = table_certificate(
         chain, record.frames[::-1], on_table=True, height=chain.table_height
     ).torque
-    assert asked is not None
-    found = play_on_table(chain, record.frames, torque_limit_wp=1.5 * max(asked, 1.0))
+    assert needed is not None
+    found = play_on_table(chain, record.frames, torque_limit_wp=1.5 * max(needed, 1.0))
     assert found.status == "folded", found.reason
     assert rms(found) < 0.05
     assert found.position_errors[-1] < 0.05
@@ -141,7 +141,7 @@ def test_box_folds_on_the_table_with_half_as_much_torque_again() -> None:
     error = np.abs(found.frames.joint_angles_rad - found.reference_rad)
     np.testing.assert_allclose(found.frames.joint_error_rad, error, atol=1e-6)
 
-    rests = table_replay(chain, found.frames, torque=max(asked, 1.0), count=4)
+    rests = table_replay(chain, found.frames, torque=max(needed, 1.0), count=4)
     assert rests.holds, rests
 
 

@@ -13,7 +13,7 @@ from planner.simulation.tree import Tree
 
 
 def largest_torque(reference: Reference, tree: Tree, scaling: TimeScaling) -> float:
-    """Of a chain that follows the reference by a time scaling exactly."""
+    """Return the largest torque of a chain that follows the reference exactly."""
     worst = 0.0
     for k in range(len(scaling) + 1):
         u, rate, acceleration = scaling.u[k], scaling.rate[k], scaling.acceleration[k]
@@ -36,8 +36,8 @@ def bounded(folded: Callable[..., Any]) -> tuple[Reference, Tree, TimeScaling]:
     return reference, tree, scaling
 
 
-def belongs_together(scaling: TimeScaling) -> None:
-    """Whether rates and accelerations are those of the places."""
+def check_derivatives(scaling: TimeScaling) -> None:
+    """Check that rates and accelerations are the derivatives of the path parameter."""
     by_difference = np.gradient(scaling.u, scaling.step_s)[1:-1]
     assert np.abs(by_difference - scaling.rate[1:-1]).max() < 0.02 * np.abs(scaling.rate).max()
     by_difference = np.gradient(scaling.rate, scaling.step_s)[2:-2]
@@ -57,7 +57,7 @@ def check(scaling: TimeScaling, steps: int, step_s: float) -> None:
     assert abs(scaling.rate[0]) < 1e-6 / step_s
     assert abs(scaling.rate[-1]) < 1e-6 / step_s
     assert np.diff(scaling.u).min() > -1e-9
-    belongs_together(scaling)
+    check_derivatives(scaling)
     assert scaling.rate.max() < 3.0 / total
 
 
@@ -68,7 +68,7 @@ def test_smooth_scaling_and_its_way_back() -> None:
     assert scaling.acceleration[0] == scaling.acceleration[-1] == 0.0
     back = scaling.backwards()
     np.testing.assert_array_equal(back.u, scaling.u[::-1])
-    belongs_together(back)
+    check_derivatives(back)
 
 
 def test_bounded_scaling_needs_less_torque(bounded: tuple[Reference, Tree, TimeScaling]) -> None:

@@ -1,4 +1,4 @@
-"""Robots that fold peeled chains: their core and tail rigid, the window simulated."""
+"""Robots that fold peeled chains: core and tail are rigid, the window is simulated."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.planner.peels import peel, snake
 Array = NDArray[np.float64]
 FAULTLESS = RobotParameters(mass_error=0.0, friction=0.0, encoder_rad=0.0, noise_rad=0.0, runs=1)
 SIZE = 0.3
-"""Of modules that touch nothing on a way that nobody has cleared."""
+"""Size of modules that touch nothing in an unchecked motion, pitches."""
 UPRIGHT = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 FIRST, JOINTS = 30, 24
 HINGES = slice(2 * FIRST, 2 * (FIRST + JOINTS))
@@ -40,8 +40,8 @@ def peeled(chain: Chain) -> Motion:
     return peel(chain, width=24, step=1.0)
 
 
-def bent(chain: Chain, angles: Array) -> Array:
-    """(J,) all angles of a chain that is folded before a window and straight behind."""
+def with_window_angles(chain: Chain, angles: Array) -> Array:
+    """Return (J,) angles of a chain that is folded before a window and straight after it."""
     found = np.zeros(len(chain.folded_rad))
     found[: HINGES.start] = chain.folded_rad[: HINGES.start]
     found[HINGES] = angles
@@ -49,7 +49,7 @@ def bent(chain: Chain, angles: Array) -> Array:
 
 
 @pytest.mark.parametrize("stretch", [(FIRST, JOINTS), (0, JOINTS), (70, 24)], ids=str)
-def test_torques_of_a_stretch_are_those_of_the_whole_chain(
+def test_torques_of_a_window_are_those_of_the_whole_chain(
     chain: Chain, stretch: tuple[int, int]
 ) -> None:
     first, joints = stretch
@@ -84,7 +84,7 @@ def test_step_agrees_with_a_mujoco_tree_whose_other_hinges_are_held(chain: Chain
     model = tree_with(chain, SIZE, errors.masses)
     data: Any = mujoco.MjData(model)
     dofs = np.array([model.joint(name).dofadr[0] for name in chain.joint_names])
-    for name, angle in zip(chain.joint_names, bent(chain, angles), strict=True):
+    for name, angle in zip(chain.joint_names, with_window_angles(chain, angles), strict=True):
         data.joint(name).qpos[0] = angle
     model.dof_armature[dofs] = 1e12
     model.dof_armature[dofs[HINGES]] = inertia
@@ -100,8 +100,8 @@ def test_step_agrees_with_a_mujoco_tree_whose_other_hinges_are_held(chain: Chain
     )
 
 
-def configured(chain: Chain, first: int, angles: Array, size: float = SIZE) -> WindowRobot:
-    """A robot at rest with the (H,) angles of a stretch, its module 0 upright at the origin."""
+def robot_at(chain: Chain, first: int, angles: Array, size: float = SIZE) -> WindowRobot:
+    """Return a robot at rest with the (H,) angles of a window, module 0 upright at the origin."""
     robot = robot_of(chain, replace(FAULTLESS, mass_error=0.2), size)
     robot.take(first, JOINTS)
     robot.state.angles[:] = angles
@@ -113,7 +113,7 @@ def test_window_touches_the_core_and_the_tail() -> None:
     chain = snake((4, 4, 6))
 
     def touching(first: int, angles: Array) -> set[tuple[int, int]]:
-        contacts = configured(chain, first, angles, 0.95).find_contacts()
+        contacts = robot_at(chain, first, angles, 0.95).find_contacts()
         pairs = [] if contacts is None else contacts.points.pairs.tolist()
         return {(min(pair), max(pair)) for pair in pairs}
 
@@ -123,10 +123,10 @@ def test_window_touches_the_core_and_the_tail() -> None:
     backwards = folded.copy()
     backwards[:8] = -folded[:8]
     assert any(pair[0] == 0 for pair in touching(FIRST, backwards))
-    # What is not folded yet is not in the core, and the cube that it is linked to is no obstacle.
+    # Modules that are not folded yet are not in the core, and the adjacent cube is no obstacle.
     assert not touching(0, straight)
     curled = straight.copy()
-    curled[-8:] = np.tile([np.pi / 2, 0.0], 4)  # the tail comes back along the window
+    curled[-8:] = np.tile([np.pi / 2, 0.0], 4)  # the tail returns along the window
     pairs = touching(0, curled)
     assert any(pair[1] == JOINTS for pair in pairs)
     assert not any(pair[0] == 0 for pair in pairs)
@@ -145,7 +145,7 @@ def test_course_goes_from_straight_to_folded_without_a_jump(
     np.testing.assert_array_equal(angles[0], 0.0)
     np.testing.assert_allclose(angles[-1], chain.folded_rad, atol=1e-6)
     assert np.abs(np.diff(angles, axis=0)).max() <= 3.0 * FRAME_RAD
-    # It cuts no more than the corners between neighbouring control points.
+    # It deviates only at the corners between adjacent control points.
     passed = peeled.angles(chain)
     off = [np.abs(passed - row).max(axis=1).min() for row in angles]
     assert max(off) <= 2.0 * trajectory.parameters.spacing_rad
@@ -155,7 +155,7 @@ def test_course_goes_from_straight_to_folded_without_a_jump(
     ]
 
 
-def played(chain: Chain, peeled: Motion, robot: RobotParameters) -> Playback:
+def play_back_with(chain: Chain, peeled: Motion, robot: RobotParameters) -> Playback:
     record = Record(
         status="straight", reason="", frames=peeled, steps=len(peeled), seconds=0.0, strategy="peel"
     )
@@ -165,9 +165,9 @@ def played(chain: Chain, peeled: Motion, robot: RobotParameters) -> Playback:
 
 
 def test_robot_without_faults_has_no_error(chain: Chain, peeled: Motion) -> None:
-    playback = played(chain, peeled, FAULTLESS)
+    playback = play_back_with(chain, peeled, FAULTLESS)
     assert (playback.status, playback.kind, playback.robots) == ("folded", "dynamic", None)
-    assert playback.max_angle_error_rad < 2e-5  # what momentum is taken away at each step
+    assert playback.max_angle_error_rad < 2e-5  # the momentum that is removed at each step
     assert playback.frames.time_s[0] == 5.0
     frames = playback.frames.dense(chain)
     positions = frames.poses(chain).positions.mean(axis=1)[[0, 40, 90]]
@@ -175,11 +175,11 @@ def test_robot_without_faults_has_no_error(chain: Chain, peeled: Motion) -> None
 
 
 def test_weak_robot_loses_its_target(chain: Chain, peeled: Motion) -> None:
-    playback = played(chain, peeled, replace(RobotParameters(), torque_limit=0.01, runs=1))
+    playback = play_back_with(chain, peeled, replace(RobotParameters(), torque_limit=0.01, runs=1))
     assert playback.status == "missed"
     assert "lost its target" in playback.reason
     frames = playback.frames
     assert frames.is_windowed
     assert len(frames) > 0
-    # Each frame is measured against its own target, up to where the robot was lost.
+    # Each frame is measured against its own target, up to where tracking was lost.
     assert float(frames.errors.max()) <= (playback.max_angle_error_rad or 0.0)

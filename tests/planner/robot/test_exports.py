@@ -1,4 +1,4 @@
-"""Every export, read again by somebody else's program, has the plan's poses."""
+"""Exports: third-party programs read them with the plan's poses."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from planner.plan.plan import Plan
 from planner.readers.angle_strings import read_angle_string
 
 Array = NDArray[np.float64]
-NASTY = "</robot>\x00\x1b[31m\ud800\u202e\uffff \"'&<]]>\n- -- \U0001f980"
+HOSTILE_NAME = "</robot>\x00\x1b[31m\ud800\u202e\uffff \"'&<]]>\n- -- \U0001f980"
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def ring(tmp_path_factory: pytest.TempPathFactory) -> Plan:
 
 @pytest.fixture(params=["cube", "tetrahedron"])
 def plan(request: pytest.FixtureRequest) -> Plan:
-    """A small plan of each kind of module; not a centimetre, so that units show."""
+    """Small plan of each kind of module; its pitch is not 1 cm, so that wrong units are found."""
     if request.param == "cube":
         made = request.getfixturevalue("folded")("wrench-24").plan
     else:
@@ -62,7 +62,7 @@ def poses_of(plan: Plan, frame: int) -> Poses:
     )
 
 
-def written(name: str, plan: Plan) -> bytes:
+def exported(name: str, plan: Plan) -> bytes:
     return export_named(name).write(plan)
 
 
@@ -71,7 +71,7 @@ def some_frames(plan: Plan) -> list[int]:
 
 
 def same_poses(found: list[Array], plan: Plan, frame: int, within: float) -> None:
-    """(4, 4) transforms in metres, module by module, against the planner's kinematics."""
+    """Compare (4, 4) transforms in metres, module by module, with the planner's kinematics."""
     wanted = poses_of(plan, frame)
     metres = np.array([transform[:3, 3] for transform in found])
     np.testing.assert_allclose(metres / plan.chain.pitch_m, wanted.positions, atol=within)
@@ -88,7 +88,7 @@ def root_of(plan: Plan, frame: int) -> Array:
 
 
 def test_csv_has_every_number_of_the_plan(plan: Plan) -> None:
-    data = written("csv", plan)
+    data = exported("csv", plan)
     rows = list(csv.reader(io.StringIO(data.decode())))
     names = [f"{name}_rad" for name in plan.chain.joint_names]
     assert {len(row) for row in rows} == {len(names) + 10}
@@ -105,12 +105,12 @@ def test_csv_has_every_number_of_the_plan(plan: Plan) -> None:
         found = np.stack([table[column] for column in columns], axis=1)
         np.testing.assert_allclose(found, values, rtol=0, atol=1e-12)
     unmeasured = dataclasses.replace(plan, max_error_rad=np.full_like(plan.time_s, np.nan))
-    first = next(csv.DictReader(io.StringIO(written("csv", unmeasured).decode())))
+    first = next(csv.DictReader(io.StringIO(exported("csv", unmeasured).decode())))
     assert first["max_error_rad"] == ""
 
 
 def test_mjcf_keys_are_frames_of_the_plan(plan: Plan) -> None:
-    model = mujoco.MjModel.from_xml_string(written("mjcf", plan).decode())
+    model = mujoco.MjModel.from_xml_string(exported("mjcf", plan).decode())
     data = mujoco.MjData(model)
     chain, folded = plan.chain, plan.chain.folded_poses
     assert {model.joint(i).name for i in range(model.njnt)} == {"root", *chain.joint_names}
@@ -133,13 +133,13 @@ def test_mjcf_keys_are_frames_of_the_plan(plan: Plan) -> None:
         turns = [site.xmat.reshape(3, 3) for site in sites]
         np.testing.assert_allclose(turns, poses.rotations, atol=1e-9)
         assert data.ncon == 0
-    # Body names that differ by a digit at the end would be mistaken for joints' in Drake.
+    # Drake would mistake body names that differ by a digit at the end for those of joints.
     bodies = {model.body(k).name for k in range(model.nbody)}
     assert not bodies & {f"{name}{k}" for name in bodies for k in range(10)}
 
 
-def centred(plan: Plan, links: list[Array]) -> list[Array]:
-    """Transforms of modules' centres from those of their links."""
+def module_transforms(plan: Plan, links: list[Array]) -> list[Array]:
+    """Return the transforms of modules' centres from those of their links."""
     shifts = [np.eye(4) for _ in links]
     for i, shift in enumerate(shifts):
         shift[:3, 3] = centre_of(plan.chain, i)
@@ -147,8 +147,8 @@ def centred(plan: Plan, links: list[Array]) -> list[Array]:
 
 
 def test_urdf_moves_as_the_plan_in_yourdfpy(plan: Plan, tmp_path: Path) -> None:
-    (tmp_path / "model.urdf").write_bytes(written("urdf", plan))
-    (tmp_path / "module.obj").write_bytes(written("obj", plan))
+    (tmp_path / "model.urdf").write_bytes(exported("urdf", plan))
+    (tmp_path / "module.obj").write_bytes(exported("obj", plan))
     robot: Any = yourdfpy.URDF.load(str(tmp_path / "model.urdf"), build_scene_graph=True)
     assert robot.base_link == f"module_{plan.chain.root}"
     assert tuple(robot.actuated_joint_names) == plan.chain.joint_names
@@ -159,7 +159,7 @@ def test_urdf_moves_as_the_plan_in_yourdfpy(plan: Plan, tmp_path: Path) -> None:
             root_of(plan, frame) @ robot.get_transform(f"module_{i}")
             for i in range(len(plan.chain))
         ]
-        same_poses(centred(plan, links), plan, frame, 1e-6)
+        same_poses(module_transforms(plan, links), plan, frame, 1e-6)
     edge = plan.certificate.module_size * plan.chain.pitch_m
     (volume,) = {round(g.volume, 12) for g in robot.scene.geometry.values()}
     assert volume == pytest.approx(plan.chain.module.volume * edge**3, rel=1e-6)
@@ -169,13 +169,13 @@ def test_urdf_links_have_the_mass_and_inertia_of_solid_modules(plan: Plan) -> No
     chain = plan.chain
     hull = trimesh.convex.convex_hull(chain.module.vertices * chain.pitch_m)
     hull.density = plan.parameters["density_kg_m3"]
-    urdf = ElementTree.fromstring(written("urdf", plan))
+    urdf = ElementTree.fromstring(exported("urdf", plan))
     masses = []
     for link in urdf.iter("inertial"):
-        told, mass = link.find("inertia"), link.find("mass")
-        assert told is not None and mass is not None
+        inertia, mass = link.find("inertia"), link.find("mass")
+        assert inertia is not None and mass is not None
         masses.append(float(mass.attrib["value"]))
-        moments = [float(told.attrib[name]) for name in ("ixx", "iyy", "izz")]
+        moments = [float(inertia.attrib[name]) for name in ("ixx", "iyy", "izz")]
         np.testing.assert_allclose(moments, masses[-1] / hull.mass * np.diag(hull.moment_inertia))
     assert sum(masses) == pytest.approx(hull.mass * len(chain))
     limits = [float(e.attrib["upper"]) for e in urdf.iter("limit")]
@@ -188,8 +188,8 @@ def exempt_names(plan: Plan) -> set[tuple[str, str]]:
 
 
 def test_srdf_and_drake_groups_name_the_exempt_pairs(plan: Plan) -> None:
-    srdf = ElementTree.fromstring(written("srdf", plan))
-    urdf = ElementTree.fromstring(written("urdf", plan))
+    srdf = ElementTree.fromstring(exported("srdf", plan))
+    urdf = ElementTree.fromstring(exported("urdf", plan))
     assert srdf.get("name") == urdf.get("name")
     links = {link.get("name") for link in urdf.iter("link")}
     disabled = {(e.get("link1"), e.get("link2")) for e in srdf.iter("disable_collisions")}
@@ -211,9 +211,9 @@ def test_times_of_exports_rise_where_the_plan_stands_still(plan: Plan) -> None:
         plan, motion=plan.motion[frames], max_error_rad=plan.max_error_rad[frames]
     )
     for name in ("csv", "glb"):
-        assert written(name, halting) == written(name, plan)
+        assert exported(name, halting) == exported(name, plan)
     stamps: dict[str, list[int]] = {}
-    for channel, record, message in decoded(written("mcap", halting)):
+    for channel, record, message in decode_log(exported("mcap", halting)):
         if channel.topic in ("/joint_states", "/tf"):
             header = getattr(message, "header", None) or message.transforms[0].header
             stamp = header.stamp.sec * 10**9 + header.stamp.nanosec
@@ -227,18 +227,18 @@ def test_times_of_exports_rise_where_the_plan_stands_still(plan: Plan) -> None:
         assert (np.diff(values) > 0).all()
 
 
-def decoded(data: bytes) -> list[tuple[Any, Any, Any]]:
-    """Channel, record and decoded message of everything in a log."""
+def decode_log(data: bytes) -> list[tuple[Any, Any, Any]]:
+    """Return channel, record and decoded message of each entry of a log."""
     reader = make_reader(io.BytesIO(data), decoder_factories=[DecoderFactory()])
     return [found[1:] for found in reader.iter_decoded_messages()]
 
 
 def test_mcap_holds_the_fold_as_ros_messages(plan: Plan) -> None:
-    data = written("mcap", plan)
+    data = exported("mcap", plan)
     chain = plan.chain
     messages: dict[str, list[Any]] = {}
     times: dict[str, list[int]] = {}
-    for channel, record, message in decoded(data):
+    for channel, record, message in decode_log(data):
         messages.setdefault(channel.topic, []).append(message)
         times.setdefault(channel.topic, []).append(record.log_time)
         (profile,) = yaml.safe_load(channel.metadata["offered_qos_profiles"])
@@ -269,7 +269,7 @@ def test_mcap_holds_the_fold_as_ros_messages(plan: Plan) -> None:
         np.testing.assert_allclose(link, root_of(plan, k), atol=1e-12)
     if chain.module.geom == "box":
         (description,) = messages["/robot_description"]
-        assert description.data.encode() == written("urdf", plan)
+        assert description.data.encode() == exported("urdf", plan)
     else:
         assert "/robot_description" not in messages
 
@@ -288,14 +288,14 @@ def floats(file: pygltflib.GLTF2, index: int) -> Array:
 
 
 def z_up(transform: Array) -> Array:
-    """A transform of the scene, turned back to the planner's axes."""
+    """Return a transform of the scene, rotated back to the planner's axes."""
     turn = np.eye(4)
     turn[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
     return turn @ transform
 
 
 def test_glb_scene_stands_folded_and_upright(plan: Plan) -> None:
-    scene: Any = trimesh.load_scene(io.BytesIO(written("glb", plan)), file_type="glb")
+    scene: Any = trimesh.load_scene(io.BytesIO(exported("glb", plan)), file_type="glb")
     nodes = [scene.graph[f"module_{i}"] for i in range(len(plan.chain))]
     assert {geometry for _, geometry in nodes} == {plan.chain.module.name}
     found = [z_up(transform) for transform, _ in nodes]
@@ -308,7 +308,7 @@ def test_glb_scene_stands_folded_and_upright(plan: Plan) -> None:
 
 
 def test_glb_scene_moves_as_the_plan(plan: Plan) -> None:
-    file: Any = pygltflib.GLTF2.load_from_bytes(written("glb", plan))
+    file: Any = pygltflib.GLTF2.load_from_bytes(exported("glb", plan))
     (animation,) = file.animations
     chain = plan.chain
     assert len(animation.channels) == 2 * len(chain)
@@ -331,14 +331,14 @@ def test_glb_scene_moves_as_the_plan(plan: Plan) -> None:
             transform[:3, :3] = Rotation.from_quat(tracks[i, "rotation"][1][k]).as_matrix()
             found.append(transform)
         same_poses(found, plan, frame, 1e-4)
-    # Between keyframes a player draws the shorter arc.
+    # Between keyframes a player interpolates along the shorter arc.
     for i in range(len(chain)):
         turns = tracks[i, "rotation"][1]
         assert ((turns[1:] * turns[:-1]).sum(axis=1) > 0).all()
 
 
 def largest_error(plan: Plan, track: glb.Track) -> float:
-    """Return how far the plan's frames are from a track that a player draws, in pitches."""
+    """Return the largest distance of the plan's frames from a player's track, pitches."""
     times = track.time_s.astype(np.float32).astype(np.float64)
     inside = np.clip(plan.time_s, times[0], times[-1])
     poses = plan.chain.poses(plan.joint_angles_rad, plan.root_position, plan.root_wxyz)
@@ -369,7 +369,7 @@ def test_glb_keyframes_keep_their_tolerance_between_each_other(
 
 
 def test_stl_module_is_a_closed_solid_in_millimetres(plan: Plan) -> None:
-    data = written("stl", plan)
+    data = exported("stl", plan)
     assert not data.startswith(b"solid")
     mesh: Any = trimesh.load_mesh(io.BytesIO(data), file_type="stl")
     edge = plan.certificate.module_size * plan.chain.pitch_m * 1000.0
@@ -381,7 +381,7 @@ def test_stl_module_is_a_closed_solid_in_millimetres(plan: Plan) -> None:
 
 @pytest.mark.parametrize("export", EXPORTS, ids=lambda export: export.name)
 def test_hostile_name_of_a_plan_leaves_exports_valid(ring: Plan, export: Export) -> None:
-    chain = dataclasses.replace(ring.chain, name=NASTY)
+    chain = dataclasses.replace(ring.chain, name=HOSTILE_NAME)
     data = export.write(dataclasses.replace(ring, chain=chain))
     if export.media_type == "application/xml":
         root = ElementTree.fromstring(data)
@@ -392,7 +392,7 @@ def test_hostile_name_of_a_plan_leaves_exports_valid(ring: Plan, export: Export)
         name = json.loads(data[20 : 20 + length])["nodes"][-1]["name"]
         assert name.isprintable()
     elif export.name == "mcap":
-        assert len(decoded(data)) > len(ring.time_s)
+        assert len(decode_log(data)) > len(ring.time_s)
 
 
 def test_plan_without_frames_is_refused_by_moving_exports(ring: Plan) -> None:

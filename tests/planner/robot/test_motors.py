@@ -17,12 +17,12 @@ from tests.case import case
 from tests.planner.chains import line
 
 MASS, PITCH, GRAVITY = 0.2, 0.05, 9.81
-HELD = Build(module_mass_kg=MASS, pitch_m=PITCH, gravity_m_s2=GRAVITY)
+BUILD = Build(module_mass_kg=MASS, pitch_m=PITCH, gravity_m_s2=GRAVITY)
 
 
 @pytest.fixture
 def pendulum() -> tuple[Chain, Trajectory]:
-    """Three cubes: the root, one that is fixed to it, and one that swings by its z hinge."""
+    """Chain of three cubes: the root, a fixed one, and one that swings by its z hinge."""
     chain = line(3)
     frames = np.zeros((40, 2))
     frames[:, 0] = np.linspace(0.0, 1.2, 40)
@@ -34,10 +34,10 @@ def test_torque_of_a_pendulum(pendulum: tuple[Chain, Trajectory], gravity: float
     chain, trajectory = pendulum
     build = Build(module_mass_kg=MASS, pitch_m=PITCH, gravity_m_s2=gravity)
     table = motor_table(chain, trajectory, build)
-    inertia = MASS * PITCH**2 * (1.0 + 1.0 / 6.0)  # a cube of that edge, one edge off its hinge
+    inertia = MASS * PITCH**2 * (1.0 + 1.0 / 6.0)  # a cube one edge from its hinge
     weight = MASS * gravity * PITCH
     assert table.peak_torque_nm[0] == pytest.approx(2.0 * inertia + weight, rel=1e-6)
-    # Speeding up for 0.5 s, slowing down for as long, evenly in between.
+    # It accelerates for 0.5 s, then decelerates for as long, at constant rates.
     square = (2.0 * inertia + weight) ** 2 + (trajectory.duration_s - 1.0) * weight**2
     rms = np.sqrt(square / trajectory.duration_s)
     assert table.rms_torque_nm[0] == pytest.approx(rms, rel=0.01)
@@ -64,10 +64,10 @@ def test_torques_agree_with_mujoco_inverse_dynamics(folded: Callable[..., Any]) 
             data.qacc[:6] = data.qvel[:6] = 0.0
             mujoco.mj_inverse(model, data)
             torques.append(data.qfrc_inverse[dofs].copy())
-        # A torque is linear in gravity: along the worst direction it is the length of its row.
+        # A torque is linear in gravity: along the worst direction it is the norm of its row.
         pull = np.linalg.norm(np.array(torques[1:]) - torques[0], axis=0)
         needs[k] = unit * np.abs(torques[0]) + weight * GRAVITY * pull
-    table = motor_table(plan.chain, trajectory, HELD)
+    table = motor_table(plan.chain, trajectory, BUILD)
     assert (table.peak_torque_nm >= needs.max(axis=0) * (1.0 - 1e-3)).all()
     most = needs.max(axis=0).argmax()
     assert table.neediest == most
@@ -77,13 +77,13 @@ def test_torques_agree_with_mujoco_inverse_dynamics(folded: Callable[..., Any]) 
 
 def test_verdict_names_the_weakest_joint(pendulum: tuple[Chain, Trajectory]) -> None:
     chain, trajectory = pendulum
-    need = float(motor_table(chain, trajectory, HELD).peak_torque_nm[0])
-    told = motor_table(chain, trajectory, HELD)
-    assert told.would_do is None
-    weak = motor_table(chain, trajectory, HELD, motor_torque_nm=0.9 * need)
+    need = float(motor_table(chain, trajectory, BUILD).peak_torque_nm[0])
+    rows = motor_table(chain, trajectory, BUILD)
+    assert rows.would_do is None
+    weak = motor_table(chain, trajectory, BUILD, motor_torque_nm=0.9 * need)
     assert weak.would_do is False
     assert weak.verdict.startswith(f"No: joint_1_z needs {need:.3g} N·m at frame ")
-    strong = motor_table(chain, trajectory, HELD, motor_torque_nm=1.1 * need)
+    strong = motor_table(chain, trajectory, BUILD, motor_torque_nm=1.1 * need)
     assert strong.would_do is True
     row = strong.as_dict()["joints"][0]
     assert row["margin"] == pytest.approx(1.1, rel=1e-4)

@@ -23,7 +23,7 @@ def names(frames: Array) -> tuple[str, ...]:
     return tuple(f"joint_{k}" for k in range(frames.shape[1]))
 
 
-def along(frames: Array, speed: float = SPEED, acceleration: float = ACCELERATION) -> Trajectory:
+def line(frames: Array, speed: float = SPEED, acceleration: float = ACCELERATION) -> Trajectory:
     return retimed(frames, names(frames), speed, acceleration)
 
 
@@ -48,8 +48,8 @@ def test_retimed_fold_keeps_its_bounds_from_rest_to_rest(folded: Callable[..., A
     rates = np.diff(angles, axis=0) / t[1]
     assert np.allclose(rates, 0.5 * (speeds[1:] + speeds[:-1]), atol=2e-3)
     jumps = np.abs(np.diff(speeds, axis=0) / t[1] - accelerations[:-1]).max(axis=1)
-    assert np.quantile(jumps, 0.9) < 0.05  # but for the steps in which accelerations jump
-    # Some bound is reached nearly always.
+    assert np.quantile(jumps, 0.9) < 0.05  # except for steps in which accelerations jump
+    # Some bound is nearly always reached.
     used = np.maximum(
         np.abs(speeds).max(axis=1) / SPEED, np.abs(accelerations).max(axis=1) / ACCELERATION
     )
@@ -67,7 +67,7 @@ def test_retimed_fold_stays_near_the_plan_and_as_clear(folded: Callable[..., Any
     straight = (1.0 - part) * frames[left] + part * frames[left + 1]
     off = np.abs(trajectory.at(t)[0] - straight).max()
     assert 0.0 < off <= trajectory.deviation_rad + 1e-9 < 0.005
-    # A cut with legs of half a step, if all steps were the same, is an eighth of the bend deep.
+    # A corner with legs of half a step is an eighth of the bend deep if all steps are the same.
     assert trajectory.deviation_rad <= np.abs(np.diff(frames, 2, axis=0)).max() / 8.0 + 2e-6
     certificate = fold.plan.certificate
     found = clearance(trajectory, fold.chain, size=certificate.module_size)
@@ -83,7 +83,7 @@ def test_single_joint_takes_the_shortest_time(frames: int) -> None:
         (0.2, 1.0, 2.0, 2.0 * np.sqrt(0.2 / 2.0)),  # a triangle
         *((1.0, 1e6, most, 2.0 / np.sqrt(most)) for most in (1e-6, 1e6)),
     ):
-        trajectory = along(ramp(length, frames), speed, acceleration)
+        trajectory = line(ramp(length, frames), speed, acceleration)
         assert trajectory.duration_s == pytest.approx(seconds, rel=0.01)
         assert trajectory.duration_s >= seconds * (1.0 - 1e-9)
 
@@ -91,8 +91,8 @@ def test_single_joint_takes_the_shortest_time(frames: int) -> None:
 def test_frames_in_which_nothing_moves_take_no_time() -> None:
     frames = ramp(0.5, 20)
     halting = np.repeat(frames, [3 if k in (0, 7, 19) else 1 for k in range(20)], axis=0)
-    trajectory = along(halting)
-    assert trajectory.duration_s == pytest.approx(along(frames).duration_s)
+    trajectory = line(halting)
+    assert trajectory.duration_s == pytest.approx(line(frames).duration_s)
     assert trajectory.time_s.shape == (26,)
     assert trajectory.joint_angles_rad[-1] == frames[-1]
     assert trajectory.frame_at(np.array([0.0, trajectory.duration_s])).tolist() == [0.0, 25.0]
@@ -108,7 +108,7 @@ def test_bounds_hold_on_any_path(seed: int, frames: int, joints: int, roughness:
     rng = np.random.default_rng(seed)
     steps = rng.normal(size=(1, joints)) + roughness * rng.normal(size=(frames - 1, joints))
     path = np.concatenate([np.zeros((1, joints)), np.cumsum(0.02 * steps, axis=0)])
-    trajectory = along(path)
+    trajectory = line(path)
     knots = trajectory.knot_times_s
     assert (np.diff(knots) > 0.0).all()
     inside = 1e-6 * np.diff(knots)
@@ -122,9 +122,9 @@ def test_bounds_out_of_range_and_plans_without_motion_are_refused() -> None:
     for bound in (0.0, -1.0, np.nan, np.inf):
         for bounds in ((bound, 1.0), (1.0, bound)):
             with case(bounds), pytest.raises(InputError) as refused:
-                along(ramp(1.0, 5), *bounds)
+                line(ramp(1.0, 5), *bounds)
             assert refused.value.code == "bad-bound"
     for frames in (0, 1, 4):
         with case(frames), pytest.raises(InputError) as refused:
-            along(np.zeros((frames, 2)))
+            line(np.zeros((frames, 2)))
         assert refused.value.code == "no-motion"

@@ -1,4 +1,4 @@
-"""Sizing: worked out by hand, and the three questions answer alike."""
+"""Sizing: results worked out by hand, and consistency of the three questions."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_small_servo_in_a_printed_box() -> None:
     assert fit.need_nm == pytest.approx(4.0 * 0.047319 * GRAVITY * 0.04, rel=1e-4)
     assert fit.gives_nm == pytest.approx(0.52 / 3.0)
     assert fit.margin == pytest.approx(2.334, abs=1e-3)
-    # Two of 20 × 26 × 34 mm lie in a cube of 40 mm, and its walls take 2 more.
+    # Two servos of 20 × 26 × 34 mm fit into a cube of 40 mm, and its walls take 2 mm more.
     assert not fit.has_room
     assert fit.against == ("too large",)
     (fit,) = who_would_do(4.0, pitch_m=0.042, casing=BOX, among=[SMALL])
@@ -56,7 +56,7 @@ def test_servo_with_two_shafts_counts_for_two() -> None:
 
 @pytest.mark.parametrize("servo", servos()[::3], ids=lambda servo: servo.name)
 def test_least_pitch_is_the_smallest_of_all_arrangements(servo: Servo) -> None:
-    """At right angles they are apart along one axis, along which both sides add."""
+    """At right angles the servos are side by side along one axis, along which their sizes add."""
     least = inf
     for one, other in product(permutations(servo.size_m), repeat=2):
         for axis in range(3):

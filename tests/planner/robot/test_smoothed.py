@@ -1,4 +1,4 @@
-"""Plans that are made from verified ones: shorter, quieter, certified anew."""
+"""Smoothed plans, made from verified ones: shorter, quieter, certified again."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from planner.robot import SMOOTHED
 from planner.robot.smoothed import check_smoothable
 from planner.verification.verify import verify
 from tests.planner.conftest import Folded
-from tests.planner.plans import changed
+from tests.planner.plans import with_values
 
 pytestmark = pytest.mark.slow
 SIZE = 0.97
-"""Of modules for which a plan is smoothed; it was made for 0.95."""
+"""Module size for which a plan is smoothed, pitches; the plan was made for 0.95."""
 
 
 @pytest.fixture(scope="module")
@@ -35,9 +35,9 @@ def wrench(folded: Callable[..., Folded]) -> Folded:
 
 
 def test_smoothed_plan_is_verified_and_better(wrench: Folded, tmp_path: FilePath) -> None:
-    made = tmp_path / "smoothed"
-    smooth_plan(wrench.plan, directory=made, module_size=SIZE)
-    plan = Plan.load(made / "plan.npz")
+    folder = tmp_path / "smoothed"
+    smooth_plan(wrench.plan, directory=folder, module_size=SIZE)
+    plan = Plan.load(folder / "plan.npz")
     assert plan.verified
     before, after = plan.smoothing["before"], plan.smoothing["after"]
     assert plan.smoothing["way"] == SMOOTHED
@@ -60,12 +60,12 @@ def test_smoothed_plan_is_verified_and_better(wrench: Folded, tmp_path: FilePath
     assert np.abs(plan.joint_angles_rad[0]).max() < 1e-9
     np.testing.assert_allclose(plan.joint_angles_rad[-1], wrench.chain.folded_rad, atol=1e-9)
     assert plan.start is None
-    assert verify(made).verified
-    timeline = Timeline.open(made / "timeline.zarr").motion()
+    assert verify(folder).verified
+    timeline = Timeline.open(folder / "timeline.zarr").motion()
     assert not timeline.is_windowed
     assert len(timeline) == len(plan.time_s)
     assert (timeline.phase == 1).all()
-    assert Plan.load(made / "plan.json").smoothing == plan.smoothing
+    assert Plan.load(folder / "plan.json").smoothing == plan.smoothing
     assert plan.summary()["smoothing"] == plan.smoothing
     assert wrench.plan.smoothing is wrench.plan.summary()["smoothing"] is None
 
@@ -80,15 +80,15 @@ def test_cancelled_smoothing_fails(wrench: Folded, tmp_path: FilePath) -> None:
 
 
 def test_unsuitable_plans_are_not_smoothed(wrench: Folded, monkeypatch: pytest.MonkeyPatch) -> None:
-    plan, told = wrench.plan, wrench.plan.certificate
+    plan, certificate = wrench.plan, wrench.plan.certificate
     unsuitable = {
-        "smooth-not-verified": replace(told, verdict="failed: it overlaps"),
-        "smooth-no-motion": replace(told, fold_time_s=0.0),
-        "smooth-no-torques": replace(told, peak_torque_nm=None),
+        "smooth-not-verified": replace(certificate, verdict="failed: it overlaps"),
+        "smooth-no-motion": replace(certificate, fold_time_s=0.0),
+        "smooth-no-torques": replace(certificate, peak_torque_nm=None),
     }
-    plans = {code: changed(plan, certificate=other) for code, other in unsuitable.items()}
+    plans = {code: with_values(plan, certificate=other) for code, other in unsuitable.items()}
     monkeypatch.setattr("planner.robot.smoothed.MAX_SMOOTHED_ANGLES", 1000)
-    more = {"smooth-refold": changed(plan, start=wrench.chain), "smooth-too-long": plan}
+    more = {"smooth-refold": with_values(plan, start=wrench.chain), "smooth-too-long": plan}
     for code, other in {**plans, **more}.items():
         with pytest.raises(InputError) as refused:
             check_smoothable(other)

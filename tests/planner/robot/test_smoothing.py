@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def recorded(folded: Fold) -> tuple[Chain, Array]:
-    """A chain and its record from straight to folded."""
+    """Chain and its record from straight to folded."""
     fold = folded("wrench-24")
     assert fold.record is not None
     return fold.chain, np.ascontiguousarray(fold.record.frames.joint_angles_rad[::-1])
@@ -31,7 +31,7 @@ def length(chain: Chain, angles: Array) -> float:
 
 
 def travel(angles: Array) -> float:
-    """How far all hinges turn together."""
+    """Return the length of the path of all hinges, rad."""
     return float(np.abs(np.diff(angles, axis=0)).sum())
 
 
@@ -43,8 +43,8 @@ def test_smoothed_motion_is_shorter_and_as_clear_in_even_steps(folded: Fold) -> 
     np.testing.assert_array_equal(after[[0, -1]], before[[0, -1]])
     for size in (0.95, 0.98):
         was, now = (sweep(chain, motion, size=size) for motion in (before, after))
-        # It is as clear as before at its frames. Between them it may come nearer, by what the
-        # hinges' even turns cut off; every gap is wider by 0.03 at 0.95.
+        # At its frames it is as clear as before. Between them it may come closer, by as much as the
+        # constant rates of the hinges cut off; every gap is wider by 0.03 at 0.95.
         assert now.per_frame.min() >= was.clearance - (0.003 if size < 0.98 else 2e-4)
         assert now.clearance >= 0.5 * was.clearance
         assert now.bound > 0.0
@@ -55,7 +55,8 @@ def test_smoothed_motion_is_shorter_and_as_clear_in_even_steps(folded: Fold) -> 
 
 
 def test_detour_is_removed() -> None:
-    # Nothing is in the way of a nearly straight chain: its hinges run evenly from end to end.
+    # Nothing is in the way of a nearly straight chain: its hinges move at constant rates from end
+    # to end.
     chain = coil(12)
     rng = np.random.default_rng(0)
     ends = 0.1 * random_angles(chain, rng), 0.1 * random_angles(chain, rng)
@@ -81,12 +82,12 @@ def test_blame_falls_on_the_hinges_between() -> None:
     chain = coil(16)
     module = chain.module
     angles = np.zeros((2, len(chain.folded_rad)))
-    angles[1, 8] = angles[1, 10] = angles[1, 12] = np.pi / 2  # a turn into itself
+    angles[1, 8] = angles[1, 10] = angles[1, 12] = np.pi / 2  # a rotation into itself
     blamed = np.zeros(angles.shape, dtype=np.bool_)
     count = mark_blamed_hinges(angles, module.joint, module.hull, module.apart, 0.95, 0.01, blamed)
     assert count == 1
     assert not blamed[0].any()
-    # Hinges 8, 10 and 12 are of modules 5, 6 and 7: module 8 lies in module 4.
+    # Hinges 8, 10 and 12 belong to modules 5, 6 and 7: module 8 overlaps module 4.
     assert np.flatnonzero(blamed[1]).tolist() == list(range(6, 14))
     free = angles[1].copy()
     free[blamed[1]] = 0.0
@@ -95,13 +96,13 @@ def test_blame_falls_on_the_hinges_between() -> None:
 
 def test_figures_are_those_of_the_certificate_and_scale_with_time(folded: Fold) -> None:
     plan = folded("wrench-24").plan
-    told = plan.certificate
-    quality = Quality.of(plan, told.fold_time_s)
+    certificate = plan.certificate
+    quality = Quality.of(plan, certificate.fold_time_s)
     assert quality.frames == len(plan.time_s)
-    assert quality.peak_speed_rad_s == pytest.approx(told.joint_speed_limit_rad_s)
-    assert quality.peak_torque_nm == pytest.approx(told.peak_torque_nm)
-    assert quality.clearance == told.min_clearance
-    slow = Quality.of(plan, 2.0 * told.fold_time_s)
+    assert quality.peak_speed_rad_s == pytest.approx(certificate.joint_speed_limit_rad_s)
+    assert quality.peak_torque_nm == pytest.approx(certificate.peak_torque_nm)
+    assert quality.clearance == certificate.min_clearance
+    slow = Quality.of(plan, 2.0 * certificate.fold_time_s)
     assert quality.peak_speed_rad_s == pytest.approx(2.0 * slow.peak_speed_rad_s)
     assert quality.tail_speed == pytest.approx(2.0 * slow.tail_speed)
     assert quality.peak_torque_nm == pytest.approx(4.0 * slow.peak_torque_nm)

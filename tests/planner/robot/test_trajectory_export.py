@@ -85,8 +85,8 @@ def test_deviation_bounds_the_lines_between_rows(trajectory: Trajectory, rate: f
     exact, rows = trajectory.at(moments)[0], trajectory.at(stamps)[0]
     lines = np.stack([np.interp(moments, stamps, column) for column in rows.T], axis=1)
     chord = np.abs(lines - exact).max()
-    told = json.loads(text(trajectory, "json", rate))["deviation_rad"]
-    assert 0.0 < chord <= told - trajectory.deviation_rad
+    stated = json.loads(text(trajectory, "json", rate))["deviation_rad"]
+    assert 0.0 < chord <= stated - trajectory.deviation_rad
 
 
 def test_sufficient_rate_is_proved_clear() -> None:

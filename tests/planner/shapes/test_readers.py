@@ -63,7 +63,7 @@ PATH_WRITERS = (as_json, as_csv, as_xyz, as_chemists_xyz, as_npy, as_path)
 Writer = Callable[[Cells], bytes]
 
 
-# What can be read ---------------------------------------------------------------------------------
+# Valid input --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("writer", PATH_WRITERS)
@@ -149,7 +149,7 @@ def test_shape_is_named_by_its_content_or_its_file() -> None:
     assert read(as_path(np.array(CELLS)), filename="other.json").name == "some path"
 
 
-# What is refused ----------------------------------------------------------------------------------
+# Refused input ------------------------------------------------------------------------------------
 
 
 def path_document(**changes: object) -> bytes:
@@ -169,8 +169,7 @@ def chain_document(**changes: object) -> bytes:
         (b"", "empty", None),
         (b" \n\t ", "empty", None),
         (b"[]", "empty", "the list"),
-        # Cells that are no path.
-        # Numbers that are no coordinates.
+        # Cells that form no path.
         (b"0 0 0\n1 0 0\n1 .5 0", "not-whole", "line 3"),
         (b"[[0,0,0],[1,0,NaN],[1,1,0]]", "not-finite", "cell 1"),
         (b"[[0,0,0],[1,0,0],[1,%s,0]]" % (b"9" * 9999), "too-far", "cell 2"),
@@ -184,7 +183,7 @@ def chain_document(**changes: object) -> bytes:
         (b"0 0 0\n1 0 0 0\n", "wrong-count", "line 2"),
         (b"9\n\n0 0 0\n1 0 0\n", "truncated", "line 1"),
         (b"2\n\n0 0 0\n1 0 0\n1 1 0\n", "wrong-count", "line 1"),
-        # JSON that is none, or not ours.
+        # Invalid JSON, or JSON of another program.
         (b"[[0,0,0],[1,0,0],[1,", "truncated", "line 1, column 21"),
         (b"[[0,0,0],[1,0,0],[1 1 0]]", "bad-json", "line 1, column 21"),
         (b"[" * 100_000, "too-deep", None),
@@ -261,7 +260,7 @@ def test_large_data_is_refused_before_it_is_parsed(data: bytes) -> None:
     assert refusal_of(b"[" + data, most_cells=100).code in ("too-large", "too-many-cells")
 
 
-# Anything at all ----------------------------------------------------------------------------------
+# Arbitrary input ----------------------------------------------------------------------------------
 
 
 @given(st.binary(max_size=300))

@@ -1,4 +1,4 @@
-"""Small files of which each stands for a kind that was read wrongly."""
+"""Small files, one for each kind that was once read wrongly."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_read_table_takes_columns_by_the_axis_they_name() -> None:
         separator = next(c for c in ";\t, " if c in header)
         rows = [separator.join(map(str, row[::-1])) for row in STAIRS]
         assert cells_of("\n".join([header, *rows]).encode()) == STAIRS, header
-    # Of more columns those that the header names.
+    # Of more columns those that the header names are read.
     for header, separator in product(("step x y z", "i j k value", "x y z r g b"), (",", " ")):
         words = header.split()
         first = next(words.index(axis) for axis in "xi" if axis in words)
@@ -120,8 +120,8 @@ def test_read_xyz_without_a_comment_and_csv_with_decimal_commas() -> None:
     ],
 )
 def test_read_json_with_unread_keys_of_form_is_refused_by_name(document: dict[str, object]) -> None:
-    told = {**document, "cells": STAIRS, "title": "Stairs", "tags": []}
-    refusal = refusal_of(json.dumps(told).encode())
+    given = {**document, "cells": STAIRS, "title": "Stairs", "tags": []}
+    refusal = refusal_of(json.dumps(given).encode())
     assert refusal.code == "unknown-key"
     assert list(document)[1] in refusal.detail
 
@@ -140,15 +140,15 @@ def test_read_text_in_every_encoding(encoding: str) -> None:
 
 
 RUNS = (b" ", b"\t", b"\n", b"\r", b"\r\n", b",", b";", b"[", b'"', b"#", b"0", b"-", b"\\\n")
-BEFORE = (
+FILE_STARTS = (
     *(b"", b"v 0 0 0\n", b"v 0 0 0\nf 1", b"solid x\nfacet\nvertex 0", b"OFF\n"),
     *(b"0,0,0\n", b"[[0,0,0],", b"ply\nformat ascii 1.0\n"),
 )
-"""Beginnings of files of each kind."""
+"""First bytes of files of each kind."""
 
 
 def seconds(data: bytes) -> float:
-    """Return the least processor time of two readings."""
+    """Return the smaller processor time of two readings, s."""
     spent: list[float] = []
     for _ in range(2):
         start = time.process_time()
@@ -159,8 +159,9 @@ def seconds(data: bytes) -> float:
 
 
 def test_read_long_runs_takes_time_in_proportion() -> None:
-    # Quadratic readers take 64 times as long for eight times the run, and seconds for it.
-    for before, run in product(BEFORE, RUNS):
+    # A reader of quadratic complexity takes 64 times as long for eight times the run, and seconds
+    # for it.
+    for before, run in product(FILE_STARTS, RUNS):
         with case((before, run)):
             short, long = (before + run * n + b"x" for n in (5_000, 40_000))
             assert seconds(long) < 25 * seconds(short) + 0.1
@@ -265,7 +266,7 @@ FANS = b"element trifans 1\nproperty list int int vertex_indices\nend_header"
         (TEXT_STL.upper() + TEXT_STL, ""),
     ],
 )
-def test_read_mesh_with_more_content_notes_what_is_left_out(data: bytes, note: str) -> None:
+def test_read_mesh_with_more_content_notes_ignored_parts(data: bytes, note: str) -> None:
     solid = solid_in(data)
     assert signed_volume(solid.vertices, solid.faces) == pytest.approx(24)
     assert bool(solid.notes) == bool(note)
@@ -306,7 +307,7 @@ REFUSED = [
     (b"<?xml version='1.0'?>\n<COLLADA version='1.4'/>", "wrong-kind", "a COLLADA scene"),
     (b" " * 72 + b"S      1\n1H,,1H;,4HSLOT;", "wrong-kind", "an IGES model"),
     (arrays(cells=STAIRS), "", "numpy.save"),
-    # What the formats allow, and is not read.
+    # Features of the formats that are not supported.
     (b"4OFF\n4 4 6\n", "unsupported", ""),
     (b"nOFF\n3\n4 4 6\n", "unsupported", ""),
     (L_OBJ + b"surf 0 1 0 1 1 2 3 4\n", "unsupported", "surf"),
@@ -320,7 +321,7 @@ REFUSED = [
         "core/2015/02x",
     ),
     (array(np.full((2, 2, 2), np.nan)), "not-voxels", ""),
-    # What says too little.
+    # Files with too little information.
     (b"0123012301", "digits", ""),
     (b"0, 90, -90.0, 180, 0, 90", "digits", ""),
     (TETRAHEDRON + b"f 1 2\n", "damaged", ""),
@@ -354,7 +355,7 @@ COLOURLESS = chunk(b"SIZE", struct.pack("<3I", 2, 1, 1)) + chunk(
         ((COLOURLESS, *ONE_IN_SCENE), "colour 0"),
     ],
 )
-def test_read_vox_notes_what_it_leaves_out(chunks: tuple[bytes, ...], note: str) -> None:
+def test_read_vox_notes_ignored_parts(chunks: tuple[bytes, ...], note: str) -> None:
     shape = shape_in(vox_file(*chunks))
     assert len(shape) == 1
     assert note in "".join(shape.notes)

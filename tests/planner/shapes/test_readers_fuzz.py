@@ -44,11 +44,11 @@ SPICE = (
 )
 
 
-def mutated(data: bytes, rng: random.Random, spice: Sequence[bytes]) -> bytes:
-    """A copy with a few bytes changed, cut, doubled, put in or written over."""
+def mutate(data: bytes, rng: random.Random, spice: Sequence[bytes]) -> bytes:
+    """Return a copy with a few bytes changed, removed, doubled, inserted or overwritten."""
     changed = bytearray(data)
     for _ in range(rng.randint(1, 4)):
-        # Headers are where lies do harm: half of the changes go there.
+        # Half of the changes are in the header, where wrong values do most harm.
         reach = len(changed) if rng.random() < 0.5 else min(len(changed), 400)
         at = rng.randrange(reach + 1)
         match rng.randrange(6):
@@ -74,7 +74,7 @@ def test_mutated_files_are_read_or_refused(kind: str) -> None:
     rng = random.Random(kind)
     outcomes: dict[str, int] = {}
     for _ in range(200):
-        data = mutated(FILES[kind], rng, TEXT_SPICE if kind in TEXT else SPICE)
+        data = mutate(FILES[kind], rng, TEXT_SPICE if kind in TEXT else SPICE)
         try:
             found = read(data, filename=f"a.{kind.partition('_')[0]}")
         except InputError as refusal:
@@ -94,13 +94,13 @@ def test_mutated_files_are_read_or_refused(kind: str) -> None:
 @pytest.mark.slow
 def test_mutated_meshes_are_voxelised_or_refused() -> None:
     rng = random.Random("voxels of stl")
-    made = 0
-    while made < 3:
+    count = 0
+    while count < 3:
         try:
-            found = read(mutated(FILES["stl"], rng, SPICE))
+            found = read(mutate(FILES["stl"], rng, SPICE))
             if not isinstance(found, Solid):
                 continue
-            made += 1
+            count += 1
             voxels = voxelise(found, cells=rng.choice([1, 30]))
         except InputError as refusal:
             assert refusal.detail.endswith(".")

@@ -33,7 +33,7 @@ def volume_in(data: bytes) -> float:
 
 
 def upright(kind: str, extents: np.ndarray) -> np.ndarray:
-    """Return the size of a mesh as it is read: y is up in glTF."""
+    """Return the size of a mesh after reading: y is up in glTF."""
     return extents[[0, 2, 1]] if kind in ("glb", "gltf") else extents
 
 
@@ -72,7 +72,7 @@ def test_parts_of_a_scene_are_placed_by_its_nodes(kind: str) -> None:
 
 TRIANGLES = b"f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 POINTS = TETRAHEDRON_OBJ.removesuffix(TRIANGLES)
-OBJ_WAYS = {
+OBJ_VARIANTS = {
     "quads": b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
     b"f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n",
     "from the end": POINTS + b"f -4 -2 -3\nf -4 -3 -1\nf -3 -2 -1\nf -2 -4 -1\n",
@@ -102,7 +102,7 @@ VOLUMES = {
 
 
 def test_variants_of_obj_files_are_read() -> None:
-    for way, data in OBJ_WAYS.items():
+    for way, data in OBJ_VARIANTS.items():
         with case(way):
             assert volume_in(data) == pytest.approx(VOLUMES.get(way, 1 / 6))
 
@@ -123,17 +123,17 @@ FACETS = (
 @pytest.mark.parametrize(
     ("data", "code"),
     [
-        # Bytes that are no text are left out by trimesh, whatever is read then.
+        # trimesh omits bytes that are no text, which changes the content.
         (stl_text(*FACETS).replace(b"1.5", b"1\xff.5", 1), "not-a-number"),
         (TETRAHEDRON_OBJ.replace(b"v 1 0 0", b"v 1\xff0 0 0"), "damaged"),
         (TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"f 1\xff 3 2"), "damaged"),
-        # So many numbers in all, but not three in each.
+        # The count of numbers is right, but the rows do not have three each.
         (stl_text(*FACETS).replace(b"vertex 0 0 0", b"vertex 0 0", 1), "damaged"),
         (
             TETRAHEDRON_OBJ.replace(b"v 1 0 0", b"v 1 0").replace(b"v 0 0 1", b"v 0 0 1 9"),
             "damaged",
         ),
-        # trimesh leaves such a polygon out, and the hole would be closed.
+        # trimesh omits such a polygon, and the hole would be closed.
         (TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"f 1x3 2"), "damaged"),
         (TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"f 1 #3 2"), "damaged"),
         (TETRAHEDRON_OBJ.replace(b"f 1 3 2", b"f -5 3 2"), "bad-index"),
@@ -150,14 +150,14 @@ OTHER_PROPERTIES = {
     "property list uchar float texcoord": ([6, 0.0, 1.0, 0.5, 0.25, 1.0, 0.0], "B6f"),
     "property list ushort int flags": ([0], "H"),
 }
-"""Properties that say nothing of the form, with the values of a row and how they are packed."""
-others = st.lists(st.sampled_from(sorted(OTHER_PROPERTIES)), max_size=3)
+"""Properties without effect on the shape, with the values of a row and their binary format."""
+property_lists = st.lists(st.sampled_from(sorted(OTHER_PROPERTIES)), max_size=3)
 
 
 @given(
     mark=st.sampled_from(["", "<", ">"]),
     axes=st.permutations(["x", "y", "z"]),
-    around=st.tuples(others, others, others, others),
+    around=st.tuples(property_lists, property_lists, property_lists, property_lists),
     camera=st.booleans(),
     faces_first=st.booleans(),
     beyond=st.integers(0, 6),
@@ -170,7 +170,7 @@ def test_ply_with_other_properties_and_elements_is_read(
     faces_first: bool,
     beyond: int,
 ) -> None:
-    """Properties before and after, further elements, and words that the header says nothing of."""
+    """Other properties, further elements, and words unknown to the header are ignored."""
     points = [(x, y, z) for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)]
     sides = [(0, 1, 3), (0, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4)]
     sides.append((1, 5, 7, 3))
@@ -207,7 +207,7 @@ def test_ply_with_other_properties_and_elements_is_read(
                 body += " ".join(map(str, words)).encode() + b"\n"
     order = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[mark]
     lines = ["ply", f"format {order} 1.0", *head, "end_header", ""]
-    if not (mark or beyond):  # the lines of text may end anywhere
+    if not (mark or beyond):  # lines of text may end anywhere
         body = b"\n".join(body.split())
     assert volume_in("\n".join(lines).encode() + body) == pytest.approx(6)
 
@@ -269,8 +269,8 @@ def changed_primitive(document: dict, **values: object) -> None:
     document["meshes"][0]["primitives"][0].update(values)
 
 
-def added(document: dict, values: np.ndarray, **more: object) -> int:
-    """The number of an accessor of (count, width) values that is put into a scene."""
+def add_accessor(document: dict, values: np.ndarray, **more: object) -> int:
+    """Add an accessor of (count, width) values to a scene and return its number."""
     uri = "data:;base64," + base64.b64encode(values.tobytes()).decode()
     document["buffers"].append({"uri": uri, "byteLength": values.nbytes})
     view = {"buffer": len(document["buffers"]) - 1, "byteLength": values.nbytes}
@@ -293,8 +293,8 @@ CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 
 
 def corners_as(document: dict, mode: int, order: list[int]) -> None:
-    points = added(document, CORNERS.astype("<f4"))
-    corners = added(document, np.array(order, dtype="<u4")[:, None])
+    points = add_accessor(document, CORNERS.astype("<f4"))
+    corners = add_accessor(document, np.array(order, dtype="<u4")[:, None])
     changed_primitive(document, attributes={"POSITION": points}, indices=corners, mode=mode)
 
 
@@ -306,14 +306,14 @@ def fan_on_a_triangle(document: dict) -> None:
 
 
 def in_steps(document: dict) -> None:
-    points = added(document, (CORNERS * 32767).astype("<i2"), normalized=True)
+    points = add_accessor(document, (CORNERS * 32767).astype("<i2"), normalized=True)
     document["bufferViews"][-1]["byteOffset"] = 0
-    corners = added(document, np.array([[0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]], dtype="u1").T)
+    corners = add_accessor(document, np.array([[0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]], dtype="u1").T)
     changed_primitive(document, attributes={"POSITION": points}, indices=corners)
 
 
 def bare(document: dict) -> None:
-    points = added(document, CORNERS[[0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3, 1]].astype("<f4"))
+    points = add_accessor(document, CORNERS[[0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3, 1]].astype("<f4"))
     document["meshes"][0]["primitives"] = [{"attributes": {"POSITION": points}}]
 
 
@@ -386,7 +386,7 @@ def corner_of_another_part(document: dict) -> None:
 
 
 def points_that_many_parts_share(document: dict) -> None:
-    points = added(document, np.zeros((30_000, 3), dtype="<f4"))
+    points = add_accessor(document, np.zeros((30_000, 3), dtype="<f4"))
     corners_as(document, 4, [0, 2, 1])
     changed_primitive(document, attributes={"POSITION": points})
     document["meshes"][0]["primitives"] *= 1_000
@@ -446,7 +446,7 @@ def test_parts_of_a_3mf_are_moved_and_mirrored() -> None:
     assert volume_in(data) == pytest.approx((1 + 2) * 3 / 6)
 
 
-def test_3mf_whose_parts_multiply_is_refused() -> None:
+def test_3mf_with_too_many_repeated_parts_is_refused() -> None:
     parts = "".join(
         f'<object id="{i}"><components>{f"<component objectid={chr(34)}{i - 1}{chr(34)}/>" * 2}'
         "</components></object>"
@@ -525,17 +525,17 @@ def test_reading_does_not_load_libraries_that_only_others_need() -> None:
 
 @pytest.fixture
 def triangles(monkeypatch: pytest.MonkeyPatch) -> list[tuple[np.ndarray, np.ndarray]]:
-    """What readers make solids of; they themselves are left out."""
+    """List of the vertices and faces that readers pass on; no solid is made of them."""
     seen: list[tuple[np.ndarray, np.ndarray]] = []
 
-    def keep(vertices: np.ndarray, faces: np.ndarray, **more: object) -> None:
+    def collect(vertices: np.ndarray, faces: np.ndarray, **more: object) -> None:
         seen.append((np.asarray(vertices), np.asarray(faces)))
 
-    monkeypatch.setattr(Solid, "from_triangles", keep)
+    monkeypatch.setattr(Solid, "from_triangles", collect)
     return seen
 
 
-def test_off_lines_are_read_alike_at_once_and_one_by_one(
+def test_off_lines_give_the_same_mesh_at_once_and_one_by_one(
     triangles: list, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mesh = trimesh.creation.icosphere(subdivisions=2)
@@ -563,7 +563,7 @@ SAME_STL = {
 
 
 @pytest.mark.parametrize("part", [1, 4000, 1 << 20])
-def test_variants_of_stl_text_are_read_alike(
+def test_variants_of_stl_text_give_the_same_mesh(
     part: int, triangles: list, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stl, "PART_BYTES", part)

@@ -24,7 +24,7 @@ L_SHAPE = np.array([[0, 0, 0], [0, 1, 0], [0, 2, 0], [1, 0, 0], [1, 0, 1]])
 
 
 def sets(most: int) -> st.SearchStrategy[Cells]:
-    """Sets of cells that begin at the origin."""
+    """Return a strategy for sets of cells whose smallest coordinates are zero."""
     number = st.integers(0, most)
     cells = st.lists(st.tuples(number, number, number), min_size=1, max_size=30)
     return cells.map(lambda c: np.unique(np.array(c) - np.min(c, axis=0), axis=0))
@@ -76,7 +76,7 @@ def test_paths_grids_and_axes_of_voxels() -> None:
 
 def test_models_of_a_vox_scene_are_placed_by_its_nodes() -> None:
     bar = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]])
-    # Node 0 moves a group of two moved shapes; the second is turned by a quarter about z.
+    # Node 0 moves a group of two moved shapes; the second is rotated by a quarter turn about z.
     turned = str(1 | (0 << 2) | (1 << 4))
 
     def moved(node: int, child: int, **place: str) -> bytes:
@@ -98,7 +98,7 @@ def test_models_of_a_vox_scene_are_placed_by_its_nodes() -> None:
         moved(4, 5, _t="10 0 2"),
         shown(5, 1),
     )
-    # The bar turns about a corner of its middle cell, as MagicaVoxel turns it.
+    # The bar rotates about a corner of its middle cell, as in MagicaVoxel.
     assert shape_in(data).cells.tolist() == [[0, 0, 0], [0, 1, 0], [0, 2, 0], [1, 1, 2]]
 
 

@@ -16,7 +16,7 @@ TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
 
-ASKEW = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
+ROTATED = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
 RNG = np.random.default_rng(0)
 
 
@@ -76,7 +76,7 @@ CUBES = {
     "apart": ([(2, 0), (2, (5, 0, 0)), (2, (0, 5, 0))], 24.0, 24.0),
     "a cavity at the wall": ([(6, 0), (2, (2, 0, 0))], 208.0, 208.0),
 }
-"""Cubes, each with its side and its middle; the signed and the sampled volume."""
+"""Cubes, each with its side and its centre; the signed and the sampled volume."""
 
 
 @pytest.mark.parametrize("kind", CUBES)
@@ -103,7 +103,7 @@ def test_triangles_without_area_are_left_out() -> None:
     assert len(solid) == 4
     assert solid.oriented
     assert "2 triangles" in solid.notes[0]
-    # Vertices that no triangle uses are left out, whatever they are.
+    # Vertices that no triangle uses are removed, even invalid ones.
     solid = Solid.from_triangles([*TETRAHEDRON, [np.nan] * 3, [1e300] * 3], FACES)
     assert len(solid.vertices) == 4
 
@@ -115,8 +115,8 @@ def test_triangles_without_area_are_left_out() -> None:
         (TETRAHEDRON, FACES + 1, "bad-index"),
         (np.where(TETRAHEDRON > 0, np.nan, 0), FACES, "not-finite"),
         (TETRAHEDRON * 2 * MAX_VERTEX_COORDINATE, FACES, "too-far"),
-        ((TETRAHEDRON * [1, 1, 0]) @ ASKEW.T, FACES, "flat"),
-        # Walls that lie on each other, a soup, and nothing but points.
+        ((TETRAHEDRON * [1, 1, 0]) @ ROTATED.T, FACES, "flat"),
+        # Coincident walls, a triangle soup, and points only.
         (TETRAHEDRON, [[0, 1, 2], [0, 2, 1], [0, 1, 3], [0, 3, 1]], "no-volume"),
         (RNG.random((300, 3)), np.arange(300).reshape(-1, 3), "not-a-surface"),
         (TETRAHEDRON, np.tile(RNG.integers(0, 4, (1_000_000, 1)), 3), "degenerate"),

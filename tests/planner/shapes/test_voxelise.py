@@ -31,16 +31,17 @@ def grid_of(cells: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 def euler_characteristic(cells: NDArray[np.int64]) -> int:
-    """Corners − edges + faces − cells of the union of closed cubes."""
+    """Return corners − edges + faces − cells of the union of closed cubes."""
     total = 0
     doubled = {tuple(2 * c + 1 + s) for c in cells for s in np.ndindex(3, 3, 3)}
     for place in doubled:
-        # Corners, edges, faces and middles of cells lie at numbers with 0, 1, 2 or 3 even ones.
+        # Corners, edges, faces and centres of cells have coordinates of which 0, 1, 2 or 3 are
+        # even.
         total += (-1) ** sum(p % 2 == 0 for p in place)
     return total
 
 
-def pieces(cells: NDArray[np.int64]) -> int:
+def count_pieces(cells: NDArray[np.int64]) -> int:
     return int(ndimage.label(grid_of(cells))[1])
 
 
@@ -128,7 +129,7 @@ def dumbbell(thick: float) -> Solid:
 
 def test_thin_bar_is_kept() -> None:
     voxels = voxelise(dumbbell(0.45), cells=60)
-    assert pieces(voxels.shape.cells) == 1
+    assert count_pieces(voxels.shape.cells) == 1
     assert voxels.bodies == 1
     assert np.ptp(voxels.shape.cells[:, 0]) * voxels.pitch > 8
     assert any("added to keep thin parts" in note for note in voxels.notes)
@@ -140,7 +141,7 @@ def test_voxels_are_in_one_piece(seed: int, cells: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(8, 3)) * rng.uniform(0.05, 1, 3)
     voxels = voxelise(solid_of(trimesh.convex.convex_hull(points)), cells=cells, seed=seed)
-    assert pieces(voxels.shape.cells) == 1
+    assert count_pieces(voxels.shape.cells) == 1
     assert 0 < voxels.iou <= 1
     assert voxels.below is None or voxels.below < cells
     assert voxels.above is None or voxels.above > cells
@@ -184,8 +185,8 @@ def test_sheet_without_thickness_is_refused() -> None:
         voxelise(sheet, cells=100)
 
 
-def joined(*parts: tuple[tuple[float, ...], tuple[float, ...]]) -> Mesh:
-    """Boxes, each with its sides and its middle."""
+def join_boxes(*parts: tuple[tuple[float, ...], tuple[float, ...]]) -> Mesh:
+    """Return boxes as one mesh, each given by its sides and its centre."""
     boxes: list[Mesh] = []
     for sides, middle in parts:
         boxes.append(box(*sides))
@@ -200,13 +201,13 @@ TABLE = [
 
 
 def table() -> Mesh:
-    return joined(*TABLE)
+    return join_boxes(*TABLE)
 
 
 MESHES: dict[str, Callable[[], Mesh]] = {
     "table": table,
     "open box": lambda: Mesh(box(2, 2, 2).vertices, box(2, 2, 2).faces[1:], process=False),
-    "two boxes": lambda: joined(((2, 2, 2), (0, 0, 0)), ((1, 1, 1), (5, 0, 0))),
+    "two boxes": lambda: join_boxes(((2, 2, 2), (0, 0, 0)), ((1, 1, 1), (5, 0, 0))),
     "torus": lambda: trimesh.creation.torus(3, 1),
     "capsule": lambda: trimesh.creation.capsule(height=4, radius=1),
     "slab": lambda: box(9, 7, 0.4),
@@ -223,7 +224,7 @@ def test_offered_counts_can_be_had(name: str, cells: int, seed: int, upright: bo
         if offered is not None:
             again = voxelise(solid, cells=offered, seed=seed, upright=upright)
             assert len(again.shape) == offered
-            # Nothing that is offered belies what was made for this count.
+            # No offered count contradicts the result for this one.
             assert abs(offered - cells) >= abs(got - cells)
     assert voxels.below is None or voxels.below < got
     assert voxels.above is None or voxels.above > got
@@ -242,7 +243,7 @@ def brute_iou(
     v: Voxels,
     turn: NDArray[np.float64],
 ) -> float:
-    """Intersection over union with turned boxes, from random points and the boxes' own sides."""
+    """Return the IoU with rotated boxes, from random points and the boxes' own sides."""
     sides, middles = (np.array(column) for column in zip(*mesh_boxes, strict=True))
     low, high = (middles - sides / 2).min(axis=0), (middles + sides / 2).max(axis=0)
     points = np.random.default_rng(0).uniform(low, high, size=(20_000, 3))
@@ -267,8 +268,8 @@ def test_notes_name_lost_parts_of_a_thin_solid() -> None:
     assert voxels.iou > 0.12
     legs_kept = np.ptp(voxels.shape.cells, axis=0).min() * voxels.pitch > 4
     assert legs_kept or any("is lost" in note for note in voxels.notes)
-    said = [note for note in voxels.notes if "only" in note and "use more modules" in note]
-    assert len(said) == (voxels.iou < 0.5)
+    notes = [note for note in voxels.notes if "only" in note and "use more modules" in note]
+    assert len(notes) == (voxels.iou < 0.5)
 
 
 def test_largest_body_is_voxelised_as_if_it_were_alone() -> None:
@@ -281,11 +282,11 @@ def test_largest_body_is_voxelised_as_if_it_were_alone() -> None:
 
 
 def test_voxelise_thin_fins_reports_figures_in_range() -> None:
-    # A full cell of 32 samples a side does not fit into int16.
+    # A full cell of 32 samples per side does not fit into int16.
     middles = (np.arange(24) + 0.5) * 4.0 / 24
     fin = [((0.02, 4.0, 2.0), (x, 2.0, 3.0)) for x in middles]
     sink = [((4.0, 4.0, 2.0), (2.0, 2.0, 1.0)), *fin]
-    voxels = voxelise(solid_of(joined(*sink)), cells=18)
+    voxels = voxelise(solid_of(join_boxes(*sink)), cells=18)
     assert 0.3 < voxels.iou <= 1.0
     assert not any("inf" in note or "-" in note for note in voxels.notes)
 

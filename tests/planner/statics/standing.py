@@ -1,4 +1,4 @@
-"""Chains that stand somewhere, and the same balance by a second formulation."""
+"""Chains that stand on a floor, and their equilibrium by a second formulation."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from planner.statics.contacts import Contacts
 Array = NDArray[np.float64]
 
 
-def through(cells: list[tuple[int, int, int]]) -> Chain:
+def chain_of(cells: list[tuple[int, int, int]]) -> Chain:
     return Chain.from_path(Path.from_cells(cells, name="cells"))
 
 
 def standing(chain: Chain, lift: float = 0.5) -> tuple[Array, Array, Array]:
-    """Positions, rotations and angles of the folded chain; cells of z = 0 stand on the floor."""
+    """Return positions, rotations and angles of the folded chain; its z = 0 is on the floor."""
     poses = chain.folded_poses
     return poses.positions + [0.0, 0.0, lift], poses.rotations, chain.folded_rad
 
@@ -36,16 +36,16 @@ def by_joint_wrenches(
     forces: Array,
     clamped: int | None = None,
 ) -> float:
-    """The smallest largest torque, every module balanced with all that its joints bear.
+    """Return the minimal largest torque, with every module balanced by the wrenches of its joints.
 
-    Unknowns are the pushes, then force and moment at every link, then the torque.
+    Unknowns are the contact forces, then force and moment at every link, then the torque.
     """
     module, n, pushes = chain.module, len(chain), len(which)
     axes, anchors = hinge_frames(chain, angles, Poses(positions=positions, rotations=rotations))
     links = n - 1
     unknowns = pushes + 6 * links + 1
     balance, load = np.zeros((6 * n, unknowns)), np.zeros(6 * n)
-    load[2::6] = 1.0  # what bears a module's weight
+    load[2::6] = 1.0  # supports a module's weight
     for r in range(pushes):
         c = int(which[r])
         for body, sign in ((found.first[c], 1.0), (found.second[c], -1.0)):
@@ -79,9 +79,9 @@ def by_joint_wrenches(
     cost = np.zeros(unknowns)
     cost[-1] = 1.0
     if clamped is not None:
-        kept = np.ones(6 * n, dtype=bool)
-        kept[6 * clamped : 6 * clamped + 6] = False
-        balance, load = balance[kept], load[kept]
+        free = np.ones(6 * n, dtype=bool)
+        free[6 * clamped : 6 * clamped + 6] = False
+        balance, load = balance[free], load[free]
     solved = linprog(
         cost,
         A_ub=limits,
@@ -94,8 +94,8 @@ def by_joint_wrenches(
     return float(solved.fun) if solved.success else np.inf
 
 
-def out_of_balance(chain: Chain, positions: Array, stands: Standing) -> float:
-    """By how much the floor's forces don't bear the whole chain: force and moment."""
+def imbalance(chain: Chain, positions: Array, stands: Standing) -> float:
+    """Return the force and moment by which the floor's forces fail to support the whole chain."""
     _, points, forces = stands.floor
     force = forces.sum(axis=0) - [0.0, 0.0, len(chain)]
     weights = np.tile([0.0, 0.0, -1.0], (len(chain), 1))

@@ -1,4 +1,4 @@
-"""The smallest largest torque: known truths, and the same by a second formulation."""
+"""Minimal largest torque: known values, and agreement with a second formulation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from planner.statics.balance import Balance
 from planner.statics.friction import rays
 from planner.statics.stable_poses import resting_poses
 from tests.planner.chains import coil, line, random_angles
-from tests.planner.statics.standing import by_joint_wrenches, out_of_balance, standing, through
+from tests.planner.statics.standing import by_joint_wrenches, chain_of, imbalance, standing
 
 
 def test_flat_or_upright_chain_needs_no_torque() -> None:
@@ -20,19 +20,19 @@ def test_flat_or_upright_chain_needs_no_torque() -> None:
     found = Balance(chain).solve(*standing(chain))
     assert found.torque == 0.0
     assert found.contacts.standing.tolist() == list(range(7))
-    tower = through([(0, 0, z) for z in range(6)])
+    tower = chain_of([(0, 0, z) for z in range(6)])
     assert Balance(tower).solve(*standing(tower)).torque == 0.0
 
 
 @pytest.mark.parametrize("beyond", [1, 5])
 def test_torque_of_a_cantilever(beyond: int) -> None:
-    # The link from module 0 to 1 is rigid, so that the first hinge is in the middle of module 1;
-    # the modules behind it are 1, 2, … k pitches from there.
+    # The link from module 0 to 1 is rigid, so that the first hinge is at the centre of module 1;
+    # the modules beyond it are 1, 2, … k pitches from there.
     chain = line(beyond + 2)
     found = Balance(chain).solve(*standing(chain, lift=5.0), clamped=0)
     assert found.torque == pytest.approx(beyond * (beyond + 1) / 2)
     assert len(found.contacts) == 0
-    # From its other end, where the link is not rigid.
+    # clamped at its other end, where the link is not rigid
     found = Balance(chain).solve(*standing(chain, lift=5.0), clamped=beyond + 1)
     assert found.torque == pytest.approx(beyond * (beyond + 1) / 2)
 
@@ -42,24 +42,24 @@ def test_chain_in_the_air_or_beyond_the_rim_is_unbalanced() -> None:
     found = Balance(chain).solve(*standing(chain, lift=5.0))
     assert not found.balances
     assert np.isnan(found.torques).all()
-    # One module stands, the centre of mass is 1.2 pitches from its middle.
-    tips = through([(0, 0, 0), (0, 0, 1), (1, 0, 1), (2, 0, 1), (3, 0, 1)])
+    # One module stands, the centre of mass is 1.2 pitches from its centre.
+    tips = chain_of([(0, 0, 0), (0, 0, 1), (1, 0, 1), (2, 0, 1), (3, 0, 1)])
     balance = Balance(tips)
     assert not balance.solve(*standing(tips)).balances
     assert balance.solve(*standing(tips), clamped=0).torque == pytest.approx(1 + 2 + 3)
 
 
 def test_within_and_enough_bound_the_torque() -> None:
-    chain = through([(0, 0, 0), *((x, 0, 1) for x in range(5)), (4, 0, 0)])
+    chain = chain_of([(0, 0, 0), *((x, 0, 1) for x in range(5)), (4, 0, 0)])
     balance = Balance(chain)
     at = standing(chain)
     assert balance.within(1.001, *at)
     assert not balance.within(0.999, *at)
-    assert out_of_balance(chain, at[0], balance.solve(*at)) < 1e-4
+    assert imbalance(chain, at[0], balance.solve(*at)) < 1e-4
     assert 1.0 - 1e-6 < balance.solve(*at, enough=1.5).torque <= 1.5 + 1e-6
 
 
-def _laid(chain: Chain, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _lay_down(chain: Chain, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     poses = forward_kinematics(chain.module, angles)
     pose = next(resting_poses(chain.module, poses.positions, poses.rotations))
     return *pose.of(poses.positions, poses.rotations), angles
@@ -72,7 +72,7 @@ def test_torque_agrees_with_joint_wrenches(seed: int) -> None:
     angles = chain.folded_rad + rng.normal(scale=0.004, size=len(chain.folded_rad))
     if seed % 2:
         angles[12:] = random_angles(chain, rng, 0.6)[12:]
-    positions, rotations, angles = _laid(chain, angles)
+    positions, rotations, angles = _lay_down(chain, angles)
     clamped = 0 if seed > 3 else None
     found = Balance(chain).solve(positions, rotations, angles, clamped=clamped)
     which, forces = rays(found.contacts, None, positions, rotations)
@@ -90,7 +90,7 @@ def test_previous_solutions_change_no_result() -> None:
     away = rng.normal(scale=0.01, size=len(chain.folded_rad))
     away[:12] = 0.0
     for share in (0.0, 0.2, 0.4, 5.0, 5.1, 0.3):
-        at = _laid(chain, chain.folded_rad + share * away)
+        at = _lay_down(chain, chain.folded_rad + share * away)
         afresh = Balance(chain).solve(*at).torque
         assert going.solve(*at).torque == pytest.approx(afresh, rel=1e-4, abs=0.011)
 
@@ -102,7 +102,7 @@ def test_torque_of_tetrahedra_agrees_with_joint_wrenches(seed: int) -> None:
     angles = rng.uniform(-1.0, 1.0, 7)
     if seed == 2:
         angles[:3] = np.pi / 2  # face to face
-    positions, rotations, angles = _laid(chain, angles)
+    positions, rotations, angles = _lay_down(chain, angles)
     found = Balance(chain).solve(positions, rotations, angles)
     which, forces = rays(found.contacts, None, positions, rotations)
     expected = by_joint_wrenches(chain, positions, rotations, angles, found.contacts, which, forces)

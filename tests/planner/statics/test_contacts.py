@@ -9,7 +9,7 @@ from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON
 from planner.statics.contacts import FLOOR, MODULE_GAP, contacts, solid_of
 from tests.planner.chains import line
-from tests.planner.statics.standing import standing, through
+from tests.planner.statics.standing import chain_of, standing
 
 
 def turned(axis: int, angle: float) -> np.ndarray:
@@ -22,7 +22,7 @@ def turned(axis: int, angle: float) -> np.ndarray:
 
 
 def two(at: tuple[float, float, float], turn: np.ndarray) -> np.ndarray:
-    """What cubes at the origin and elsewhere, with one far from both between them, touch at."""
+    """Return the contacts of cubes at the origin and at ``at``; a third one is far from both."""
     positions = np.array([(0.0, 0.0, 9.0), (0.5, 0.5, 8.0), (*at[:2], at[2] + 9.0)])
     found = contacts(CUBE, positions, np.array([np.eye(3), np.eye(3), turn]))
     return np.column_stack([found.points - [0.0, 0.0, 9.0], found.normals, found.gaps])
@@ -66,7 +66,7 @@ def test_corner_on_a_face_is_one_contact() -> None:
 
 
 def test_crossing_edges_have_one_contact() -> None:
-    # One stands on an edge along x, the other lies with one along y: turned by 45° each.
+    # One stands on an edge along x, the other lies with one along y: rotated by 45° each.
     positions = np.array([(0.0, 0.0, 9.0), (0.5, 0.5, 8.0), (0.1, 0.2, 9.0 + np.sqrt(2.0) + 0.02)])
     rotations = np.array([turned(0, np.pi / 4), np.eye(3), turned(1, np.pi / 4)])
     found = contacts(CUBE, positions, rotations)
@@ -78,7 +78,7 @@ def test_crossing_edges_have_one_contact() -> None:
 
 
 def test_linked_cubes_have_no_contacts() -> None:
-    chain = through([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    chain = chain_of([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
     found = contacts(CUBE, *standing(chain)[:2])
     pairs = {(a, b) for a, b in zip(found.first, found.second, strict=True) if b != FLOOR}
     assert pairs == {(3, 0)}
@@ -90,12 +90,12 @@ def test_contacts_of_linked_tetrahedra() -> None:
     poses = chain.folded_poses
     found = contacts(TETRAHEDRON, poses.positions + [0.0, 0.0, 9.0], poses.rotations)
     assert set(zip(found.first.tolist(), found.second.tolist(), strict=True)) <= {(1, 0), (0, 1)}
-    assert len(found) == 3  # the ends of the hinge and the corner that is farthest from it
+    assert len(found) == 3  # ends of the hinge and the corner that is farthest from it
     straight = Chain.from_angles(TETRAHEDRON, np.zeros(2)).folded_poses
     apart = contacts(TETRAHEDRON, straight.positions + [0.0, 0.0, 9.0], straight.rotations)
     arms = apart.points - [0.5, 0.0, 9.0]
     near = (apart.first == 1) & (apart.second == 0) | (apart.first == 0) & (apart.second == 1)
-    assert np.abs(arms[near][:, :2]).max(initial=0.0) < 1e-6  # none but on the hinge itself
+    assert np.abs(arms[near][:, :2]).max(initial=0.0) < 1e-6  # none except on the hinge itself
 
 
 def test_faces_and_edges_of_solids() -> None:

@@ -1,4 +1,4 @@
-"""Friction with the floor: truths for a tail that is dragged, with the base clamped and free."""
+"""Friction with the floor: known results for a dragged tail, with the base clamped and free."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from planner.statics.friction import (
     slips,
 )
 from tests.planner.chains import line
-from tests.planner.statics.standing import by_joint_wrenches, out_of_balance, standing
+from tests.planner.statics.standing import by_joint_wrenches, imbalance, standing
 
 Array = NDArray[np.float64]
 STEP = 1e-3
 
 
-def dragged(chain: Chain, coefficient: float, root: int = 0, step: float = STEP) -> Friction:
-    """The first upright hinge of a chain that lies straight turns; module ``root`` stays."""
+def drag_tail(chain: Chain, coefficient: float, root: int = 0, step: float = STEP) -> Friction:
+    """Return the friction of a straight chain that turns a vertical hinge; ``root`` is fixed."""
     angles = chain.folded_rad.copy()
     angles[0] += step
     poses = forward_kinematics(
@@ -41,12 +41,12 @@ def dragged(chain: Chain, coefficient: float, root: int = 0, step: float = STEP)
 
 @pytest.mark.parametrize("coefficient", [0.1, 0.3])
 def test_torque_of_one_dragged_module(coefficient: float) -> None:
-    # It stands on one far corner, r = √(1.5² + 0.5²) from the hinge, as far as the level hinge does
-    # not carry it. There the floor pushes μ N 0.5 / r towards the front, half a pitch below that
-    # hinge: (1.5 + μ 0.25 / r) N = 1 − t, and t = μ r N.
+    # It stands on one far corner, r = √(1.5² + 0.5²) from the hinge, as far as the horizontal hinge
+    # does not carry it. There the floor exerts μ N 0.5 / r towards the front, half a pitch below
+    # that hinge: (1.5 + μ 0.25 / r) N = 1 − t, and t = μ r N.
     chain = line(3)
     at = standing(chain)
-    friction = dragged(chain, coefficient)
+    friction = drag_tail(chain, coefficient)
     found = Balance(chain).solve(*at, friction=friction, clamped=0)
     reach = np.hypot(1.5, 0.5)
     lever = reach / (1.5 + coefficient * 0.25 / reach)
@@ -61,13 +61,13 @@ def test_torque_of_a_dragged_tail_agrees_with_joint_wrenches() -> None:
     for beyond in (4, 8):
         chain = line(beyond + 2)
         at = standing(chain)
-        friction = dragged(chain, coefficient)
+        friction = drag_tail(chain, coefficient)
         found = Balance(chain).solve(*at, friction=friction, clamped=0)
         which, forces = rays(found.contacts, friction, *at[:2])
         expected = by_joint_wrenches(chain, *at, found.contacts, which, forces, 0)
         assert found.torque == pytest.approx(expected, rel=1e-4)
         torques.append(found.torque)
-        # Each module on its own, or carried by level hinges as far as that helps.
+        # each module by itself, or carried by horizontal hinges as far as that helps
         assert found.torque < coefficient * sum(np.hypot(j, 0.5) for j in range(1, beyond + 1))
         assert found.torque > coefficient * beyond**2 / 4
     assert 3.0 < torques[1] / torques[0] < 4.0
@@ -77,7 +77,7 @@ def test_corner_at_rest_is_held_within_the_friction_cone() -> None:
     chain = line(4)
     positions, rotations, angles = standing(chain)
     found = Balance(chain).solve(positions, rotations, angles)
-    friction = dragged(chain, 0.5)
+    friction = drag_tail(chain, 0.5)
     which, forces = rays(found.contacts, friction, positions, rotations)
     moved = slips(found.contacts, friction, positions, rotations)
     still = found.contacts.first < 2
@@ -93,7 +93,7 @@ def test_free_chain_drifts_with_the_least_friction() -> None:
     chain = line(6)
     positions, rotations, angles = standing(chain)
     found = Balance(chain).solve(positions, rotations, angles)
-    friction = dragged(chain, 0.3)
+    friction = drag_tail(chain, 0.3)
     pressures = np.full(found.contacts.on_floor.sum(), 0.25)
 
     def work(one: Friction) -> float:
@@ -117,20 +117,20 @@ def test_free_chain_balances_while_it_drifts() -> None:
     positions, rotations, angles = standing(chain)
     balance = Balance(chain)
     clamped = balance.solve(
-        positions, rotations, angles, friction=dragged(chain, 0.3), clamped=0
+        positions, rotations, angles, friction=drag_tail(chain, 0.3), clamped=0
     ).torque
-    for root in (0, 5):  # whichever module is said to stay
-        friction = dragged(chain, 0.3, root)
+    for root in (0, 5):  # for any choice of the fixed module
+        friction = drag_tail(chain, 0.3, root)
         found = balance.solve(positions, rotations, angles, friction=friction)
         assert 0.0 < found.torque <= clamped
-        assert out_of_balance(chain, positions, found) < 1e-4
+        assert imbalance(chain, positions, found) < 1e-4
 
 
 def test_friction_holds_a_chain_that_leans_outwards() -> None:
-    # Feet of an upturned V slide apart without it.
+    # Feet of an upturned V slide apart without friction.
     chain = line(6)
     angles = np.zeros(len(chain.folded_rad))
-    angles[3] = 1.0  # the level hinge of the second joint
+    angles[3] = 1.0  # the horizontal hinge of the second joint
     poses = forward_kinematics(chain.module, angles)
     half = 0.5
     turn = np.array(

@@ -1,4 +1,4 @@
-"""Poses in which a rigid configuration rests on a floor."""
+"""Stable poses of a rigid configuration on a floor."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from planner.chain.module import TETRAHEDRON
 from planner.statics.balance import Balance
 from planner.statics.stable_poses import resting_poses
 from tests.planner.chains import coil, line, random_angles, random_rotation
-from tests.planner.statics.standing import through
+from tests.planner.statics.standing import chain_of
 
 
 def test_resting_poses_of_a_rod() -> None:
@@ -47,8 +47,8 @@ def test_resting_poses_stand_on_the_floor_and_balance(seed: int) -> None:
 
 
 def test_no_resting_pose_beside_the_centre_of_mass() -> None:
-    # An L with a long arm: it rests on the arm, never on the foot alone.
-    poses = through([(0, 0, 0), (0, 0, 1), (1, 0, 1), (2, 0, 1), (3, 0, 1)]).folded_poses
+    # An L with a long arm rests on the arm, never on the foot alone.
+    poses = chain_of([(0, 0, 0), (0, 0, 1), (1, 0, 1), (2, 0, 1), (3, 0, 1)]).folded_poses
     turns = [p.turn for p in resting_poses(line(3).module, poses.positions, poses.rotations)]
     down = [turn.T @ [0.0, 0.0, -1.0] for turn in turns]
     assert any(normal == pytest.approx([0.0, 0.0, 1.0]) for normal in down)

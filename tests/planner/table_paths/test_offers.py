@@ -1,4 +1,4 @@
-"""Offers: versions of shapes without a path for a table that have one."""
+"""Offers: similar shapes with a path, for shapes without one on a table."""
 
 from __future__ import annotations
 
@@ -17,64 +17,64 @@ from planner.table_paths.fill_table import TableCubes
 from planner.table_paths.mending import cells_to_add
 from planner.table_paths.offers import table_offers
 from planner.table_paths.rules import FALLS, faults_of
-from tests.planner.table_search import why_none
+from tests.planner.table_search import reasons_for_no_path
 
 HOLES = ((1, 2), (3, 2))
 SURPLUS = np.array([(x, y, 0) for x in range(5) for y in range(5) if (x, y) not in HOLES])
-"""A slab with 13 cells of one chessboard colour and 10 of the other."""
+"""Slab with 13 cells of one chessboard colour and 10 of the other."""
 SMALL = np.array([(x, y, 0) for x in range(3) for y in range(3) if (x, y) != (1, 0)])
-"""The same in small: eight times its cells are still few enough for a table."""
+"""Small slab with a surplus: eight times as many cells are still few enough for a table."""
 TORUS = cast(
     "bytes", trimesh.creation.torus(major_radius=10, minor_radius=4).export(file_type="stl")
 )
 
 
 def test_cells_to_add_to_a_surplus_of_one_colour_gives_a_path() -> None:
-    assert why_none(SURPLUS)
+    assert reasons_for_no_path(SURPLUS)
     added = cells_to_add(SURPLUS)
     assert 0 < len(added) <= len(HOLES)
-    assert not why_none(np.concatenate([SURPLUS, np.array(added)]), turned=False)
+    assert not reasons_for_no_path(np.concatenate([SURPLUS, np.array(added)]), turned=False)
 
 
 def test_offers_of_cells_are_a_repair_and_blocks_with_paths() -> None:
     shape = Shape.from_cells(SMALL)
     data = str(SMALL.tolist()).encode()
-    asked = PathOptions(world="table", as_voxels=True)
-    offers = list(table_offers(shape, asked))
+    options = PathOptions(world="table", as_voxels=True)
+    offers = list(table_offers(shape, options))
     assert [offer.kind for offer in offers] == ["repair", "blocks"]
     for offer in offers:
-        made = prepare(data, "slab.json", offer.options(asked))
+        made = prepare(data, "slab.json", offer.options(options))
         assert len(made.chain) == offer.modules
         assert not faults_of(made.cells)
         assert set(made.filled.added if made.filled else ()) == set(offer.added)
         assert set(offer.added) <= set(map(tuple, made.cells.tolist()))
 
 
-def test_repaired_cells_of_a_mesh_stay_where_the_mesh_is() -> None:
+def test_repaired_cells_of_a_mesh_stay_in_place() -> None:
     moved = Shape.from_cells(SMALL + [3, 2, 0])
-    asked = PathOptions(world="table", repair=True)
-    filled = TableCubes().fill(moved, asked, of_solid=True, seed=0, time_limit_s=20.0)
+    options = PathOptions(world="table", repair=True)
+    filled = TableCubes().fill(moved, options, of_solid=True, seed=0, time_limit_s=20.0)
     laid = moved.cells + 0.5 + filled.shift
     assert {*map(tuple, laid.tolist())} | set(filled.added) == {*map(tuple, filled.cells.tolist())}
 
 
 def test_offers_of_cells_too_many_for_a_table_are_no_blocks() -> None:
-    asked = PathOptions(world="table", as_voxels=True)
+    options = PathOptions(world="table", as_voxels=True)
     assert BLOCK_CELLS * len(SURPLUS) > MAX_TABLE_MODULES
-    assert {offer.kind for offer in table_offers(Shape.from_cells(SURPLUS), asked)} == {"repair"}
+    assert {offer.kind for offer in table_offers(Shape.from_cells(SURPLUS), options)} == {"repair"}
 
 
 def test_first_offer_for_a_torus_has_a_path() -> None:
-    asked = PathOptions(modules=30, world="table")
-    assert not prepare(TORUS, "torus.stl", asked).chains
+    options = PathOptions(modules=30, world="table")
+    assert not prepare(TORUS, "torus.stl", options).chains
     solid = read(TORUS, filename="torus.stl")
     assert isinstance(solid, Solid)
-    offer = next(table_offers(solid, asked))
-    made = prepare(TORUS, "torus.stl", offer.options(asked))
+    offer = next(table_offers(solid, options))
+    made = prepare(TORUS, "torus.stl", offer.options(options))
     assert len(made.chain) == offer.modules <= MAX_TABLE_MODULES
     assert not faults_of(made.cells, rule=FALLS)
 
 
 def test_cancelled_search_gives_no_offers() -> None:
-    asked = PathOptions(world="table", as_voxels=True)
-    assert not list(table_offers(Shape.from_cells(SURPLUS), asked, cancelled=lambda: True))
+    options = PathOptions(world="table", as_voxels=True)
+    assert not list(table_offers(Shape.from_cells(SURPLUS), options, cancelled=lambda: True))

@@ -16,7 +16,7 @@ Ints = NDArray[np.int64]
 
 
 def path(start: tuple[int, int, int], steps: str) -> Ints:
-    """A path by its steps: e and w along x, n and s along y, u and d."""
+    """Return a path by its steps: e and w along x, n and s along y, u and d along z."""
     moves = {"e": (1, 0, 0), "w": (-1, 0, 0), "n": (0, 1, 0), "s": (0, -1, 0)}
     moves |= {"u": (0, 0, 1), "d": (0, 0, -1)}
     return np.cumsum([start, *(moves[step] for step in steps)], axis=0)
@@ -34,7 +34,7 @@ def path(start: tuple[int, int, int], steps: str) -> Ints:
         ("enwuse", "layers", []),
         ("eeueeee", "layers", ["not-stable"]),
         ("ennuwd", "layers", ["goes-down"]),
-        ("ennuwd", "falls", []),  # down beside what stands
+        ("ennuwd", "falls", []),  # down beside modules that stand
         ("eennwwsued", "falls", ["boxed-in"]),
     ],
 )
@@ -66,7 +66,8 @@ def test_different_base_sides_of_boxes() -> None:
 def test_margins_to_the_rim_of_the_base() -> None:
     assert stands(path((0, 0, 0), "eee")) == pytest.approx(0.5)
     assert stands(path((0, 0, 0), "uuu")) == pytest.approx(0.5)
-    # One cell on the floor and k beside above it: the mean of 0, 0, 1, 2 is 0.75, 0.25 beyond.
+    # One cell on the floor and k beside above it: the mean of 0, 0, 1, 2 is 0.75, 0.25 beyond the
+    # rim.
     assert stands(path((0, 0, 0), "uee")) == pytest.approx(-0.25)
     assert prefix_margins(path((0, 0, 0), "uee")) == pytest.approx([0.5, 0.5, 1 / 6, -0.25])
 

@@ -17,7 +17,7 @@ from planner.table_paths.rules import Rule, faults_of
 from planner.table_paths.table_paths import TablePath
 from tests.conftest import examples
 from tests.planner.lattice import walks
-from tests.planner.table_search import table_paths, why_none
+from tests.planner.table_search import reasons_for_no_path, table_paths
 
 Ints = NDArray[np.int64]
 SHAPES = Path(__file__).parents[3] / "examples" / "shapes"
@@ -32,7 +32,7 @@ def shape(name: str) -> Ints:
 
 
 def front(*rows: str) -> Ints:
-    """Cells as seen from the front, the highest row first, one deep."""
+    """Return cells as seen from the front, the highest row first, one deep."""
     return np.array(
         [
             (x, 0, len(rows) - 1 - row)
@@ -58,16 +58,16 @@ def check(paths: tuple[TablePath, ...], cells: Ints, *, rule: Rule = "layers") -
 
 
 def has_path(cells: Ints) -> bool:
-    """By trying all paths: for a handful of cells."""
+    """Return True if there is a path, by brute force; for a handful of cells."""
     near = [[k for k in row if k >= 0] for row in neighbours(cells).tolist()]
 
-    def goes_on(way: list[int]) -> bool:
+    def can_end(way: list[int]) -> bool:
         if len(way) == len(cells):
             return not faults_of(cells[way])
         free = (k for k in near[way[-1]] if k not in way and cells[k, 2] >= cells[way[-1], 2])
-        return any(goes_on([*way, k]) for k in free)
+        return any(can_end([*way, k]) for k in free)
 
-    return any(goes_on([k]) for k in range(len(cells)))
+    return any(can_end([k]) for k in range(len(cells)))
 
 
 def test_boxes_have_paths_that_keep_all_rules() -> None:
@@ -122,17 +122,17 @@ def test_shape_without_a_path_is_refused_with_the_reason(
         table_paths(cells, turned=False)
     assert error.value.code == code
     if code == "overhang":
-        (reason,) = why_none(cells, turned=False)
+        (reason,) = reasons_for_no_path(cells, turned=False)
         assert set(reason.cells) == {(1, 0, 2), (2, 0, 2)}
 
 
-def test_shapes_are_laid_down_where_they_have_no_path_standing() -> None:
+def test_shapes_lie_if_they_have_no_path_standing() -> None:
     arch = front("####", "#..#", "#..#")
     check(table_paths(arch), arch)
-    assert why_none(front("###", "###")) == ()
+    assert reasons_for_no_path(front("###", "###")) == ()
     path = table_paths(box(1, 1, 6))[0]
     assert path.down != "-z" and (path.cells[:, 2] == 0).all()
-    assert why_none(shape("wrench-24"))[0].code == "hairpins-only"
+    assert reasons_for_no_path(shape("wrench-24"))[0].code == "hairpins-only"
 
 
 def test_parity_of_a_layer_is_a_reason() -> None:
@@ -144,7 +144,7 @@ def test_parity_of_a_layer_is_a_reason() -> None:
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_path_goes_down_only_where_it_has_to() -> None:
+def test_path_goes_down_only_where_necessary() -> None:
     cells = shape("pawn")
     (path,) = table_paths(cells, most=1)
     check((path,), cells, rule="falls")
@@ -156,7 +156,7 @@ def test_too_few_cells_are_refused() -> None:
     with pytest.raises(InputError, match="expected at least 3"):
         table_paths([(0, 0, 0), (1, 0, 0)])
     with pytest.raises(InputError, match="no cells"):
-        why_none([])
+        reasons_for_no_path([])
 
 
 @given(walk=walks(most=60))
@@ -167,12 +167,12 @@ def test_paths_keep_the_rules_or_a_reason_is_given(walk: Ints) -> None:
     try:
         paths = table_paths(walk, most=3)
     except InputError as error:
-        reasons = why_none(walk)
+        reasons = reasons_for_no_path(walk)
         assert error.code in {reason.code for reason in reasons}
         assert [reason.down for reason in reasons] == [side.down for side in sides_of(walk)]
     else:
         check(paths, walk, rule=paths[0].rule)
-        assert why_none(walk) == ()
+        assert reasons_for_no_path(walk) == ()
 
 
 @given(walk=walks(most=9))
@@ -181,6 +181,6 @@ def test_search_agrees_with_trying_everything(walk: Ints) -> None:
     if len(walk) < 3:
         return
     (side,) = sides_of(walk, turned=False)
-    found = not why_none(walk, turned=False)
+    found = not reasons_for_no_path(walk, turned=False)
     rule = table_paths(walk, turned=False)[0].rule if found else ""
     assert (rule == "layers") == has_path(side.cells)

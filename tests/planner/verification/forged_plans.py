@@ -1,8 +1,8 @@
 """Forged plans: files that state something false, for checkers to refuse.
 
-``FALSE`` names changes that make any plan false, ``MOTIONS`` changes of its motion, size or claimed
-clearance that only an exact distance shows to be false: ``bench.clearance.forgeries`` does so.
-NumPy and ``foldback_check.py`` are all that this file needs.
+``FALSE`` names changes that make any plan false. ``MOTIONS`` changes its motion, size or claimed
+clearance; only an exact distance shows whether the result is false, as
+``bench.clearance.forgeries`` computes. This file needs only NumPy and ``foldback_check.py``.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ import foldback_check
 
 Random = np.random.Generator
 Arrays = dict[str, NDArray[Any]]
-Told = dict[str, Any]
-Change = Callable[[Random, Arrays, Told], object]
+Meta = dict[str, Any]
+Change = Callable[[Random, Arrays, Meta], object]
 SIZE: Final = 0.95
 FRAME_ARRAYS: Final = (
     *("phase", "max_error_rad", "root_position", "root_wxyz", "base_position", "base_wxyz"),
     *("first", "joint_angles_rad"),
 )
-"""Arrays of a plan with one row for each frame, apart from the times, which rise in any order."""
+"""Arrays of a plan with one row per frame, except the times, which may rise in any way."""
 
 
 def save(
@@ -36,21 +36,21 @@ def save(
     *,
     kind: str = "cube",
     claim: float = 0.01,
-    geometry: Told | None = None,
+    geometry: Meta | None = None,
 ) -> FilePath:
-    """Write a plan as docs/certificate.md has it, without the planner.
+    """Write a plan as docs/certificate.md specifies it, without the planner.
 
     Args:
         path: Path of the ``.npz`` file.
-        angles: (F, J) hinge angles.
-        kind: The module's name.
-        claim: The clearance that it claims.
-        geometry: The module; by default the one of that name.
+        angles: (F, J) hinge angles, rad.
+        kind: Name of the module.
+        claim: Claimed clearance, pitches.
+        geometry: Geometry of the module; by default that of the name.
     """
     geometry = geometry or foldback_check.MODULES[kind]
     hinges, rigid = geometry["hinges"], geometry["rigid_links"]
     count = angles.shape[1] // len(hinges) + 1 + rigid
-    told = {
+    meta = {
         "chain": {"module": kind, "modules": count, "folded_rad": angles[-1].tolist()},
         "claim": {"module": geometry},
         "certificate": {
@@ -70,58 +70,58 @@ def save(
         "time_s": np.arange(len(angles), dtype=float),
         "joint_angles_rad": angles,
     }
-    return write(path, arrays, told)
+    return write(path, arrays, meta)
 
 
-def write(path: FilePath, arrays: Mapping[str, Any], told: Told) -> FilePath:
-    """Write a plan's arrays, and all else that it says, as its ``.npz`` file."""
-    np.savez(path, plan=np.array(json.dumps(told)), **arrays)
+def write(path: FilePath, arrays: Mapping[str, Any], meta: Meta) -> FilePath:
+    """Write a plan's arrays and metadata as its ``.npz`` file."""
+    np.savez(path, plan=np.array(json.dumps(meta)), **arrays)
     return path
 
 
-def rewrite(source: FilePath, path: FilePath, change: Callable[[Arrays, Told], object]) -> FilePath:
+def rewrite(source: FilePath, path: FilePath, change: Callable[[Arrays, Meta], object]) -> FilePath:
     """Write a plan again after a change; an older plan also gets the claim that it implies."""
     with np.load(source) as file:
         arrays = dict(file)
-    told = json.loads(str(arrays.pop("plan")))
-    geometry = foldback_check.MODULES.get(told["chain"]["module"])
-    told.setdefault("claim", {"module": copy.deepcopy(geometry)})
-    change(arrays, told)
-    return write(path, arrays, told)
+    meta = json.loads(str(arrays.pop("plan")))
+    geometry = foldback_check.MODULES.get(meta["chain"]["module"])
+    meta.setdefault("claim", {"module": copy.deepcopy(geometry)})
+    change(arrays, meta)
+    return write(path, arrays, meta)
 
 
 def forge(source: FilePath, path: FilePath, random: Random, kind: str | None = None) -> str:
     """Write a plan with one change, and return the name of the change.
 
     Args:
-        source: The plan.
-        path: Path of the forged one.
-        random: Decides how, and what is not given.
-        kind: Name of the change; by default any, three of ten times one of ``FALSE``.
+        source: Path of the plan.
+        path: Path of the forged plan.
+        random: Source of randomness for the change.
+        kind: Name of the change; by default a random one, with probability 0.3 one of ``FALSE``.
     """
     name = kind or str(random.choice(list(FALSE if random.random() < 0.3 else MOTIONS)))
 
-    def change(arrays: Arrays, told: Told) -> None:
-        told["claim"].pop("angles_sha256", None)  # whoever forges a plan knows how to work it out
-        {**FALSE, **MOTIONS}[name](random, arrays, told)
-        if name in MOTIONS:  # nothing but the distance tells
-            told["certificate"] |= {"frames": len(arrays["time_s"]), "max_joint_step_rad": 9.0}
+    def change(arrays: Arrays, meta: Meta) -> None:
+        meta["claim"].pop("angles_sha256", None)  # forgers can compute the digest
+        {**FALSE, **MOTIONS}[name](random, arrays, meta)
+        if name in MOTIONS:  # only the distance shows it
+            meta["certificate"] |= {"frames": len(arrays["time_s"]), "max_joint_step_rad": 9.0}
 
     rewrite(source, path, change)
     return name
 
 
 def angles_of(arrays: Arrays) -> NDArray[Any]:
-    """Return (F, J) angles, of windows (V,)."""
+    """Return (F, J) angles, or (V,) angles of windows."""
     return arrays["angles_rad" if "first" in arrays else "joint_angles_rad"]
 
 
-def take(arrays: Arrays, rows: NDArray[np.integer[Any]]) -> None:
-    """Keep these frames, in this order."""
+def select(arrays: Arrays, rows: NDArray[np.integer[Any]]) -> None:
+    """Select frames in the given order."""
     if "first" in arrays:
         ends = zip(arrays["offsets"][:-1], arrays["offsets"][1:], strict=True)
-        windows = [arrays["angles_rad"][a:b] for a, b in ends]
-        parts = [windows[k] for k in rows]
+        break_windows = [arrays["angles_rad"][a:b] for a, b in ends]
+        parts = [break_windows[k] for k in rows]
         arrays["angles_rad"] = np.concatenate(parts)
         arrays["offsets"] = np.cumsum([0, *map(len, parts)])
     for name in set(FRAME_ARRAYS) & arrays.keys():
@@ -129,11 +129,11 @@ def take(arrays: Arrays, rows: NDArray[np.integer[Any]]) -> None:
     arrays["time_s"] = np.sort(arrays["time_s"][rows])
 
 
-# ------------------------------------------------------------------ another motion
+# Other motions ------------------------------------------------------------------------------------
 
 
-def bent(random: Random, arrays: Arrays, told: Told) -> None:
-    """Some hinges are off for a while, most at its middle."""
+def perturb(random: Random, arrays: Arrays, meta: Meta) -> None:
+    """Perturb some hinges during an interval, most at its middle."""
     q = angles_of(arrays)
     if q.ndim == 1:
         where = random.integers(0, len(q), int(random.integers(1, 40)))
@@ -148,8 +148,8 @@ def bent(random: Random, arrays: Arrays, told: Told) -> None:
     q[start:stop, hinges] += shape * random.uniform(-1.5, 1.5, len(hinges))
 
 
-def one_hinge(random: Random, arrays: Arrays, told: Told) -> None:
-    """One hinge is off all the way."""
+def offset(random: Random, arrays: Arrays, meta: Meta) -> None:
+    """Offset one hinge during the whole motion."""
     q, off = angles_of(arrays), random.choice([-1.0, 1.0]) * 10.0 ** random.uniform(-2.5, 0.0)
     if q.ndim == 1:
         hinge = random.integers(len(arrays["joint_names"]))
@@ -159,31 +159,31 @@ def one_hinge(random: Random, arrays: Arrays, told: Told) -> None:
         q[1:-1, random.integers(q.shape[1])] += off
 
 
-def fewer(random: Random, arrays: Arrays, told: Told) -> None:
-    """Frames are left out: those that are kept are clear, and modules meet between them."""
+def thin_out(random: Random, arrays: Arrays, meta: Meta) -> None:
+    """Remove frames: the remaining ones are clear, but modules may meet between them."""
     frames = len(arrays["time_s"])
     kept = random.choice(frames - 2, int(random.integers(1, 12)), replace=False) + 1
-    take(arrays, np.concatenate([[0], np.sort(kept), [frames - 1]]))
+    select(arrays, np.concatenate([[0], np.sort(kept), [frames - 1]]))
 
 
-def swapped(random: Random, arrays: Arrays, told: Told) -> None:
-    """Two frames change places."""
+def swap(random: Random, arrays: Arrays, meta: Meta) -> None:
+    """Swap two frames."""
     rows = np.arange(len(arrays["time_s"]))
     one, other = random.choice(len(rows) - 2, 2, replace=False) + 1
     rows[[one, other]] = rows[[other, one]]
-    take(arrays, rows)
+    select(arrays, rows)
 
 
-def backwards(random: Random, arrays: Arrays, told: Told) -> None:
-    """Some frames in a row come in the opposite order."""
+def reverse(random: Random, arrays: Arrays, meta: Meta) -> None:
+    """Reverse the order of consecutive frames."""
     rows = np.arange(len(arrays["time_s"]))
     start, stop = np.sort(random.choice(len(rows) - 2, 2, replace=False) + 1)
     rows[start:stop] = rows[start:stop][::-1]
-    take(arrays, rows)
+    select(arrays, rows)
 
 
-def shifted(random: Random, arrays: Arrays, told: Told) -> None:
-    """From some frame on, angles belong to other hinges."""
+def shift(random: Random, arrays: Arrays, meta: Meta) -> None:
+    """Assign angles to other hinges from some frame on."""
     start, by = int(random.integers(1, len(arrays["time_s"]))), int(random.choice([-2, -1, 1, 2]))
     if "first" in arrays:
         arrays["first"][start:] += by
@@ -191,37 +191,37 @@ def shifted(random: Random, arrays: Arrays, told: Told) -> None:
         arrays["joint_angles_rad"][start:-1] = np.roll(arrays["joint_angles_rad"][start:-1], by, 1)
 
 
-def claimed(random: Random, arrays: Arrays, told: Told) -> None:
-    """More clearance is claimed."""
-    told["certificate"]["clearance_bound"] *= float(10.0 ** random.uniform(0.0, 1.5))
+def overclaim(random: Random, arrays: Arrays, meta: Meta) -> None:
+    """Claim more clearance."""
+    meta["certificate"]["clearance_bound"] *= float(10.0 ** random.uniform(0.0, 1.5))
 
 
-def grown(random: Random, arrays: Arrays, told: Told) -> None:
-    """Modules are larger."""
-    size = told["certificate"]["module_size"]
-    told["certificate"]["module_size"] = float(random.uniform(size, 1.0))
+def enlarge(random: Random, arrays: Arrays, meta: Meta) -> None:
+    """Enlarge the modules."""
+    size = meta["certificate"]["module_size"]
+    meta["certificate"]["module_size"] = float(random.uniform(size, 1.0))
 
 
 MOTIONS: Final[dict[str, Change]] = {
     change.__name__: change
-    for change in (bent, one_hinge, fewer, swapped, backwards, shifted, claimed, grown)
+    for change in (perturb, offset, thin_out, swap, reverse, shift, overclaim, enlarge)
 }
-"""Changes after which a plan may be true, by name."""
+"""Changes after which a plan may still be true, by name."""
 
-# ------------------------------------------------------------------ what is false in any case
+# Plans that are false in any case -----------------------------------------------------------------
 
 
-def corners(random: Random, arrays: Arrays, told: Told) -> None:
-    """The module is smaller than what it is called: by a share, at a corner, or without one."""
-    module = told["claim"]["module"]
+def shrink_module(random: Random, arrays: Arrays, meta: Meta) -> None:
+    """Shrink the module: by a factor, at one corner, or by omitting a corner."""
+    module = meta["claim"]["module"]
     held = np.array(module["corners"])
     smaller = held * random.uniform(0.5, 0.99)
     dented = np.where(np.arange(held.size).reshape(held.shape) == 0, 0.9 * held, held)
     module["corners"] = [smaller, dented, held[1:]][int(random.integers(3))].tolist()
 
 
-def windows(random: Random, arrays: Arrays, told: Told) -> None:
-    """Windows lie beyond the chain, or a hinge has no angles."""
+def break_windows(random: Random, arrays: Arrays, meta: Meta) -> None:
+    """Move windows beyond the chain, or omit the angles of a hinge."""
     hinges = len(arrays["joint_names"])
     if "first" in arrays:
         arrays["first"] = arrays["first"] + int(random.choice([-hinges, hinges]))
@@ -232,16 +232,16 @@ def windows(random: Random, arrays: Arrays, told: Told) -> None:
 def at_some_frame(angle: float) -> Change:
     """Return a change that sets an angle in the middle of the motion."""
 
-    def change(random: Random, arrays: Arrays, told: Told) -> None:
-        q = angles_of(arrays).reshape(-1)  # shares its memory
+    def change(random: Random, arrays: Arrays, meta: Meta) -> None:
+        q = angles_of(arrays).reshape(-1)  # a view of the same memory
         q[int(random.integers(len(q) // 3, 2 * len(q) // 3))] = angle
 
     return change
 
 
 def _certificate(**values: Callable[[Random], Any]) -> Change:
-    """Return a change of what the certificate says."""
-    return lambda random, _, told: told["certificate"].update(
+    """Return a change of the certificate."""
+    return lambda random, _, meta: meta["certificate"].update(
         {name: value(random) for name, value in values.items()}
     )
 
@@ -249,18 +249,18 @@ def _certificate(**values: Callable[[Random], Any]) -> Change:
 def _exempt(name: str, low: int, high: int) -> Change:
     """Return a change that exempts other pairs."""
 
-    def change(random: Random, arrays: Arrays, told: Told) -> None:
-        apart, links = told["claim"]["module"]["apart"], told["chain"]["modules"] - 1
-        pairs = {"apart": apart, "count": (apart - 1) * links}  # not in older plans
-        told["certificate"].setdefault("exempt_pairs", pairs)[name] = int(
+    def change(random: Random, arrays: Arrays, meta: Meta) -> None:
+        apart, links = meta["claim"]["module"]["apart"], meta["chain"]["modules"] - 1
+        pairs = {"apart": apart, "count": (apart - 1) * links}  # missing in older plans
+        meta["certificate"].setdefault("exempt_pairs", pairs)[name] = int(
             random.integers(low, high)
         )
 
     return change
 
 
-def _module(change: Callable[[Random, Told], object]) -> Change:
-    return lambda random, _, told: change(random, told["claim"]["module"])
+def _module(change: Callable[[Random, Meta], object]) -> Change:
+    return lambda random, _, meta: change(random, meta["claim"]["module"])
 
 
 FALSE: Final[dict[str, Change]] = {
@@ -276,7 +276,7 @@ FALSE: Final[dict[str, Change]] = {
         verdict=lambda random: str(random.choice(["failed: overlap", "not verified"]))
     ),
     "frames": _certificate(frames=lambda random: int(random.integers(1, 9))),
-    "corners": corners,
+    "corners": shrink_module,
     "turns": _module(
         lambda random, module: module["turns"][0][0].__setitem__(1, random.uniform(0.1, 1.0))
     ),
@@ -284,27 +284,27 @@ FALSE: Final[dict[str, Change]] = {
     "exempt pairs of the module": _module(
         lambda random, module: module.update(apart=int(random.integers(3, 9)))
     ),
-    "kind": lambda random, _, told: told["chain"].update(
-        module="tetrahedron" if told["chain"]["module"] == "cube" else "cube"
+    "kind": lambda random, _, meta: meta["chain"].update(
+        module="tetrahedron" if meta["chain"]["module"] == "cube" else "cube"
     ),
-    "modules": lambda random, _, told: told["chain"].update(
-        modules=told["chain"]["modules"] + int(random.choice([-1, 1]))
+    "modules": lambda random, _, meta: meta["chain"].update(
+        modules=meta["chain"]["modules"] + int(random.choice([-1, 1]))
     ),
-    "folded": lambda random, _, told: told["chain"]["folded_rad"].__setitem__(
-        int(random.integers(len(told["chain"]["folded_rad"]))), random.uniform(3.0, 4.0)
+    "folded": lambda random, _, meta: meta["chain"]["folded_rad"].__setitem__(
+        int(random.integers(len(meta["chain"]["folded_rad"]))), random.uniform(3.0, 4.0)
     ),
     "names": lambda random, arrays, _: arrays.update(
         joint_names=np.roll(arrays["joint_names"], int(random.integers(1, 7)))
     ),
-    "start": lambda random, arrays, told: told.update(
+    "start": lambda random, arrays, meta: meta.update(
         start={"folded_rad": [random.uniform(1.0, 2.0)] * len(arrays["joint_names"])}
     ),
     "times": lambda random, arrays, _: arrays["time_s"].__setitem__(
         int(random.integers(1, len(arrays["time_s"]))), -1.0
     ),
-    "no end": lambda random, arrays, _: take(arrays, np.arange(2 * len(arrays["time_s"]) // 3)),
-    "digest": lambda random, _, told: told["claim"].update(angles_sha256=random.bytes(32).hex()),
-    "windows": windows,
+    "no end": lambda random, arrays, _: select(arrays, np.arange(2 * len(arrays["time_s"]) // 3)),
+    "digest": lambda random, _, meta: meta["claim"].update(angles_sha256=random.bytes(32).hex()),
+    "windows": break_windows,
     "too far": at_some_frame(1.7),
     "no number": at_some_frame(float("nan")),
     "no names": lambda random, arrays, _: arrays.pop("joint_names"),

@@ -1,4 +1,4 @@
-"""Reasons of refusals: those that are told hold, and one that is falsified is refuted."""
+"""Reasons of refusals: reported reasons hold, and falsified ones are refuted."""
 
 from __future__ import annotations
 
@@ -23,48 +23,48 @@ from planner.plan.plan import Plan
 from planner.verification.failure_evidence import check_reason
 from planner.verification.plan_failure import reason_of
 from planner.verification.verify import verify
-from tests.planner.chains import coil, in_place, knotted, shuffled
-from tests.planner.folds import asked
-from tests.planner.plans import changed
+from tests.planner.chains import anchored, coil, knotted, shuffled
+from tests.planner.folds import write_request
+from tests.planner.plans import with_values
 
-USUAL: Final = Parameters()
-HASTY: Final = replace(USUAL, explosion=ExplosionParameters(max_steps=10))
-UNITS: Final = replace(USUAL, peeling=PeelingParameters(unit=6))
+DEFAULTS: Final = Parameters()
+FEW_STEPS: Final = replace(DEFAULTS, explosion=ExplosionParameters(max_steps=10))
+UNITS: Final = replace(DEFAULTS, peeling=PeelingParameters(unit=6))
 SPIRALS: Final = (
     "22 12 02 03 04 05 15 25 35 45 55 54 53 52 51 50 40 30 20 10 00 01 11 21 31 41 42 43 44 34 24 "
     "14 13 23 33 32"
 )
-"""Cells of two spirals that lie between each other, joined at their outer ends."""
+"""Cells of two interleaved spirals that are joined at their outer ends."""
 Values = dict[str, Any]
 Stuck = tuple[Chain, Record, Parameters, Values]
 
 
 def stuck(
-    chain: Chain, parameters: Parameters = USUAL, *, angles: Any = None, **told: Any
+    chain: Chain, parameters: Parameters = DEFAULTS, *, angles: Any = None, **data: Any
 ) -> Stuck:
-    """An explosion that ends at some angles, the folded ones when None, and what is told of it."""
-    values: Values = {"status": "stalled", "reason": "it sticks", "pushes": 41, "steps": 1, **told}
+    """Return an explosion that ends at some angles, folded ones by default, and its diagnosis."""
+    values: Values = {"status": "stalled", "reason": "it sticks", "pushes": 41, "steps": 1, **data}
     angles = chain.folded_rad if angles is None else angles
     values.setdefault("spent", Spent("pushes", 40, 41))
-    record = Record(frames=in_place("explosion", angles[None]), seconds=0.1, **values)
+    record = Record(frames=anchored("explosion", angles[None]), seconds=0.1, **values)
     found = diagnose(chain, record, parameters)
     plain = json.loads(json.dumps(found.as_dict()))
     assert Diagnosis.from_dict(plain) == found
     return chain, record, parameters, plain
 
 
-def differences(stuck: Stuck, **changed: Any) -> tuple[str, ...]:
-    """What speaks against a reason, some of whose values are others than were told."""
-    chain, record, parameters, told = stuck
-    told = {**told, "evidence": {**told["evidence"], **changed}}
+def differences(stuck: Stuck, **changes: Any) -> tuple[str, ...]:
+    """Return the differences that a check finds in a reason after changes of its evidence."""
+    chain, record, parameters, data = stuck
+    data = {**data, "evidence": {**data["evidence"], **changes}}
     plain = json.loads(json.dumps(parameters.as_dict()))
-    found = check_reason(chain, record, told, plain)  # type: ignore[arg-type]
+    found = check_reason(chain, record, data, plain)  # type: ignore[arg-type]
     assert found.confirmed is (not found.differences)
     return found.differences
 
 
 def with_one(items: list[Values], **values: Any) -> list[Values]:
-    """The same with other values in the first one."""
+    """Return the items with other values in the first one."""
     return [{**items[0], **values}, *items[1:]]
 
 
@@ -81,17 +81,17 @@ def spirals() -> Stuck:
 
 @pytest.fixture(scope="module")
 def pit() -> Stuck:
-    """A peeling whose core holds the next six modules in a pit; all after them are straight."""
+    """Peeling whose core encloses the next six modules in a pit; all others are straight."""
     chain = shuffled((4, 4, 3), 50, 7)
     angles = np.where(np.arange(len(chain.folded_rad)) < 66, chain.folded_rad, 0.0)
     return stuck(chain, UNITS, angles=angles, strategy="peel")
 
 
 def test_knot_is_confirmed_by_the_chain_and_its_diagram(knot: Stuck) -> None:
-    told = knot[3]
-    assert (told["kind"], told["evidence"]["kind"]) == ("knot", "knot")
-    assert (told["evidence"]["determinant"], told["evidence"]["crossings"]) == (3, 3)
-    assert "the chain is knotted (determinant 3)" in told["words"]
+    data = knot[3]
+    assert (data["kind"], data["evidence"]["kind"]) == ("knot", "knot")
+    assert (data["evidence"]["determinant"], data["evidence"]["crossings"]) == (3, 3)
+    assert "the chain is knotted (determinant 3)" in data["words"]
     assert differences(knot) == ()
     assert "cannot be computed" in differences(knot, polygon="a knot")[0]
     assert "expected one of" in differences(knot, kind="magic")[0]
@@ -104,7 +104,7 @@ def test_falsified_knot_is_refuted(knot: Stuck) -> None:
     swapped = {"over": diagram[0]["under"], "under": diagram[0]["over"]}
     for other in (with_one(diagram, **swapped), with_one(diagram, sign=-diagram[0]["sign"])):
         assert "differ from the evidence" in differences(knot, diagram=other)[0]
-    # The polygon of another knot, told with its true crossings, is not this chain's.
+    # The polygon of another knot, with its true crossings, is not that of this chain.
     plain = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.3, 1.0, 0.2]]
     found = differences(knot, polygon=plain, diagram=[], crossings=0)
     assert any("expected the chain's" in difference for difference in found)
@@ -119,35 +119,35 @@ def test_falsified_knot_is_refuted(knot: Stuck) -> None:
 
 
 def test_knot_that_has_opened_is_no_reason(knot: Stuck) -> None:
-    """Knotted as folded, it has slipped out since: the reason is another one, and holds."""
-    chain, _, _, told = knot
+    """The folded chain is knotted, but has slipped out since: another reason holds."""
+    chain, _, _, data = knot
     bent = 0.2 * chain.folded_rad
     free = stuck(chain, angles=bent)
     assert free[3]["kind"] != "knot" and free[3]["evidence"]["kind"] == "budget"
     assert differences(free) == ()
-    claimed = (*free[:3], told)
+    claimed = (*free[:3], data)
     assert any("show no knot" in difference for difference in differences(claimed))
 
 
 def test_blocked_turns_are_confirmed(spirals: Stuck) -> None:
-    told = spirals[3]
-    evidence = told["evidence"]
+    data = spirals[3]
+    evidence = data["evidence"]
     assert (evidence["kind"], evidence["module_size"]) == ("blocks", 0.95)
     assert len(evidence["turns"]) == 11
-    assert "11 hinges" in told["words"] and "cannot straighten" in told["words"]
-    assert "module 0 against 23" in told["words"]
+    assert "11 hinges" in data["words"] and "cannot straighten" in data["words"]
+    assert "module 0 against 23" in data["words"]
     assert differences(spirals) == ()
 
 
 def test_falsified_turn_is_refuted(spirals: Stuck) -> None:
-    for values, said in (
+    for values, words in (
         ({"turned_rad": 1.0}, "expected a small turn"),
         ({"modules": [0, 30]}, "overlap by"),
         ({"modules": [20, 30]}, "on each side"),
         ({"overlap": 0.5}, "expected 0.5"),
     ):
         turns = with_one(spirals[3]["evidence"]["turns"], **values)
-        assert any(said in difference for difference in differences(spirals, turns=turns))
+        assert any(words in difference for difference in differences(spirals, turns=turns))
     assert "cannot be computed" in differences(spirals, turns=[{}])[0]
 
 
@@ -157,18 +157,18 @@ def test_each_bent_hinge_has_to_be_blocked(spirals: Stuck) -> None:
     assert "less than a right angle" in differences(spirals, bent_above_rad=9.0, turns=[])[0]
     assert any("module_size" in each for each in differences(spirals, module_size=1.2))
     assert any("first_hinge" in each for each in differences(spirals, first_hinge=60, turns=[]))
-    # The hinges of a coil are free: what ends there has used up its pushes.
+    # The hinges of a coil are free: such a run has used up its pulses.
     free = stuck(coil(12))
     assert free[3]["evidence"]["kind"] == "budget" and differences(free) == ()
 
 
 def test_buried_unit_is_blocked_in_all_directions(pit: Stuck) -> None:
-    told = pit[3]
-    evidence = told["evidence"]
-    assert (told["kind"], evidence["kind"]) == ("buried", "blocks")
+    data = pit[3]
+    evidence = data["evidence"]
+    assert (data["kind"], evidence["kind"]) == ("buried", "blocks")
     assert (evidence["unit"], evidence["module_size"]) == ([29, 34], 0.98)
     assert len(evidence["moves"]) == 6
-    assert "modules 29 to 34, which come next, cannot move" in told["words"]
+    assert "modules 29 to 34, which come next, cannot move" in data["words"]
     assert differences(pit) == ()
     moves = evidence["moves"]
     assert "each of the six" in differences(pit, moves=moves[1:])[0]
@@ -179,13 +179,13 @@ def test_buried_unit_is_blocked_in_all_directions(pit: Stuck) -> None:
 
 def test_budget_agrees_with_parameters_and_record() -> None:
     chain = coil(12)
-    record = explode(chain, HASTY.explosion)  # type: ignore[arg-type]
-    found = diagnose(chain, record, HASTY)
-    told = json.loads(json.dumps(found.as_dict()))
-    assert told["words"].startswith("the limit of 10 steps was reached; ")
-    late = (chain, record, HASTY, told)
+    record = explode(chain, FEW_STEPS.explosion)  # type: ignore[arg-type]
+    found = diagnose(chain, record, FEW_STEPS)
+    data = json.loads(json.dumps(found.as_dict()))
+    assert data["words"].startswith("the limit of 10 steps was reached; ")
+    late = (chain, record, FEW_STEPS, data)
     assert differences(late) == ()
-    for values, said in (
+    for values, words in (
         ({"used": 9}, "as in the record"),
         ({"allowed": 30_000}, "expected at least the limit"),
         ({"allowed": 5}, "as in the parameters"),
@@ -194,11 +194,11 @@ def test_budget_agrees_with_parameters_and_record() -> None:
         ({"bent_hinges": 1}, "bent_hinges"),
         ({"largest_bend_rad": 0.1}, "largest_bend_rad"),
     ):
-        assert any(said in difference for difference in differences(late, **values)), values
+        assert any(words in difference for difference in differences(late, **values)), values
 
 
 def on_table(spent: Spent | None, *, status: str = "stalled", **values: Any) -> Stuck:
-    """An explosion of a coil on a table that ends as it was folded."""
+    """Return an explosion of a coil on a table that ends as it was folded."""
     table = TableRecord(bound=8.0, taken_back=9, raised=(), friction=0.0)
     return stuck(coil(12), strategy="peel", table=table, status=status, spent=spent, **values)
 
@@ -212,8 +212,8 @@ def test_budget_of_table_fold_is_confirmed_by_limits_of_the_table() -> None:
     ):
         used = {} if spent.kind == "refusals" else {spent.kind: spent.used}
         late = on_table(spent, status=status, **used)
-        told = {key: late[3]["evidence"][key] for key in ("spent", "allowed", "used")}
-        assert told == {"spent": spent.kind, "allowed": spent.allowed, "used": spent.used}
+        data = {key: late[3]["evidence"][key] for key in ("spent", "allowed", "used")}
+        assert data == {"spent": spent.kind, "allowed": spent.allowed, "used": spent.used}
         assert differences(late) == ()
         assert any("as in the record" in each for each in differences(late, allowed=1))
 
@@ -223,17 +223,17 @@ def test_budget_of_table_fold_that_was_not_used_up_is_refuted() -> None:
     assert any("at least the limit" in each for each in differences(few))
     other = on_table(Spent("pushes", 8, 9), pushes=9)
     assert any("expected 9, as in the parameters" in each for each in differences(other))
-    chain, record, parameters, told = on_table(Spent("refusals", 8, 9))
+    chain, record, parameters, data = on_table(Spent("refusals", 8, 9))
     assert record.table is not None
     weak = replace(record, table=replace(record.table, bound=2.0))
-    assert any("a bound of 8" in each for each in differences((chain, weak, parameters, told)))
+    assert any("a bound of 8" in each for each in differences((chain, weak, parameters, data)))
 
 
-def test_record_of_earlier_version_is_checked_by_the_limits_of_then() -> None:
-    chain, record, parameters, told = stuck(coil(12), strategy="peel", pushes=9)
-    assert told["evidence"]["kind"] == "budget"
+def test_record_of_earlier_version_is_checked_by_its_limits() -> None:
+    chain, record, parameters, data = stuck(coil(12), strategy="peel", pushes=9)
+    assert data["evidence"]["kind"] == "budget"
     earlier = replace(record, spent=None)
-    old = {**told, "evidence": {**told["evidence"], "allowed": 8, "used": 9}}
+    old = {**data, "evidence": {**data["evidence"], "allowed": 8, "used": 9}}
     assert differences((chain, earlier, parameters, old)) == ()
     found = diagnose(chain, earlier, parameters)
     assert found is not None and found.evidence is None
@@ -242,9 +242,9 @@ def test_record_of_earlier_version_is_checked_by_the_limits_of_then() -> None:
 def test_failed_fold_is_verified_with_its_reason(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    hasty = replace(HASTY, strategy="simultaneous")
+    hasty = replace(FEW_STEPS, strategy="simultaneous")
     monkeypatch.setattr(FoldRequest, "parameters", lambda *_, **__: hasty)
-    summary = run_stages(asked(tmp_path, strategy="simultaneous"))
+    summary = run_stages(write_request(tmp_path, strategy="simultaneous"))
     assert summary["status"] == "failed"
     assert summary["stuck"]["evidence"]["spent"] == "steps"
     found = verify(tmp_path)
@@ -252,10 +252,10 @@ def test_failed_fold_is_verified_with_its_reason(
     assert found.as_dict()["reason"]["words"] == summary["stuck"]["words"]
     plan = Plan.load(tmp_path / "plan.npz")
     notes: list[str] = []
-    for name, value, said in (("words", "the chain is knotted", "words"), ("evidence", None, "")):
-        told = {**summary["stuck"], name: value}
-        tried = tuple({**attempt, "diagnosis": told} for attempt in plan.attempts)
-        again = reason_of(tmp_path, changed(plan, attempts=tried), notes)
+    for name, value, words in (("words", "the chain is knotted", "words"), ("evidence", None, "")):
+        data = {**summary["stuck"], name: value}
+        tried = tuple({**attempt, "diagnosis": data} for attempt in plan.attempts)
+        again = reason_of(tmp_path, with_values(plan, attempts=tried), notes)
         assert (again is None) is (value is None)
-        assert again is None or (not again.confirmed and said in again.differences[0])
+        assert again is None or (not again.confirmed and words in again.differences[0])
     assert len(notes) == 1 and "was not checked" in notes[0]

@@ -1,4 +1,4 @@
-"""The independent checker proves what holds, and never what does not."""
+"""Independent checker: it proves correct plans, and never a false one."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from planner.plan.claim import geometry_of
 from planner.plan.packed import unpack
 from planner.plan.plan import Plan
 from tests.case import case
-from tests.planner.chains import unchecked
+from tests.planner.chains import unvalidated
 from tests.planner.conftest import SHAPES, Fold
 from tests.planner.peels import peel, snake, windows_of
 from tests.planner.plans import unverified
@@ -33,7 +33,7 @@ from tests.planner.verification.forged_plans import FALSE, SIZE, forge, rewrite,
 Array = NDArray[np.float64]
 FINISHED: Final = FilePath(__file__).parents[3] / "server" / "finished"
 PRISM: Final = {
-    # A hexagonal prism along x, whose joint is in the middle of its face and turns about y.
+    # A hexagonal prism along x, whose joint is at the centre of its face and turns about y.
     "corners": [
         [x, 0.45 * np.cos(a), 0.45 * np.sin(a)]
         for x in (-0.4, 0.4)
@@ -100,7 +100,7 @@ def test_end_is_compared_with_a_path_or_the_angles_of_a_chain(
 
 
 def test_new_plan_states_its_digest(folded: Fold, tmp_path: FilePath) -> None:
-    def other(arrays: dict[str, Any], told: Any) -> None:
+    def other(arrays: dict[str, Any], meta: Any) -> None:
         arrays["joint_angles_rad"][5, 5] += 1e-9
 
     plan = folded("wrench-24").directory / "plan.npz"
@@ -109,7 +109,7 @@ def test_new_plan_states_its_digest(folded: Fold, tmp_path: FilePath) -> None:
 
 
 def random_motion(random: np.random.Generator, kind: Any, modules: int) -> Array:
-    """Angles from straight on, in a few large steps: it may touch or pass through itself."""
+    """Return angles from straight on, in a few large steps; the chain may pass through itself."""
     hinges = (modules - 1 - kind.rigid_links) * kind.hinges_per_joint
     limit = kind.angle_limit_rad
     scale = random.choice([0.2, 0.6, 1.0])
@@ -117,13 +117,13 @@ def random_motion(random: np.random.Generator, kind: Any, modules: int) -> Array
     return np.clip(np.vstack([np.zeros(hinges), steps.cumsum(axis=0)]), -limit, limit)
 
 
-def interpolated(q: Array, count: int) -> Array:
+def interpolate(q: Array, count: int) -> Array:
     at = np.linspace(0, len(q) - 1, (len(q) - 1) * count + 1)
     return np.stack([np.interp(at, range(len(q)), column) for column in q.T], axis=1)
 
 
-def nearest(chain: Chain, q: Array) -> float:
-    """Exact distance of the nearest modules that are not exempt, over sampled frames."""
+def min_distance(chain: Chain, q: Array) -> float:
+    """Return the exact distance of the closest modules that are not exempt, over sampled frames."""
     corners, found = chain.module.vertices * SIZE, 9.0
     for angles in q:
         poses = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
@@ -142,15 +142,15 @@ def test_random_motions_are_proved_only_up_to_their_clearance(
     random, proved, refused = np.random.default_rng(7), 0, 0
     for _ in range(20):
         q = random_motion(random, kind, int(random.integers(4, 14)))
-        chain, fine = unchecked(kind, q[-1]), interpolated(q, 40)
+        chain, fine = unvalidated(kind, q[-1]), interpolate(q, 40)
         least = min(sweep(chain, each, size=SIZE, share=0.0).clearance for each in (q, fine))
         for claim in (0.5 * least, 0.98 * least, least + 1e-6, least + 0.02, 0.01):
             if claim <= 1e-6 or least > 0.19:
                 continue
             got = verdict(save(tmp_path / "plan.npz", q, kind=kind.name, claim=claim)) == "proved"
             proved, refused = proved + got, refused + (not got)
-            if got and claim > least:  # separating axes of faces and edges may find too little
-                assert claim <= nearest(chain, fine[::8]) + 1e-7
+            if got and claim > least:  # axes give a lower bound
+                assert claim <= min_distance(chain, fine[::8]) + 1e-7
             assert got or claim > 0.97 * least, (claim, least)
     assert min(proved, refused) > 6
 
@@ -169,8 +169,8 @@ def test_windows_are_proved_as_all_their_frames(width: int, tmp_path: FilePath) 
     size = 0.5
     claim = 0.95 * sweep(chain, dense, size=size).clearance
 
-    def verified(arrays: dict[str, Any], told: Any) -> None:
-        told["certificate"] |= {"verdict": "verified", "clearance_bound": claim}
+    def verified(arrays: dict[str, Any], meta: Any) -> None:
+        meta["certificate"] |= {"verdict": "verified", "clearance_bound": claim}
 
     rewrite(path, path, verified)
     save(whole, dense, claim=claim)
@@ -207,7 +207,7 @@ def test_module_that_is_no_solid_proves_nothing(tmp_path: FilePath) -> None:
         "rigid_links": -1,
     }.items():
         path = save(tmp_path / "plan.npz", q, kind="prism", geometry=PRISM)
-        rewrite(path, path, lambda _, told, new={name: value}: told["claim"]["module"].update(new))
+        rewrite(path, path, lambda _, meta, new={name: value}: meta["claim"]["module"].update(new))
         with case(name), suppress(ValueError):
             assert verdict(path) == "not proved"
 
@@ -225,8 +225,8 @@ def test_files_that_are_no_plans_exit_with_two(tmp_path: FilePath, capsys: Any) 
 def test_rounding_bound_covers_what_double_precision_loses() -> None:
     random = np.random.default_rng(3)
     modules: tuple[Any, ...] = (foldback_check.CUBE, foldback_check.TETRAHEDRON)
-    for told in modules:
-        module = foldback_check.Module(told, SIZE)
+    for meta in modules:
+        module = foldback_check.Module(meta, SIZE)
         count, hinges = 100, len(module.names)
         q = random.uniform(-1.5, 1.5, (count - 1, hinges, 1))
         poses = module.poses(q, np.eye(4, 3, -1)[:, :, None])[:, 0]
@@ -234,12 +234,12 @@ def test_rounding_bound_covers_what_double_precision_loses() -> None:
         worst = 0.0
         for m in range(count - 1):
             before = turn
-            for k, part in enumerate(np.array(told["turns"], np.longdouble)):
+            for k, part in enumerate(np.array(meta["turns"], np.longdouble)):
                 turn = turn @ part
                 if k < hinges:
                     c, s = np.cos(np.longdouble(q[m, k, 0])), np.sin(np.longdouble(q[m, k, 0]))
                     turn = turn @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]], np.longdouble)
-            exact = exact + before @ told["anchor"] + turn @ told["offset"]
+            exact = exact + before @ meta["anchor"] + turn @ meta["offset"]
             worst = max(worst, float(np.abs(poses[m + 1, 0] - exact).max()))
             worst = max(worst, float(np.abs(poses[m + 1, 1:].T - turn).max()))
         assert 0.0 < worst < count * count * 30 * foldback_check.U

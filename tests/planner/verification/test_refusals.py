@@ -1,4 +1,4 @@
-"""The independent checker confirms true reasons of failed folds, and never a forged one."""
+"""Independent checker: it confirms true reasons of failed folds, and never a forged one."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from planner.plan.shape_files import write_chain
 from planner.verification.block_evidence import overlap
 from planner.verification.knot_invariants import invariants_of
 from planner.verification.plan_failure import reason_of
-from tests.planner.chains import coil, in_place, knotted, shuffled
-from tests.planner.folds import asked
+from tests.planner.chains import anchored, coil, knotted, shuffled
+from tests.planner.folds import write_request
 
 Values = dict[str, Any]
 Change = Callable[[Values], None]
-HASTY: Final = replace(
+FEW_STEPS: Final = replace(
     Parameters(), strategy="simultaneous", explosion=ExplosionParameters(max_steps=10)
 )
-NARROW: Final = replace(
+TIGHT: Final = replace(
     Parameters(), peeling=PeelingParameters(unit=8, most_modules=16, window=10, patience=20)
 )
-"""A window in which modules jam."""
+"""Parameters of a window in which modules jam."""
 VERIFIED: Final = FilePath(__file__).parents[1] / "certificate/earlier_plans/ring-12-frames.npz"
 TREFOIL: Final = [
     [np.sin(t) + 2 * np.sin(2 * t), np.cos(t) - 2 * np.cos(2 * t), -np.sin(3 * t)]
@@ -52,11 +52,11 @@ TREFOIL: Final = [
 
 @pytest.fixture(scope="module")
 def knot(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
-    """The directory of a fold whose chain is a trefoil when its steps are used up."""
+    """Directory of a fold whose chain is a trefoil when its steps are used up."""
     directory = tmp_path_factory.mktemp("knot")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(FoldRequest, "parameters", lambda *_, **__: HASTY)
-        run_stages(asked(directory, write_chain(knotted(6)), strategy="simultaneous"))
+        patch.setattr(FoldRequest, "parameters", lambda *_, **__: FEW_STEPS)
+        run_stages(write_request(directory, write_chain(knotted(6)), strategy="simultaneous"))
     return directory
 
 
@@ -64,11 +64,11 @@ def knot(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
 def jam(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """Plan and record of a box whose modules block each other, in the window and in the core."""
     chain = shuffled((4, 4, 4), 50, 1)
-    return saved(tmp_path_factory.mktemp("jam"), chain, peel(chain, NARROW.peeling), NARROW)
+    return store(tmp_path_factory.mktemp("jam"), chain, peel(chain, TIGHT.peeling), TIGHT)
 
 
-def saved(directory: FilePath, chain: Chain, record: Record, parameters: Parameters) -> FilePath:
-    """Write plan and record of an explosion that failed, as a fold does."""
+def store(directory: FilePath, chain: Chain, record: Record, parameters: Parameters) -> FilePath:
+    """Write plan and record of a failed explosion, as a fold does, and return their directory."""
     found = diagnose(chain, record, parameters)
     assert found is not None
     tried = {**record.summary(), "diagnosis": found.as_dict()}
@@ -79,21 +79,21 @@ def saved(directory: FilePath, chain: Chain, record: Record, parameters: Paramet
     return directory
 
 
-def evidence_of(told: Values) -> Values:
-    found: Values = told["attempts"][0]["diagnosis"]["evidence"]
+def evidence_of(meta: Values) -> Values:
+    found: Values = meta["attempts"][0]["diagnosis"]["evidence"]
     return found
 
 
 def check(directory: FilePath, to: FilePath | None = None, change: Change | None = None) -> Values:
-    """What the checker says of a fold, some of whose evidence is changed."""
+    """Return the checker's result for a fold whose evidence is changed."""
     plan = directory / "plan.npz"
     if to is not None and change is not None:
         with np.load(plan) as file:
             arrays = dict(file)
-        told = json.loads(str(arrays.pop("plan")))
-        change(told)
+        meta = json.loads(str(arrays.pop("plan")))
+        change(meta)
         plan = to / "plan.npz"
-        np.savez(plan, plan=np.array(json.dumps(told)), **arrays)
+        np.savez(plan, plan=np.array(json.dumps(meta)), **arrays)
     try:
         return foldback_check_refusals.check(plan, directory / "record.npz")
     except ValueError as error:
@@ -120,8 +120,8 @@ def test_blocked_hinges_and_group_are_confirmed(jam: FilePath) -> None:
     assert "hinges" in found["because"] and "any axis" in found["because"]
 
 
-def swap(told: Values, name: str, **values: Any) -> None:
-    evidence_of(told)[name][0].update(values)
+def swap(meta: Values, name: str, **values: Any) -> None:
+    evidence_of(meta)[name][0].update(values)
 
 
 FORGED_KNOTS: Final[dict[str, Change]] = {
@@ -155,34 +155,34 @@ def test_forged_knot_is_not_confirmed(forgery: str, knot: FilePath, tmp_path: Fi
 def test_knot_that_the_chain_does_not_have_is_not_confirmed(
     knot: FilePath, tmp_path: FilePath
 ) -> None:
-    # Its ends lead out along free lines, but only a knot elsewhere would have this determinant.
+    # Its ends lead out along free lines, but only another knot would have this determinant.
     chain = coil(40)
-    record = explode(chain, HASTY.explosion)  # type: ignore[arg-type]
-    saved(tmp_path, chain, record, HASTY)
+    record = explode(chain, FEW_STEPS.explosion)  # type: ignore[arg-type]
+    store(tmp_path, chain, record, FEW_STEPS)
     positions = record.frames[-1:].poses(chain).positions[0]
     middle = positions.mean(axis=0)
     polygons = closed_polygons(positions - middle, np.random.default_rng(0))
     corners = [(polygon[len(positions) :] + middle).tolist() for polygon in polygons]
 
-    def claimed(told: Values) -> None:
+    def claimed(meta: Values) -> None:
         evidence: Values = {"kind": "knot", "determinant": 3, "closings": corners}
-        told["attempts"][0]["diagnosis"]["evidence"] = evidence
+        meta["attempts"][0]["diagnosis"]["evidence"] = evidence
 
     (tmp_path / "forged").mkdir()
     assert "no knot: determinant {1}" in check(tmp_path, tmp_path / "forged", claimed)["reason"]
-    # A trefoil far outside, which many corners tie, is none of the chain's.
+    # A trefoil far outside, tied by many corners, is not that of the chain.
     aside = 0.2 * np.roll(TREFOIL, 1, axis=0) + 1.5 * np.array(corners[0][0])
     ring = np.concatenate([positions, corners[0][:1], aside, corners[0][1:]])
     assert foldback_check_refusals.determinant(ring, 1e-8) == 3
     corners = [ring[len(positions) :].tolist()]
     assert "joined otherwise" in check(tmp_path, tmp_path / "forged", claimed)["reason"]
-    # Nor does the record of another chain with as many modules, or one that jumps into a knot.
+    # Neither does a record of another chain of that length, or one that jumps into a knot.
     tied = knotted(6)
     for angles in ([tied.folded_rad], [0.2 * tied.folded_rad, tied.folded_rad]):
         open_chain = replace(tied, folded_rad=0.2 * tied.folded_rad)
-        frames = in_place("explosion", np.array(angles))
+        frames = anchored("explosion", np.array(angles))
         jump = replace(record, frames=frames, status="stalled")
-        found = check(saved(tmp_path, open_chain, jump, HASTY))
+        found = check(store(tmp_path, open_chain, jump, FEW_STEPS))
         assert found["verdict"] == "not proved"
         assert "start" in found["reason"] or "no gap" in found["reason"], found
 
@@ -225,8 +225,8 @@ def test_forged_blocks_with_true_overlaps_are_not_confirmed(
 ) -> None:
     plan, record = Plan.load(jam / "plan.npz"), Record.load(jam / "record.npz")
     chain, angles = plan.chain, record.frames.angles_at(plan.chain, -1)
-    told = evidence_of({"attempts": plan.attempts})
-    first, move = told["turns"][0], told["moves"][0]
+    meta = evidence_of({"attempts": plan.attempts})
+    first, move = meta["turns"][0], meta["moves"][0]
 
     def deepest(poses: Poses, pairs: Iterable[tuple[int, int]]) -> Values:
         found = max((overlap(chain, poses, i, j, 0.98), i, j) for i, j in pairs)
@@ -244,7 +244,7 @@ def test_forged_blocks_with_true_overlaps_are_not_confirmed(
 
     step, module = first["turned_rad"], first["module"]
     across = list(itertools.product(range(module), range(module + 3, len(chain))))
-    for name, forged, said in (
+    for name, forged, words in (
         ("turns", turned(12 * step, across), "a turn by"),
         ("turns", turned(-2 * step, across), "a turn by"),
         ("turns", turned(step, [(0, 63)]), "overlap by"),
@@ -252,26 +252,26 @@ def test_forged_blocks_with_true_overlaps_are_not_confirmed(
         ("moves", moved(0.5, range(56, 64)), "modules"),
     ):
 
-        def change(told: Values, name: str = name, forged: Values = forged) -> None:
-            swap(told, name, **forged)
+        def change(meta: Values, name: str = name, forged: Values = forged) -> None:
+            swap(meta, name, **forged)
 
         found = check(jam, tmp_path, change)
-        assert found["verdict"] == "not proved" and said in found["reason"], (forged, found)
+        assert found["verdict"] == "not proved" and words in found["reason"], (forged, found)
 
 
 def test_free_hinges_and_limits_of_the_search_are_no_reasons(tmp_path: FilePath) -> None:
     chain = coil(12)
-    late = explode(chain, HASTY.explosion)  # type: ignore[arg-type]
-    found = check(saved(tmp_path, chain, late, HASTY))
+    late = explode(chain, FEW_STEPS.explosion)  # type: ignore[arg-type]
+    found = check(store(tmp_path, chain, late, FEW_STEPS))
     assert found["verdict"] == "not checked"
     assert "not a property of the shape" in found["reason"]
-    frames = in_place("explosion", chain.folded_rad[None])
-    saved(tmp_path, chain, replace(late, frames=frames), HASTY)
+    frames = anchored("explosion", chain.folded_rad[None])
+    store(tmp_path, chain, replace(late, frames=frames), FEW_STEPS)
 
-    def claimed(told: Values) -> None:
+    def claimed(meta: Values) -> None:
         nothing: Values = {"kind": "blocks", "module_size": 0.95, "bent_above_rad": 1.0}
         nothing |= {"first_hinge": len(chain.folded_rad), "turns": [], "moves": [], "unit": None}
-        told["attempts"][0]["diagnosis"]["evidence"] = nothing
+        meta["attempts"][0]["diagnosis"]["evidence"] = nothing
 
     (tmp_path / "forged").mkdir()
     assert check(tmp_path, tmp_path / "forged", claimed)["reason"] == "other bent hinges"
@@ -284,7 +284,7 @@ def test_ends_are_led_out_along_free_lines_only(knot: FilePath, tmp_path: FilePa
     radius = np.linalg.norm(positions - middle, axis=1).max()
     for kind in np.arange(6) % 3:
         corners = middle + 100.0 * random.normal(size=(2, 3))
-        if kind == 1:  # an end goes out through the chain
+        if kind == 1:  # an end passes through the chain
             through = middle + random.normal(size=3) - positions[-1]
             corners[0] = positions[-1] + 150.0 * through / np.linalg.norm(through)
         elif kind == 2:  # the ends are joined through the chain
@@ -292,8 +292,8 @@ def test_ends_are_led_out_along_free_lines_only(knot: FilePath, tmp_path: FilePa
         ring = np.concatenate([positions, corners])
         value = foldback_check_refusals.determinant(ring, 1e-8)
 
-        def change(told: Values, corners: Any = corners, value: int = value) -> None:
-            evidence_of(told).update(closings=[corners.tolist()], determinant=value)
+        def change(meta: Values, corners: Any = corners, value: int = value) -> None:
+            evidence_of(meta).update(closings=[corners.tolist()], determinant=value)
 
         found = check(knot, tmp_path, change)
         share = np.linspace(0.0, 1.0, 2001)[:, None]

@@ -1,4 +1,4 @@
-"""A plan's motion as straight motion of triangles: mesh, exempt pairs, division; and no ipctk."""
+"""Motion of a plan as linear motion of triangles: mesh, exempt pairs, subdivision; and no ipctk."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_mesh_holds_all_modules_and_exempts_own_and_linked_vertices() -> None:
     assert len(alone.exempt) == 18, "linked tetrahedra are not exempt"
 
 
-def test_parts_are_as_straight_as_asked_at_all_moments(folded: Fold) -> None:
+def test_parts_are_straight_within_the_tolerance_at_all_moments(folded: Fold) -> None:
     plan = foldback_check.Plan(folded("wrench-24").directory / "plan.npz")
     vertices, frame, tolerance = Vertices(plan), plan.frames - 20, 1e-4
     division = vertices.divide(frame, tolerance)
@@ -46,8 +46,8 @@ def test_parts_are_as_straight_as_asked_at_all_moments(folded: Fold) -> None:
 
 
 def test_vertices_are_those_of_the_chain_seen_from_the_middle_module(folded: Fold) -> None:
-    made = folded("wrench-24")
-    plan = foldback_check.Plan(made.directory / "plan.npz")
+    fold = folded("wrench-24")
+    plan = foldback_check.Plan(fold.directory / "plan.npz")
     angles = plan.angles(plan.frames - 1, 0, len(plan.folded))
     seen = Vertices(plan).at(angles, angles, 1)[0].reshape(24, 8, 3)
     module = np.sort(seen[12], axis=0)
@@ -60,12 +60,12 @@ def test_vertices_are_those_of_the_chain_seen_from_the_middle_module(folded: Fol
     assert (np.abs(seen - centres[:, None]).max(axis=1) < plan.size / 2 + 1e-6).all()
 
 
-def test_missing_program_is_told_before_anything_is_checked(
+def test_missing_program_is_reported_before_any_check(
     monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
 ) -> None:
     monkeypatch.setitem(sys.modules, "ipctk", None)
-    with pytest.raises(InputError, match=r"pip install 'foldback\[ipctk\]'") as told:
+    with pytest.raises(InputError, match=r"pip install 'foldback\[ipctk\]'") as error:
         verify(tmp_path, third_opinion=True)
-    assert told.value.code == "no-ipctk"
+    assert error.value.code == "no-ipctk"
     with pytest.raises(InputError):
         toolkit()

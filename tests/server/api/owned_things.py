@@ -1,4 +1,4 @@
-"""Folds, movies and previews that belong to somebody, and those who ask for a change of them."""
+"""Folds, movies and previews with an owner, and the actors that request their change."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from tests.server.service_process import bearer
 from tests.server.service_thread import ServiceThread
 
 ACTORS = ("none", "short", "stranger", "asker", "owner", "heir")
-"""Holders of no token, of one that is too short, of a random one; the client that has requested the
-same fold or a movie of it; the one that has requested the fold first; and the one that the fold or
-all things of its owner go to."""
+"""Holders of no token, of a token that is too short, and of a random one; the client that has
+requested the same fold or a movie of it; the first client that has requested the fold; and the
+client to which the fold or all things of its owner are transferred."""
 MOVIE_ID = "movie"
 TOUR: dict[str, Any] = {
     "format": TOUR_FORMAT,
@@ -41,7 +41,7 @@ STATES: dict[str, dict[str, Any]] = {
     "cancelled": {"status": "cancelled", "cancel_requested": True, "content_key": None},
     "gallery": {"status": "queued", "public": True, "shape": "wrench-24"},
 }
-"""Values of folds by the first word for a thing."""
+"""Values of folds by the first word of a thing."""
 
 ID = sa.bindparam("id")
 OTHER_IDS = (PreviewRow.id, MovieRow.fold_id, TourRow.fold_id, ValuesRow.fold_id)
@@ -53,12 +53,12 @@ CHANGEABLE = sa.select(
 
 
 class Thing:
-    """One fold with what belongs to it.
+    """One fold with the objects that belong to it.
 
     Args:
-        service: Service that has it.
-        store: Its folds.
-        words: Its state, and what has happened to it since, as in ``gallery+shared``.
+        service: Service that has the fold.
+        store: Store of the fold's rows.
+        words: State of the fold, and later events, as in ``gallery+shared``.
     """
 
     def __init__(self, service: ServiceThread, store: Store, words: str) -> None:
@@ -96,12 +96,12 @@ class Thing:
         return self._service.http.request(method, path, headers=headers, json=body)
 
     def state(self) -> object:
-        """Return all that an action may change."""
+        """Return all values that an action may change."""
         with self._store.reading() as session:
             return session.execute(CHANGEABLE, {"id": self.fold_id}).one_or_none()
 
-    def _keep(self, kind: type[TourRow | ValuesRow], told: dict[str, Any]) -> None:
-        assert write_beside(self._store, self.fold_id, self.owner("owner"), kind, told)
+    def _keep(self, kind: type[TourRow | ValuesRow], data: dict[str, Any]) -> None:
+        assert write_beside(self._store, self.fold_id, self.owner("owner"), kind, data)
 
     def _share(self) -> None:
         content_key = self._store.fold(self.fold_id).content_key
@@ -119,7 +119,7 @@ class Thing:
             session.add(movie)
 
     def _add_frames(self) -> None:
-        """Promise frames: more of a timeline is not asked for here."""
+        """Report frames without a timeline, which no action reads."""
         timeline = self._store.folders.place(self.fold_id) / TIMELINE
         timeline.mkdir(parents=True)
         write_json(timeline / "zarr.json", {"attributes": {"frames": 9}})

@@ -86,8 +86,8 @@ list-previews verified+preview+rekeyed      401      401      no       no       
 """
 """Row: an action and its thing (see ``owned_things.py``). Column: an actor. Cell: status of the
 answer; 401 has the code ``no-owner-token``, 403 ``not-owner``, 403p ``public``, 404 ``no-such-…``.
-After a status with = nothing has changed, although the answer is no refusal. Lists: ``yes`` if the
-thing is in them."""
+After a status with = nothing has changed, although the answer is no refusal. Lists: ``yes`` if they
+contain the thing."""
 
 ACTIONS: dict[str, tuple[str, str, object]] = {
     "list-all": ("GET", "/api/folds", None),
@@ -119,7 +119,7 @@ CODES = {
 
 @pytest.fixture(scope="module")
 def make(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Thing]]:
-    """Makes a thing of its words."""
+    """Function that creates a thing from its words."""
     place = tmp_path_factory.mktemp("access-rights") / "data"
     with ServiceThread(place).start() as service, closing(Store(service.settings)) as store:
         yield partial(Thing, service, store)

@@ -1,4 +1,4 @@
-"""The Python client, against the real service; also through a relay that breaks things."""
+"""Python client with the real service, also through a relay that causes failures."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ import pytest
 from foldback_client import Client, Problem, Progress, Retries
 from foldback_client.upload import FoldOptions, MovieOptions, ShapeOptions
 from tests.case import case
-from tests.server.relay import Relay, Trouble, relayed
-from tests.server.service_process import PATIENCE_S, SNAKE, Service
+from tests.server.relay import Relay, Trouble, running_relay
+from tests.server.service_process import SNAKE, TIMEOUT_S, Service
 from tests.server.service_thread import ServiceThread
 
 ROOT = Path(__file__).parents[3]
@@ -32,23 +32,23 @@ def client_of(service: Service) -> Client:
 
 
 @contextmanager
-def through(
+def via_relay(
     service: Service, trouble: Trouble, retries: Retries = QUICK, retry_after: str = "0"
 ) -> Iterator[tuple[Client, Relay]]:
-    """A client that reaches a service through a relay which makes trouble."""
+    """Yield a client that reaches a service through a relay which causes failures."""
     with (
-        relayed(service.http.base_url, trouble, retry_after) as relay,
+        running_relay(service.http.base_url, trouble, retry_after) as relay,
         Client(relay.address, retries=retries) as client,
     ):
         yield client, relay
 
 
 def test_fold_is_followed_and_downloaded(service: Service, finished: Any, tmp_path: Path) -> None:
-    told: list[Progress] = []
+    reports: list[Progress] = []
     with client_of(service) as client:
-        fold = client.get(finished["id"]).wait(PATIENCE_S, told.append)
-        assert fold.verified and told[-1].status == "verified"
-        assert told[-1].frames == fold.state["progress"]["frames"] > 0
+        fold = client.get(finished["id"]).wait(TIMEOUT_S, reports.append)
+        assert fold.verified and reports[-1].status == "verified"
+        assert reports[-1].frames == fold.state["progress"]["frames"] > 0
         (page,) = fold.frames(stride=7, poses=True)
         assert len(page) == len(range(0, page.total, 7))
         assert page.positions.shape == (len(page), 16, 3)
@@ -63,7 +63,7 @@ def test_fold_is_followed_and_downloaded(service: Service, finished: Any, tmp_pa
 
 
 def test_frames_of_long_fold_come_in_pages(service: Service, finished: Any) -> None:
-    # A second web process on the same folds, which gives few frames at once.
+    # A second web process on the same folds, which sends few frames per response.
     with (
         ServiceThread(service.data_dir, frames_per_answer=20).start() as sparing,
         client_of(sparing) as client,
@@ -77,11 +77,11 @@ def test_frames_of_long_fold_come_in_pages(service: Service, finished: Any) -> N
 
 
 @pytest.mark.long
-def test_client_takes_each_kind_of_source(desk: Service, tmp_path: Path) -> None:
+def test_client_takes_each_kind_of_source(idle: Service, tmp_path: Path) -> None:
     path = tmp_path / "path.json"
     path.write_text(json.dumps(SNAKE))
     solid = np.ones((4, 3, 2), bool)
-    with client_of(desk) as client, open(path, "rb") as file:
+    with client_of(idle) as client, open(path, "rb") as file:
         sources = (SNAKE, np.array(SNAKE), file, path, path.read_bytes())
         assert len({client.fold(source).id for source in sources}) == 1
         assert client.fold(path.read_bytes(), filename="another.json").existing
@@ -99,8 +99,8 @@ def test_client_takes_each_kind_of_source(desk: Service, tmp_path: Path) -> None
             client.fold(SNAKE, module_sise=0.9)  # pyright: ignore[reportCallIssue]
 
 
-def test_client_options_are_those_of_the_interface(desk: Service) -> None:
-    described = desk.http.get("/api/openapi.json").json()
+def test_client_options_are_those_of_the_interface(idle: Service) -> None:
+    described = idle.http.get("/api/openapi.json").json()
 
     def fields(path: str) -> set[str]:
         body = described["paths"][path]["post"]["requestBody"]["content"]
@@ -118,7 +118,7 @@ def test_client_options_are_those_of_the_interface(desk: Service) -> None:
 @pytest.mark.long
 def test_movie_is_requested_and_downloaded(service: Service, finished: Any, tmp_path: Path) -> None:
     drawn: list[tuple[int, int]] = []
-    small: Any = {"width": 64, "height": 64, "fps": 5, "seconds": 1.0, "timeout_s": PATIENCE_S}
+    small: Any = {"width": 64, "height": 64, "fps": 5, "seconds": 1.0, "timeout_s": TIMEOUT_S}
     with client_of(service) as client:
         fold = client.get(finished["id"])
         path = fold.movie(
@@ -131,49 +131,49 @@ def test_movie_is_requested_and_downloaded(service: Service, finished: Any, tmp_
     assert not (tmp_path / "large.mp4").exists()
 
 
-def test_problem_carries_the_response_of_the_service(desk: Service) -> None:
-    with client_of(desk) as client, pytest.raises(Problem) as caught:
+def test_problem_carries_the_response_of_the_service(idle: Service) -> None:
+    with client_of(idle) as client, pytest.raises(Problem) as caught:
         client.fold(b'{"format": "foldback-path/1", "cells": [[0,0,0],[5,0,0],[6,0,0]]}')
     problem = caught.value
     assert problem.status == 422 and problem.code and problem.detail in str(problem)
     assert problem.where and problem.where in str(problem)
-    with client_of(desk) as client, pytest.raises(Problem, match="bad-link"):
+    with client_of(idle) as client, pytest.raises(Problem, match="bad-link"):
         client.ask("GET", "http://example.org/api/folds")
 
 
-def lost(method: str) -> Trouble:
-    """Lose the answer to the first request of a method."""
+def lose_response(method: str) -> Trouble:
+    """Return a failure that drops the response to the first request of a method."""
     return lambda asked, _path, time: "lose" if (asked, time) == (method, 1) else None
 
 
-def test_request_whose_answer_was_lost_is_repeated(desk: Service) -> None:
-    with through(desk, lost("POST")) as (client, relay):
+def test_request_with_a_lost_response_is_repeated(idle: Service) -> None:
+    with via_relay(idle, lose_response("POST")) as (client, relay):
         fold = client.fold(SNAKE, seed=43)
         assert relay.asked.count(("POST", FOLDS)) == 2
-        assert fold.existing  # the first one did arrive
+        assert fold.existing  # the first request did arrive
         assert fold.cancel().status == "cancelled"
-    with through(desk, lost("DELETE")) as (client, relay):
+    with via_relay(idle, lose_response("DELETE")) as (client, relay):
         client.fold(SNAKE, seed=44).delete()
         assert [method for method, _ in relay.asked].count("DELETE") == 2
         with pytest.raises(Problem, match="no-such-fold"):
             client.get("nosuchfold").delete()
 
 
-def refused(status: int, times: int) -> Trouble:
-    """Refuse the first requests with a status."""
+def refuse(status: int, times: int) -> Trouble:
+    """Return a failure that refuses the first requests with a status."""
     return lambda _method, _path, time: status if time <= times else None
 
 
-def test_busy_service_is_asked_again_a_few_times(desk: Service) -> None:
+def test_request_to_busy_service_is_retried_a_few_times(idle: Service) -> None:
     for status, times, retry_after, requests in (
         (429, 3, "0", 4),
-        (503, 9, "0", 5),  # as often as it may
-        (429, 9, "600", 1),  # too long to wait
-        (500, 9, "0", 1),  # no retry changes that
+        (503, 9, "0", 5),  # as often as allowed
+        (429, 9, "600", 1),  # the wait would be too long
+        (500, 9, "0", 1),  # retries do not help
     ):
         retries = Retries(attempts=5, first_s=0.01)
-        trouble = refused(status, times)
-        with case(status), through(desk, trouble, retries, retry_after) as (client, relay):
+        trouble = refuse(status, times)
+        with case(status), via_relay(idle, trouble, retries, retry_after) as (client, relay):
             if requests > times:
                 assert client.shapes()
             else:
@@ -182,7 +182,7 @@ def test_busy_service_is_asked_again_a_few_times(desk: Service) -> None:
             assert len(relay.asked) == requests
 
 
-def test_service_that_is_away_is_told_after_all_attempts() -> None:
+def test_unreachable_service_is_reported_after_all_attempts() -> None:
     away = pytest.raises(ConnectionError, match="3 attempts")
     with Client("http://127.0.0.1:9", retries=Retries(attempts=3, first_s=0.01)) as client, away:
         client.shapes()
@@ -199,8 +199,8 @@ def test_pauses_between_retries_grow_and_differ() -> None:
 
 
 @pytest.mark.parametrize("trouble", [429, "cut"])
-def test_fold_is_followed_without_its_events(desk: Service, trouble: int | str) -> None:
-    with client_of(desk) as owner:
+def test_fold_is_followed_without_its_events(idle: Service, trouble: int | str) -> None:
+    with client_of(idle) as owner:
         fold = owner.fold(SNAKE, seed=50 + len(str(trouble)))
         with pytest.raises(TimeoutError, match="still queued after"):
             fold.wait(0.05)
@@ -212,35 +212,35 @@ def test_fold_is_followed_without_its_events(desk: Service, trouble: int | str) 
                 fold.cancel()
             return trouble
 
-        with through(desk, no_events) as (client, relay):
-            assert client.get(fold.id).wait(PATIENCE_S).status == "cancelled"
+        with via_relay(idle, no_events) as (client, relay):
+            assert client.get(fold.id).wait(TIMEOUT_S).status == "cancelled"
             assert [path.endswith("/events") for _, path in relay.asked].count(True) == 3
 
 
-def test_download_is_whole_or_absent(service: Service, finished: Any, tmp_path: Path) -> None:
-    def cut(until: int) -> Trouble:
+def test_download_is_complete_or_absent(service: Service, finished: Any, tmp_path: Path) -> None:
+    def cut_off(until: int) -> Trouble:
         return lambda method, path, time: "cut" if "plan" in path and time < until else None
 
-    mine = tmp_path / "plan.npz"
-    with through(service, cut(3)) as (client, _):
-        client.get(finished["id"]).download("plan.npz", mine)
-    assert mine.read_bytes() == (service.directory(finished["id"]) / "plan.npz").read_bytes()
-    mine.write_bytes(b"older")
-    with through(service, cut(100)) as (client, _), pytest.raises(ConnectionError):
-        client.get(finished["id"]).download("plan.npz", mine)
-    assert mine.read_bytes() == b"older"
+    file = tmp_path / "plan.npz"
+    with via_relay(service, cut_off(3)) as (client, _):
+        client.get(finished["id"]).download("plan.npz", file)
+    assert file.read_bytes() == (service.directory(finished["id"]) / "plan.npz").read_bytes()
+    file.write_bytes(b"older")
+    with via_relay(service, cut_off(100)) as (client, _), pytest.raises(ConnectionError):
+        client.get(finished["id"]).download("plan.npz", file)
+    assert file.read_bytes() == b"older"
     assert [path.name for path in tmp_path.iterdir()] == ["plan.npz"]
 
 
 def run(*arguments: str, cwd: Path) -> str:
-    """What Python prints, run elsewhere with arguments; warnings are errors."""
+    """Return Python's output, run elsewhere with arguments; warnings are errors."""
     done = subprocess.run(
         [sys.executable, "-W", "error", *arguments],
         cwd=cwd,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
-        timeout=PATIENCE_S,
+        timeout=TIMEOUT_S,
         check=False,
     )
     assert done.returncode == 0, done.stderr
@@ -263,8 +263,8 @@ sys.meta_path.insert(0, Blocked())
 def test_code_of_the_api_page_runs_and_needs_only_httpx(service: Service, tmp_path: Path) -> None:
     (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "api.md").read_text(), re.S)
     code = code.replace("http://127.0.0.1:8000", str(service.http.base_url).rstrip("/"))
-    said = run("-c", WITHOUT_PACKAGES + code, cwd=tmp_path)
-    assert "verified" in said and "urdf" in said
+    output = run("-c", WITHOUT_PACKAGES + code, cwd=tmp_path)
+    assert "verified" in output and "urdf" in output
     assert list(tmp_path.iterdir()) == [tmp_path / "plan.npz"]
 
 

@@ -1,4 +1,4 @@
-"""Finished folds that come with the package."""
+"""Finished folds that ship with the package."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ NAMES = sorted(path.stem for path in FINISHED_FOLDS_DIR.glob("*.fold"))
 SMALL, REFOLD = "tetra-cube-2", "wrench-80-to-mallet-80"
 
 
-def test_finished_folds_are_imported_once_as_they_were_certified(
+def test_finished_folds_are_imported_once_and_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Two of the five: that all verify again takes long."""
+    """Two of the five, since it takes long to verify all."""
     assert len(NAMES) == 5
     assert sum(path.stat().st_size for path in FINISHED_FOLDS_DIR.glob("*.fold")) < 1_600_000
     folder = tmp_path / "finished"
@@ -41,17 +41,17 @@ def test_finished_folds_are_imported_once_as_they_were_certified(
         rows = {row.module: row for row in store.list_public()}
         assert [rows[module].refold for module in ("cube", "tetrahedron")] == ["wrench-80", None]
         for row in rows.values():
-            told = (row.status, row.visitor, row.bytes, row.pinned)
-            assert told == ("verified", "the service itself", 0, True)
+            values = (row.status, row.visitor, row.bytes, row.pinned)
+            assert values == ("verified", "the service itself", 0, True)
             assert manifest.changed_fields(store.directory(row.id)) == [], row.name
-        # One that was deleted does not come back, nor one that has been folded here besides.
+        # A deleted one is not restored, and neither is one that has been folded here.
         assert store.delete(rows["cube"].id)
         with store.changing() as session:
             session.execute(sa.delete(CounterRow).where(CounterRow.name == f"finished {SMALL}"))
         assert import_finished(settings, store, Gallery()) == []
         assert len(included_folds(store)) == 1
-        kept = {path.name for path in settings.folds_dir.iterdir()}
-        assert kept == {row.id for row in rows.values()}  # the sweep takes the deleted one
+        names = {path.name for path in settings.folds_dir.iterdir()}
+        assert names == {row.id for row in rows.values()}  # the sweep removes the deleted one
 
 
 @pytest.mark.long

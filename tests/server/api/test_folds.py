@@ -37,8 +37,8 @@ def test_finished_fold_has_figures_and_its_events_are_in_order(
     assert (name, last["status"], last["frames"] > 2) == ("done", "verified", True)
     assert {name for name, _ in progress} == {"progress"}
     order = [None, "read", "explode", "play_back", "certify", "export"]
-    told = [(order.index(data["stage"]), data["frames"]) for _, data in finished["events"]]
-    assert told == sorted(told)
+    stages = [(order.index(data["stage"]), data["frames"]) for _, data in finished["events"]]
+    assert stages == sorted(stages)
     assert [name for name, _ in service.events(finished["id"])] == ["progress", "done"]
 
 
@@ -77,22 +77,22 @@ def test_frames_are_those_of_the_timeline_by_stride_and_range(
     assert (past.status_code, past.json()["code"]) == (422, "no-such-frames")
 
 
-def test_files_of_queued_and_unknown_folds_are_refused(desk: Service) -> None:
-    fold_id = desk.fold(SNAKE, seed="7")["id"]
+def test_files_of_queued_and_unknown_folds_are_refused(idle: Service) -> None:
+    fold_id = idle.fold(SNAKE, seed="7")["id"]
     for part in ("frames", "plan.json", "plan.npz", "model.xml"):
-        answer = desk.http.get(f"/api/folds/{fold_id}/{part}")
+        answer = idle.http.get(f"/api/folds/{fold_id}/{part}")
         assert (answer.status_code, answer.json()["code"]) == (409, "not-ready")
     for fold_id in ("nosuchfold", ".."):
         for part in ("", "/events", "/frames", "/plan.json"):
-            answer = desk.http.get(f"/api/folds/{fold_id}{part}")
+            answer = idle.http.get(f"/api/folds/{fold_id}{part}")
             assert (answer.status_code, bool(answer.json()["code"])) == (404, True)
 
 
 def test_folds_of_a_gallery_shape_have_its_title_and_private_ones_are_not_in_it(
-    service: Service, desk: Service, wrench: str
+    service: Service, idle: Service, wrench: str
 ) -> None:
     assert wrench not in service.http.get("/gallery").text
-    waiting = desk.state(desk.fold(shape="wrench-24")["id"])
+    waiting = idle.state(idle.fold(shape="wrench-24")["id"])
     assert waiting["name"] == service.state(wrench)["name"] == "Small wrench"
     assert '<h1 id="name">Small wrench</h1>' in service.http.get(f"/folds/{wrench}").text
 
@@ -100,30 +100,30 @@ def test_folds_of_a_gallery_shape_have_its_title_and_private_ones_are_not_in_it(
 def test_running_fold_is_cancelled_requested_again_and_deleted(service: Service) -> None:
     options = {"shape": "mallet-64", "preset": "paper"}  # it explodes slowly
     accepted = service.fold(**options)
-    here = f"/api/folds/{accepted['id']}"
-    told = next(data for _, data in service.events(accepted["id"]) if data["steps"])
-    assert told["simulated_s"] == pytest.approx(0.01 * told["steps"])
+    path = f"/api/folds/{accepted['id']}"
+    event = next(data for _, data in service.events(accepted["id"]) if data["steps"])
+    assert event["simulated_s"] == pytest.approx(0.01 * event["steps"])
     service.wait_exploding(accepted["id"])
-    assert service.http.post(f"{here}/cancel", headers=owner(accepted)).status_code == 202
+    assert service.http.post(f"{path}/cancel", headers=owner(accepted)).status_code == 202
     name, last = list(service.events(accepted["id"]))[-1]
     assert (name, last["status"]) == ("done", "cancelled")
-    # Its frames stay to be looked at; the worker is free for others; the same begins anew.
-    assert service.http.get(f"{here}/frames").json()["total"] > 0
+    # Its frames remain visible and the worker is free; the same request starts a new fold.
+    assert service.http.get(f"{path}/frames").json()["total"] > 0
     timeline = service.directory(accepted["id"]) / "timeline.zarr"
-    assert Timeline.open(timeline).status == "failed"  # nobody waits for more
+    assert Timeline.open(timeline).status == "failed"  # so that the worker becomes free
     again = service.fold(**options)
     assert again["id"] != accepted["id"]
     service.wait_exploding(again["id"])
-    here = f"/api/folds/{again['id']}"
-    assert service.http.delete(here, headers=owner(again)).status_code == 204
-    assert service.http.get(here).status_code == 404
+    path = f"/api/folds/{again['id']}"
+    assert service.http.delete(path, headers=owner(again)).status_code == 204
+    assert service.http.get(path).status_code == 404
     while service.directory(again["id"]).exists():
         assert service.process.poll() is None
         time.sleep(0.05)
 
 
-def test_first_shape_is_folded_once(here_with: Callable[..., ServiceThread]) -> None:
-    service = here_with().start("--first-shape", "mallet-64")
+def test_first_shape_is_folded_once(service_with: Callable[..., ServiceThread]) -> None:
+    service = service_with().start("--first-shape", "mallet-64")
     (first,) = _gallery_folds(service)
     assert first["shape"] == "mallet-64"
     assert service.stop() == 0
@@ -137,35 +137,35 @@ def _gallery_folds(service: Service) -> list[dict[str, Any]]:
     return folds
 
 
-def test_fold_is_requested_again_by_its_id(desk: Service) -> None:
+def test_fold_is_requested_again_by_its_id(idle: Service) -> None:
     cells = [[x, y, z] for x in range(3) for y in range(2) for z in range(2)][::-1]
-    first = desk.fold(cells, as_voxels="true", method="blocks", seed="21")
-    assert desk.http.post(f"/api/folds/{first['id']}/cancel", headers=owner(first)).is_success
-    again = desk.fold(fold=first["id"], seed="21")
+    first = idle.fold(cells, as_voxels="true", method="blocks", seed="21")
+    assert idle.http.post(f"/api/folds/{first['id']}/cancel", headers=owner(first)).is_success
+    again = idle.fold(fold=first["id"], seed="21")
     assert again["id"] != first["id"]
     for name in ("input", "request.json", "cells.json"):
-        before, after = ((desk.directory(f["id"]) / name).read_bytes() for f in (first, again))
+        before, after = ((idle.directory(f["id"]) / name).read_bytes() for f in (first, again))
         assert before == after
-    other = desk.fold(fold=first["id"], seed="22", preset="paper")
-    assert desk.state(other["id"])["preset"] == "paper"
-    assert desk.fold(fold=other["id"], seed="22", preset="paper")["existing"]
-    size = sum(path.stat().st_size for path in desk.directory(other["id"]).iterdir())
-    with closing(Store(Settings(data_dir=desk.data_dir))) as store:
+    other = idle.fold(fold=first["id"], seed="22", preset="paper")
+    assert idle.state(other["id"])["preset"] == "paper"
+    assert idle.fold(fold=other["id"], seed="22", preset="paper")["existing"]
+    size = sum(path.stat().st_size for path in idle.directory(other["id"]).iterdir())
+    with closing(Store(Settings(data_dir=idle.data_dir))) as store:
         assert store.fold(other["id"]).bytes == size  # from now on, not from its end on
-    gallery = desk.fold(shape="wrench-24", seed="31")
-    assert desk.state(desk.fold(fold=gallery["id"], seed="32")["id"])["shape"] == "wrench-24"
+    gallery = idle.fold(shape="wrench-24", seed="31")
+    assert idle.state(idle.fold(fold=gallery["id"], seed="32")["id"])["shape"] == "wrench-24"
     for name in ("nosuchfold", "../../etc", ""):
-        assert desk.http.post("/api/folds", data={"fold": name}).status_code in (404, 422)
+        assert idle.http.post("/api/folds", data={"fold": name}).status_code in (404, 422)
 
 
-def test_settings_that_change_something_make_another_fold(desk: Service) -> None:
-    first = desk.fold(STAIRS, preset="paper", settings=" radial_gain=.2, damping=0.10,")
-    assert desk.state(first["id"])["settings"] == "radial_gain=0.2"
+def test_settings_that_change_something_make_another_fold(idle: Service) -> None:
+    first = idle.fold(STAIRS, preset="paper", settings=" radial_gain=.2, damping=0.10,")
+    assert idle.state(first["id"])["settings"] == "radial_gain=0.2"
     options = {"token": first["owner_token"], "preset": "paper"}
-    same = desk.fold(STAIRS, **options, settings="step_s=0.01,radial_gain=0.20")
+    same = idle.fold(STAIRS, **options, settings="step_s=0.01,radial_gain=0.20")
     assert (same["existing"], same["id"]) == (True, first["id"])
-    plain = desk.fold(STAIRS, **options)
+    plain = idle.fold(STAIRS, **options)
     assert not plain["existing"]
-    # By its id, too; what is made of it goes with the settings that are asked for.
-    again = desk.fold(fold=first["id"], **options, settings="radial_gain=0.2")
-    assert (again["id"], desk.fold(fold=first["id"], **options)["id"]) == (first["id"], plain["id"])
+    # By its id, too; derived folds take the requested settings.
+    again = idle.fold(fold=first["id"], **options, settings="radial_gain=0.2")
+    assert (again["id"], idle.fold(fold=first["id"], **options)["id"]) == (first["id"], plain["id"])

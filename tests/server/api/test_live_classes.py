@@ -1,4 +1,4 @@
-"""Live classes: followers see a leader's view, and nothing else is passed on."""
+"""Live classes: followers see the view of a leader, and receive nothing else."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from server.settings import Settings
 from tests.server.service_process import SNAKE, Service
 
 VIEW = "frame=12&module=4&camera=-62.5,24,0.6,0.05,-0.1&colour=speed&path=1&follow=0"
-PATIENCE_S = 30
+TIMEOUT_S = 30
 
 
 @pytest.fixture(scope="module")
@@ -26,13 +26,13 @@ def fold(service: Service) -> str:
     return service.fold(SNAKE)["id"]
 
 
-def opened(service: Service, path: str, **headers: str) -> ClientConnection:
+def open_socket(service: Service, path: str, **headers: str) -> ClientConnection:
     address = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
     return connect(f"{address}{path}", additional_headers=headers)
 
 
 def refusal(service: Service, path: str, **headers: str) -> int:
-    with pytest.raises(InvalidStatus) as refused, opened(service, path, **headers):
+    with pytest.raises(InvalidStatus) as refused, open_socket(service, path, **headers):
         pass
     return refused.value.response.status_code
 
@@ -41,16 +41,16 @@ def ending(connection: Connection) -> tuple[int, str]:
     """Read until the socket is closed, and return the code and the reason."""
     with pytest.raises(ConnectionClosed) as closed:
         while True:
-            connection.recv(PATIENCE_S)
+            connection.recv(TIMEOUT_S)
     assert closed.value.rcvd is not None
     return closed.value.rcvd.code, closed.value.rcvd.reason
 
 
 def test_followers_see_the_view_of_the_leader_until_it_leaves(service: Service, fold: str) -> None:
-    with opened(service, f"/api/class/lead?fold={fold}") as leader:
-        told = json.loads(leader.recv(PATIENCE_S))
-        assert told["picture"].startswith("data:image/svg+xml")
-        path = told["link"].removeprefix(str(service.http.base_url).rstrip("/"))
+    with open_socket(service, f"/api/class/lead?fold={fold}") as leader:
+        message = json.loads(leader.recv(TIMEOUT_S))
+        assert message["picture"].startswith("data:image/svg+xml")
+        path = message["link"].removeprefix(str(service.http.base_url).rstrip("/"))
         code = path.removeprefix("/c/")
         joined = service.http.get(path.lower())
         assert (joined.status_code, joined.headers["location"]) == (
@@ -58,15 +58,15 @@ def test_followers_see_the_view_of_the_leader_until_it_leaves(service: Service, 
             f"/folds/{fold}?class={code}",
         )
         with (
-            opened(service, f"/api/class/follow?code={code}") as one,
-            opened(service, f"/api/class/follow?code={code}") as other,
+            open_socket(service, f"/api/class/follow?code={code}") as one,
+            open_socket(service, f"/api/class/follow?code={code}") as other,
         ):
-            assert one.recv(PATIENCE_S) == other.recv(PATIENCE_S) == ""
-            while json.loads(leader.recv(PATIENCE_S)) != {"followers": 2}:
+            assert one.recv(TIMEOUT_S) == other.recv(TIMEOUT_S) == ""
+            while json.loads(leader.recv(TIMEOUT_S)) != {"followers": 2}:
                 pass
             leader.send(VIEW)
-            assert one.recv(PATIENCE_S) == other.recv(PATIENCE_S) == VIEW
-            other.send("frame=1")  # followers have nothing to say
+            assert one.recv(TIMEOUT_S) == other.recv(TIMEOUT_S) == VIEW
+            other.send("frame=1")  # followers may not send
             assert ending(other)[0] == 1008
             leader.close()
             assert ending(one) == (1000, "over")
@@ -76,48 +76,48 @@ def test_followers_see_the_view_of_the_leader_until_it_leaves(service: Service, 
 
 def test_class_of_a_leader_who_sends_nonsense_or_floods_ends(service: Service, fold: str) -> None:
     for messages in (["<script>"], [b"frame=1"], [f"frame={k}" for k in range(1000)]):
-        with opened(service, f"/api/class/lead?fold={fold}") as leader:
-            code = json.loads(leader.recv(PATIENCE_S))["link"].rpartition("/")[2]
-            with opened(service, f"/api/class/follow?code={code}") as follower:
-                assert follower.recv(PATIENCE_S) == ""
+        with open_socket(service, f"/api/class/lead?fold={fold}") as leader:
+            code = json.loads(leader.recv(TIMEOUT_S))["link"].rpartition("/")[2]
+            with open_socket(service, f"/api/class/follow?code={code}") as follower:
+                assert follower.recv(TIMEOUT_S) == ""
                 with suppress(ConnectionClosed):
                     for message in messages:
                         leader.send(message)
                 got: list[str | bytes] = []
                 with pytest.raises(ConnectionClosed):
                     while True:
-                        got.append(follower.recv(PATIENCE_S))
+                        got.append(follower.recv(TIMEOUT_S))
                 assert len(got) <= MAX_VIEWS_PER_SECOND
                 assert all(is_view(str(view)) for view in got)
 
 
 def test_class_waits_for_a_leader_whose_connection_is_lost(service: Service, fold: str) -> None:
-    leader = opened(service, f"/api/class/lead?fold={fold}")
-    back = json.loads(leader.recv(PATIENCE_S))["back"]
+    leader = open_socket(service, f"/api/class/lead?fold={fold}")
+    back = json.loads(leader.recv(TIMEOUT_S))["back"]
     code, key = back["code"], back["key"]
     assert len(key) >= 20
-    with opened(service, f"/api/class/follow?code={code}") as follower:
+    with open_socket(service, f"/api/class/follow?code={code}") as follower:
         leader.send("frame=1")
-        while follower.recv(PATIENCE_S) != "frame=1":
+        while follower.recv(TIMEOUT_S) != "frame=1":
             pass
-        leader.socket.shutdown(socket.SHUT_RDWR)  # without a word, as a network that fails
+        leader.socket.shutdown(socket.SHUT_RDWR)  # as on network failure
         for wrong in (f"code={code}&key={key[:-1]}", f"code={code}&key=", f"code=A&key={key}"):
             assert refusal(service, f"/api/class/lead?fold={fold}&{wrong}") == 404
-        with opened(service, f"/api/class/lead?code={code}&key={key}") as again:
-            assert json.loads(again.recv(PATIENCE_S))["back"] == back
-            assert json.loads(again.recv(PATIENCE_S)) == {"followers": 1}
+        with open_socket(service, f"/api/class/lead?code={code}&key={key}") as again:
+            assert json.loads(again.recv(TIMEOUT_S))["back"] == back
+            assert json.loads(again.recv(TIMEOUT_S)) == {"followers": 1}
             again.send("frame=2")
-            assert follower.recv(PATIENCE_S) == "frame=2"
-            with opened(service, f"/api/class/lead?code={code}&key={key}") as newest:
+            assert follower.recv(TIMEOUT_S) == "frame=2"
+            with open_socket(service, f"/api/class/lead?code={code}&key={key}") as newest:
                 assert ending(again)[0] == 1000  # the latest connection leads
                 newest.send("frame=3")
-                assert follower.recv(PATIENCE_S) == "frame=3"
+                assert follower.recv(TIMEOUT_S) == "frame=3"
         assert ending(follower) == (1000, "over")
 
 
 def test_class_is_refused_before_it_begins(service: Service, fold: str) -> None:
-    for asked in ("lead?fold=nothing", "lead?fold=../etc", "follow?code=AAAA"):
-        assert refusal(service, f"/api/class/{asked}") == 404
+    for query in ("lead?fold=nothing", "lead?fold=../etc", "follow?code=AAAA"):
+        assert refusal(service, f"/api/class/{query}") == 404
     assert refusal(service, f"/api/class/lead?fold={fold}", Origin="http://evil.example") == 403
 
 

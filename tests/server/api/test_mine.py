@@ -19,14 +19,14 @@ from tests.server.service_process import SNAKE, Service, bearer
 from tests.server.service_thread import ServiceThread
 
 
-def made(service: Service, token: str, what: str = "folds", **query: Any) -> dict[str, Any]:
+def create(service: Service, token: str, what: str = "folds", **query: Any) -> dict[str, Any]:
     answer = service.http.get(f"/api/mine/{what}", params=query, headers=bearer(token))
     assert answer.status_code == 200, answer.text
     assert answer.headers["cache-control"] == "no-store"
     return answer.json()
 
 
-def looked_at(service: Service, token: str, **form: Any) -> dict[str, Any]:
+def view_preview(service: Service, token: str, **form: Any) -> dict[str, Any]:
     files = None if "preview" in form else {"file": ("part.json", json.dumps(SNAKE))}
     answer = service.http.post(
         "/api/shapes/preview", data={"full": "false", **form}, files=files, headers=bearer(token)
@@ -35,23 +35,23 @@ def looked_at(service: Service, token: str, **form: Any) -> dict[str, Any]:
     return answer.json()
 
 
-def test_folds_of_an_owner_are_listed_in_pages(desk: Service) -> None:
+def test_folds_of_an_owner_are_listed_in_pages(idle: Service) -> None:
     mine, stranger = new_token(), new_token()
-    ids = [desk.fold(SNAKE, seed=str(seed), token=mine)["id"] for seed in range(3)]
-    desk.fold(SNAKE, seed="9", token=stranger)
-    page = made(desk, mine, limit=2)
+    ids = [idle.fold(SNAKE, seed=str(seed), token=mine)["id"] for seed in range(3)]
+    idle.fold(SNAKE, seed="9", token=stranger)
+    page = create(idle, mine, limit=2)
     assert (page["total"], [fold["id"] for fold in page["folds"]]) == (3, ids[:0:-1])
-    rest = desk.http.get(page["next"], headers=bearer(mine)).json()
+    rest = idle.http.get(page["next"], headers=bearer(mine)).json()
     assert ([fold["id"] for fold in rest["folds"]], rest["next"]) == (ids[:1], None)
     fold = page["folds"][0]
     assert (fold["public"], fold["expires_at"], fold["status"]) == (False, None, "queued")
     assert fold["links"]["drawing"] == f"/folds/{fold['id']}/drawing.svg"
     for before in ("x", "1,", "nan,a", "1e9,a", "-1,a", "1,a'"):
-        answer = desk.http.get("/api/mine/folds", params={"before": before}, headers=bearer(mine))
+        answer = idle.http.get("/api/mine/folds", params={"before": before}, headers=bearer(mine))
         assert answer.status_code == 422, before
 
 
-def test_pages_of_folds_of_the_same_moment_are_whole(store: Store) -> None:
+def test_pages_of_folds_with_equal_times_are_complete(store: Store) -> None:
     for name in "bdac":
         store.add(a_fold(name, created_at=1.7e9 + 0.1), SOMEBODY)
     first = folds_made(store, SOMEBODY, before=None, limit=3)
@@ -61,37 +61,37 @@ def test_pages_of_folds_of_the_same_moment_are_whole(store: Store) -> None:
 
 
 def test_renamed_fold_shows_its_name_everywhere_at_once(service: Service, finished: Any) -> None:
-    here, token = f"/folds/{finished['id']}", finished["accepted"]["owner_token"]
-    service.http.get(here)  # so that there is an answer of before
-    before, plan = service.state(finished["id"]), service.http.get(f"/api{here}/plan.json")
+    path, token = f"/folds/{finished['id']}", finished["accepted"]["owner_token"]
+    service.http.get(path)  # fills the response cache
+    before, plan = service.state(finished["id"]), service.http.get(f"/api{path}/plan.json")
     answer = service.http.patch(
-        f"/api{here}", json={"name": " wrench-7 \u202e\n"}, headers=bearer(token)
+        f"/api{path}", json={"name": " wrench-7 \u202e\n"}, headers=bearer(token)
     )
     assert (answer.json()["name"], answer.json()["title"]) == ("wrench-7", "wrench-7")
-    for address in (here, f"{here}/facts", f"/api{here}", f"/embed/{finished['id']}"):
+    for address in (path, f"{path}/facts", f"/api{path}", f"/embed/{finished['id']}"):
         assert "wrench-7" in service.http.get(address).text, address
-    assert 'property="og:title" content="wrench-7' in service.http.get(here).text
-    assert service.http.get(f"/api{here}/plan.json").content == plan.content
-    service.http.patch(f"/api{here}", json={"name": before["name"]}, headers=bearer(token))
+    assert 'property="og:title" content="wrench-7' in service.http.get(path).text
+    assert service.http.get(f"/api{path}/plan.json").content == plan.content
+    service.http.patch(f"/api{path}", json={"name": before["name"]}, headers=bearer(token))
 
 
-def test_bad_names_and_tokens_are_refused(desk: Service) -> None:
-    fold = desk.fold(SNAKE, seed="20")
-    here, mine = f"/api/folds/{fold['id']}", bearer(fold["owner_token"])
-    before = desk.state(fold["id"])["name"]
+def test_bad_names_and_tokens_are_refused(idle: Service) -> None:
+    fold = idle.fold(SNAKE, seed="20")
+    path, mine = f"/api/folds/{fold['id']}", bearer(fold["owner_token"])
+    before = idle.state(fold["id"])["name"]
     names = (" \u200b\x00", "n" * 201, ["a"])
     bodies: list[dict[str, object]] = [{"name": name} for name in names]
     for body in (*bodies, {"names": "a"}, {"owner_token": "short"}, {"owner_token": "é" * 30}):
-        assert desk.http.patch(here, json=body, headers=mine).status_code == 422, body
-    assert desk.state(fold["id"])["name"] == before
+        assert idle.http.patch(path, json=body, headers=mine).status_code == 422, body
+    assert idle.state(fold["id"])["name"] == before
 
 
-def test_upload_repeated_after_a_transfer_is_a_new_fold(desk: Service) -> None:
+def test_upload_repeated_after_a_transfer_is_a_new_fold(idle: Service) -> None:
     old = new_token()
-    fold = desk.fold(SNAKE, seed="21", token=old)
-    here, body = f"/api/folds/{fold['id']}", {"owner_token": new_token()}
-    assert desk.http.patch(here, json=body, headers=bearer(old)).status_code == 200
-    assert desk.fold(SNAKE, seed="21", token=old)["id"] != fold["id"]
+    fold = idle.fold(SNAKE, seed="21", token=old)
+    path, body = f"/api/folds/{fold['id']}", {"owner_token": new_token()}
+    assert idle.http.patch(path, json=body, headers=bearer(old)).status_code == 200
+    assert idle.fold(SNAKE, seed="21", token=old)["id"] != fold["id"]
 
 
 def test_name_of_the_input_does_not_replace_that_of_the_owner(store: Store) -> None:
@@ -118,40 +118,40 @@ def test_expiry_of_folds_by_their_kind(tmp_path: Any) -> None:
 
 def test_listing_folds_does_not_postpone_their_expiry(service: Service, finished: Any) -> None:
     token = finished["accepted"]["owner_token"]
-    drawing = made(service, token)["folds"][0]["links"]["drawing"]
+    drawing = create(service, token)["folds"][0]["links"]["drawing"]
     with closing(Store(Settings(data_dir=service.data_dir))) as store:
         store._change(finished["id"], seen_at=1e9)
         answer = service.http.get(drawing)
         assert answer.headers["content-type"] == "image/svg+xml" and "<svg" in answer.text
         assert answer.headers["content-security-policy"] == "default-src 'none'"
-        made(service, token)
+        create(service, token)
         assert store.fold(finished["id"]).seen_at == 1e9
         service.http.get(f"/folds/{finished['id']}/facts")
         assert (store.fold(finished["id"]).seen_at or 0) > 1e9
     assert service.http.get("/folds/nosuchfold/drawing.svg").status_code == 404
 
 
-def test_previews_of_an_owner_are_listed_with_their_last_options(desk: Service) -> None:
+def test_previews_of_an_owner_are_listed_with_their_last_options(idle: Service) -> None:
     mine, stranger = new_token(), new_token()
-    sent = looked_at(desk, mine)
-    looked_at(desk, mine, preview=sent["id"], seed="3", start="0,0,0", as_voxels="true")
-    looked_at(desk, stranger, preview=sent["id"], seed="4")  # who has the link
-    (listed,) = made(desk, mine, "previews")["previews"]
+    sent = view_preview(idle, mine)
+    view_preview(idle, mine, preview=sent["id"], seed="3", start="0,0,0", as_voxels="true")
+    view_preview(idle, stranger, preview=sent["id"], seed="4")  # anyone who has the link
+    (listed,) = create(idle, mine, "previews")["previews"]
     assert listed["id"] == sent["id"] and listed["modules"] == len(SNAKE)
     assert listed["page"].startswith(f"/previews/{sent['id']}?")
     options = {"seed=3", "start=0,0,0", "as_voxels=true"}
     assert set(listed["page"].partition("?")[2].split("&")) == options
     for address in (listed["page"], listed["drawing"]):
-        assert desk.http.get(address).status_code == 200, address
-    assert made(desk, stranger, "previews")["previews"] == []
-    here = f"/api/mine/previews/{sent['id']}"
-    assert desk.http.delete(here, headers=bearer(mine)).status_code == 204
-    assert desk.http.get(listed["page"]).status_code == 404
-    assert made(desk, mine, "previews")["previews"] == []
+        assert idle.http.get(address).status_code == 200, address
+    assert create(idle, stranger, "previews")["previews"] == []
+    path = f"/api/mine/previews/{sent['id']}"
+    assert idle.http.delete(path, headers=bearer(mine)).status_code == 204
+    assert idle.http.get(listed["page"]).status_code == 404
+    assert create(idle, mine, "previews")["previews"] == []
 
 
-def test_client_lists_and_renames(desk: ServiceThread) -> None:
-    with Client(str(desk.http.base_url)) as client, closing(Store(desk.settings)) as store:
+def test_client_lists_and_renames(idle: ServiceThread) -> None:
+    with Client(str(idle.http.base_url)) as client, closing(Store(idle.settings)) as store:
         fold = client.fold(SNAKE, seed=30)
         mine = Owner.from_token(client.token)
         later = [a_fold(f"later{k}", created_at=time.time() + k) for k in range(25)]

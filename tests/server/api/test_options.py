@@ -1,4 +1,4 @@
-"""Options of a fold: each is described once, and everything that offers it takes it from there."""
+"""Options of a fold: each is described once, and all interfaces derive it from there."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from planner.pipeline.request import FoldRequest
 from server.api.forms import form_of
 from server.pages.page import rendered
 from server.store.tables import REQUESTED_COLUMNS, FoldRow
-from tests.server.asgi import asked
+from tests.server.asgi import send_request
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extended(FoldRequest):
-    """The request of a fold with one more option."""
+    """Request of a fold with one more option."""
 
     pace: str = option(
         "brisk",
@@ -50,9 +50,9 @@ def test_api_takes_a_new_option() -> None:
     assert (pace["enum"], pace["default"], pace["title"]) == (["brisk", "slow"], "brisk", "Pace")
     assert pace["description"] == "Pace: `brisk`, or `slow` for spectators."
     form = {"pace": "slow", "start": "1,2,3"}
-    answer = asked(app, "/folds", method="POST", data=form)
+    answer = send_request(app, "/folds", method="POST", data=form)
     assert Extended.from_json(answer.json()) == Extended(pace="slow", start=(1, 2, 3))
-    assert asked(app, "/folds", method="POST", data={"pace": "hasty"}).status_code == 422
+    assert send_request(app, "/folds", method="POST", data={"pace": "hasty"}).status_code == 422
 
 
 def test_command_line_takes_a_new_option() -> None:
@@ -65,16 +65,16 @@ def test_command_line_takes_a_new_option() -> None:
         seen.append(request)
 
     del fold
-    told = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"})
-    assert "Pace of the fold: brisk or slow (a show)." in told.output
+    result = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"})
+    assert "Pace of the fold: brisk or slow (a show)." in result.output
     changed = ("--preset=paper", "--set", "radial_gain=2", "--set", "damping=0.12, step_s=.01")
-    told = CliRunner().invoke(app, ["--pace", "slow", "--seed", "7", "--repair", *changed])
+    result = CliRunner().invoke(app, ["--pace", "slow", "--seed", "7", "--repair", *changed])
     settings = "radial_gain=2,damping=0.12, step_s=.01"
     paper = Extended(pace="slow", seed=7, repair=True, preset="paper", settings=settings)
-    assert (told.exit_code, seen) == (0, [paper]), told.output
-    told = CliRunner().invoke(app, ["--pace", "hasty"])
-    assert told.exit_code == 2
-    assert "got the pace 'hasty', expected one of: brisk, slow." in told.output
+    assert (result.exit_code, seen) == (0, [paper]), result.output
+    result = CliRunner().invoke(app, ["--pace", "hasty"])
+    assert result.exit_code == 2
+    assert "got the pace 'hasty', expected one of: brisk, slow." in result.output
 
 
 def test_client_docs_and_preview_page_have_each_option() -> None:
@@ -83,7 +83,7 @@ def test_client_docs_and_preview_page_have_each_option() -> None:
     assert row in make_options.page(make_options.PAGE.read_text(encoding="utf-8"), Extended)
     facts = {"name": "Cup", "most_modules": 100}
     html = rendered("preview.html", facts=facts, facts_json="{}", options=options_of(Extended))
-    _, _, more = html.partition('id="more-options"')  # the script sends all fields in there
+    _, _, more = html.partition('id="more-options"')  # the script sends all fields of this form
     control, _, _ = more.partition("</div>")
     assert '<select id="pace" name="pace"><option value="brisk">Brisk</option>' in control
     for each in options_of(FoldRequest).values():

@@ -35,8 +35,8 @@ def test_fold_that_prefers_time_has_the_fastest_of_its_plans(service: Service) -
     assert first["form"]["prefer"] == "computing"
 
 
-def test_preference_of_a_baseline_is_refused(desk: Service) -> None:
-    status, problem = desk.refused(shape="mallet-64", prefer="torque", preset="paper")
+def test_preference_of_a_baseline_is_refused(idle: Service) -> None:
+    status, problem = idle.refusal(shape="mallet-64", prefer="torque", preset="paper")
     assert (status, problem["code"], problem["where"]) == (422, "unsuited-prefer", "prefer")
     assert "got the preference torque" in problem["detail"]
 
@@ -52,7 +52,7 @@ def test_preference_raises_the_expected_time_within_bounds() -> None:
 
 @pytest.fixture
 def stored(service: Service, finished: dict[str, Any]) -> Iterator[str]:
-    """A fold with one more plan, that of its first attempt."""
+    """Id of a fold with one more plan, that of its first attempt."""
     directory = service.directory(finished["id"])
     plan = directory / PLANS_DIR / "0"
     plan.mkdir(parents=True)

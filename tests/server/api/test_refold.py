@@ -14,14 +14,14 @@ from planner.plan.plan import Plan
 from planner.readers.gallery import Gallery
 from planner.verification.verify import verify
 from server.cli.command_line import application
-from tests.planner.plans import changed
+from tests.planner.plans import with_values
 from tests.server.service_process import SNAKE, Service, owner
 
 
 def test_finished_fold_is_refolded_into_another_shape_unlisted(
     service: Service, wrench: str
 ) -> None:
-    """What a refold computes is tested with the planner."""
+    """The planner's tests check the result of a refold."""
     accepted = service.fold(refold=wrench, shape="mallet-24")
     token, fold_id = accepted["owner_token"], accepted["id"]
     state = service.wait_over(fold_id)
@@ -49,7 +49,7 @@ def test_shapes_that_fit_are_listed_and_others_are_refused(service: Service, wre
     assert [(s["name"], s["modules"]) for s in found] == [("mallet-24", 24)]
     assert service.http.get("/api/folds/nosuchfold/refolds").status_code == 404
     for shape, what in (("mallet-64", "64 cubes"), ("tetra-dodecahedron", "24 tetrahedra")):
-        status, problem = service.refused(refold=wrench, shape=shape)
+        status, problem = service.refusal(refold=wrench, shape=shape)
         assert (status, problem["code"]) == (422, "refold-differs")
         assert f"got a shape of {what}, expected one of 24 cubes" in problem["detail"]
         assert "examples that fit: mallet-24, wrench-24." in problem["detail"]
@@ -65,24 +65,24 @@ def test_refold_that_differs_after_a_search_fails(service: Service, wrench: str)
 
 
 def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(
-    desk: Service, service: Service, wrench: str
+    idle: Service, service: Service, wrench: str
 ) -> None:
-    waiting = desk.fold(SNAKE, seed="31")
+    waiting = idle.fold(SNAKE, seed="31")
     forms = {"refold": {"refold": waiting["id"], "shape": "mallet-24"}}
     forms["smooth"] = {"smooth": waiting["id"]}
 
     def refused(use: str) -> tuple[int, str, str]:
-        status, problem = desk.refused(**forms[use])
+        status, problem = idle.refusal(**forms[use])
         return status, problem["code"], problem["detail"]
 
     assert [refused(use)[:2] for use in forms] == [(409, f"{use}-not-ready") for use in forms]
-    desk.http.post(f"/api/folds/{waiting['id']}/cancel", headers=owner(waiting))
+    idle.http.post(f"/api/folds/{waiting['id']}/cancel", headers=owner(waiting))
     assert [refused(use)[:2] for use in forms] == [(422, f"{use}-no-plan") for use in forms]
-    assert desk.refused(refold="nosuchfold", shape="mallet-24")[0] == 404
-    theirs, mine = service.directory(wrench), desk.directory(waiting["id"])
+    assert idle.refusal(refold="nosuchfold", shape="mallet-24")[0] == 404
+    theirs, mine = service.directory(wrench), idle.directory(waiting["id"])
     shutil.copyfile(theirs / "chain.json", mine / "chain.json")
     plan = Plan.load(theirs / "plan.npz")
-    other = changed(plan, joint_angles_rad=0.9 * plan.joint_angles_rad)
+    other = with_values(plan, joint_angles_rad=0.9 * plan.joint_angles_rad)
     other.save_npz(mine / "plan.npz")
     status, code, detail = refused("refold")
     assert (status, code) == (422, "refold-not-folded")
@@ -90,36 +90,36 @@ def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(
     failed = replace(plan.certificate, verdict="failed: it overlaps")
     replace(plan, certificate=failed).save_npz(mine / "plan.npz")
     assert refused("smooth")[:2] == (422, "smooth-not-verified")
-    assert not desk.http.get(f"/folds/{waiting['id']}/facts").json()["smoothable"]
+    assert not idle.http.get(f"/folds/{waiting['id']}/facts").json()["smoothable"]
 
 
 def cli(*arguments: object) -> tuple[int, str]:
-    told = CliRunner().invoke(application(), ["refold", *map(str, arguments)])
-    return told.exit_code, told.output
+    result = CliRunner().invoke(application(), ["refold", *map(str, arguments)])
+    return result.exit_code, result.output
 
 
 @pytest.mark.long
 @pytest.mark.slow
 def test_examples_and_directories_are_refolded_on_the_command_line(tmp_path: Path) -> None:
-    code, told = cli("wrench-24", "mallet-24", "--out", tmp_path, "--json")
-    assert code == 0, told
-    summary = json.loads(told.splitlines()[-1])
+    code, text = cli("wrench-24", "mallet-24", "--out", tmp_path, "--json")
+    assert code == 0, text
+    summary = json.loads(text.splitlines()[-1])
     assert (summary["status"], summary["refold"]["start"]) == ("verified", "wrench-24")
-    # Folders of plans are taken on either side.
-    code, told = cli(tmp_path, tmp_path / "start", "--out", tmp_path / "back", "--module-size", 0.9)
-    assert code == 0, told
+    # Directories of plans are accepted on either side.
+    code, text = cli(tmp_path, tmp_path / "start", "--out", tmp_path / "back", "--module-size", 0.9)
+    assert code == 0, text
     back = Plan.load(tmp_path / "back" / "plan.npz")
     assert back.certificate.module_size == 0.9
     assert (back.start.name, back.chain.name) == ("mallet-24", "wrench-24")
 
 
 def test_command_line_refuses_refolds_that_differ_or_have_no_plan(tmp_path: Path) -> None:
-    code, told = cli("wrench-160", "hammer", "--out", tmp_path, "--json")
-    error = json.loads(told.splitlines()[-1])["error"]
+    code, text = cli("wrench-160", "hammer", "--out", tmp_path, "--json")
+    error = json.loads(text.splitlines()[-1])["error"]
     assert (code, error["code"]) == (2, "refold-differs")
     fitting = [s.name for s in Gallery().fitting("cube", 160)]
     assert f"examples that fit: {', '.join(fitting[:6])}" in error["detail"]
     assert not list(tmp_path.rglob("timeline.zarr"))
-    code, told = cli(tmp_path, "hammer", "--out", tmp_path / "out")
+    code, text = cli(tmp_path, "hammer", "--out", tmp_path / "out")
     assert code == 2
-    assert "plan.npz" in told
+    assert "plan.npz" in text

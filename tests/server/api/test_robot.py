@@ -27,52 +27,52 @@ from tests.server.service_thread import ServiceThread
 EXAMPLE = Path(__file__).parents[3] / "examples" / "06_drive_a_robot.py"
 Finished = dict[str, Any]
 LIMITS = {"max_speed": 0.5, "max_acceleration": 1.0}
-LIMITED = ("--max-speed", "0.5", "--max-acceleration", "1")
-"""Limits of a robot, for the API and for the command line."""
+LIMIT_OPTIONS = ("--max-speed", "0.5", "--max-acceleration", "1")
+"""Options for the same limits on the command line."""
 
 
 class Robot:
-    """A robot at the other end of a socket."""
+    """Robot at the other end of a socket."""
 
     def __init__(self, socket: ClientConnection) -> None:
         self.socket = socket
         self.last: dict[str, Any] = {}
 
-    def hear(self) -> dict[str, Any]:
-        said = json.loads(self.socket.recv(timeout=30))
-        if said["is"] in ("begin", "target"):
-            self.last = {"number": 0, "time_s": 0.0, **said}
-        return said
+    def receive(self) -> dict[str, Any]:
+        message = json.loads(self.socket.recv(timeout=30))
+        if message["is"] in ("begin", "target"):
+            self.last = {"number": 0, "time_s": 0.0, **message}
+        return message
 
-    def hear_until(self, wanted: str) -> dict[str, Any]:
-        """Answers nothing until it hears what is wanted."""
-        while (said := self.hear())["is"] != wanted:
+    def receive_until(self, wanted: str) -> dict[str, Any]:
+        """Receive messages, without an answer, until one of the given kind arrives."""
+        while (message := self.receive())["is"] != wanted:
             pass
-        return said
+        return message
 
-    def say(self, do: str, **more: object) -> None:
+    def send(self, do: str, **more: object) -> None:
         self.socket.send(json.dumps({"do": do, **more}))
 
     def report(self, **error: object) -> None:
-        """Report an error, or angles, at the last target."""
-        self.say("report", number=self.last["number"], **error)
+        """Report an error, or angles, for the last target."""
+        self.send("report", number=self.last["number"], **error)
 
-    def until(self, wanted: str, error: float = 0.0) -> dict[str, Any]:
-        """Answers all that it is to follow with an error, until it hears what is wanted."""
-        while (said := self.hear())["is"] != wanted:
-            if said["is"] in ("begin", "target"):
+    def follow_until(self, wanted: str, error: float = 0.0) -> dict[str, Any]:
+        """Follow all targets with an error until a message of the given kind arrives."""
+        while (message := self.receive())["is"] != wanted:
+            if message["is"] in ("begin", "target"):
                 self.report(error_rad=error)
-        return said
+        return message
 
 
-def address(service: Service, fold_id: str, **asked: object) -> str:
+def address(service: Service, fold_id: str, **options: object) -> str:
     base = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
-    return f"{base}/api/folds/{fold_id}/play?{urlencode(asked)}"
+    return f"{base}/api/folds/{fold_id}/play?{urlencode(options)}"
 
 
 @contextlib.contextmanager
-def played(service: Service, finished: Finished, **asked: object) -> Iterator[Robot]:
-    with connect(address(service, finished["id"], **asked), max_size=None) as socket:
+def playing(service: Service, finished: Finished, **options: object) -> Iterator[Robot]:
+    with connect(address(service, finished["id"], **options), max_size=None) as socket:
         yield Robot(socket)
 
 
@@ -86,33 +86,33 @@ def denial(url: str) -> tuple[str, int]:
 
 
 def refusal(robot: Robot) -> tuple[str, int]:
-    """The word and the code with which a socket is closed."""
-    said = robot.hear()
-    assert said["is"] == "problem", said
+    """Return the reason and the code with which a socket is closed."""
+    message = robot.receive()
+    assert message["is"] == "problem", message
     with pytest.raises(ConnectionClosed) as shut:
-        robot.hear()
-    return said["code"], shut.value.rcvd.code
+        robot.receive()
+    return message["code"], shut.value.rcvd.code
 
 
 def test_robot_that_follows_is_led_to_the_folded_shape(
     service: Service, finished: Finished
 ) -> None:
     plan = service.http.get(f"/api/folds/{finished['id']}/plan.json").json()
-    with played(service, finished, speed=20, speeds=True) as robot:
-        begin = robot.hear()
+    with playing(service, finished, speed=20, speeds=True) as robot:
+        begin = robot.receive()
         assert (begin["is"], begin["schema"]) == ("begin", "foldback-play/1")
         assert begin["joint_names"] == plan["joint_names"]
         assert begin["frames"] == len(plan["time_s"])
         assert begin["joint_angles_rad"] == pytest.approx(plan["joint_angles_rad"][0], abs=1e-5)
-        assert robot.hear()["because"] == "start"
-        robot.say("report", error_rad=0.0)
+        assert robot.receive()["because"] == "start"
+        robot.send("report", error_rad=0.0)
         times = [0.0]
-        while (said := robot.hear())["is"] != "end":
-            if said["is"] == "target":
-                times.append(said["time_s"])
-                assert len(said["joint_speeds_rad_s"]) == len(begin["joint_names"])
+        while (message := robot.receive())["is"] != "end":
+            if message["is"] == "target":
+                times.append(message["time_s"])
+                assert len(message["joint_speeds_rad_s"]) == len(begin["joint_names"])
                 robot.report(error_rad=0.01)
-        assert said["because"] == "folded"
+        assert message["because"] == "folded"
         assert times == sorted(times)
         assert times[-1] == pytest.approx(begin["duration_s"], abs=1e-5)
         folded = pytest.approx(plan["joint_angles_rad"][-1], abs=1e-5)
@@ -122,42 +122,42 @@ def test_robot_that_follows_is_led_to_the_folded_shape(
 def test_first_target_waits_for_the_robot_to_be_at_the_start(
     service: Service, finished: Finished
 ) -> None:
-    with played(service, finished, rate_hz=100, speed=0.1) as robot:
-        angles = robot.hear()["joint_angles_rad"]
-        assert robot.hear()["because"] == "start"
-        robot.say("report", joint_angles_rad=[angle + 1.5 for angle in angles])
-        waiting = robot.hear()
+    with playing(service, finished, rate_hz=100, speed=0.1) as robot:
+        angles = robot.receive()["joint_angles_rad"]
+        assert robot.receive()["because"] == "start"
+        robot.send("report", joint_angles_rad=[angle + 1.5 for angle in angles])
+        waiting = robot.receive()
         assert (waiting["because"], waiting["error_rad"]) == ("error", pytest.approx(1.5))
         with pytest.raises(TimeoutError):
             robot.socket.recv(timeout=0.3)  # thirty ticks
-        robot.say("report", joint_angles_rad=angles)
-        assert robot.hear()["is"] == "going"
-        target = robot.hear()
+        robot.send("report", joint_angles_rad=angles)
+        assert robot.receive()["is"] == "going"
+        target = robot.receive()
         assert (target["is"], target["number"]) == ("target", 1)
         assert target["joint_angles_rad"] == pytest.approx(angles, abs=1e-3)
-        # Errors are computed from measured angles on the way, too.
+        # Errors are computed from measured angles during the motion, too.
         robot.report(joint_angles_rad=[angles[0] + 0.4, *angles[1:]])
-        said = robot.hear_until("waiting")
-        assert (said["because"], said["error_rad"]) == ("error", pytest.approx(0.4, abs=0.02))
+        message = robot.receive_until("waiting")
+        assert (message["because"], message["error_rad"]) == ("error", pytest.approx(0.4, abs=0.02))
 
 
 def test_play_waits_for_a_slow_robot_and_is_paused_and_stopped(
     service: Service, finished: Finished
 ) -> None:
-    """For one in error or without reports: see test_robot_clock.py."""
-    with played(service, finished, speed=0.1, silence_s=30) as robot:
-        robot.until("going")
+    """test_robot_clock.py tests robots in error or without reports."""
+    with playing(service, finished, speed=0.1, silence_s=30) as robot:
+        robot.follow_until("going")
         answered = robot.last["number"]
-        assert robot.hear_until("waiting")["because"] == "behind"
+        assert robot.receive_until("waiting")["because"] == "behind"
         assert robot.last["number"] - answered < 20
         robot.report(error_rad=0.0)
-        robot.until("going")
-        robot.say("pause")
-        assert robot.until("waiting")["because"] == "pause"
-        robot.say("resume")
-        robot.until("going")
-        robot.say("stop")
-        assert robot.until("end")["because"] == "stop"
+        robot.follow_until("going")
+        robot.send("pause")
+        assert robot.follow_until("waiting")["because"] == "pause"
+        robot.send("resume")
+        robot.follow_until("going")
+        robot.send("stop")
+        assert robot.follow_until("end")["because"] == "stop"
 
 
 def test_bad_messages_are_refused_and_start_nothing(service: Service, finished: Finished) -> None:
@@ -168,11 +168,11 @@ def test_bad_messages_are_refused_and_start_nothing(service: Service, finished: 
         '{"do": "report", "joint_angles_rad": [0, 1]}',
         '{"do": "report", "error_rad": 0, "joint_angles_rad": []}',
     ):
-        with case(text), played(service, finished) as robot:
+        with case(text), playing(service, finished) as robot:
             robot.socket.send(text)
-            while (said := robot.hear())["is"] != "problem":
-                assert said["is"] != "going"
-            assert said["code"] == "bad-message"
+            while (message := robot.receive())["is"] != "problem":
+                assert message["is"] != "going"
+            assert message["code"] == "bad-message"
 
 
 def test_bad_options_of_play_are_refused(service: Service, finished: Finished) -> None:
@@ -181,45 +181,45 @@ def test_bad_options_of_play_are_refused(service: Service, finished: Finished) -
 
 
 def test_only_finished_and_verified_folds_are_played(
-    service: Service, desk: Service, finished: Finished, here_with: Callable[..., ServiceThread]
+    service: Service, idle: Service, finished: Finished, service_with: Callable[..., ServiceThread]
 ) -> None:
-    assert denial(address(desk, "no-such-fold")) == ("no-such-fold", 404)
-    assert denial(address(desk, desk.fold(SNAKE)["id"])) == ("not-ready", 409)
-    doubtful = here_with()
-    doubtful.take_over(service, finished["id"])
+    assert denial(address(idle, "no-such-fold")) == ("no-such-fold", 404)
+    assert denial(address(idle, idle.fold(SNAKE)["id"])) == ("not-ready", 409)
+    doubtful = service_with()
+    doubtful.copy_from(service, finished["id"])
     path = doubtful.directory(finished["id"]) / "plan.npz"
     plan = Plan.load(path)
     failed = replace(plan.certificate, verdict="failed: so it says")
     replace(plan, certificate=failed).save_npz(path)
-    path.with_name("manifest.json").unlink()  # with it, the plan would count as damaged
-    with played(doubtful.start(), finished) as robot:
+    path.with_name("manifest.json").unlink()  # otherwise the plan would count as damaged
+    with playing(doubtful.start(), finished) as robot:
         assert refusal(robot) == ("not-verified", 1008)
 
 
 def test_number_of_robots_of_a_visitor_is_limited(
     service: Service, finished: Finished, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # A second one on the same folds, which lets a visitor drive one robot.
+    # A second service on the same folds, which lets each visitor drive one robot.
     monkeypatch.setattr(trajectories, "STREAMS_OF_ADDRESS", 0)
     with ServiceThread(service.data_dir, max_robots_of_visitor=1).start() as other:
-        with played(other, finished) as first:
-            assert first.hear()["is"] == "begin"
+        with playing(other, finished) as first:
+            assert first.receive()["is"] == "begin"
             assert denial(address(other, finished["id"])) == ("too-many-robots", 429)
-        # Nor are trajectories sent to it, of which an address may have none at once here.
+        # No trajectories are sent either, of which an address may have none at once here.
         busy = other.http.get(f"/api/folds/{finished['id']}/trajectory")
     assert (busy.status_code, busy.json()["code"]) == (429, "too-many-motions")
     assert busy.headers["retry-after"]
 
 
 def test_messages_are_bounded_in_size_and_rate(service: Service, finished: Finished) -> None:
-    with played(service, finished) as robot:
-        robot.say("report", error_rad=0.0, nonsense="x" * 100_000)
-        assert robot.hear_until("problem")["code"] == "too-large"
-    with played(service, finished, speed=0.01) as robot:
-        with contextlib.suppress(ConnectionClosed):  # it may be hung up on at once
+    with playing(service, finished) as robot:
+        robot.send("report", error_rad=0.0, nonsense="x" * 100_000)
+        assert robot.receive_until("problem")["code"] == "too-large"
+    with playing(service, finished, speed=0.01) as robot:
+        with contextlib.suppress(ConnectionClosed):  # the connection may be closed at once
             for _ in range(1200):  # within the same second, or the next
-                robot.say("resume")
-        assert robot.hear_until("problem")["code"] == "too-fast"
+                robot.send("resume")
+        assert robot.receive_until("problem")["code"] == "too-fast"
 
 
 def test_messages_of_play_have_a_schema(service: Service, finished: Finished) -> None:
@@ -230,50 +230,50 @@ def test_messages_of_play_have_a_schema(service: Service, finished: Finished) ->
 
 
 def test_trajectory_is_given_as_json_and_csv(service: Service, finished: Finished) -> None:
-    here = f"/api/folds/{finished['id']}/trajectory"
-    document = service.http.get(here, params=LIMITS).json()
+    path = f"/api/folds/{finished['id']}/trajectory"
+    document = service.http.get(path, params=LIMITS).json()
     assert document["plan_verified"] is True
     assert 0.0 < document["clearance_bound"] <= document["min_clearance"]
     assert np.abs(document["joint_speeds_rad_s"]).max() <= 0.5 + 1e-6
-    table = service.http.get(here, params={**LIMITS, "format": "csv", "rate": 20})
+    table = service.http.get(path, params={**LIMITS, "format": "csv", "rate": 20})
     assert table.headers["content-type"].startswith("text/csv")
     rows = [line.split(",") for line in table.text.splitlines()]
     assert len(rows[0]) == 1 + 2 * len(document["joint_names"])
     assert float(rows[-1][0]) == pytest.approx(document["duration_s"], abs=1e-6)
     slow = {"max_speed": 1e-3, "rate": 1e4}
     for wrong, status in (({"max_speed": 0}, 422), ({"format": "xml"}, 422), (slow, 413)):
-        assert service.http.get(here, params=wrong).status_code == status
+        assert service.http.get(path, params=wrong).status_code == status
 
 
 def test_motors_are_judged_by_their_torque(service: Service, finished: Finished) -> None:
-    here = f"/api/folds/{finished['id']}/motors"
-    asked = {"module_mass": 0.1, "pitch": 0.05, "motor_torque": 0.01}
-    weak = service.http.get(here, params=asked).json()
+    path = f"/api/folds/{finished['id']}/motors"
+    query = {"module_mass": 0.1, "pitch": 0.05, "motor_torque": 0.01}
+    weak = service.http.get(path, params=query).json()
     assert weak["would_do"] is False
     assert weak["verdict"].startswith("No: joint_")
-    assert service.http.get(here, params={**asked, "motor_torque": 100}).json()["would_do"] is True
-    table = service.http.get(here, params={**asked, "format": "csv"}).text.splitlines()
+    assert service.http.get(path, params={**query, "motor_torque": 100}).json()["would_do"] is True
+    table = service.http.get(path, params={**query, "format": "csv"}).text.splitlines()
     assert len(table) == 1 + len(weak["joints"])
-    falling = service.http.get(here, params={**asked, "floating": True})
+    falling = service.http.get(path, params={**query, "floating": True})
     assert (falling.status_code, falling.json()["code"]) == (422, "bad-build")
-    assert service.http.get(here).status_code == 422
+    assert service.http.get(path).status_code == 422
 
 
 def test_retime_on_the_command_line_gives_the_same_as_the_api(
     service: Service, finished: Finished, tmp_path: Path
 ) -> None:
     out, table = tmp_path / "robot.json", tmp_path / "motors.csv"
-    command = ["retime", str(service.directory(finished["id"])), "--json", *LIMITED]
+    command = ["retime", str(service.directory(finished["id"])), "--json", *LIMIT_OPTIONS]
     torques = ["--module-mass", "0.1", "--pitch", "0.05", "--table", str(table)]
     done = foldback(*command, "--out", str(out), *torques, "--motor-torque", "0.01")
     assert done.returncode == 3, done.stderr
     report = json.loads(done.stdout.splitlines()[-1])
-    here = f"/api/folds/{finished['id']}"
+    path = f"/api/folds/{finished['id']}"
     assert report["plan_verified"] is True
-    trajectory = service.http.get(f"{here}/trajectory", params=LIMITS).json()
+    trajectory = service.http.get(f"{path}/trajectory", params=LIMITS).json()
     assert json.loads(out.read_text()) == trajectory
-    asked = {**LIMITS, "module_mass": 0.1, "pitch": 0.05, "motor_torque": 0.01}
-    assert report["motors"] == service.http.get(f"{here}/motors", params=asked).json()
+    query = {**LIMITS, "module_mass": 0.1, "pitch": 0.05, "motor_torque": 0.01}
+    assert report["motors"] == service.http.get(f"{path}/motors", params=query).json()
     assert len(table.read_text().splitlines()) == 1 + len(report["motors"]["joints"])
     refused = foldback(*command, "--out", str(tmp_path / "robot.txt"))
     assert refused.returncode == 2
@@ -284,11 +284,11 @@ def test_retimed_plan_without_proved_clearance_exits_with_3(
     service: Service, finished: Finished, tmp_path: Path
 ) -> None:
     plan = Plan.load(service.directory(finished["id"]) / "plan.npz")
-    # Modules of full size touch: they overlap nowhere, and nothing can be proved of them.
+    # Modules of full size touch: they do not overlap, but no clearance can be proved.
     full = replace(plan.certificate, module_size=1.0)
     replace(plan, certificate=full).save_npz(tmp_path / "plan.npz")
     out = str(tmp_path / "robot.csv")
-    command = ["retime", str(tmp_path), *LIMITED]
+    command = ["retime", str(tmp_path), *LIMIT_OPTIONS]
     done = foldback(*command, "--out", out)
     assert "clearance not proved" in " ".join(done.stdout.split())
     assert done.returncode == 3
@@ -299,8 +299,8 @@ def test_example_06_drives_a_simulated_robot(service: Service, finished: Finishe
     options = ("--url", str(service.http.base_url).rstrip("/"), "--fold", finished["id"])
     command = [sys.executable, "-W", "error", str(EXAMPLE), *options]
     command += ["--speed", "5", "--stiffness", "0.05"]
-    asked: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 120, "check": False}
-    done = subprocess.run(command, env={"PATH": ""}, **asked)
+    more: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 120, "check": False}
+    done = subprocess.run(command, env={"PATH": ""}, **more)
     assert done.returncode == 0, done.stderr
     assert "'because': 'folded'" in done.stdout.splitlines()[-1]
     assert "'because': 'error'" in done.stdout  # weak servos lag behind

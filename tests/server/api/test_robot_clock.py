@@ -8,7 +8,7 @@ TICK = 0.01
 
 
 class Driven:
-    """A pace, and the clock on the wall."""
+    """Robot clock with a wall clock that tests advance."""
 
     def __init__(self, *, speed: float = 1.0, ramp_s: float = 0.1) -> None:
         self.now = 100.0
@@ -17,7 +17,7 @@ class Driven:
         )
 
     def run(self, seconds: float, error: float | None) -> float:
-        """How far the clock gets, with a report at every tick."""
+        """Return the time that the clock reaches with a report at every tick."""
         before = self.clock.time_s
         for _ in range(round(seconds / TICK)):
             if error is not None:
@@ -38,7 +38,7 @@ def test_clock_reaches_its_speed_after_a_ramp() -> None:
 def test_clock_stands_while_the_error_is_above_the_threshold() -> None:
     driven = Driven()
     driven.run(0.5, 0.0)
-    # It runs down within its ramp, over half of what it would have gone.
+    # It slows down within its ramp, for half of the distance at full speed.
     assert driven.run(1.0, 0.06) == pytest.approx(0.05, abs=0.01)
     assert driven.clock.rate == 0.0
     assert driven.clock.waiting(driven.now) == "error"

@@ -22,13 +22,13 @@ from tests.server.service_thread import ServiceThread
 
 @pytest.fixture(scope="module")
 def plain(finished: dict[str, Any]) -> str:
-    """The id of the fold that is smoothed."""
+    """Id of the fold that is smoothed."""
     return finished["id"]
 
 
 @pytest.fixture(scope="module")
 def smoothed(service: Service, plain: str) -> dict[str, Any]:
-    """It, smoothed: what the request was answered, and how it ended."""
+    """Smoothed fold: the answer to its request, and its final state."""
     accepted = service.fold(smooth=plain)
     return {"accepted": accepted, "state": service.wait_over(accepted["id"])}
 
@@ -38,15 +38,15 @@ def test_verified_fold_is_smoothed(service: Service, plain: str, smoothed: dict[
     assert state["status"] == "verified", state
     assert (state["smooths"], state["refold"]) == (plain, None)
     assert state["name"] == service.state(plain)["name"]
-    told = state["summary"]["smoothing"]
+    figures = state["summary"]["smoothing"]
     recorded = Plan.load(service.directory(plain) / "plan.npz")
-    assert told["before"]["frames"] == len(recorded.time_s)
-    assert told["after"]["length_rad"] < told["before"]["length_rad"]
-    here = f"/api/folds/{state['id']}"
-    body = service.http.get(f"{here}/frames").json()
+    assert figures["before"]["frames"] == len(recorded.time_s)
+    assert figures["after"]["length_rad"] < figures["before"]["length_rad"]
+    path = f"/api/folds/{state['id']}"
+    body = service.http.get(f"{path}/frames").json()
     assert {body["phases"][i] for i in body["phase"]} == {"playback"}
-    assert len(body["phase"]) == told["after"]["frames"]
-    assert service.http.get(f"{here}/plan.json").json()["smoothing"] == told
+    assert len(body["phase"]) == figures["after"]["frames"]
+    assert service.http.get(f"{path}/plan.json").json()["smoothing"] == figures
     assert verify(service.directory(state["id"])).verified
 
 
@@ -56,9 +56,9 @@ def test_page_of_smoothed_fold_compares_figures(
     facts = service.http.get(f"/folds/{smoothed['state']['id']}/facts").json()
     assert facts["name"].endswith(", smoothed") and not facts["smoothable"]
     rows = {row["label"]: row for row in facts["smoothing"]["rows"]}
-    told = smoothed["state"]["summary"]["smoothing"]
+    figures = smoothed["state"]["summary"]["smoothing"]
     for when in ("before", "after"):
-        assert rows["Frames"][when] == str(told[when]["frames"])
+        assert rows["Frames"][when] == str(figures[when]["frames"])
     assert {"Folding time", "Largest torque", "Clearance"} < set(rows)
     assert facts["compare"][0]["id"] == plain
     assert service.http.get(facts["smoothing"]["compare"]).status_code == 200
@@ -82,16 +82,16 @@ def test_smoothed_fold_outlives_the_original_and_starts_again_from_its_record(
     service: Service,
     plain: str,
     smoothed: dict[str, Any],
-    here_with: Callable[..., ServiceThread],
+    service_with: Callable[..., ServiceThread],
 ) -> None:
     shown = smoothed["state"]["id"]
     assert plain in service.http.get(f"/folds/{shown}").text
-    # Nor does a site that shows it give away the link of the other.
+    # A page of the original does not reveal the link of the smoothed fold.
     embedded = service.http.get(f"/embed/{shown}").text
     assert shown in embedded and plain not in embedded
-    # Where the others do not miss it, and no worker takes what is queued.
-    other = here_with()
-    other.take_over(service, plain, shown)
+    # Here the folds are private and no worker takes the queued one.
+    other = service_with()
+    other.copy_from(service, plain, shown)
     other.start()
     before = other.http.get(f"/folds/{shown}/facts").json()
     assert before["smoothing"]["compare"] == f"/compare?a={plain}&b={shown}"
@@ -121,31 +121,31 @@ def test_options_that_do_not_suit_smoothing_are_refused(
         ({"fold": smoothed["accepted"]["id"], "preset": "direct"}, 422, "smooth-preset"),
         ({"smooth": "nosuchfold"}, 404, "no-such-fold"),
     ):
-        answer, problem = service.refused(**form)
+        answer, problem = service.refusal(**form)
         assert (answer, problem["code"]) == (status, code), problem
 
 
 def cli(*arguments: object) -> tuple[int, str]:
-    told = CliRunner().invoke(application(), ["smooth", *map(str, arguments)])
-    return told.exit_code, told.output
+    result = CliRunner().invoke(application(), ["smooth", *map(str, arguments)])
+    return result.exit_code, result.output
 
 
 @pytest.mark.long
 def test_plan_is_smoothed_on_the_command_line(service: Service, plain: str, tmp_path: Path) -> None:
-    code, told = cli(service.directory(plain), "--out", tmp_path)
-    assert code == 0, told
+    code, text = cli(service.directory(plain), "--out", tmp_path)
+    assert code == 0, text
     for word in ("verified (simulated)", "Largest torque", "Before", "After", "×"):
-        assert word in told
+        assert word in text
     assert verify(tmp_path).verified
 
 
 def test_command_line_smooths_only_plans_into_another_directory(
     service: Service, plain: str, tmp_path: Path
 ) -> None:
-    here = service.directory(plain)
+    plain_dir = service.directory(plain)
     for source, out, refused in (
         (tmp_path, tmp_path / "out", "not-a-plan"),
-        (here, here, "smooth-in-place"),
+        (plain_dir, plain_dir, "smooth-in-place"),
     ):
-        code, told = cli(source, "--out", out, "--json")
-        assert (code, json.loads(told.splitlines()[-1])["error"]["code"]) == (2, refused)
+        code, text = cli(source, "--out", out, "--json")
+        assert (code, json.loads(text.splitlines()[-1])["error"]["code"]) == (2, refused)

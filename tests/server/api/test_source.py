@@ -1,4 +1,4 @@
-"""Sources: how an input completes the request of a fold. No service runs here."""
+"""Sources: completion of a fold's request by its input, without a service."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.case import case
 
 
 class Upload:
-    """An uploaded file, which ``open_source`` closes."""
+    """Uploaded file, which ``open_source`` closes."""
 
     filename = "a/cup.stl"
 
@@ -43,7 +43,7 @@ PARENT = ParentFold(
 
 @pytest.fixture
 def context(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Context:
-    """Return what ``open_source`` needs: the gallery, and folds whose files lie in a directory."""
+    """Context of ``open_source``: the gallery, and folds whose files are in a directory."""
     folds = {
         "mesh": FoldRow(id="mesh", shape=None, module_size=0.9, world="floating"),
         "voxels": FoldRow(id="voxels", shape="mallet-64", module_size=None, world="floating"),
@@ -66,7 +66,7 @@ def context(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Context:
     return cast(Context, SimpleNamespace(gallery=Gallery(), store=store))
 
 
-def completed(context: Context, origin: Origin, request: FoldRequest) -> Source:
+def complete_request(context: Context, origin: Origin, request: FoldRequest) -> Source:
     with open_source(context, origin, request) as (stream, source):
         assert not stream.closed
     return source
@@ -76,25 +76,25 @@ def test_input_completes_the_request(context: Context) -> None:
     plain, table, flat = FoldRequest(), {"world": "table"}, {"world": "table", "as_voxels": True}
     refolded = Origin(file=FILE, refold="x")
     for origin, request, expected in (
-        # A path that was made to float suits no table; a mesh gets 2×2×2 modules as before.
+        # A path for zero gravity is unsuitable for a table; a mesh gets 2×2×2 modules as before.
         (Origin(shape="mallet-64"), TABLE, flat),
         (Origin(shape="mallet-64"), plain, {}),
         (Origin(fold="mesh"), TABLE, {**flat, "method": "blocks", "repair": True}),
         (Origin(fold="voxels"), TABLE, {**flat, "repair": True}),
         (Origin(fold="rests"), TABLE, {**table, "repair": True}),
-        # The world is requested each time, and so is the seed.
+        # The world and the seed are taken from each request.
         (Origin(fold="rests"), FoldRequest(seed=2), {"repair": True, "seed": 2}),
         # A smoothing has the module size of its fold, unless another one is requested.
         (Origin(smooth="mesh"), plain, {"repair": True, "module_size": 0.9}),
         (Origin(smooth="mesh"), FoldRequest(module_size=0.8), {"repair": True, "module_size": 0.8}),
-        # A new input is made of the modules of the fold that a refold begins with.
+        # A new input is made of the modules of the fold from which a refold starts.
         (refolded, plain, {"module": "tetrahedron", "modules": 48}),
         (refolded, FoldRequest(modules=50), {"module": "tetrahedron", "modules": 50}),
         (Origin(shape="mallet-64", refold="x"), plain, {}),
         (Origin(file=FILE), plain, {}),
     ):
         with case((origin, request)):
-            source = completed(context, origin, request)
+            source = complete_request(context, origin, request)
             assert source.request.changed() == expected
             assert source.request.smooth == (origin.smooth is not None)
             assert source.request.refold == (origin.refold is not None)
@@ -102,7 +102,7 @@ def test_input_completes_the_request(context: Context) -> None:
 
 
 def test_filename_is_the_last_part_of_its_path(context: Context) -> None:
-    assert completed(context, Origin(file=FILE), FoldRequest()).request.filename == "cup.stl"
+    assert complete_request(context, Origin(file=FILE), FoldRequest()).request.filename == "cup.stl"
 
 
 def test_only_gallery_shapes_with_default_options_are_public(context: Context) -> None:
@@ -113,7 +113,7 @@ def test_only_gallery_shapes_with_default_options_are_public(context: Context) -
         (Origin(shape="mallet-64", refold="x"), FoldRequest(), False),
         (Origin(smooth="voxels"), FoldRequest(), False),
     ):
-        assert completed(context, origin, request).public == public, origin
+        assert complete_request(context, origin, request).public == public, origin
 
 
 def test_origin_without_one_input_is_refused(context: Context) -> None:
@@ -135,7 +135,7 @@ def test_origin_is_read_from_the_form() -> None:
 
 
 def test_bad_option_is_refused_before_the_input_is_looked_up() -> None:
-    nothing = cast(Any, None)  # no context is needed for it
+    nothing = cast(Any, None)  # no context is needed
     request = FoldRequest(world="table", preset="paper")
     with pytest.raises(Unusable) as refused:
         post_fold(nothing, nothing, nothing, Origin(fold="no-such-fold"), request)

@@ -1,4 +1,4 @@
-"""Folds on a table: asked for over HTTP, told in their JSON and on their pages."""
+"""Folds on a table: requested over HTTP, reported in their JSON and on their pages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.server.service_process import Service
 from web.timeline.columns import decode
 
 SLAB = [[x, y, 0] for x in range(3) for y in range(3) if (x, y) != (1, 0)]
-"""Cells of a slab that has no path: one of its chessboard colours has two more than the other."""
+"""Cells of a slab that has no path: one of its chessboard colours has two more cells."""
 
 
 def voxels(*sides: int) -> bytes:
@@ -25,12 +25,12 @@ def voxels(*sides: int) -> bytes:
     return file.getvalue()
 
 
-def asked(desk: Service, path: str = "/api/folds", **form: str) -> Any:
+def get_json(idle: Service, path: str = "/api/folds", **form: str) -> Any:
     files = {} if {"shape", "fold"} & set(form) else {"file": ("box.npy", voxels(2, 2, 2))}
-    return desk.http.post(path, files=files or None, data=form)
+    return idle.http.post(path, files=files or None, data=form)
 
 
-def test_options_that_do_not_suit_a_table_are_refused(desk: Service) -> None:
+def test_options_that_do_not_suit_a_table_are_refused(idle: Service) -> None:
     for form, words in (
         ({"module": "tetrahedron"}, "got the module tetrahedron for a fold on"),
         ({"shape": "tetra-ring"}, "got the module tetrahedron"),
@@ -42,31 +42,31 @@ def test_options_that_do_not_suit_a_table_are_refused(desk: Service) -> None:
         ({"start": "0,0,0"}, "got a start cell"),
     ):
         with case(words):
-            fold = asked(desk, world="table", **form)
+            fold = get_json(idle, world="table", **form)
             assert (fold.status_code, fold.json()["code"]) == (422, "unsuited-world")
             assert words in fold.json()["detail"]
-    preview = asked(desk, "/api/shapes/preview", world="table", start="0,0,0")
+    preview = get_json(idle, "/api/shapes/preview", world="table", start="0,0,0")
     assert preview.json() == fold.json()
 
 
-def test_settings_and_paths_that_do_not_suit_the_world_are_refused(desk: Service) -> None:
-    assert "for a fold that floats" in asked(desk, settings="table_torque=3").json()["detail"]
-    assert asked(desk, world="table", settings="table_torque=0").json()["code"] == "bad-settings"
+def test_settings_and_paths_that_do_not_suit_the_world_are_refused(idle: Service) -> None:
+    assert "for a fold that floats" in get_json(idle, settings="table_torque=3").json()["detail"]
+    assert get_json(idle, world="table", settings="table_torque=0").json()["code"] == "bad-settings"
     over = [[0, 0, 1], [1, 0, 1], [2, 0, 1], [2, 0, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 1, 0]]
     file = {"file": ("over.json", str(over).encode())}
-    answer = desk.http.post("/api/folds", files=file, data={"world": "table"})
+    answer = idle.http.post("/api/folds", files=file, data={"world": "table"})
     assert (answer.status_code, answer.json()["code"]) == (422, "not-for-a-table")
     assert len(answer.json()["detail"]) < 800
 
 
-def test_preview_for_a_table_shows_a_path_or_why_there_is_none(desk: Service) -> None:
-    found = asked(desk, "/api/shapes/preview", world="table").json()
+def test_preview_for_a_table_shows_a_path_or_the_reason(idle: Service) -> None:
+    found = get_json(idle, "/api/shapes/preview", world="table").json()
     assert found["has_path"] and found["method"] == "table"
-    assert found["expected_s"] > asked(desk, "/api/shapes/preview").json()["expected_s"]
+    assert found["expected_s"] > get_json(idle, "/api/shapes/preview").json()["expected_s"]
     bridge = [[x, 0, z] for x in range(5) for z in range(3) if x in (0, 4) or z == 2 or x + z == 2]
     form = {"world": "table", "as_voxels": "true"}
     file = {"file": ("bridge.json", str(bridge).encode())}
-    none = desk.http.post("/api/shapes/preview", files=file, data=form).json()
+    none = idle.http.post("/api/shapes/preview", files=file, data=form).json()
     (problem,) = none["feasibility"]["problems"]
     assert "2 parts that share no face" in problem["detail"]
     assert set(map(tuple, problem["cells"])) <= set(map(tuple, none["cells"]))
@@ -74,7 +74,7 @@ def test_preview_for_a_table_shows_a_path_or_why_there_is_none(desk: Service) ->
 
 @pytest.mark.slow
 def test_fold_on_a_table_shows_its_torque_and_forces(service: Service) -> None:
-    accepted = asked(service, world="table", settings="table_torque=9").json()
+    accepted = get_json(service, world="table", settings="table_torque=9").json()
     resting = service.wait_over(accepted["id"])
     assert (resting["status"], resting["world"]) == ("verified", "table")
     table = resting["summary"]["certificate"]["table"]
@@ -82,13 +82,13 @@ def test_fold_on_a_table_shows_its_torque_and_forces(service: Service) -> None:
     assert 0.0 <= table["torque"] <= 9.0
     under = f"/folds/{resting['id']}"
     facts = service.http.get(f"{under}/facts").json()
-    told = facts["table"]
-    assert told["good"]
-    assert told["text"].startswith("Stays on the table and needs at most ")
-    assert told["assumptions"] == table["assumptions"]
-    assert ["Torque limit", "at most 9 w·p"] in told["rows"]
-    assert "Frames undone while unfolding" in [label for label, _ in told["rows"]]
-    assert "These suit a pitch of" in told["servos"] and told["named"]
+    shown = facts["table"]
+    assert shown["good"]
+    assert shown["text"].startswith("Stays on the table and needs at most ")
+    assert shown["assumptions"] == table["assumptions"]
+    assert ["Torque limit", "at most 9 w·p"] in shown["rows"]
+    assert "Frames undone while unfolding" in [label for label, _ in shown["rows"]]
+    assert "These suit a pitch of" in shown["servos"] and shown["named"]
     (floating, other) = facts["compare"]
     assert floating["form"] == {"fold": resting["id"], "seed": 0, "settings": ""}
     assert (other["form"]["world"], other["form"]["settings"]) == ("table", "table_torque=9")
@@ -114,54 +114,54 @@ def slab_without_a_path(service: Service) -> tuple[dict[str, Any], dict[str, str
     return none, {**form, "preview": none["id"]}
 
 
-def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(desk: Service) -> None:
-    none, same = slab_without_a_path(desk)
+def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(idle: Service) -> None:
+    none, same = slab_without_a_path(idle)
     (problem,) = none["feasibility"]["problems"]
     assert problem["detail"].startswith("coloured like a chessboard, it has 5 black and 3 white")
-    offers = desk.http.post("/api/shapes/offers", data=same).json()["offers"]
+    offers = idle.http.post("/api/shapes/offers", data=same).json()["offers"]
     assert [offer["kind"] for offer in offers] == ["repair", "blocks"]
     change = {k: v for k, v in offers[0]["change"].items() if v is not None}
-    better = desk.http.post("/api/shapes/preview", data={**same, **change}).json()
+    better = idle.http.post("/api/shapes/preview", data={**same, **change}).json()
     assert better["has_path"]
     assert better["modules"] == offers[0]["modules"] == len(SLAB) + len(offers[0]["added"])
-    # Cells that are to be added, and those that were, are drawn in a colour of their own.
+    # Proposed cells, and those that were added, have colours of their own.
     assert sorted(map(tuple, better["added"])) == sorted(map(tuple, offers[0]["added"]))
-    here = f"/previews/{none['id']}"
+    path = f"/previews/{none['id']}"
     for address, more, mark in (
-        (f"{here}/scene/{none['key']}", "?repair=true", b"/added"),
-        (f"{here}/drawing.svg?key={none['key']}", "&repair=true", b"iso-added-top"),
+        (f"{path}/scene/{none['key']}", "?repair=true", b"/added"),
+        (f"{path}/drawing.svg?key={none['key']}", "&repair=true", b"iso-added-top"),
     ):
-        assert mark in desk.http.get(address + more).content
-        assert mark not in desk.http.get(address).content
-    assert desk.http.post("/api/shapes/offers", data={**same, **change}).json() == {"offers": []}
-    missing = desk.http.post("/api/shapes/offers", data={**same, "preview": "0" * 20})
+        assert mark in idle.http.get(address + more).content
+        assert mark not in idle.http.get(address).content
+    assert idle.http.post("/api/shapes/offers", data={**same, **change}).json() == {"offers": []}
+    missing = idle.http.post("/api/shapes/offers", data={**same, "preview": "0" * 20})
     assert missing.status_code == 404
-    many = desk.http.post("/api/shapes/offers", data={**same, "modules": "19999"})
+    many = idle.http.post("/api/shapes/offers", data={**same, "modules": "19999"})
     assert (many.status_code, many.json()["code"]) == (422, "too-many-modules")
 
 
 def test_search_for_offers_ends_with_its_client_and_with_its_time(
-    here_with: Callable[..., Service], monkeypatch: pytest.MonkeyPatch
+    service_with: Callable[..., Service], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(children, "BUSY_FACTOR", 2.0)
-    service = here_with(preview_seconds=1.5).start()
+    service = service_with(preview_seconds=1.5).start()
     for timeout in (60.0, 0.5):
         _, same = slab_without_a_path(service)
         (busy,) = service.children("preparer")
-        busy.suspend()  # as one whose search goes on for ever
+        busy.suspend()  # as if the search never ended
         if timeout > 1.5:
             late = service.http.post("/api/shapes/offers", data=same)
             assert (late.status_code, late.json()["code"]) == (503, "busy")
         else:
             with pytest.raises(httpx.ReadTimeout):
                 service.http.post("/api/shapes/offers", data=same, timeout=timeout)
-            # What another asks for has a child of its own.
+            # Another client's request has a child of its own.
             assert service.http.post("/api/shapes/offers", data=same).json()["offers"]
         assert not busy.is_running() or busy.status() == "zombie"
 
 
-def test_gallery_for_a_table_folds_on_a_table(desk: Service) -> None:
-    assert 'action="/gallery/mallet-24?world=table"' in desk.http.get("/gallery?world=table").text
-    answer = desk.http.post("/gallery/mallet-24?world=table", follow_redirects=False)
+def test_gallery_for_a_table_folds_on_a_table(idle: Service) -> None:
+    assert 'action="/gallery/mallet-24?world=table"' in idle.http.get("/gallery?world=table").text
+    answer = idle.http.post("/gallery/mallet-24?world=table", follow_redirects=False)
     assert answer.status_code == 303
-    assert desk.state(answer.headers["location"].rpartition("/")[2])["world"] == "table"
+    assert idle.state(answer.headers["location"].rpartition("/")[2])["world"] == "table"

@@ -1,4 +1,4 @@
-"""Tours and numbers over HTTP: drafts, what an owner stores, and what is refused."""
+"""Tours and numbers over HTTP: drafts, stored ones, and refusals."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ def token(finished: dict[str, Any]) -> str:
     return finished["accepted"]["owner_token"]
 
 
-def put(service: Service, address: str, told: object, token: str) -> tuple[int, Any]:
-    answer = service.http.put(address, json=told, headers=bearer(token))
+def put(service: Service, address: str, body: object, token: str) -> tuple[int, Any]:
+    answer = service.http.put(address, json=body, headers=bearer(token))
     return answer.status_code, answer.json()
 
 
-def test_draft_is_replaced_by_the_tour_of_the_owner_and_comes_back(
+def test_draft_is_replaced_by_the_tour_of_the_owner_until_it_is_deleted(
     service: Service, finished: dict[str, Any], token: str
 ) -> None:
     address, page = f"/api/folds/{finished['id']}/tour", f"/folds/{finished['id']}/tour.json"
     draft = service.http.get(address).json()
     assert Tour.from_dict(draft).as_dict() == draft
-    said = " ".join(stop["caption"] for stop in draft["stops"])
+    captions = " ".join(stop["caption"] for stop in draft["stops"])
     certificate = service.http.get(f"/api/folds/{finished['id']}/certificate.json").json()
-    assert str(clearance(certificate)) in said
-    assert "{}: {}.".format(*torque(certificate)) in said
+    assert str(clearance(certificate)) in captions
+    assert "{}: {}.".format(*torque(certificate)) in captions
     assert service.http.get(page).json() == draft
 
     mine = {**draft, "title": "Mine", "stops": [{**draft["stops"][0], "caption": "a\u202e  b"}]}
-    status, kept = put(service, address, mine, token)
-    assert (status, kept["stops"][0]["caption"]) == (200, "a b")
+    status, stored = put(service, address, mine, token)
+    assert (status, stored["stops"][0]["caption"]) == (200, "a b")
     for shown in (address, page):
         assert service.http.get(shown).json()["title"] == "Mine"
     assert service.http.get(f"{address}?draft=true").json() == draft
@@ -46,10 +46,10 @@ def test_draft_is_replaced_by_the_tour_of_the_owner_and_comes_back(
     assert service.http.get(address).json() == draft
 
 
-def test_what_is_no_tour_is_refused_and_stored_nowhere(
+def test_invalid_tour_is_refused_and_not_stored(
     service: Service, finished: dict[str, Any], token: str
 ) -> None:
-    """What is no tour: see tests/words/test_tour.py."""
+    """tests/words/test_tour.py has the list of invalid tours."""
     address = f"/api/folds/{finished['id']}/tour"
     draft = service.http.get(address).json()
     stop, frames = draft["stops"][0], draft["stops"][-1]["frame"]
@@ -67,15 +67,15 @@ def test_what_is_no_tour_is_refused_and_stored_nowhere(
     assert service.http.get(address).json() == draft
 
 
-def test_fold_without_frames_has_no_tour(desk: Service) -> None:
-    waiting = desk.fold([[0, 0, 0], [1, 0, 0], [1, 1, 0]], seed="21")["id"]
-    answer = desk.http.get(f"/api/folds/{waiting}/tour")
+def test_fold_without_frames_has_no_tour(idle: Service) -> None:
+    waiting = idle.fold([[0, 0, 0], [1, 0, 0], [1, 1, 0]], seed="21")["id"]
+    answer = idle.http.get(f"/api/folds/{waiting}/tour")
     assert (answer.status_code, answer.json()["code"]) == (409, "not-ready")
-    assert desk.http.get(f"/folds/{waiting}/tour.json").status_code == 204
-    assert desk.http.get("/api/folds/nothere/tour").status_code == 404
+    assert idle.http.get(f"/folds/{waiting}/tour.json").status_code == 204
+    assert idle.http.get("/api/folds/nothere/tour").status_code == 404
 
 
-def test_numbers_of_the_owner_are_kept_with_the_fold_and_wrong_ones_are_refused(
+def test_numbers_of_the_owner_are_stored_and_wrong_ones_are_refused(
     service: Service, finished: dict[str, Any], token: str
 ) -> None:
     address, page = f"/api/folds/{finished['id']}/values", f"/folds/{finished['id']}/values.json"
@@ -101,8 +101,8 @@ def test_numbers_of_the_owner_are_kept_with_the_fold_and_wrong_ones_are_refused(
     assert put(service, address, values(data="A" * 300_000), token)[0] == 413
     assert service.http.get(page).status_code == 204
     assert put(service, address, values(), token)[0] == 200
-    kept = {**values(), "name": "a b"}
-    assert service.http.get(address).json() == service.http.get(page).json() == kept
-    assert kept["data"] in service.http.get(f"/folds/{finished['id']}/standalone.html").text
+    stored = {**values(), "name": "a b"}
+    assert service.http.get(address).json() == service.http.get(page).json() == stored
+    assert stored["data"] in service.http.get(f"/folds/{finished['id']}/standalone.html").text
     assert service.http.delete(address, headers=bearer(token)).status_code == 204
     assert service.http.get(page).status_code == 204

@@ -1,4 +1,4 @@
-"""Administration: an operator sees, forgets, keeps and repeats folds, and nothing else happens."""
+"""Administration: an operator lists, deletes, pins and requeues folds, without side effects."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def run(place: Path, *arguments: str, answer: str | None = None) -> Result:
 
 @pytest.fixture
 def place(tmp_path: Path, store: Store) -> Path:
-    """A data directory with a few folds and their files; no service runs on it."""
+    """Data directory with a few folds and their files; no service runs on it."""
     now = time.time()
     for fold_id, values in {
         "young": {"status": "verified", "created_at": now - 60.0, "bytes": 1234},
@@ -83,7 +83,7 @@ def test_shown_fold_hides_its_token(place: Path) -> None:
     assert missing.exit_code == 1 and "There is no fold" in missing.stderr
 
 
-def test_old_folds_are_deleted_unless_they_are_kept(place: Path) -> None:
+def test_old_folds_are_deleted_unless_pinned(place: Path) -> None:
     assert run(place, "expire", "--older", "5", answer="n\n").exit_code == 1
     assert "old" in ids(place)
     done = run(place, "expire", "--older", "5", answer="y\n")
@@ -128,7 +128,7 @@ def test_requeued_fold_begins_anew(place: Path, store: Store) -> None:
     assert (shown["error"], shown["ended_at"], shown["stage"]) == (None, None, None)
     assert {p.name for p in (place / "folds" / "old").iterdir()} == {"input", "request.json"}
     with store.reading() as session:
-        assert session.scalars(sa.select(MovieRow)).all() == []  # they were of what came out before
+        assert session.scalars(sa.select(MovieRow)).all() == []  # they had the old result
     for name, words in (
         ("old", "waits in the queue"),
         ("young", "is verified"),
@@ -160,7 +160,7 @@ def test_fold_that_is_being_removed_is_not_requeued(
     assert not (place / "folds" / "old").exists()
 
 
-def test_workers_are_listed_and_missing_or_damaged_databases_told(
+def test_workers_are_listed_and_bad_databases_reported(
     place: Path, store: Store, tmp_path: Path
 ) -> None:
     assert run(place, "workers").stdout == "No worker is running.\n"

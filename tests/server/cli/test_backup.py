@@ -1,4 +1,4 @@
-"""Backups: what a backup of real databases and files holds, and what its restoration refuses."""
+"""Backups of real databases and files: their content, and refusals to restore."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from server.store.tables import engine_for
 from tests.case import case
 from tests.server.postgres import Postgres
 from tests.server.rows import SOMEBODY, a_fold
-from tests.server.service_thread import give_tables
+from tests.server.service_thread import copy_tables
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,12 @@ class Site:
         return CliRunner().invoke(admin, list(map(str, arguments)), env=given)
 
     def add(self, fold_id: str) -> None:
-        """Adds a fold with files, which waits."""
+        """Add a queued fold with files."""
         aside = self.data_dir / f"aside-{fold_id}"
         (aside / "timeline.zarr").mkdir(parents=True)
         (aside / "input").write_bytes(b"cells of " + fold_id.encode())
         (aside / "timeline.zarr" / "zarr.json").write_bytes(b'{"attributes": {}}')
-        give_tables(self.settings)
+        copy_tables(self.settings)
         with closing(Store(self.settings)) as store:
             store.add(a_fold(fold_id, status="queued"), SOMEBODY)
             store.folders.adopt(aside, fold_id)
@@ -80,7 +80,7 @@ def large(tmp_path: Path, postgres: Postgres, bucket_url: str) -> Site:
 
 
 @pytest.mark.parametrize("kind", ["small", pytest.param("large", marks=pytest.mark.processes)])
-def test_restored_service_is_as_it_was(
+def test_restored_service_equals_the_original(
     kind: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     site: Site = request.getfixturevalue(kind)
@@ -90,7 +90,7 @@ def test_restored_service_is_as_it_was(
     for path in copy.rglob("*"):
         assert stat.S_IMODE(path.stat().st_mode) & 0o077 == 0 or path.is_dir(), path
     assert stat.S_IMODE(copy.stat().st_mode) == 0o700
-    assert site.run("backup", copy).exit_code == 1  # it is not overwritten
+    assert site.run("backup", copy).exit_code == 1  # existing data are not overwritten
     site.add("later")
     refused = site.run("restore", copy)
     assert refused.exit_code == 1 and "--replace" in refused.stderr
@@ -148,7 +148,7 @@ def _pipe(copy: Path) -> None:
 
 
 def _named(name: str) -> Callable[[Path], None]:
-    """A manifest that names a file elsewhere, which is there and has the right digest."""
+    """Return a change that adds an existing file elsewhere, with its digest, to a manifest."""
 
     def change(copy: Path) -> None:
         (copy.parent / "evil").write_bytes(b"evil")
@@ -183,7 +183,7 @@ HOSTILE: dict[str, Callable[[Path], object]] = {
 def test_restore_of_a_changed_backup_touches_nothing(small: Site, tmp_path: Path) -> None:
     whole = tmp_path / "whole"
     assert small.run("backup", whole).exit_code == 0
-    there = {path: path.stat().st_mtime_ns for path in small.data_dir.rglob("*")}
+    times = {path: path.stat().st_mtime_ns for path in small.data_dir.rglob("*")}
     for name, change in HOSTILE.items():
         with case(name):
             copy = tmp_path / name / "copy"
@@ -193,7 +193,7 @@ def test_restore_of_a_changed_backup_touches_nothing(small: Site, tmp_path: Path
             assert refused.exit_code == 1
             assert any(words in refused.stderr for words in ("use another", "completed"))
             now = {path: path.stat().st_mtime_ns for path in small.data_dir.rglob("*")}
-            assert now == there
+            assert now == times
             assert not list(tmp_path.rglob("evil/*"))
 
 
@@ -202,7 +202,7 @@ def test_backup_holds_the_latest_rows_and_no_links(small: Site, tmp_path: Path) 
     secret.write_text("secret")
     (small.data_dir / "folds" / "first" / "link").symlink_to(secret)
     with closing(Store(small.settings)) as store:
-        store.add(a_fold("second"), SOMEBODY)  # it stands in the write-ahead log alone
+        store.add(a_fold("second"), SOMEBODY)  # the row is in the write-ahead log only
         done = small.run("backup", copy)
         assert done.exit_code == 0, done.output
         store.add(a_fold("third"), SOMEBODY)
@@ -235,8 +235,8 @@ def test_passwords_reach_programs_only_in_their_environment(
 
 def test_migration_is_announced_before_it_is_done(tmp_path: Path) -> None:
     site = Site(tmp_path / "data")
-    told = site.run("migrate", "--check")
-    assert told.exit_code == 3 and "version 0001" in told.stdout
+    result = site.run("migrate", "--check")
+    assert result.exit_code == 3 and "version 0001" in result.stdout
     assert not site.data_dir.exists()
     assert "nothing to back up" in site.run("backup", tmp_path / "copy").stderr
     site.settings.make_directories()
@@ -245,9 +245,9 @@ def test_migration_is_announced_before_it_is_done(tmp_path: Path) -> None:
     with engine.begin() as connection:
         alembic.attributes["connection"] = connection
         command.upgrade(alembic, "0015")
-    told = site.run("migrate", "--check")
-    assert told.exit_code == 3
-    assert told.stdout == "would migrate tables of folds: version 0016\n"
+    result = site.run("migrate", "--check")
+    assert result.exit_code == 3
+    assert result.stdout == "would migrate tables of folds: version 0016\n"
     assert site.run("backup", tmp_path / "copy").exit_code == 0  # before the upgrade
     assert "foldback admin migrate" in site.run("list").stderr
     assert site.run("migrate").stdout == "migrated tables of folds: version 0016\n"

@@ -1,4 +1,4 @@
-"""The command line: what it offers, and that it starts without what it does not need."""
+"""Command line: its commands, and a start without unneeded imports."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SHARED = {"__init__", "command_line", "inputs", "options", "progress_bars", "sum
 
 
 def foldback(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """What a command says and ends with, run in this process: it need not import anything."""
+    """Return the output and exit status of a command, run in this process to save its imports."""
     done = CliRunner().invoke(application(), arguments, prog_name="foldback")
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise done.exception
@@ -33,7 +33,7 @@ def foldback(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_every_command_is_offered_and_explained() -> None:
-    """What they say is stored and compared: see tests/server/contract."""
+    """The help texts are stored and compared by tests/server/contract."""
     files = {path.stem for folder in COMMAND_DIRS for path in folder.glob("*.py")} - SHARED
     assert set(COMMANDS) == files
     listed = foldback("--help")
@@ -53,22 +53,22 @@ def test_unordered_cells_are_read_as_voxels_on_request(tmp_path: Path) -> None:
     file.write_text(json.dumps(cells))
     note = "Read as voxels, because cells 0 and 1 are not neighbours."
     for options in ((), ("--as-voxels",)):
-        told = foldback("shape", str(file), "--out", out, "--json", *options)
-        assert told.returncode == 0, told.stderr
-        assert (note in json.loads(told.stdout.splitlines()[-1])["notes"]) == (not options)
+        done = foldback("shape", str(file), "--out", out, "--json", *options)
+        assert done.returncode == 0, done.stderr
+        assert (note in json.loads(done.stdout.splitlines()[-1])["notes"]) == (not options)
     refused = foldback("fold", str(file), "--out", str(tmp_path / "fold"))
     assert refused.returncode == 2
     assert "cells 0 and 1" in refused.stderr and "--as-voxels" in refused.stderr
 
 
-def test_compiling_is_told_while_it_lasts(
+def test_compiling_is_reported_while_it_lasts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def compiling(*_: object, **__: object) -> dict[str, object]:
+    def report_compiling(*_: object, **__: object) -> dict[str, object]:
         njit(lambda: 0)()
         return {}
 
-    monkeypatch.setattr(stages, "run_stage", compiling)
+    monkeypatch.setattr(stages, "run_stage", report_compiling)
     monkeypatch.setattr(stages, "next_stage", MagicMock(return_value=None))
     assert compute(tmp_path, 1) == {}
     assert "compiling(once on each machine)" in capsys.readouterr().err
@@ -140,9 +140,9 @@ OTHER_INPUTS |= {"planner.pathfinding.shape_overlap", "planner.shapes.voxelise"}
 def test_each_process_starts_without_packages_of_others(
     steps: dict[str, set[str]], tmp_path: Path
 ) -> None:
-    """A service starts several, and users wait for it: see docs/decisions/0021-compiling.md.
+    """A service starts several processes, and users wait for it: docs/decisions/0021-compiling.md.
 
-    Here one process does what each begins with, in turn: the later ones bring no less by it.
+    Here one process runs the start of each in turn, which only adds to what the later ones import.
     """
     (tmp_path / "path.json").write_text(json.dumps([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]))
     code = STEPS + "".join(f"{step}; print('=', *sys.modules)\n" for step in steps)
@@ -154,14 +154,14 @@ def test_each_process_starts_without_packages_of_others(
         check=False,
     )
     assert answer.returncode == 0, answer.stderr[-2000:]
-    said = [line for line in answer.stdout.splitlines() if line.startswith("= ")]
-    for (step, without), words in zip(steps.items(), said, strict=True):
+    sizes = [line for line in answer.stdout.splitlines() if line.startswith("= ")]
+    for (step, without), words in zip(steps.items(), sizes, strict=True):
         assert not set(words.split()) & without, step
     assert (tmp_path / "fold" / "plan.npz").exists() == any("fold'" in step for step in steps)
 
 
 def test_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("keep_secrets", "set_up_logs", "signal"):  # of the process: the tests are in it
+    for name in ("keep_secrets", "set_up_logs", "signal"):  # process settings
         monkeypatch.setattr(f"server.cli.serve.{name}", MagicMock())
     run = MagicMock()
     monkeypatch.setattr("server.cli.serve._run", run)
@@ -174,7 +174,7 @@ def test_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_taken_port_is_a_clear_failure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    # What it changes of its process, which is that of the tests.
+    # effects on the process, which runs the tests
     for name in ("keep_secrets", "set_up_logs", "_allow_files", "signal", "sys"):
         monkeypatch.setattr(f"server.cli.serve.{name}", MagicMock())
     with socket.create_server(("127.0.0.1", 0)) as taken:

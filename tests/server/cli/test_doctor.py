@@ -1,4 +1,4 @@
-"""The doctor: each thing that it looks at is broken for real, and it says so and what to do."""
+"""Doctor: each thing that it checks is broken for real, and must be reported with a remedy."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def settings(tmp_path: Path, **values: Any) -> Settings:
     return Settings(**{"data_dir": tmp_path / "data", **values})
 
 
-def told(found: CheckResult, verdict: str, *words: str) -> None:
-    """Check what a finding says and its remedy."""
+def check_finding(found: CheckResult, verdict: str, *words: str) -> None:
+    """Check the verdict, the text and the remedy of a finding."""
     assert found.verdict == verdict, found
     for word in words:
         assert word in f"{found.found} {found.remedy}"
@@ -60,7 +60,7 @@ def test_doctor_of_a_sound_machine_finds_no_problem_and_writes_nothing(
     assert not list(tmp_path.iterdir())
 
 
-def test_problem_is_told_in_a_line_and_by_the_exit_code(
+def test_problem_is_reported_in_a_line_and_by_the_exit_code(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("server.doctor.doctor.CHECKS", (("database", data.database),))
@@ -94,26 +94,26 @@ def test_package_that_is_too_old_is_a_problem(
     old.mkdir()
     (old / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.1\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    told(machine.python(settings(tmp_path)), "problem", "numpy is 0.1, expected")
+    check_finding(machine.python(settings(tmp_path)), "problem", "numpy is 0.1, expected")
 
 
-def test_closed_full_or_volatile_data_directory_is_told(tmp_path: Path) -> None:
-    closed = data.directory(settings(tmp_path, data_dir="/proc/foldback"))  # also to root
-    told(closed, "problem", "/proc cannot be written (")
-    # Tests may be in memory, of which it warns.
+def test_closed_full_or_volatile_data_directory_is_reported(tmp_path: Path) -> None:
+    closed = data.directory(settings(tmp_path, data_dir="/proc/foldback"))  # closed also to root
+    check_finding(closed, "problem", "/proc cannot be written (")
+    # Tests may run in memory, which causes a warning.
     assert data.directory(settings(tmp_path)).verdict != "problem"
     full = data.directory(settings(tmp_path, min_free_disk_bytes=2**60))
-    told(full, "problem", "MiB free", "expire")
+    check_finding(full, "problem", "MiB free", "expire")
     volatile = data.directory(settings(tmp_path, data_dir="/dev/shm/foldback-nowhere"))
-    told(volatile, "warning", "tmpfs")
+    check_finding(volatile, "warning", "tmpfs")
 
 
-def test_missing_and_damaged_databases_are_told(tmp_path: Path, postgres: Postgres) -> None:
-    here, file = settings(tmp_path, data_dir=tmp_path), tmp_path / "foldback.db"
-    assert data.database(here).verdict == "ok" and not file.exists()
+def test_missing_and_damaged_databases_are_reported(tmp_path: Path, postgres: Postgres) -> None:
+    given, file = settings(tmp_path, data_dir=tmp_path), tmp_path / "foldback.db"
+    assert data.database(given).verdict == "ok" and not file.exists()
     garbage = b"garbage\n" * 1000
     file.write_bytes(garbage)
-    told(data.database(here), "problem", "not a database")
+    check_finding(data.database(given), "problem", "not a database")
     assert file.read_bytes() == garbage
     url = postgres.database()
     assert data.database(settings(tmp_path, database_url=url)).verdict == "ok"
@@ -124,42 +124,42 @@ def test_missing_and_damaged_databases_are_told(tmp_path: Path, postgres: Postgr
     assert missing.verdict == "problem" and "does not exist" in missing.found
 
 
-def test_schema_behind_or_ahead_is_told(tmp_path: Path) -> None:
-    here = settings(tmp_path, data_dir=tmp_path)
-    engine = engine_for(here.store_url)
+def test_schema_behind_or_ahead_is_reported(tmp_path: Path) -> None:
+    given = settings(tmp_path, data_dir=tmp_path)
+    engine = engine_for(given.store_url)
     with engine.begin() as connection:
         alembic = config()
         alembic.attributes["connection"] = connection
         command.upgrade(alembic, "0001")
-    told(data.database(here), "warning", "version 0001, ", "foldback serve")
+    check_finding(data.database(given), "warning", "version 0001, ", "foldback serve")
     migrate(engine)
-    assert data.database(here).verdict == "ok"
+    assert data.database(given).verdict == "ok"
     with engine.begin() as connection:
         connection.execute(sa.text("UPDATE alembic_version SET version_num = '0099'"))
-    told(data.database(here), "problem", "newer")
+    check_finding(data.database(given), "problem", "newer")
     engine.dispose()
 
 
 def test_storage_that_is_no_directory_is_a_problem(tmp_path: Path) -> None:
-    here = settings(tmp_path, data_dir=tmp_path)
-    here.folds_dir.mkdir()
-    assert data.storage(here).verdict == "ok"
-    assert not list(here.folds_dir.iterdir())
-    here.folds_dir.rmdir()
-    here.folds_dir.touch()
-    told(data.storage(here), "problem", "NotADirectoryError")
+    given = settings(tmp_path, data_dir=tmp_path)
+    given.folds_dir.mkdir()
+    assert data.storage(given).verdict == "ok"
+    assert not list(given.folds_dir.iterdir())
+    given.folds_dir.rmdir()
+    given.folds_dir.touch()
+    check_finding(data.storage(given), "problem", "NotADirectoryError")
 
 
 def test_taken_port_and_foreign_address_are_problems(
-    tmp_path: Path, blog: Blog, desk: Service
+    tmp_path: Path, blog: Blog, idle: Service
 ) -> None:
     blog.html = '{"status": "ok"}'
     alien = settings(tmp_path, port=blog.server_port)
-    told(machine.port(alien), "problem", "another program")
-    ours = urlsplit(str(desk.http.base_url)).port
-    told(machine.port(settings(tmp_path, port=ours)), "ok", "foldback already answers")
+    check_finding(machine.port(alien), "problem", "another program")
+    ours = urlsplit(str(idle.http.base_url)).port
+    check_finding(machine.port(settings(tmp_path, port=ours)), "ok", "foldback already answers")
     away = settings(tmp_path, host="203.0.113.1", port=8123)
-    told(machine.port(away), "problem", "FOLDBACK_HOST")
+    check_finding(machine.port(away), "problem", "FOLDBACK_HOST")
 
 
 def test_limit_of_open_files_is_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -173,10 +173,10 @@ def test_limit_of_open_files_is_judged(tmp_path: Path, monkeypatch: pytest.Monke
 def test_too_little_memory_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert machine.memory(settings(tmp_path, child_memory_bytes=2**28)).verdict == "ok"
     many = machine.memory(settings(tmp_path, workers=64, folds_per_worker=64))
-    told(many, "warning", "4096 folds at once")
+    check_finding(many, "warning", "4096 folds at once")
     monkeypatch.setattr(machine, "_allowed_bytes", lambda: [1500 * 2**20])
     little = machine.memory(settings(tmp_path, child_memory_bytes=2**28))
-    told(little, "warning", "6 processes that read uploads")
+    check_finding(little, "warning", "6 processes that read uploads")
 
 
 def test_open_host_names_are_a_warning(tmp_path: Path) -> None:
@@ -190,24 +190,24 @@ def test_open_host_names_are_a_warning(tmp_path: Path) -> None:
 
 
 def test_clock_set_back_is_a_warning(tmp_path: Path) -> None:
-    here = settings(tmp_path, data_dir=tmp_path)
-    engine = engine_for(here.store_url)
+    given = settings(tmp_path, data_dir=tmp_path)
+    engine = engine_for(given.store_url)
     migrate(engine)
-    assert machine.clock(here).verdict == "ok"
+    assert machine.clock(given).verdict == "ok"
     with Session(engine) as session, session.begin():
         session.add(a_fold("later", created_at=time.time() + 7200))
     engine.dispose()
-    told(data.database(here), "warning", "s apart")
+    check_finding(data.database(given), "warning", "s apart")
     later = time.time() + 7200
     os.utime(tmp_path / "foldback.db", (later, later))
-    told(machine.clock(here), "warning", "2.0 hours")
+    check_finding(machine.clock(given), "warning", "2.0 hours")
 
 
 @pytest.mark.processes
 def test_missing_opengl_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(GL_SETTING, "egl")
-    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_DIRS", str(tmp_path))  # there is no driver
-    told(drawing.gl(settings(tmp_path)), "warning", "no movies: egl: ", "apt-get install")
+    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_DIRS", str(tmp_path))  # a driver that does not exist
+    check_finding(drawing.gl(settings(tmp_path)), "warning", "no movies: egl: ", "apt-get install")
     monkeypatch.setenv(GL_SETTING, "off")
     assert "switched off" in drawing.gl(settings(tmp_path)).found
 
@@ -220,7 +220,7 @@ def test_crash_of_opengl_is_a_warning(tmp_path: Path, monkeypatch: pytest.Monkey
     )
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
     crashed = "egl: it crashed (signal 11); osmesa: it crashed (signal 11)"
-    told(drawing.gl(settings(tmp_path)), "warning", crashed)
+    check_finding(drawing.gl(settings(tmp_path)), "warning", crashed)
 
 
 def test_missing_or_poor_encoder_is_a_warning(
@@ -230,7 +230,7 @@ def test_missing_or_poor_encoder_is_a_warning(
     poor.write_text("#!/bin/sh\necho ' V..... mpeg4   MPEG-4'\n")
     poor.chmod(0o755)
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(poor))
-    told(drawing.encoder(settings(tmp_path)), "warning", "without x264")
+    check_finding(drawing.encoder(settings(tmp_path)), "warning", "without x264")
     for name, value in without_ffmpeg.items():
         monkeypatch.setenv(name, value)
     found = drawing.encoder(settings(tmp_path))
@@ -246,7 +246,7 @@ def test_kernels_that_cannot_be_cached_are_a_problem(
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert str(tmp_path) in drawing.kernels(settings(tmp_path)).found
     (tmp_path / "sitecustomize.py").write_text(
-        "import numba.core.caching as it\nit.CacheImpl._locator_classes = []\n"  # no folder will do
+        "import numba.core.caching as it\nit.CacheImpl._locator_classes = []\n"  # none suits
     )
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
-    told(drawing.kernels(settings(tmp_path)), "problem", "cannot cache", "NUMBA_CACHE_DIR")
+    check_finding(drawing.kernels(settings(tmp_path)), "problem", "cannot cache", "NUMBA_CACHE_DIR")

@@ -1,4 +1,4 @@
-"""The packages depend on each other in one direction, and are whole when installed."""
+"""Packages: imports in one direction only, and complete installation."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import pytest
 
 ROOT = Path(__file__).parents[3]
 TYPES = ".d.ts"
-"""Types of the pages' scripts, which only their checker reads."""
+"""File type of types for the pages' scripts, which only the type checker reads."""
 
 
 def test_packages_import_no_tests_and_rooms_below_http_no_http() -> None:
-    """That all imports go downwards: see tests/test_architecture.py."""
+    """tests/test_architecture.py checks that all imports point to lower floors."""
     low = [f"server/{room}" for room in ("limits", "store", "files", "processes", "jobs")]
     for places, forbidden in (
         (["planner", "web", "server"], r"tests|examples|\."),
@@ -30,7 +30,7 @@ def test_packages_import_no_tests_and_rooms_below_http_no_http() -> None:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What is installed, as one file."""
+    """Path of the built wheel."""
     place = tmp_path_factory.mktemp("wheel")
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(place)]
     subprocess.run(build, cwd=ROOT, check=True, capture_output=True)

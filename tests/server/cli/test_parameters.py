@@ -29,18 +29,18 @@ OPTIONS = {"settings": "set", "module_size": "module-size"}
 
 @pytest.mark.parametrize("name", BAD)
 def test_api_and_command_line_refuse_with_the_same_message(
-    desk: Service, tmp_path: Path, name: str
+    idle: Service, tmp_path: Path, name: str
 ) -> None:
     value, code = BAD[name]
     option = f"--{OPTIONS.get(name, name)}={value}"
     command = ["fold", "mallet-64", "--out", str(tmp_path / "out"), option, "--json"]
-    told = CliRunner().invoke(application(), command)
-    assert told.exit_code == 2, told.output
-    typed = json.loads(told.output)
+    result = CliRunner().invoke(application(), command)
+    assert result.exit_code == 2, result.output
+    typed = json.loads(result.output)
     assert typed["status"] == "invalid"
     assert (typed["error"]["code"], typed["error"]["where"]) == (code, name)
     assert value.partition("=")[0] in typed["error"]["detail"]
     assert not (tmp_path / "out").exists()
-    status, problem = desk.refused(shape="mallet-64", **{name: value})
+    status, problem = idle.refusal(shape="mallet-64", **{name: value})
     told_there = {key: problem[key] for key in ("code", "detail", "where")}
     assert (status, told_there) == (422, typed["error"])

@@ -28,7 +28,7 @@ KNOT = {"kind": "knot", "modules": [5, 6], "words": "its path is knotted"}
 
 @pytest.fixture
 def directory(tmp_path: Path) -> Path:
-    """An explosion that was ended half-way."""
+    """Directory of an explosion that was interrupted halfway."""
     folded = CHAIN.folded_poses
     frames = Motion.from_frames(
         phase="explosion",
@@ -42,16 +42,16 @@ def directory(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def told(directory: Path) -> dict[str, Any]:
+def state_of(directory: Path) -> dict[str, Any]:
     row = row_of(directory)
     found = failure(row, row.summary)
     assert found is not None
     return found
 
 
-def test_directory_without_a_plan_or_with_a_stuck_one_tells_why_and_where(directory: Path) -> None:
+def test_directory_without_a_verified_plan_reports_reason_and_location(directory: Path) -> None:
     before = sorted(directory.iterdir())
-    found = told(directory)
+    found = state_of(directory)
     assert (found["heading"], found["text"]) == ("Not finished", "The chain was still unfolding.")
     assert len(found["modules"]) > 2
     assert sorted(directory.iterdir()) == before
@@ -62,7 +62,7 @@ def test_directory_without_a_plan_or_with_a_stuck_one_tells_why_and_where(direct
         "attempts": [{**explosion, "steps": 8}, {**explosion, "diagnosis": KNOT}],
     }
     (directory / "plan.json").write_text(json.dumps(plan))
-    found = told(directory)
+    found = state_of(directory)
     assert (found["heading"], found["modules"]) == ("The chain is knotted", [5, 6])
 
 
@@ -78,7 +78,7 @@ def test_links_of_the_pages_are_answered(directory: Path) -> None:
             statuses: dict[str, set[int]] = {}
             for path in ("/folds/fold", "/folds/other", "/embed/other", "/compare?a=fold&b=other"):
                 page = (await http.get(path)).text
-                # What a dialog says that nothing here opens leads nowhere, and is not seen.
+                # Links of dialogs that are never opened are invisible and may lead nowhere.
                 seen = re.sub(r"<dialog.*?</dialog>", "", page, flags=re.DOTALL)
                 links = set(re.findall(r'(?:href|src)="(/[^"#]*)', seen))
                 statuses[path] = {(await http.get(link)).status_code for link in links}
@@ -92,12 +92,12 @@ def test_links_of_the_pages_are_answered(directory: Path) -> None:
 @pytest.mark.long
 @pytest.mark.processes
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_viser_ends_by_signal_where_the_shell_ignores_sigint(
+def test_viser_ends_by_signal_although_the_shell_ignores_sigint(
     directory: Path, number: signal.Signals
 ) -> None:
     command = [sys.executable, "-m", "server.cli.command_line", "play", str(directory)]
     options = ["--viser", "--no-browser", "--port", "0"]
-    # A child inherits an ignored signal: background jobs of a shell and of some CI do so.
+    # A child inherits an ignored signal: background jobs of a shell and of some CI systems do so.
     ignoring = ["sh", "-c", "trap '' INT; exec \"$@\"", "sh"]
     with subprocess.Popen(
         [*ignoring, *command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

@@ -1,4 +1,4 @@
-"""Settings: how they are read, and what is said of those that can't be."""
+"""Settings: how they are read, and the errors of invalid ones."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_database_addresses_may_have_any_password(monkeypatch: pytest.MonkeyPatc
         ("DATABASE_URL", "postgresql://us:secret@db:port/x", "expected an address like"),
     ],
 )
-def test_bad_value_is_told_in_a_line(
+def test_bad_value_is_reported_in_a_line(
     name: str,
     value: str,
     words: str,
@@ -82,22 +82,22 @@ def test_bad_value_is_told_in_a_line(
 @pytest.mark.parametrize(
     "command", [["serve"], ["worker"], ["doctor"], ["admin", "list"], ["serve", "--port", "70000"]]
 )
-def test_every_command_tells_of_bad_settings(
+def test_every_command_reports_bad_settings(
     command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("serve", "worker"):  # this process keeps none
+    for module in ("serve", "worker"):  # this process ignores it
         monkeypatch.setattr(f"server.cli.{module}.keep_secrets", lambda: None)
     monkeypatch.setenv("FOLDBACK_DATA_DIR", str(tmp_path))
     monkeypatch.setenv("FOLDBACK_TRUSTED_PROXIES", "proxy")
     done = CliRunner().invoke(application(), command)
     assert done.exit_code == 1 and isinstance(done.exception, SystemExit)
-    said = done.stdout + done.stderr
-    assert "got 'proxy', expected an address or a network" in said
-    assert len(said.splitlines()) == 1
+    output = done.stdout + done.stderr
+    assert "got 'proxy', expected an address or a network" in output
+    assert len(output.splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
 
-def test_unknown_setting_is_told_with_a_suggestion(
+def test_unknown_setting_is_reported_with_a_suggestion(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     for name in list(os.environ):

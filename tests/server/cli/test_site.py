@@ -1,4 +1,4 @@
-"""What `foldback site` refuses; tests/browser/test_site_files.py opens what it writes."""
+"""Refusals of `foldback site`; tests/browser/test_site_files.py opens the files that it writes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from server.cli.site import site
         ({}, "no-folds"),
     ],
 )
-def test_site_refuses_what_no_page_can_be_made_of(
+def test_site_refuses_unusable_input(
     given: dict[str, object], code: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(typer.Exit) as ended:

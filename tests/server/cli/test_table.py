@@ -1,4 +1,4 @@
-"""``foldback table``: what it prints, writes and ends with."""
+"""``foldback table``: its output, files and exit status."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from planner.certificate.table_figures import TableCertificate
 from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters
 from server.cli.command_line import application
-from tests.planner.certificate.test_table_certificate import moving
+from tests.planner.certificate.test_table_certificate import swing
 from tests.planner.chains import line
 from tests.planner.plans import unverified
 from tests.server.api.test_table import SLAB
@@ -28,17 +28,17 @@ def table(*arguments: str | Path) -> Result:
 def test_shape_without_a_path_for_a_table_lists_versions_that_have_one(tmp_path: Path) -> None:
     slab, out = tmp_path / "slab.json", tmp_path / "path.json"
     slab.write_text(json.dumps(SLAB))
-    asked = ("shape", str(slab), "--as-voxels", "--world", "table", "--out", str(out))
-    none = CliRunner().invoke(application(), asked)
+    command = ("shape", str(slab), "--as-voxels", "--world", "table", "--out", str(out))
+    none = CliRunner().invoke(application(), command)
     assert none.exit_code == 3 and not out.exists()
     assert none.stderr.splitlines()[1:] == [
         "Has a path: --repair (9 modules)",
         "Has a path: --method blocks (64 modules)",
     ]
-    repaired = CliRunner().invoke(application(), [*asked, "--repair", "--json"])
+    repaired = CliRunner().invoke(application(), [*command, "--repair", "--json"])
     assert repaired.exit_code == 0, repaired.output
-    told = json.loads(repaired.stdout.splitlines()[-1])
-    assert (told["modules"], told["offers"]) == (9, [])
+    data = json.loads(repaired.stdout.splitlines()[-1])
+    assert (data["modules"], data["offers"]) == (9, [])
     assert len(json.loads(out.read_bytes())["cells"]) == 9
 
 
@@ -46,8 +46,8 @@ def test_shape_of_a_long_path_for_a_table_warns(tmp_path: Path) -> None:
     row, out = tmp_path / "row.json", tmp_path / "path.json"
     for length, warned in ((96, False), (97, True)):
         row.write_text(json.dumps([[x, 0, 0] for x in range(length)]))
-        asked = ("shape", str(row), "--world", "table", "--out", str(out))
-        done = CliRunner().invoke(application(), asked)
+        command = ("shape", str(row), "--world", "table", "--out", str(out))
+        done = CliRunner().invoke(application(), command)
         assert done.exit_code == 0, done.output
         assert ("usually get stuck on a table" in done.stderr) == warned
 
@@ -55,7 +55,7 @@ def test_shape_of_a_long_path_for_a_table_warns(tmp_path: Path) -> None:
 @pytest.fixture
 def plan(tmp_path: Path) -> Path:
     chain = line(6)
-    motion: Motion = moving(chain, 1, -0.3)
+    motion: Motion = swing(chain, 1, -0.3)
     unverified(chain, motion, Parameters()).save_npz(tmp_path / "plan.npz")
     return tmp_path
 
@@ -74,9 +74,9 @@ def test_plan_that_rests_on_a_table_is_certified(plan: Path) -> None:
 def test_plan_that_does_not_rest_exits_with_3(plan: Path) -> None:
     done = table(plan / "plan.npz", "--base", "free", "--out", plan / "mine.json", "--json")
     assert done.exit_code == 3
-    told = json.loads(done.stdout.splitlines()[-1])
-    assert told["verdict"].startswith("failed: the chain would tip over")
-    assert json.loads((plan / "mine.json").read_text()) == told
+    data = json.loads(done.stdout.splitlines()[-1])
+    assert data["verdict"].startswith("failed: the chain would tip over")
+    assert json.loads((plan / "mine.json").read_text()) == data
 
 
 def test_bad_input_of_table_exits_with_2(plan: Path) -> None:

@@ -1,4 +1,4 @@
-"""``python -m tests.server.contract [--store]``: how texts differ from the stored ones.
+"""``python -m tests.server.contract [--store]``: differences of texts from the stored ones.
 
 With ``--store`` the current texts become the expected ones. Store them only at a commit whose
 change is intended.

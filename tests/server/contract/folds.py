@@ -22,7 +22,7 @@ REASON = (
     "(frame 12.5 of the plan)"
 )
 KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted."}
-TRIED = [
+ATTEMPTS = [
     {"candidate": 0, "seed": 0, "strategy": "simultaneous", "status": "stalled", "steps": 900}
     | {"seconds": 2.5, "stuck": KNOT},
     {"candidate": 0, "seed": 0, "strategy": "peel", "status": "stalled", "steps": 120}
@@ -32,7 +32,7 @@ FIGURES = {**SIMULATED, "module_size": 0.95, "fold_time_s": 17.7}
 SUMMARY = {"explosion": {"strategy": "simultaneous", "frames": 211, "steps": 200}, "hinges": 28}
 
 INCLUDED = {"pawn": "pawn", "cube": "tetra-cube-2", "refold": "wrench-80-to-mallet-80"}
-"""Included folds by the id that they get."""
+"""Names of the included folds by the ids that they get here."""
 
 ROWS: Mapping[str, Mapping[str, Any]] = {
     "queued": {"status": "queued", "name": "wrench-16", "world": "table"},
@@ -80,7 +80,7 @@ ROWS: Mapping[str, Mapping[str, Any]] = {
         "summary": {**SUMMARY, "status": "verified", "certificate": FIGURES},
     },
 }
-"""Values of the made-up rows by their ids."""
+"""Values of the invented rows by their ids."""
 NAMES = (*INCLUDED, *ROWS)
 """Ids of all folds."""
 
@@ -101,7 +101,7 @@ def add_folds(store: Store) -> None:
     for fold_id, values in ROWS.items():
         _add(store, fold_id, **{"status": "failed", **values})
     directory = store.directory("knotted")
-    (directory / "attempts.json").write_text(json.dumps(TRIED))
+    (directory / "attempts.json").write_text(json.dumps(ATTEMPTS))
     (store.directory("queued") / "cells.json").write_text(json.dumps(SNAKE))
 
 

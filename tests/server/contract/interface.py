@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from server.cli.command_line import COMMANDS, application
 
 WIDTH = 100
-"""Columns of the terminal for which help texts are laid out."""
+"""Width of the terminal for which help texts are formatted, in columns."""
 
 
 def openapi_text(description: dict[str, Any]) -> str:
@@ -39,6 +39,6 @@ def _helps() -> Iterator[tuple[list[str], str]]:
 
 def _help(*words: str) -> str:
     runner = CliRunner(env={"COLUMNS": str(WIDTH), "TERM": "dumb", "NO_COLOR": "1"})
-    told = runner.invoke(application(), words, prog_name="foldback").stdout
-    lines = [line.rstrip() for line in told.replace(version("foldback"), "…").splitlines()]
+    text = runner.invoke(application(), words, prog_name="foldback").stdout
+    lines = [line.rstrip() for line in text.replace(version("foldback"), "…").splitlines()]
     return "\n".join(lines).strip("\n") + "\n"

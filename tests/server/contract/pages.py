@@ -1,4 +1,4 @@
-"""Visible texts of pages: what a browser shows or reads aloud, and what its scripts get to show."""
+"""Visible texts of pages: shown or read aloud by a browser, or passed to scripts for display."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ STORE = "run `python -m tests.server.contract --store` if the change is intended
 def texts(data_dir: Path) -> dict[str, str]:
     """Return the texts of a service on an empty data directory."""
     with ServiceThread(data_dir).start() as service, closing(Store(service.settings)) as store:
-        service.http.headers["Host"] = "127.0.0.1:8000"  # whatever its port is
+        service.http.headers["Host"] = "127.0.0.1:8000"  # whatever the port is
         add_folds(store)
         return {
             "openapi.json": openapi_text(service.http.get("/api/openapi.json").json()),
@@ -34,7 +34,7 @@ def stored() -> dict[str, str]:
 
 
 def store(current: dict[str, str]) -> None:
-    """Store these texts, and no others."""
+    """Store these texts, and remove all others."""
     for name in stored().keys() - current.keys():
         (STORED / name).unlink()
     for name, text in current.items():

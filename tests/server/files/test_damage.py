@@ -1,4 +1,4 @@
-"""Damaged files of a finished fold: each route says so, and none shows invented data."""
+"""Damaged files of a finished fold: each route reports them, and none shows invented data."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def fold(service: Service) -> str:
 
 @pytest.fixture
 def directory(service: Service, fold: str, tmp_path: Path) -> Iterator[Path]:
-    """Files of a fold, which are put back afterwards."""
+    """Directory of a fold, whose files are restored afterwards."""
     place = service.directory(fold)
     shutil.copytree(place, tmp_path / "whole")
     yield place
@@ -88,14 +88,14 @@ def test_damaged_download_is_refused(service: Service, fold: str, directory: Pat
         (directory / name).write_bytes(bytes(data))
         answer = service.http.get(f"/api/folds/{fold}/{name}")
         assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data"), name
-    answer = service.http.get(f"/folds/{fold}/standalone.html")  # the plan is in it
+    answer = service.http.get(f"/folds/{fold}/standalone.html")  # the page contains the plan
     assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data")
 
 
 def test_private_picture_and_data_directory_are_closed_to_others(
     service: Service, fold: str
 ) -> None:
-    """Also the database and the files of folds, by their own modes."""
+    """The database and the files of folds are closed as well, by their own modes."""
     answer = service.http.get(f"/folds/{fold}/picture.png")
     assert (answer.status_code, answer.headers["Cache-Control"]) == (200, "private, no-cache")
     assert answer.content.startswith(b"\x89PNG")
@@ -140,7 +140,7 @@ DAMAGES: tuple[Callable[[Path], None], ...] = (
 def test_fold_with_any_damaged_file_is_answered_in_sentences(
     service: Service, fold: str, directory: Path
 ) -> None:
-    """Every file in turn, every route: what is damaged is said, all else goes on."""
+    """Every file is damaged in turn, and every route requested: undamaged parts are still shown."""
     logged_before = service.log.stat().st_size
     files = [path for path in sorted(directory.iterdir()) if path.is_file()]
     files += [directory / "timeline.zarr" / "zarr.json", directory / "figures.zarr" / "zarr.json"]
@@ -169,31 +169,31 @@ def test_fold_made_again_of_damaged_input_is_refused(
         for field in ("fold", "smooth"):
             answer = service.http.post("/api/folds", data={field: fold})
             assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data")
-    (directory / "manifest.json").unlink()  # as of a fold that failed
+    (directory / "manifest.json").unlink()  # the state of a failed fold
     if name == "request.json":
-        status, problem = service.refused(fold=fold)
+        status, problem = service.refusal(fold=fold)
         assert problem["code"] in ("no-input", "damaged-data"), status
 
 
 @contextmanager
-def shipping(place: Path) -> Iterator[ServiceThread]:
-    """A service that came with one finished fold."""
+def service_with_shipped_fold(place: Path) -> Iterator[ServiceThread]:
+    """Yield a service that came with one finished fold."""
     shutil.copy(SMALL, place)
     with (
         patch("server.api.finished.FINISHED_FOLDS_DIR", place),
-        ServiceThread(place / "data", finished_folds=True).start() as here,
+        ServiceThread(place / "data", finished_folds=True).start() as service,
     ):
-        yield here
+        yield service
 
 
 @pytest.fixture(scope="module")
 def shipped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceThread]:
-    with shipping(tmp_path_factory.mktemp("shipped")) as here:
-        yield here
+    with service_with_shipped_fold(tmp_path_factory.mktemp("shipped")) as service:
+        yield service
 
 
 def test_route_that_makes_something_of_damaged_source_refuses(shipped: ServiceThread) -> None:
-    """Also where an export or a picture was stored before."""
+    """Exports and pictures that were stored before are refused, too."""
     fold_id = shipped.http.get("/api/folds").json()["folds"][0]["id"]
     place = shipped.directory(fold_id)
     (place / "exports").mkdir(exist_ok=True)
@@ -222,7 +222,7 @@ def test_route_that_makes_something_of_damaged_source_refuses(shipped: ServiceTh
 
 
 def test_timeline_of_earlier_version_is_compared_with_the_manifest(tmp_path: Path) -> None:
-    """Its chunks and attributes carry no checksums."""
+    """Chunks and attributes of such a timeline have no checksums."""
     unpack(SMALL.read_bytes(), tmp_path)
     path = tmp_path / "timeline.zarr"
     sealed = zarr_group(path)
@@ -241,7 +241,7 @@ def test_timeline_of_earlier_version_is_compared_with_the_manifest(tmp_path: Pat
 
 @pytest.mark.long
 def test_no_route_of_private_fold_lets_shared_caches_store_it(shipped: ServiceThread) -> None:
-    """Every route that names a fold and answers GET, but the endless stream of events."""
+    """All routes that name a fold and answer GET are checked, except the endless event stream."""
     fold_id = shipped.http.get("/api/folds").json()["folds"][0]["id"]
     with sqlite3.connect(shipped.data_dir / "foldback.db", timeout=60) as database:
         database.execute("UPDATE folds SET public = 0 WHERE id = ?", (fold_id,))

@@ -34,7 +34,7 @@ NAMES = [export.name for export in EXPORTS]
 
 
 def test_each_export_is_listed_and_downloaded(service: Service, finished: dict[str, Any]) -> None:
-    """What is in them is tested with the planner."""
+    """The planner's tests check the content of the files."""
     listed = service.http.get(finished["state"]["links"]["exports"]).json()["exports"]
     assert [one["name"] for one in listed] == NAMES
     facts = service.http.get(f"/folds/{finished['id']}/facts").json()
@@ -56,7 +56,7 @@ def test_each_export_is_listed_and_downloaded(service: Service, finished: dict[s
 
 
 def test_unknown_and_early_exports_are_refused(
-    service: Service, desk: Service, finished: dict[str, Any]
+    service: Service, idle: Service, finished: dict[str, Any]
 ) -> None:
     for name in ("dae", "plan.json", "URDF", "%2e%2e", ".%2fplan", "u" * 4000):
         answer = service.http.get(f"/api/folds/{finished['id']}/exports/{name}")
@@ -64,18 +64,18 @@ def test_unknown_and_early_exports_are_refused(
         if name == "dae":
             assert answer.json()["code"] == "no-such-export"
             assert ", ".join(NAMES) in answer.json()["detail"]
-    fold_id = desk.fold(SNAKE, seed="70")["id"]
+    fold_id = idle.fold(SNAKE, seed="70")["id"]
     for part in ("exports", "exports/urdf", "exports/json"):
-        answer = desk.http.get(f"/api/folds/{fold_id}/{part}")
+        answer = idle.http.get(f"/api/folds/{fold_id}/{part}")
         assert (answer.status_code, answer.json()["code"]) == (409, "not-ready")
         assert answer.headers["retry-after"]
-    assert desk.http.get("/api/folds/nosuchfold/exports/urdf").status_code == 404
-    assert desk.http.get(f"/folds/{fold_id}/facts").json()["downloads"] == []
+    assert idle.http.get("/api/folds/nosuchfold/exports/urdf").status_code == 404
+    assert idle.http.get(f"/folds/{fold_id}/facts").json()["downloads"] == []
 
 
 @pytest.fixture
 def fold(store: Store, service: Service, finished: dict[str, Any]) -> FoldRow:
-    """A row whose directory has a real plan and nothing else, as if from long ago."""
+    """Row of a fold whose directory has a real plan and nothing else, as old ones do."""
     added = row(status="verified", summary=finished["state"]["summary"])
     store.add(added, SOMEBODY)
     store.directory(added.id).mkdir()
@@ -83,19 +83,18 @@ def fold(store: Store, service: Service, finished: dict[str, Any]) -> FoldRow:
     return added
 
 
-def exported(store: Store, fold: FoldRow, name: str, free: int = 0) -> Path:
-    """Export a fold."""
+def export_fold(store: Store, fold: FoldRow, name: str, free: int = 0) -> Path:
     exports = Exports(store, Artifacts(store, min_free_disk_bytes=free))
     return asyncio.run(exports.file(fold.id, export_named(name)))
 
 
 def test_model_of_the_fold_itself_is_exported(store: Store, fold: FoldRow) -> None:
-    """One without keys on the way, as older folds have, is exported as it is."""
+    """A model without keyframes, as older folds have, is exported unchanged."""
     directory = store.directory(fold.id)
-    made = exported(store, fold, "mjcf")
+    made = export_fold(store, fold, "mjcf")
     assert made == directory / EXPORTS_DIR / "model.xml"
     (directory / "model.xml").write_text("<mujoco/>")
-    kept = exported(store, fold, "mjcf")
+    kept = export_fold(store, fold, "mjcf")
     assert kept == directory / "model.xml"
 
 
@@ -114,17 +113,17 @@ def test_few_files_are_made_at_once_and_each_once(store: Store) -> None:
         def made_by(name: object) -> Coroutine[Any, Any, object]:
             return shop.get_or_make(name, lambda: slow(name))
 
-        asked = [asyncio.create_task(made_by(name)) for name in names * 3]
+        tasks = [asyncio.create_task(made_by(name)) for name in names * 3]
         while len(made) < FILES_AT_ONCE:
             await asyncio.sleep(0.01)
         with pytest.raises(Unavailable) as refused:
             await made_by("one more")
         assert refused.value.code == "busy" and (refused.value.retry_after_s or 0) > 0
-        assert len(made) == FILES_AT_ONCE  # the others wait, and not in threads of the loop
+        assert len(made) == FILES_AT_ONCE  # the others wait, and not in threads of the event loop
         assert await asyncio.wait_for(asyncio.to_thread(lambda: "quick"), 10.0) == "quick"
-        asked[0].cancel()  # its file is made for the others all the same
+        tasks[0].cancel()  # the file is still made for the others
         may_end.set()
-        assert await asyncio.gather(*asked[1:]) == [*names[1:], *names, *names]
+        assert await asyncio.gather(*tasks[1:]) == [*names[1:], *names, *names]
         assert sorted(made) == names  # type: ignore[type-var]
         assert await made_by("one more") == "one more"
         shop.close()
@@ -135,21 +134,21 @@ def test_few_files_are_made_at_once_and_each_once(store: Store) -> None:
 def test_export_older_than_its_plan_is_made_again_and_deleted_with_it(
     store: Store, fold: FoldRow
 ) -> None:
-    path = exported(store, fold, "stl")
+    path = export_fold(store, fold, "stl")
     right = path.read_bytes()
     path.write_bytes(b"kept")
-    assert exported(store, fold, "stl").read_bytes() == b"kept"
+    assert export_fold(store, fold, "stl").read_bytes() == b"kept"
     later = path.stat().st_mtime + 1.0
     os.utime(store.directory(fold.id) / "plan.npz", (later, later))
     with pytest.raises(NoRoom):
-        exported(store, fold, "stl", free=2**62)
-    assert exported(store, fold, "stl").read_bytes() == right
+        export_fold(store, fold, "stl", free=2**62)
+    assert export_fold(store, fold, "stl").read_bytes() == right
     store.delete(fold.id)
     with pytest.raises(NoSuchFoldError):
-        exported(store, fold, "urdf")
-    assert not store.directory(fold.id).exists()  # nothing is left of a fold that was deleted
+        export_fold(store, fold, "urdf")
+    assert not store.directory(fold.id).exists()  # nothing remains of a deleted fold
     with pytest.raises(NotFound) as gone:
-        exported(store, fold, "urdf")
+        export_fold(store, fold, "urdf")
     assert gone.value.code == "no-such-artifact"
 
 
@@ -159,9 +158,9 @@ def test_plans_too_large_for_the_service_are_refused_with_advice(
     monkeypatch.setattr(exports_module, "MAX_EXPORTED_PLAN_BYTES", 10_000)
     for name in ("csv", "mcap", "json"):
         with pytest.raises(TooLarge) as refused:
-            exported(store, fold, name)
+            export_fold(store, fold, name)
         assert "foldback export" in refused.value.detail
-    assert exported(store, fold, "urdf").is_file()
+    assert export_fold(store, fold, "urdf").is_file()
 
 
 def test_downloads_of_a_plan_without_frames_leave_out_motion(store: Store, fold: FoldRow) -> None:

@@ -1,4 +1,4 @@
-"""Previews: what is answered, what is refused and kept, and that folds take the same options."""
+"""Previews: answers, refusals, storage, and the same options as folds."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 
 from server.store.owner import new_token
 from tests.case import case
-from tests.server.service_process import PATIENCE_S, SNAKE, Service
+from tests.server.service_process import SNAKE, TIMEOUT_S, Service
 from web.pictures.isometric import isometric_svg
 from web.timeline.columns import decode
 
@@ -30,7 +30,7 @@ def box(*size: int) -> list[list[int]]:
 
 
 def stl(*, hole: bool = False) -> bytes:
-    """A box of 2 by 1 by 1, as a binary STL."""
+    """Return a box of 2 by 1 by 1 as a binary STL."""
     corners = np.argwhere(np.ones((2, 2, 2))) * np.array([2.0, 1.0, 1.0])
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))][: 6 if hole else 12]
@@ -56,56 +56,56 @@ def is_path(cells: list[list[int]]) -> bool:
     return bool((steps == 1).all()) and len({tuple(c) for c in cells}) == len(cells)
 
 
-def test_mesh_becomes_about_as_many_modules_as_requested(desk: Service) -> None:
-    found = report(desk, stl(), modules="128")
+def test_mesh_becomes_about_as_many_modules_as_requested(idle: Service) -> None:
+    found = report(idle, stl(), modules="128")
     assert (found["kind"], found["method"]) == ("mesh", "blocks")
     assert found["modules"] == len(found["cells"]) == 128  # a box of 4 by 2 by 2 blocks
     assert found["has_path"] and is_path(found["cells"])
     assert found["iou"] == pytest.approx(1.0, abs=0.02)
     assert found["knot"]["verdict"] == "unknot"
     assert found["expected_as_published_s"] > found["expected_s"] > 0
-    # The mesh lies where the cells are: both fill the same box.
+    # The mesh and the cells fill the same box.
     cells, vertices = np.array(found["cells"]), np.array(found["mesh"]["vertices"])
     np.testing.assert_allclose(vertices.min(axis=0), cells.min(axis=0) - 0.5, atol=0.2)
     np.testing.assert_allclose(vertices.max(axis=0), cells.max(axis=0) + 0.5, atol=0.2)
-    # It is looked at again with other options.
-    again = report(desk, preview=found["id"], modules="216", full="false")
+    # The same preview is requested with other options.
+    again = report(idle, preview=found["id"], modules="216", full="false")
     assert again["id"] == found["id"] and again["key"] != found["key"]
     assert again["modules"] > found["modules"]
     assert (again["cells"], again["mesh"]) == ([], None)
-    assert report(desk, preview=found["id"], modules="128") == found
+    assert report(idle, preview=found["id"], modules="128") == found
 
 
-def test_path_starts_at_the_requested_cell_and_is_folded_so(desk: Service) -> None:
-    found = report(desk, stl(), modules="64")
+def test_path_starts_at_the_requested_cell_and_is_folded_so(idle: Service) -> None:
+    found = report(idle, stl(), modules="64")
     cell = found["cells"][17]
     start = ",".join(map(str, cell))
-    begun = report(desk, preview=found["id"], modules="64", start=start)
-    assert (begun["cells"][0], begun["start"], begun["not_started"]) == (cell, cell, "")
-    assert is_path(begun["cells"])
-    asked = {"token": new_token(), "preview": found["id"]}
-    fold = desk.fold(**asked, modules="64", start=start)
-    request = json.loads((desk.directory(fold["id"]) / "request.json").read_text())
+    started = report(idle, preview=found["id"], modules="64", start=start)
+    assert (started["cells"][0], started["start"], started["not_started"]) == (cell, cell, "")
+    assert is_path(started["cells"])
+    form = {"token": new_token(), "preview": found["id"]}
+    fold = idle.fold(**form, modules="64", start=start)
+    request = json.loads((idle.directory(fold["id"]) / "request.json").read_text())
     assert (request["start"], request["modules"]) == (cell, 64)
     assert request["filename"] == "thing.bin"
-    assert desk.fold(**asked, modules="64", start=start)["id"] == fold["id"]
+    assert idle.fold(**form, modules="64", start=start)["id"] == fold["id"]
     for other in ({"modules": "72"}, {"modules": "64", "ends": "surface"}):
-        assert desk.fold(**asked, **other)["id"] != fold["id"]
-    nowhere = ask(desk, preview=found["id"], modules="64", start="99,0,0")
+        assert idle.fold(**form, **other)["id"] != fold["id"]
+    nowhere = ask(idle, preview=found["id"], modules="64", start="99,0,0")
     assert (nowhere.status_code, nowhere.json()["code"]) == (422, "not-a-cell")
-    assert ask(desk, preview=found["id"], start="here").json()["code"] == "bad-start"
+    assert ask(idle, preview=found["id"], start="here").json()["code"] == "bad-start"
 
 
-def test_preview_is_drawn_and_shown_in_3d(desk: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = report(desk, voxels(box(3, 2, 2), name="<script>"))
+def test_preview_is_drawn_and_shown_in_3d(idle: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = report(idle, voxels(box(3, 2, 2), name="<script>"))
     where, key = f"/previews/{found['id']}", found["key"]
-    answer = desk.http.get(f"{where}/drawing.svg", params={"key": key})
+    answer = idle.http.get(f"{where}/drawing.svg", params={"key": key})
     assert answer.status_code == 200
     assert answer.headers["content-type"].startswith("image/svg+xml")
     assert answer.headers["content-security-policy"] == "default-src 'none'"
     assert "script" not in answer.text and len(answer.content) < 200_000
     assert len(list(ElementTree.fromstring(answer.text))) > 2
-    answer = desk.http.get(f"{where}/scene/{key}")
+    answer = idle.http.get(f"{where}/scene/{key}")
     assert answer.status_code == 200
     assert answer.headers["cache-control"].startswith("private")
     header, arrays = decode(answer.content)
@@ -113,57 +113,57 @@ def test_preview_is_drawn_and_shown_in_3d(desk: Service, monkeypatch: pytest.Mon
     assert arrays["cells"].tolist() == found["cells"]
     assert {"/cells", "/path"} <= {m.get("name") for m in header["messages"]}
     monkeypatch.setattr("server.files.preview_scenes.preview_scene_of", None)
-    assert desk.http.get(f"{where}/scene/{key}").content == answer.content  # made once
+    assert idle.http.get(f"{where}/scene/{key}").content == answer.content  # made once
     for wrong in ("0" * 24, "upload.json", "..%2Fupload", key[:-1], key.upper()):
-        assert desk.http.get(f"{where}/scene/{wrong}").status_code == 404
-        assert desk.http.get(f"{where}/drawing.svg?key={wrong}").status_code == 404
+        assert idle.http.get(f"{where}/scene/{wrong}").status_code == 404
+        assert idle.http.get(f"{where}/drawing.svg?key={wrong}").status_code == 404
     for preview in ("nosuch", "..", "x" * 40):
-        assert desk.http.get(f"/previews/{preview}/scene/{key}").status_code == 404
-        assert desk.http.get(f"/previews/{preview}/drawing.svg?key={key}").status_code == 404
+        assert idle.http.get(f"/previews/{preview}/scene/{key}").status_code == 404
+        assert idle.http.get(f"/previews/{preview}/drawing.svg?key={key}").status_code == 404
 
 
-def test_page_of_a_fold_draws_the_cells_of_its_preview(desk: Service) -> None:
-    found = report(desk, stl(), modules="64", seed="5")
-    fold = desk.fold(preview=found["id"], modules="64", seed="5")
-    page = desk.http.get(f"/folds/{fold['id']}").text
+def test_page_of_a_fold_draws_the_cells_of_its_preview(idle: Service) -> None:
+    found = report(idle, stl(), modules="64", seed="5")
+    fold = idle.fold(preview=found["id"], modules="64", seed="5")
+    page = idle.http.get(f"/folds/{fold['id']}").text
     drawn = page[page.index("<svg", page.index("cover-art")) :].partition("</svg>")[0] + "</svg>"
     assert drawn == isometric_svg(found["cells"])
-    # What nobody has looked at yet is a mesh of any shape: nothing is drawn, not something else.
-    other = desk.fold(preview=found["id"], modules="96", seed="5")
-    page = desk.http.get(f"/folds/{other['id']}").text
+    # Without a preview the shape of a mesh is unknown, and nothing is drawn.
+    other = idle.fold(preview=found["id"], modules="96", seed="5")
+    page = idle.http.get(f"/folds/{other['id']}").text
     assert '<div class="cover-art"></div>' in page
 
 
-def test_blocks_are_not_offered_for_cells_apart(desk: Service) -> None:
+def test_blocks_are_not_offered_for_cells_apart(idle: Service) -> None:
     apart = voxels([[0, 0, 0], [1, 0, 0], [2, 0, 0], [9, 0, 0]])
-    found = report(desk, apart, method="blocks")
+    found = report(idle, apart, method="blocks")
     assert not found["has_path"]
     assert not any("There is always a path" in note for note in found["notes"])
     refused = [
-        desk.http.post("/api/folds", files={"file": ("a.json", apart)}, data={"method": method})
+        idle.http.post("/api/folds", files={"file": ("a.json", apart)}, data={"method": method})
         for method in ("auto", "blocks")
     ]
     assert [answer.status_code for answer in refused] == [422, 422]
     for answer in refused:
         assert "2 parts" in answer.json()["detail"]
         assert "'blocks'" not in answer.json()["detail"]
-    crossed = desk.http.post("/api/folds", files={"file": ("cross.json", voxels(CROSS))})
+    crossed = idle.http.post("/api/folds", files={"file": ("cross.json", voxels(CROSS))})
     assert "'blocks'" in crossed.json()["detail"]
-    whole = report(desk, voxels(CROSS), method="blocks")
+    whole = report(idle, voxels(CROSS), method="blocks")
     assert (whole["modules"], is_path(whole["cells"])) == (8 * len(CROSS), True)
     assert any("There is always a path" in note for note in whole["notes"])
 
 
-def test_bad_options_and_files_are_refused(desk: Service) -> None:
+def test_bad_options_and_files_are_refused(idle: Service) -> None:
     for form, code in (
         ({"modules": "2"}, "bad-modules"),
         ({"modules": "1001"}, "too-many-modules"),
         ({"method": "magic"}, "unknown-method"),
         ({"shape": "mallet-64"}, "file-or-shape"),
     ):
-        answer = ask(desk, voxels(box(2, 2, 2)), **form)
+        answer = ask(idle, voxels(box(2, 2, 2)), **form)
         assert (answer.status_code, answer.json()["code"]) == (422, code)
-    assert ask(desk, modules="64").json()["code"] == "file-or-shape"
+    assert ask(idle, modules="64").json()["code"] == "file-or-shape"
     for data in (
         b"",
         bytes(500),
@@ -177,60 +177,60 @@ def test_bad_options_and_files_are_refused(desk: Service) -> None:
         b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
     ):
         with case(data[:12]):
-            answer = ask(desk, data)
+            answer = ask(idle, data)
             assert answer.status_code == 422, answer.text
             assert answer.headers["content-type"] == "application/problem+json"
             assert answer.json()["code"] and len(answer.json()["detail"]) > 20
     for preview in ("nosuchpreview", "../../etc", "..", "x" * 300, ""):
-        assert ask(desk, preview=preview).status_code in (404, 422)
-        assert desk.refused(preview=preview)[0] in (404, 422)
+        assert ask(idle, preview=preview).status_code in (404, 422)
+        assert idle.refusal(preview=preview)[0] in (404, 422)
 
 
-def test_preview_beyond_its_time_is_refused(here_with) -> None:
-    service = here_with(preview_seconds=0.02).start()
+def test_preview_beyond_its_time_is_refused(service_with) -> None:
+    service = service_with(preview_seconds=0.02).start()
     answer = ask(service, stl(), modules="2000")
     assert (answer.status_code, answer.json()["code"]) == (504, "preview-too-slow")
     assert "fewer modules" in answer.json()["detail"]
-    assert service.fold(SNAKE)["id"]  # the service goes on
+    assert service.fold(SNAKE)["id"]  # the service continues
 
 
-def test_old_previews_make_room_for_new_ones(here_with) -> None:
-    service = here_with(previews_bytes=2**22).start()
+def test_old_previews_make_room_for_new_ones(service_with) -> None:
+    service = service_with(previews_bytes=2**22).start()
     cells = voxels(box(2, 2, 2), padding="x" * 700_000)
     padded = cells + b" " * 1_100_000
     ids = [report(service, padded, full="false")["id"] for _ in range(3)]
     oldest = service.settings.previews_dir / ids[0]
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + TIMEOUT_S
     while oldest.exists() and time.monotonic() < end:
         assert ask(service, preview=ids[-1]).status_code == 200
         time.sleep(0.05)
     assert ask(service, preview=ids[0]).status_code == 404
 
 
-def test_cells_are_previewed_without_a_search(desk: Service) -> None:
-    cross = report(desk, voxels(CROSS), path="false")
+def test_cells_are_previewed_without_a_search(idle: Service) -> None:
+    cross = report(idle, voxels(CROSS), path="false")
     assert (cross["kind"], cross["has_path"], cross["feasibility"]) == ("voxels", False, None)
     assert sorted(cross["cells"]) == sorted(CROSS)
-    brick = report(desk, stl(), path="false", method="exact", modules="16")
+    brick = report(idle, stl(), path="false", method="exact", modules="16")
     assert (brick["kind"], brick["modules"], brick["iou"]) == ("mesh", 16, 1.0)
     assert (brick["mesh"], brick["line"]) == (None, None)
     # With a path it is another report.
-    assert report(desk, preview=brick["id"], modules="16")["has_path"]
-    path = report(desk, json.dumps(SNAKE).encode(), path="false")
+    assert report(idle, preview=brick["id"], modules="16")["has_path"]
+    path = report(idle, json.dumps(SNAKE).encode(), path="false")
     assert (path["kind"], path["has_path"], path["cells"]) == ("path", True, SNAKE)
-    path = report(desk, preview=path["id"])
+    path = report(idle, preview=path["id"])
     assert (path["knot"]["verdict"], path["feasibility"]) == ("unknot", None)
 
 
-def test_preview_without_a_waiting_client_is_ended(here_with) -> None:
-    service = here_with(preview_seconds=300.0).start()
+def test_preview_without_a_waiting_client_is_ended(service_with) -> None:
+    service = service_with(preview_seconds=300.0).start()
     report(service, voxels(box(2, 2, 2)))
     (busy,) = service.children("preparer")
-    busy.suspend()  # as one that would go on for ever
+    busy.suspend()  # as one without an end
     with pytest.raises(httpx.ReadTimeout):
         service.http.post(
             "/api/shapes/preview", files={"file": ("box.json", voxels(box(4, 4, 2)))}, timeout=1.0
         )
-    # The child that was busy with it is ended, and the next preview has one of its own.
+    # The busy child is ended, and the next preview has one of its own.
     assert report(service, voxels(box(4, 2, 2)))["has_path"]
     assert not busy.is_running() or busy.status() == "zombie"

@@ -1,4 +1,4 @@
-"""Data on a read-only disk: what is stored is shown, and all else is refused in one sentence."""
+"""Data on a read-only disk: stored folds are shown, and all else is refused in one sentence."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import pytest
 from server.doctor.data import database, directory
 from server.settings import Settings
 from server.store.tables import read_only_engine
-from tests.server.files.test_damage import ROUTES, shipping
+from tests.server.files.test_damage import ROUTES, service_with_shipped_fold
 from tests.server.service_thread import ServiceThread
 
 WORDS = "New folds cannot be accepted: the disk is read-only."
@@ -25,9 +25,9 @@ WORDS = "New folds cannot be accepted: the disk is read-only."
 
 @contextmanager
 def read_only(place: Path) -> Generator[None]:
-    """Make a directory and all in it read-only: by a mount for root, else by modes.
+    """Make a directory and its content read-only: by a mount for root, otherwise by modes.
 
-    Where root may not mount, the service is told that it cannot write.
+    Where root may not mount, the check for a writable directory is replaced.
     """
     if os.getuid() == 0:
         mount = ["mount", "--bind", "-o", "ro", str(place), str(place)]
@@ -47,12 +47,12 @@ def read_only(place: Path) -> Generator[None]:
 
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ServiceThread, str]]:
-    """A service that was started on a read-only disk, and a fold that it has."""
-    with shipping(tmp_path_factory.mktemp("read-only")) as writing:
+    """Service that was started on a read-only disk, and one of its folds."""
+    with service_with_shipped_fold(tmp_path_factory.mktemp("read-only")) as writing:
         (fold,) = writing.http.get("/api/folds").json()["folds"]
     data_dir = writing.data_dir
-    with read_only(data_dir), ServiceThread(data_dir, finished_folds=True).start() as here:
-        yield here, fold["id"]
+    with read_only(data_dir), ServiceThread(data_dir, finished_folds=True).start() as service:
+        yield service, fold["id"]
 
 
 def tree(place: Path) -> list[str]:
@@ -81,15 +81,15 @@ def test_change_on_read_only_disk_is_refused_in_the_same_words(
     stored: tuple[ServiceThread, str],
 ) -> None:
     service, fold_id = stored
-    here = f"/api/folds/{fold_id}"
+    api = f"/api/folds/{fold_id}"
     for method, path in (
         ("POST", "/api/folds"),
         ("POST", "/api/shapes/preview"),
         ("POST", "/gallery/wrench-160"),
-        ("POST", f"{here}/movies"),
-        ("POST", f"{here}/cancel"),
-        ("PATCH", here),
-        ("DELETE", here),
+        ("POST", f"{api}/movies"),
+        ("POST", f"{api}/cancel"),
+        ("PATCH", api),
+        ("DELETE", api),
     ):
         answer = service.http.request(method, path, data={"x": "y"})
         assert (answer.status_code, answer.json()["code"]) == (507, "read-only"), path
@@ -117,7 +117,7 @@ def test_worker_on_read_only_disk_ends_in_one_line(stored: tuple[ServiceThread, 
 
 
 def test_database_with_unfinished_log_on_read_only_disk_is_read(tmp_path: Path) -> None:
-    """The write-ahead log of a service that was killed holds what it wrote last."""
+    """The write-ahead log of a killed service holds its latest writes."""
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
     with sqlite3.connect(here / "rows.db") as live:

@@ -1,4 +1,4 @@
-"""Trajectories: worked out once for all who want the same, kept by bytes, shared while used."""
+"""Trajectories: computed once for equal requests, limited in bytes, shared while in use."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ for task, more in (
 Make = Callable[..., Trajectories]
 
 
-class Here:
-    """Does in this process what a child does, and counts it."""
+class TasksInProcess:
+    """Replacement of a child that runs its tasks in this process and counts them."""
 
     def __init__(self) -> None:
         self.calls: list[str] = []
@@ -75,23 +75,23 @@ class Here:
 
 
 @pytest.fixture
-def here() -> Here:
-    return Here()
+def tasks() -> TasksInProcess:
+    return TasksInProcess()
 
 
 @pytest.fixture
-def make(here: Here, tmp_path: Path) -> Make:
-    def made(**more: int) -> Trajectories:
+def make(tasks: TasksInProcess, tmp_path: Path) -> Make:
+    def make_trajectories(**more: int) -> Trajectories:
         bounds = {"total": 12, "per_visitor": 4, **more}
         motions, scratch = Scratch(tmp_path / "motions"), Scratch(tmp_path / "scratch")
-        return Trajectories(cast("Pool", here), motions, scratch, **bounds)
+        return Trajectories(cast("Pool", tasks), motions, scratch, **bounds)
 
-    return made
+    return make_trajectories
 
 
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The plan of a small fold."""
+    """Path of the plan of a small fold."""
     directory = tmp_path_factory.mktemp("fold")
     unpack(SMALL.read_bytes(), directory)
     return directory / "plan.npz"
@@ -113,18 +113,18 @@ def test_trajectory_is_that_of_the_planner_and_leaves_no_files(
 
 
 def test_hijacked_child_changes_no_plan_and_no_trajectory(
-    make: Make, here: Here, plan: Path, monkeypatch: pytest.MonkeyPatch
+    make: Make, tasks: TasksInProcess, plan: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before, call = plan.read_bytes(), here.call
+    before, call = plan.read_bytes(), tasks.call
     held: list[BinaryIO] = []
 
-    def taken_over(task: str, place: Path) -> dict[str, Any]:
-        told = call(task, place)
+    def hijacked(task: str, place: Path) -> dict[str, Any]:
+        answer = call(task, place)
         (place / PLAN).write_bytes(b"other")
         held.append((place / FRAMES_FILE).open("r+b"))
-        return told
+        return answer
 
-    monkeypatch.setattr(here, "call", taken_over)
+    monkeypatch.setattr(tasks, "call", hijacked)
     found = asyncio.run(make().of(Wanted.of(plan, 1.0, 2.0), "a"))
     now = plan.read_bytes()
     plan.write_bytes(before)
@@ -136,12 +136,12 @@ def test_hijacked_child_changes_no_plan_and_no_trajectory(
 
 
 def test_files_of_the_child_are_read_within_bounds(
-    make: Make, here: Here, plan: Path, monkeypatch: pytest.MonkeyPatch
+    make: Make, tasks: TasksInProcess, plan: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    call, spoiled = here.call, Path()
+    call, spoiled = tasks.call, Path()
 
-    def taken_over(task: str, place: Path) -> dict[str, Any]:
-        told = call(task, place)
+    def hijacked(task: str, place: Path) -> dict[str, Any]:
+        answer = call(task, place)
         if str(spoiled) == REST_FILE and not most:
             (place / REST_FILE).write_bytes(b"rubbish")
         elif str(spoiled) == REST_FILE:
@@ -149,9 +149,9 @@ def test_files_of_the_child_are_read_within_bounds(
                 parts.writestr("bomb.npy", bytes(2**25))
         else:
             os.truncate(place / spoiled, 2**32)
-        return told
+        return answer
 
-    monkeypatch.setattr(here, "call", taken_over)
+    monkeypatch.setattr(tasks, "call", hijacked)
     wanted = Wanted.of(plan, 1.0, 2.0)
     for name, most, kind in (
         (FRAMES_FILE, 2**24, TooLarge),
@@ -192,12 +192,12 @@ def test_retiming_compiles_nothing_after_the_start(plan: Path) -> None:
 
 
 def test_equal_requests_share_one_trajectory_without_threads(
-    make: Make, here: Here, plan: Path
+    make: Make, tasks: TasksInProcess, plan: Path
 ) -> None:
     async def ask() -> None:
         asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
         trajectories = make()
-        here.go_on.clear()
+        tasks.go_on.clear()
         wanted = [Wanted.of(plan, speed, 2.0) for speed in (1.0, 2.0, 3.0, 4.0, 5.0)]
         same = [asyncio.create_task(trajectories.of(wanted[0], f"v{k}")) for k in range(24)]
         others = [asyncio.create_task(trajectories.of(w, "v0")) for w in wanted[1:4]]
@@ -205,17 +205,17 @@ def test_equal_requests_share_one_trajectory_without_threads(
         assert await asyncio.wait_for(asyncio.to_thread(lambda: "free"), 10.0) == "free"
         with pytest.raises(TooMany):
             await trajectories.of(wanted[4], "v0")
-        here.go_on.set()
+        tasks.go_on.set()
         assert len({id(found) for found in await asyncio.gather(*same)}) == 1
         await asyncio.gather(*others)
-        assert here.calls == ["retime"] * 4
+        assert tasks.calls == ["retime"] * 4
         trajectories.close()
 
     asyncio.run(ask())
 
 
 def test_cached_trajectories_are_bounded_by_bytes_and_share_frames(
-    make: Make, here: Here, plan: Path
+    make: Make, tasks: TasksInProcess, plan: Path
 ) -> None:
     async def ask() -> None:
         one = (await make().of(Wanted.of(plan, 1.0, 2.0), "a")).trajectory
@@ -223,11 +223,11 @@ def test_cached_trajectories_are_bounded_by_bytes_and_share_frames(
         for k in range(20):
             await trajectories.of(Wanted.of(plan, 1.0 + k, 2.0), "a")
             assert trajectories.nbytes <= 3 * one.nbytes
-        begun = len(here.calls)
+        before = len(tasks.calls)
         await trajectories.of(Wanted.of(plan, 20.0, 2.0), "a")
-        assert len(here.calls) == begun  # the last one is still there
+        assert len(tasks.calls) == before  # the last one is still cached
         await trajectories.of(Wanted.of(plan, 1.0, 2.0), "a")
-        assert len(here.calls) == begun + 1  # the first one is not
+        assert len(tasks.calls) == before + 1  # the first one is not
         used = [await trajectories.of(Wanted.of(plan, 50.0 + k, 2.0), "a") for k in range(8)]
         assert len({id(found.trajectory.path.frames) for found in used}) == 1
         assert trajectories.nbytes < 4 * one.nbytes + 8 * (one.nbytes - one.path.frames.nbytes)
@@ -245,22 +245,22 @@ def test_trajectories_in_use_are_bounded(make: Make, plan: Path) -> None:
                 held.append(await trajectories.of(Wanted.of(plan, 2.0 + k, 2.0), "a"))
         assert refused.value.code == "busy"
         held.clear()
-        del refused  # its traceback holds the one that was refused
+        del refused  # its traceback refers to the refused one
         await trajectories.of(Wanted.of(plan, 30.0, 2.0), "a")
 
     asyncio.run(ask())
 
 
 def test_rate_at_which_modules_overlap_is_refused_with_advice(
-    make: Make, here: Here, plan: Path, monkeypatch: pytest.MonkeyPatch
+    make: Make, tasks: TasksInProcess, plan: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for enough, advice in ((4.0, "use rate=4"), (None, "request a higher rate")):
 
-        def overlapping(task: str, place: Path, enough: float | None = enough) -> dict[str, Any]:
+        def refuse_overlap(task: str, place: Path, enough: float | None = enough) -> dict[str, Any]:
             assert json.loads((place / "request.json").read_bytes())["rate_hz"] == 1.0
             found = {"min_clearance": -0.36, "clearance_bound": -0.36, "overlap": True}
             return {**found, "sufficient_rate_hz": enough}
 
-        monkeypatch.setattr(here, "call", overlapping)
+        monkeypatch.setattr(tasks, "call", refuse_overlap)
         with pytest.raises(Unusable, match=advice):
             asyncio.run(make().clearance(Wanted.of(plan, 1.0, 2.0), 1.0, "visitor"))

@@ -10,18 +10,18 @@ from fastapi.responses import PlainTextResponse, RedirectResponse
 from server.http.base_path import BelowPath, at
 from server.settings import Settings
 from tests.case import case
-from tests.server.asgi import asked
+from tests.server.asgi import send_request
 
 HOST = "http://fold.example.org"
 
 
-def answered(path: str, base_path: str = "/fold") -> httpx.Response:
-    """Return what an application of one page answers to a path."""
+def answer_to(path: str, base_path: str = "/fold") -> httpx.Response:
+    """Return the answer of an application of one page to a request."""
     app = FastAPI()
     app.add_api_route("/page", page)
     app.add_api_route("/to/{address:path}", to)
     app.add_middleware(BelowPath, base_path=base_path)
-    return asked(app, path, base_url=HOST)
+    return send_request(app, path, base_url=HOST)
 
 
 async def page() -> PlainTextResponse:
@@ -32,12 +32,12 @@ async def to(address: str) -> RedirectResponse:
     return RedirectResponse(address)
 
 
-def test_page_is_found_below_the_base_path_and_where_a_proxy_took_it_off() -> None:
+def test_page_is_served_below_the_base_path_and_if_a_proxy_removed_it() -> None:
     for path in ("/fold/page", "/page"):
-        assert answered(path).text == "/fold/page"
-    assert answered("/page", base_path="").text == "/page"
+        assert answer_to(path).text == "/fold/page"
+    assert answer_to("/page", base_path="").text == "/page"
     for path in ("/fold", "/foldpage", "/fold/fold/page"):
-        assert answered(path).status_code == 404
+        assert answer_to(path).status_code == 404
     assert at("/page") == "/page"
 
 
@@ -48,7 +48,7 @@ def test_redirect_stays_below_the_base_path() -> None:
         ("/fold/to/https://example.org/x", "https://example.org/x"),
         ("/fold/to/benchmarks", "benchmarks"),
     ):
-        assert answered(address).headers["location"] == leads_to
+        assert answer_to(address).headers["location"] == leads_to
 
 
 def test_base_path_of_other_forms_is_refused() -> None:

@@ -1,27 +1,27 @@
-"""HEAD wherever there is GET, and what other programs look for at fixed addresses."""
+"""HEAD wherever there is GET, and files that other programs request at fixed addresses."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from tests.server.http.test_threats_answers import ROUTES, filled
+from tests.server.http.test_threats_answers import ROUTES, fill_in
 from tests.server.service_process import Service
 from tests.server.service_thread import ServiceThread
 
 PATHS = sorted({route.path for route in ROUTES if "GET" in (route.methods or ())})
 
 
-def test_every_get_route_answers_head(desk: ServiceThread) -> None:
+def test_every_get_route_answers_head(idle: ServiceThread) -> None:
     for number, path in enumerate(PATHS):
-        address = filled(path, "x")
+        address = fill_in(path, "x")
         visitor = {"X-Forwarded-For": f"10.9.{number}.1"}
-        whole = desk.http.get(address, headers=visitor)
-        head = desk.http.head(address, headers=visitor)
+        whole = idle.http.get(address, headers=visitor)
+        head = idle.http.head(address, headers=visitor)
         assert head.status_code == whole.status_code, path
         assert head.headers.get("content-type") == whole.headers.get("content-type"), path
         assert head.headers.get("content-length") == whole.headers.get("content-length"), path
         assert not head.content, path
-    assert "HEAD /folds/x" not in desk.log.read_text(), "logs name routes, not links"
+    assert "HEAD /folds/x" not in idle.log.read_text(), "logs name routes, not links"
 
 
 def test_head_of_a_fold_ends_at_once(service: Service, finished: dict[str, Any]) -> None:
@@ -33,12 +33,12 @@ def test_head_of_a_fold_ends_at_once(service: Service, finished: dict[str, Any])
     assert int(service.http.head(f"{api}/plan.npz").headers["content-length"]) > 1000
 
 
-def test_icon_and_manifest_are_served(desk: ServiceThread) -> None:
-    icon = desk.http.get("/favicon.ico")
+def test_icon_and_manifest_are_served(idle: ServiceThread) -> None:
+    icon = idle.http.get("/favicon.ico")
     assert icon.content[:4] == b"\0\0\1\0"
-    manifest = desk.http.get("/manifest.webmanifest").json()
+    manifest = idle.http.get("/manifest.webmanifest").json()
     for each in manifest["icons"]:
-        assert desk.http.head(each["src"]).headers["content-type"] == each["type"]
+        assert idle.http.head(each["src"]).headers["content-type"] == each["type"]
 
 
 def test_oembed_describes_a_fold_of_this_service(
@@ -47,8 +47,8 @@ def test_oembed_describes_a_fold_of_this_service(
     origin = str(service.http.base_url).rstrip("/")
     link = f"{origin}/folds/{finished['id']}"
     assert f'href="{origin}/oembed?url=' in service.http.get(link).text
-    asked = {"url": f"{link}#frame=3", "maxwidth": 300, "maxheight": 10}
-    about = service.http.get("/oembed", params=asked).json()
+    query = {"url": f"{link}#frame=3", "maxwidth": 300, "maxheight": 10}
+    about = service.http.get("/oembed", params=query).json()
     assert (about["version"], about["type"]) == ("1.0", "rich")
     assert (about["width"], about["height"]) == (300, 200)
     assert f'src="{origin}/embed/{finished["id"]}"' in about["html"]
@@ -57,8 +57,8 @@ def test_oembed_describes_a_fold_of_this_service(
     assert xml.status_code == 501
 
 
-def test_oembed_refuses_other_addresses(desk: ServiceThread) -> None:
-    origin = str(desk.http.base_url).rstrip("/")
+def test_oembed_refuses_other_addresses(idle: ServiceThread) -> None:
+    origin = str(idle.http.base_url).rstrip("/")
     for url in ("", "http://[", "https://example.org/folds/x", "/folds/x", f"{origin}/folds/none"):
-        answer = desk.http.get("/oembed", params={"url": url})
+        answer = idle.http.get("/oembed", params={"url": url})
         assert (answer.status_code, "iframe" in answer.text) == (404, False), url

@@ -12,25 +12,25 @@ from fastapi import FastAPI, Request
 from fastapi.responses import Response
 
 from server.http.response_cache import RESPONSE_CACHE_S, ResponseCache, mark
-from tests.server.asgi import asked
+from tests.server.asgi import send_request
 from tests.server.service_process import Service, owner
 from tests.server.service_thread import ServiceThread
 
 
-class Desk:
-    """An application that counts what it is asked, with a clock of its own."""
+class CountingApp:
+    """Application that counts its requests, with a clock of its own."""
 
     def __init__(self) -> None:
-        self.asked: list[str] = []
+        self.send_request: list[str] = []
         self.now = 0.0
         self.status = "verified"
         app = FastAPI()
 
         @app.get("/folds/{fold_id}")
         def get(request: Request, fold_id: str) -> Response:  # pyright: ignore
-            self.asked.append(fold_id)
+            self.send_request.append(fold_id)
             mark(request, SimpleNamespace(id=fold_id, status=self.status))
-            return Response(f"{fold_id} {len(self.asked)}", headers={"ETag": '"1"'})
+            return Response(f"{fold_id} {len(self.send_request)}", headers={"ETag": '"1"'})
 
         @app.delete("/folds/{fold_id}")
         def delete(fold_id: str) -> None:  # pyright: ignore
@@ -39,52 +39,52 @@ class Desk:
         self._app = ResponseCache(app, clock=lambda: self.now)
 
     def get(self, path: str, method: str = "GET", **headers: str) -> httpx.Response:
-        return asked(self._app, path, method=method, headers=headers)
+        return send_request(self._app, path, method=method, headers=headers)
 
 
 @pytest.fixture
-def desk() -> Desk:
-    return Desk()
+def counting_app() -> CountingApp:
+    return CountingApp()
 
 
-def test_response_is_reused_for_a_second(desk: Desk) -> None:
-    first, second = desk.get("/folds/a"), desk.get("/folds/a")
+def test_response_is_reused_for_a_second(counting_app: CountingApp) -> None:
+    first, second = counting_app.get("/folds/a"), counting_app.get("/folds/a")
     assert first.text == second.text == "a 1"
     assert first.headers == second.headers
-    desk.now = RESPONSE_CACHE_S
-    assert desk.get("/folds/a").text == "a 2"
-    assert desk.get("/folds/a?from=1").text == "a 3"
-    assert desk.get("/folds/a", Host="other").text == "a 4"
-    assert desk.get("/folds/b").text == "b 5"
+    counting_app.now = RESPONSE_CACHE_S
+    assert counting_app.get("/folds/a").text == "a 2"
+    assert counting_app.get("/folds/a?from=1").text == "a 3"
+    assert counting_app.get("/folds/a", Host="other").text == "a 4"
+    assert counting_app.get("/folds/b").text == "b 5"
 
 
-def test_known_etag_is_not_modified(desk: Desk) -> None:
-    desk.get("/folds/a")
-    known = desk.get("/folds/a", **{"If-None-Match": '"1"'})
+def test_known_etag_is_not_modified(counting_app: CountingApp) -> None:
+    counting_app.get("/folds/a")
+    known = counting_app.get("/folds/a", **{"If-None-Match": '"1"'})
     assert (known.status_code, known.content) == (304, b"")
     assert "content-length" not in known.headers
-    assert len(desk.asked) == 1
+    assert len(counting_app.send_request) == 1
 
 
-def test_response_that_may_change_is_not_reused(desk: Desk) -> None:
+def test_response_that_may_change_is_not_reused(counting_app: CountingApp) -> None:
     for number, status in enumerate(("running", "failed", "cancelled", "deleted")):
-        desk.status = status
-        answers = [desk.get("/folds/a").text for _ in range(2)]
+        counting_app.status = status
+        answers = [counting_app.get("/folds/a").text for _ in range(2)]
         assert answers == [f"a {2 * number + 1}", f"a {2 * number + 2}"], status
 
 
-def test_deletion_ends_reuse_at_once(desk: Desk) -> None:
+def test_deletion_ends_reuse_at_once(counting_app: CountingApp) -> None:
     for path in ("/folds/a", "/folds/b"):
-        desk.get(path)
-    desk.get("/folds/a", method="DELETE")
-    assert (desk.get("/folds/a").text, desk.get("/folds/b").text) == ("a 3", "b 2")
+        counting_app.get(path)
+    counting_app.get("/folds/a", method="DELETE")
+    assert (counting_app.get("/folds/a").text, counting_app.get("/folds/b").text) == ("a 3", "b 2")
 
 
 def test_deleted_fold_is_gone_from_all_its_addresses(
-    service: Service, finished: dict[str, Any], here_with: Callable[..., ServiceThread]
+    service: Service, finished: dict[str, Any], service_with: Callable[..., ServiceThread]
 ) -> None:
-    other = here_with()
-    other.take_over(service, finished["id"])
+    other = service_with()
+    other.copy_from(service, finished["id"])
     other.start()
     fold_id = finished["id"]
     places = [f"/folds/{fold_id}", f"/folds/{fold_id}/batch?to=4", f"/api/folds/{fold_id}"]

@@ -24,9 +24,9 @@ def test_response_carries_the_error_and_its_headers() -> None:
     answer = response_of(error)
     assert (answer.status_code, answer.headers["Retry-After"]) == (429, "7")
     assert answer.headers["content-type"] == "application/problem+json"
-    told = {"type": "about:blank", "title": "Too Many Requests", "status": 429}
-    told |= {"code": "queue-full", "detail": "Three are waiting.", "where": "body.file"}
-    assert json.loads(bytes(answer.body)) == {**told, "message": "Three are waiting."}
+    body = {"type": "about:blank", "title": "Too Many Requests", "status": 429}
+    body |= {"code": "queue-full", "detail": "Three are waiting.", "where": "body.file"}
+    assert json.loads(bytes(answer.body)) == {**body, "message": "Three are waiting."}
     for kind, header in (
         (Unidentified, {"WWW-Authenticate": "Bearer"}),
         (WebsocketNeeded, {"Upgrade": "websocket"}),

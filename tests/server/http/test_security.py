@@ -13,39 +13,39 @@ from websockets import InvalidStatus, Origin
 from websockets.sync.client import connect
 
 from server.http.security import AllowedHosts, SameOrigin, hosts_of
-from tests.server.asgi import asked
+from tests.server.asgi import send_request
 from tests.server.service_process import SNAKE, Service
 
 
-def test_every_answer_carries_the_headers(desk: Service) -> None:
+def test_every_answer_carries_the_headers(idle: Service) -> None:
     for page in ("/", "/health", "/api/folds", "/api/openapi.json", "/nowhere"):
-        headers = desk.http.get(page).headers
+        headers = idle.http.get(page).headers
         assert headers["x-content-type-options"] == "nosniff"
         assert headers["x-frame-options"] == "SAMEORIGIN"
-        told = headers["content-security-policy"]
-        policy = dict(part.split(" ", 1) for part in told.split("; "))
-        assert "'unsafe-" not in policy["script-src"] and "*" not in told
+        value = headers["content-security-policy"]
+        policy = dict(part.split(" ", 1) for part in value.split("; "))
+        assert "'unsafe-" not in policy["script-src"] and "*" not in value
         assert policy["frame-ancestors"] == "'self'"
         assert "server" not in headers
 
 
-def test_pages_of_others_change_nothing(desk: Service) -> None:
-    form, here = {"shape": "mallet-64", "seed": "77"}, netloc(desk)
+def test_pages_of_others_change_nothing(idle: Service) -> None:
+    form, host = {"shape": "mallet-64", "seed": "77"}, netloc(idle)
     for method, path in (
         ("POST", "/api/folds"),
         ("PATCH", "/api/folds/x"),
         ("DELETE", "/api/folds/x"),
         ("DELETE", "/api/mine/previews/x"),
     ):
-        for origin in ("http://evil.example", "null", "http://[", f"ftp://{here}"):
-            answer = desk.http.request(method, path, data=form, headers={"Origin": origin})
+        for origin in ("http://evil.example", "null", "http://[", f"ftp://{host}"):
+            answer = idle.http.request(method, path, data=form, headers={"Origin": origin})
             assert (answer.status_code, answer.json()["code"]) == (403, "foreign-origin")
-    ours = desk.http.post("/api/folds", data=form, headers={"Origin": f"http://{here}"})
+    ours = idle.http.post("/api/folds", data=form, headers={"Origin": f"http://{host}"})
     assert (ours.status_code, ours.json()["existing"]) == (202, False)
-    # A browser that was not told to may not even ask with a key of ours in a header.
-    asked = {"Origin": "http://evil.example", "Access-Control-Request-Method": "GET"}
-    asked["Access-Control-Request-Headers"] = "authorization"
-    answer = desk.http.options("/api/mine/folds", headers=asked)
+    # A browser that has no permission may not even send one of our keys in a header.
+    send_request = {"Origin": "http://evil.example", "Access-Control-Request-Method": "GET"}
+    send_request["Access-Control-Request-Headers"] = "authorization"
+    answer = idle.http.options("/api/mine/folds", headers=send_request)
     assert not [name for name in answer.headers if name.startswith("access-control")]
 
 
@@ -53,29 +53,29 @@ def netloc(service: Service) -> str:
     return service.http.base_url.netloc.decode()
 
 
-def test_websockets_of_others_are_refused(desk: Service) -> None:
-    address = f"ws://{netloc(desk)}/api/folds/{desk.fold(SNAKE, seed='78')['id']}/play"
+def test_websockets_of_others_are_refused(idle: Service) -> None:
+    address = f"ws://{netloc(idle)}/api/folds/{idle.fold(SNAKE, seed='78')['id']}/play"
     # 409: the fold is not ready.
-    for origin, status in (("http://evil.example", 403), (f"http://{netloc(desk)}", 409)):
+    for origin, status in (("http://evil.example", 403), (f"http://{netloc(idle)}", 409)):
         with pytest.raises(InvalidStatus) as refused, connect(address, origin=Origin(origin)):
             pass
         assert refused.value.response.status_code == status
 
 
-def test_other_names_do_not_lead_here(desk: Service) -> None:
-    port = desk.http.base_url.port
+def test_other_host_names_are_refused(idle: Service) -> None:
+    port = idle.http.base_url.port
     for host in ("evil.example", f"evil.example:{port}", "127.0.0.1.evil.example"):
-        # A page under that name would pass for one of ours.
+        # A page under that name could pass for one of ours.
         headers = {"Host": host, "Origin": f"http://{host}"}
-        answer = desk.http.post("/api/folds", data={"shape": "mallet-64"}, headers=headers)
+        answer = idle.http.post("/api/folds", data={"shape": "mallet-64"}, headers=headers)
         assert (answer.status_code, answer.json()["code"]) == (400, "unknown-host")
         assert "FOLDBACK_ALLOWED_HOSTS" in answer.json()["detail"]
     for host in ("localhost", f"localhost:{port}", f"[::1]:{port}", f"127.0.0.1:{port}"):
-        assert desk.http.get("/health", headers={"Host": host}).status_code == 200
+        assert idle.http.get("/health", headers={"Host": host}).status_code == 200
 
 
-def test_address_of_the_connection_leads_here_and_no_other_address() -> None:
-    """Prometheus asks each web process by the address that it finds."""
+def test_only_the_address_of_the_connection_is_accepted_as_host() -> None:
+    """Prometheus requests each web process by the address that it finds."""
     hosts = AllowedHosts(PlainTextResponse("here"), hosts=("fold.example.org",))
 
     for host, status in (
@@ -84,15 +84,15 @@ def test_address_of_the_connection_leads_here_and_no_other_address() -> None:
         ("172.30.90.130:8000", 400),
         ("172.30.90.129.evil.example", 400),
     ):
-        answer = asked(hosts, "http://172.30.90.129:8000/", headers={"Host": host})
+        answer = send_request(hosts, "http://172.30.90.129:8000/", headers={"Host": host})
         assert answer.status_code == status, host
 
 
 Guard = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 
-def passed(guarding: Callable[[ASGIApp], Guard], headers: dict[str, str]) -> bool:
-    """Return True if a guard lets a WebSocket in."""
+def accepted(guarding: Callable[[ASGIApp], Guard], headers: dict[str, str]) -> bool:
+    """Return True if a guard accepts a WebSocket."""
     done: list[str] = []
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
@@ -110,7 +110,7 @@ def passed(guarding: Callable[[ASGIApp], Guard], headers: dict[str, str]) -> boo
     return done[0] == "in"
 
 
-def test_names_that_lead_here() -> None:
+def test_accepted_host_names() -> None:
     for listens, allowed, host, answered in (
         ("127.0.0.1", (), "localhost:8000", True),
         ("127.0.0.1", (), "evil.example", False),
@@ -126,12 +126,12 @@ def test_names_that_lead_here() -> None:
         ("127.0.0.1", ("*",), "evil.example", True),
     ):
         guard = partial(AllowedHosts, hosts=hosts_of(listens, allowed))
-        assert passed(guard, {"host": host}) == answered, (listens, allowed, host)
+        assert accepted(guard, {"host": host}) == answered, (listens, allowed, host)
 
 
 def test_origins_that_may_call() -> None:
     guard = partial(SameOrigin, origins=["https://partner.example"])
-    assert passed(guard, {"host": "fold.example"})
+    assert accepted(guard, {"host": "fold.example"})
     for origin, host, allowed in (
         ("https://Fold.Example", "fold.example", True),
         ("https://fold.example:8443", "fold.example", False),
@@ -140,4 +140,4 @@ def test_origins_that_may_call() -> None:
         ("null", "fold.example", False),
         ("http://", "", False),
     ):
-        assert passed(guard, {"host": host, "origin": origin}) == allowed, origin
+        assert accepted(guard, {"host": host, "origin": origin}) == allowed, origin

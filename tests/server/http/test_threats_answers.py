@@ -1,4 +1,4 @@
-"""Rates that every route is in, and answers to bad input without internal words."""
+"""Rates that include every route, and answers to bad input without internal words."""
 
 from __future__ import annotations
 
@@ -37,68 +37,70 @@ ROUTES = [
 ]
 
 
-def filled(path: str, value: str) -> str:
+def fill_in(path: str, value: str) -> str:
     return re.sub(r"\{[^}]*\}", value, path)
 
 
 def test_every_route_but_health_is_in_the_rate_of_requests(
-    here_with: Callable[..., ServiceThread],
+    service_with: Callable[..., ServiceThread],
 ) -> None:
-    service = here_with(requests_per_second_of_visitor=0.001, requests_at_once_of_visitor=1).start()
+    service = service_with(
+        requests_per_second_of_visitor=0.001, requests_at_once_of_visitor=1
+    ).start()
     for number, route in enumerate(ROUTES):
-        # Refusals are in the rate of protocol events: no visitor is refused more than a few times.
+        # Refusals count as protocol events, of which each visitor has a limited rate.
         visitor = {"X-Forwarded-For": f"10.{number // 20}.0.1"}
         if number % 20 == 0:
             service.http.get("/robots.txt", headers=visitor)
         for method in route.methods or ():
-            answer = service.http.request(method, filled(route.path, "x"), headers=visitor)
+            answer = service.http.request(method, fill_in(route.path, "x"), headers=visitor)
             assert answer.status_code == (200 if route.path == "/health" else 429), route.path
 
 
 def test_every_route_that_reads_many_rows_is_in_the_rate_of_lists(
-    here_with: Callable[..., ServiceThread],
+    service_with: Callable[..., ServiceThread],
 ) -> None:
-    service = here_with(lists_per_second_of_visitor=0.001).start()
+    service = service_with(lists_per_second_of_visitor=0.001).start()
     refused: set[str] = set()
     for route in ROUTES:
         if "{" in route.path or "GET" not in (route.methods or ()):
-            continue  # routes with an id look up single rows
-        with statements() as asked:
+            continue  # routes with an id read single rows
+        with statements() as queries:
             answer = service.http.get(route.path, headers=TOKEN)
         if answer.status_code == 429:
             assert answer.json()["code"] == "too-many-lists"
             assert int(answer.headers["retry-after"]) > 0
             refused.add(route.path)
-        read = [told for told, _ in asked if re.search(r"FROM (folds|previews|movies)\b", told)]
+        read = [sql for sql, _ in queries if re.search(r"FROM (folds|previews|movies)\b", sql)]
         assert not read, f"{route.path} reads rows and is in no rate of lists"
     assert {"/", "/gallery", "/api/folds", "/api/mine/folds", "/api/mine/movies"} <= refused
 
 
-def test_answers_to_bad_input_hold_no_internal_words(desk: Service) -> None:
-    api: dict[str, Any] = desk.http.get("/api/openapi.json").json()
-    fold = desk.fold(SNAKE, seed="91")["id"]
+def test_answers_to_bad_input_hold_no_internal_words(idle: Service) -> None:
+    api: dict[str, Any] = idle.http.get("/api/openapi.json").json()
+    fold = idle.fold(SNAKE, seed="91")["id"]
     for number, (path, methods) in enumerate(api["paths"].items()):
         bad_values, bad_bodies = BAD_VALUES[number % 5 :: 5], BAD_BODIES[number % 3 :: 3]
-        here = filled(path.replace("{fold_id}", fold), "x")
+        filled_path = fill_in(path.replace("{fold_id}", fold), "x")
         for method, operation in methods.items():
             names = [p["name"] for p in operation.get("parameters", ()) if p["in"] == "query"]
             for value in ("no-such", "%00%ff"):
-                _check(desk, method, filled(path, value))
+                _check(idle, method, fill_in(path, value))
             if not path.endswith("/events"):
                 for value in bad_values:
-                    _check(desk, method, here, params=dict.fromkeys(names, value))
+                    _check(idle, method, filled_path, params=dict.fromkeys(names, value))
             if "requestBody" in operation:
                 kinds = (*operation["requestBody"]["content"], "text/plain")
                 for body, kind in product(bad_bodies, kinds):
-                    _check(desk, method, here, content=body, headers={"content-type": kind})
+                    _check(idle, method, filled_path, content=body, headers={"content-type": kind})
                 for name, value in BAD_FIELDS.items() if "form-data" in str(kinds) else ():
-                    _check(desk, method, here, data={"shape": "x", name: value})
+                    _check(idle, method, filled_path, data={"shape": "x", name: value})
 
 
-def _check(service: Service, method: str, place: str, **asked: Any) -> None:
-    headers = {**TOKEN, **asked.pop("headers", {})}
-    answer = service.http.request(method.upper(), place, headers=headers, **asked)
-    assert answer.status_code != 500, (method, place, asked)
+def _check(service: Service, method: str, place: str, **content: Any) -> None:
+    headers = {**TOKEN, **content.pop("headers", {})}
+    answer = service.http.request(method.upper(), place, headers=headers, **content)
+    assert answer.status_code != 500, (method, place, content)
     if answer.status_code >= 400:
         found = INTERNAL.search(answer.text) or CLASSES.search(answer.text)
-        assert found is None, (method, place, asked, found, answer.text[:400])
+        assert found is None, (method, place, content, found, answer.text[:400])

@@ -18,7 +18,7 @@ from websockets.sync.client import connect
 from server.http.client_address import address_of
 from server.limits.token_buckets import TokenBuckets
 from server.settings import Settings
-from tests.server.http.test_threats_uploads import connected, status_of
+from tests.server.http.test_threats_uploads import connect_to, status_of
 from tests.server.service_process import SNAKE, Service
 from tests.server.service_thread import ServiceThread
 
@@ -31,7 +31,7 @@ def test_robots_that_wait_for_their_motion_hold_up_no_others(
     fold = finished["id"]
     play = f"ws://{netloc(service)}/api/folds/{fold}/play"
     with connect(f"{play}?max_speed=0.5") as robot:
-        robot.recv(timeout=60)  # the child that works them out is there
+        robot.recv(timeout=60)  # the child that computes them runs
     (retimer,) = service.children("retimer")
     retimer.send_signal(signal.SIGSTOP)
     with ExitStack() as stack:
@@ -49,32 +49,32 @@ def test_robots_that_wait_for_their_motion_hold_up_no_others(
 def test_websocket_holds_its_connection_until_it_is_closed(
     service: Service, finished: dict[str, Any]
 ) -> None:
-    # A second service on the same folds, to which 127.0.0.1 is a visitor.
+    # A second service on the same folds, for which 127.0.0.1 is a visitor.
     other = ServiceThread(
         service.data_dir, trusted_proxies="192.0.2.0/24", max_connections_of_visitor=2
     )
     with other.start(), ExitStack() as stack:
         for _ in range(2):
-            upgraded(stack.enter_context(connected(other)), finished["id"])
-        assert status_of(stack.enter_context(connected(other)), b"/api/shapes") == 503
-        assert status_of(stack.enter_context(connected(other)), b"/health") == 200
+            is_open(stack.enter_context(connect_to(other)), finished["id"])
+        assert status_of(stack.enter_context(connect_to(other)), b"/api/shapes") == 503
+        assert status_of(stack.enter_context(connect_to(other)), b"/health") == 200
 
 
-def test_refused_websocket_is_closed_whatever_its_peer_does(desk: Service) -> None:
-    with connected(desk) as client:
-        assert not upgraded(client, "aaaaaaaaaaaaaaaaaaaa")
+def test_refused_websocket_is_closed_whatever_its_peer_does(idle: Service) -> None:
+    with connect_to(idle) as client:
+        assert not is_open(client, "aaaaaaaaaaaaaaaaaaaa")
         data = b""
         while piece := client.recv(65536):
             data += piece
-        assert data.endswith(b"}")  # the whole problem, then the end of the connection
+        assert data.endswith(b"}")  # the complete problem, then the end of the connection
 
 
 def test_pings_are_limited_by_a_rate(service: Service, finished: dict[str, Any]) -> None:
     with (
         ServiceThread(service.data_dir, requests_per_second_of_visitor=1).start() as other,
-        connected(other) as client,
+        connect_to(other) as client,
     ):
-        assert upgraded(client, finished["id"])
+        assert is_open(client, finished["id"])
         client.sendall(b"\x89\x80\0\0\0\0" * 3000)
         for k in range(8):
             address = from_address(f"10.{k}.0.1")
@@ -84,8 +84,8 @@ def test_pings_are_limited_by_a_rate(service: Service, finished: dict[str, Any])
     assert 0 < pongs < 1500
 
 
-def upgraded(client: socket.socket, fold_id: str) -> bool:
-    """Return True if the service accepts a websocket of a client that closes none."""
+def is_open(client: socket.socket, fold_id: str) -> bool:
+    """Return True if the service accepts a WebSocket from a client that never closes one."""
     client.sendall(
         b"GET /api/folds/%b/play HTTP/1.1\r\nHost: localhost\r\nX-Forwarded-For: 203.0.113.1\r\n"
         b"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
@@ -97,8 +97,10 @@ def upgraded(client: socket.socket, fold_id: str) -> bool:
     return status.endswith(b"101")
 
 
-def test_requests_are_limited_by_a_rate(here_with: ServiceWith) -> None:
-    service = here_with(requests_per_second_of_visitor=0.01, requests_at_once_of_visitor=3).start()
+def test_requests_are_limited_by_a_rate(service_with: ServiceWith) -> None:
+    service = service_with(
+        requests_per_second_of_visitor=0.01, requests_at_once_of_visitor=3
+    ).start()
     own = from_address("2001:db8:1:2::1")
     answers = [service.http.get("/api/shapes", headers=own) for _ in range(4)]
     assert [answer.status_code for answer in answers] == [200, 200, 200, 429]
@@ -141,12 +143,12 @@ def netloc(service: Service) -> str:
 
 
 def from_address(address: str) -> dict[str, str]:
-    """What a proxy in front of the service says of a visitor."""
+    """Return the headers by which a proxy in front of the service reports a visitor."""
     return {"X-Forwarded-For": address}
 
 
-def test_event_streams_are_bounded(here_with: ServiceWith) -> None:
-    service = here_with(max_streams=2, max_streams_of_visitor=1).start()
+def test_event_streams_are_bounded(service_with: ServiceWith) -> None:
+    service = service_with(max_streams=2, max_streams_of_visitor=1).start()
     address = f"/api/folds/{service.fold(SNAKE)['id']}/events"
 
     def follow(visitor: str) -> contextlib.AbstractContextManager[httpx.Response]:
@@ -154,7 +156,7 @@ def test_event_streams_are_bounded(here_with: ServiceWith) -> None:
 
     service.http.timeout = 20.0
     with ExitStack() as stack:
-        lines: list[Iterator[str]] = []  # held, for httpx hangs up when they are thrown away
+        lines: list[Iterator[str]] = []  # keeps the response open, as httpx closes it on deletion
         for visitor in ("203.0.113.1", "198.51.100.1"):
             lines.append(stack.enter_context(follow(visitor)).iter_lines())
             assert next(lines[-1]) == "event: progress"
@@ -166,7 +168,7 @@ def test_event_streams_are_bounded(here_with: ServiceWith) -> None:
                 assert int(refused.headers["retry-after"]) > 0
                 assert refused.json()["code"] == "too-many-streams"
                 assert whose in refused.json()["detail"]
-    for _ in range(600):  # once the service has noticed that the first ones left
+    for _ in range(600):  # once the service has noticed that the first ones are closed
         with follow("203.0.113.1") as again:
             if again.status_code == 200:
                 return

@@ -1,4 +1,4 @@
-"""Names that show nothing or mislead are cleaned wherever a name is taken."""
+"""Names that show nothing or mislead are cleaned at every input."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ INVISIBLE = {
     "private use and unassigned": "\ue000\U000f0000\u0378\uffff",
     "surrogate": "\ud800",
 }
-"""Texts that show nothing."""
+"""Texts that are invisible."""
 
 
 def test_clean_name_drops_invisible_text() -> None:
@@ -43,7 +43,7 @@ def test_clean_name_drops_invisible_text() -> None:
             assert export_name(text) == "fold"
 
 
-def test_clean_name_keeps_what_shows() -> None:
+def test_clean_name_keeps_visible_text() -> None:
     for name, clean in (
         ("a\u3164b", "ab"),
         ("exe\u202egpj.scr", "exegpj.scr"),
@@ -77,27 +77,27 @@ def named_by_file(service: Service, name: str) -> str:
 
 def named_in_preview(service: Service, name: str) -> str:
     named = {"format": "foldback-path/1", "name": name, "cells": SNAKE}
-    asked: dict[str, Any] = {
+    files: dict[str, Any] = {
         "headers": bearer("N" * 32),
         "files": {"file": ("ok.json", json.dumps(named))},
     }
-    answer = service.http.post("/api/shapes/preview", data={"full": "false"}, **asked)
+    answer = service.http.post("/api/shapes/preview", data={"full": "false"}, **files)
     assert answer.status_code == 200, answer.text
-    listed = service.http.get("/api/mine/previews", headers=asked["headers"]).json()
+    listed = service.http.get("/api/mine/previews", headers=files["headers"]).json()
     return str(listed["previews"][0]["title"])
 
 
 def renamed(service: Service, name: str) -> str:
     fold = service.fold(SNAKE)
-    here = f"/api/folds/{fold['id']}"
-    answer = service.http.patch(here, json={"name": name}, headers=bearer(fold["owner_token"]))
+    path = f"/api/folds/{fold['id']}"
+    answer = service.http.patch(path, json={"name": name}, headers=bearer(fold["owner_token"]))
     assert answer.is_success or answer.json()["code"] == "empty-name"
     return str(service.state(fold["id"])["title"])
 
 
 @pytest.mark.parametrize("way", [named_in_path, named_by_file, named_in_preview, renamed])
-def test_titles_are_visible_wherever_names_come_from(desk: Service, way: Any) -> None:
+def test_titles_are_visible_wherever_names_come_from(idle: Service, way: Any) -> None:
     blank = "\u3164\u2800\ufe0f\u200b\u0301\U000e0041\u00ad"
-    shown = way(desk, blank)
+    shown = way(idle, blank)
     assert shown and shown == clean_name(shown)
-    assert way(desk, f"wr{blank}ench").replace("\u0301", "") in ("wrench", "wrench.json")
+    assert way(idle, f"wr{blank}ench").replace("\u0301", "") in ("wrench", "wrench.json")

@@ -1,4 +1,4 @@
-"""Attacks by strangers: others' folds, hostile names, forged addresses, senseless questions."""
+"""Attacks by strangers: folds of others, hostile names, forged addresses, invalid queries."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def path_file(name: str, at: int) -> bytes:
     return json.dumps({"format": "foldback-path/1", "name": name, "cells": cells}).encode()
 
 
-def test_hostile_filename_stays_a_name(desk: Service) -> None:
+def test_hostile_filename_stays_a_name(idle: Service) -> None:
     for number, name in enumerate(NAMES):
         plain = name.encode().replace(b'"', b"%22").replace(b"\r", b"").replace(b"\n", b"")
         body = (
@@ -49,22 +49,22 @@ def test_hostile_filename_stays_a_name(desk: Service) -> None:
             b"\r\n\r\n" + path_file(name, number) + b"\r\n--x--\r\n"
         )
         kind = {"Content-Type": "multipart/form-data; boundary=x"}
-        answer = desk.http.post("/api/folds", content=body, headers=kind)
+        answer = idle.http.post("/api/folds", content=body, headers=kind)
         assert answer.status_code == 202, answer.text
         fold_id = answer.json()["id"]
-        state = desk.state(fold_id)
+        state = idle.state(fold_id)
         assert len(state["name"]) <= 200 and state["name"].isprintable()
-        page = desk.http.get(f"/folds/{fold_id}", headers=PAGE)
+        page = idle.http.get(f"/folds/{fold_id}", headers=PAGE)
         assert "<script>alert" not in page.text
         assert "49" not in re.findall(r"<title>(.*?)</title>", page.text, re.S)[0]
         assert "set-cookie" not in page.headers
         if "\n" in name:
-            with desk.http.stream("GET", f"/api/folds/{fold_id}/events") as stream:
+            with idle.http.stream("GET", f"/api/folds/{fold_id}/events") as stream:
                 lines = stream.iter_lines()
                 assert next(lines) == "event: progress" and next(lines).startswith("data: {")
-        stored = {path.name for path in desk.directory(fold_id).iterdir()}
+        stored = {path.name for path in idle.directory(fold_id).iterdir()}
         assert stored <= {"input", "request.json", "cells.json"}
-    assert "a=b" not in desk.log.read_text() and "\x00" not in desk.log.read_text()
+    assert "a=b" not in idle.log.read_text() and "\x00" not in idle.log.read_text()
 
 
 def test_downloads_of_a_hostile_name_are_harmless(service: Service) -> None:
@@ -90,9 +90,9 @@ def test_downloads_of_a_hostile_name_are_harmless(service: Service) -> None:
         elif "html" in kind:
             assert "<script>alert" not in answer.text
             assert answer.headers["content-security-policy"].startswith("sandbox")
-        if "attachment" in (told := answer.headers.get("content-disposition", "")):
+        if "attachment" in (header := answer.headers.get("content-disposition", "")):
             plain, encoded = r'filename="[A-Za-z0-9._-]+"', r"filename\*=utf-8''[A-Za-z0-9._%-]+"
-            assert re.fullmatch(f"attachment; ({plain}|{encoded})", told), told
+            assert re.fullmatch(f"attachment; ({plain}|{encoded})", header), header
 
 
 def test_script_json_does_not_end_its_element() -> None:
@@ -107,26 +107,26 @@ def test_ids_and_tokens_cannot_be_guessed() -> None:
     assert all(len(token) >= 32 for token in tokens)
 
 
-def test_private_links_are_not_indexed(desk: Service) -> None:
-    secret = desk.http.post("/api/folds", files={"file": ("a.json", path_file("s", 60))}).json()
-    public = desk.fold(shape="mallet-64")["id"]
+def test_private_links_are_not_indexed(idle: Service) -> None:
+    secret = idle.http.post("/api/folds", files={"file": ("a.json", path_file("s", 60))}).json()
+    public = idle.fold(shape="mallet-64")["id"]
     seen = {"file": ("a.json", path_file("s", 61))}
-    told = desk.http.post("/api/shapes/preview", files=seen, data={"full": "false"}).json()
-    preview, here = told["links"]["page"], f"/folds/{secret['id']}"
-    hidden = [here + part for part in ("", "/facts", "/picture.png", "/standalone.html")]
-    hidden += [f"/api{here}{part}" for part in ("", "/plan.json", "/movies/abc")]
+    body = idle.http.post("/api/shapes/preview", files=seen, data={"full": "false"}).json()
+    preview, page = body["links"]["page"], f"/folds/{secret['id']}"
+    hidden = [page + part for part in ("", "/facts", "/picture.png", "/standalone.html")]
+    hidden += [f"/api{page}{part}" for part in ("", "/plan.json", "/movies/abc")]
     hidden += [f"/embed/{secret['id']}", f"/compare?a={secret['id']}&b={public}", preview]
     hidden += ["/shapes/new", "/view", "/embed/view", "/docs"]
     shown = [f"/folds/{public}", "/", "/gallery", "/benchmarks", "/privacy", "/paper"]
     listed = dict.fromkeys(hidden, "noindex, nofollow") | dict.fromkeys(shown, "all")
     for path, robots in listed.items():
-        headers = desk.http.get(path).headers
+        headers = idle.http.get(path).headers
         assert headers["x-robots-tag"] == robots, path
-        assert headers["referrer-policy"] == "same-origin", path  # no other site learns a link
+        assert headers["referrer-policy"] == "same-origin", path  # no site learns a link
     rules = RobotFileParser()
-    rules.parse(desk.http.get("/robots.txt").text.splitlines())
-    # Who may not come in does not read what is said there.
-    assert all(rules.can_fetch("anybody", path) for path in (here, preview, "/gallery", "/"))
+    rules.parse(idle.http.get("/robots.txt").text.splitlines())
+    # Crawlers that are kept out do not read the header of a page.
+    assert all(rules.can_fetch("anybody", path) for path in (page, preview, "/gallery", "/"))
     assert not rules.can_fetch("anybody", f"/api/folds/{public}")
 
 
@@ -140,19 +140,19 @@ ID_ROUTES = (
 )
 
 
-def test_ids_do_not_lead_out_of_the_data(desk: Service) -> None:
+def test_ids_do_not_lead_out_of_the_data(idle: Service) -> None:
     for number, path in enumerate(ID_ROUTES):
         for bad in BAD_IDS[number % 3 :: 3]:
-            answer = desk.http.get(path.replace("{}", bad))
+            answer = idle.http.get(path.replace("{}", bad))
             assert answer.status_code < 500, (path, answer.text)
             assert "x" not in answer.headers
             assert answer.headers["x-content-type-options"] == "nosniff"
     forms = [{"fold": bad} for bad in BAD_IDS] + [{"refold": bad} for bad in BAD_IDS]
     for form in (*forms, {"preview": "a\x00"}):
-        assert 400 <= desk.refused(**form)[0] < 500
+        assert 400 <= idle.refusal(**form)[0] < 500
 
 
-SENSELESS = ("nan", "inf", "1e999", "-1", "1" + "0" * 30, "0x10", "", "1e-400", "٣", "9" * 5000)
+NONSENSE = ("nan", "inf", "1e999", "-1", "1" + "0" * 30, "0x10", "", "1e-400", "٣", "9" * 5000)
 
 
 def test_senseless_queries_are_answered(service: Service, finished: dict[str, Any]) -> None:
@@ -163,13 +163,13 @@ def test_senseless_queries_are_answered(service: Service, finished: dict[str, An
     queries += [f"{page}/{part}=" for part in ("batch?from", "batch?to", "figures?part")]
     queries += [f"/gallery?{name}=" for name in ("modules", "least", "q")]
     for number, query in enumerate((f"/api{page}/motors?module_mass=", *queries)):
-        for value in SENSELESS[number % 3 :: 3]:
+        for value in NONSENSE[number % 3 :: 3]:
             answer = service.http.get(query + value)
-            told = (query, value, answer.text)
-            assert answer.status_code < 500 or answer.json()["code"] == "busy", told
+            context = (query, value, answer.text)
+            assert answer.status_code < 500 or answer.json()["code"] == "busy", context
 
 
-def test_hostile_settings_are_refused(desk: Service) -> None:
+def test_hostile_settings_are_refused(idle: Service) -> None:
     commas = "," * 100_000
     for settings in (
         *("damping=" + value for value in ("9" * 5000, "1e999", "1_0e-2", "0x1", "0.1\x00")),
@@ -177,38 +177,38 @@ def test_hostile_settings_are_refused(desk: Service) -> None:
         "damping=\ud800".encode("utf-8", "surrogatepass"),
     ):
         form: dict[str, Any] = {"shape": "mallet-64", "preset": "paper", "settings": settings}
-        answer = desk.http.post("/api/folds", data=form)
+        answer = idle.http.post("/api/folds", data=form)
         assert 400 <= answer.status_code < 500, answer.text
         assert len(answer.text) < 1000
 
 
-def test_settings_of_endless_folds_are_refused_with_a_remedy(desk: Service) -> None:
-    """Which ones they are: see tests/planner/pipeline/test_expected_cost.py."""
+def test_settings_of_endless_folds_are_refused_with_a_remedy(idle: Service) -> None:
+    """tests/planner/pipeline/test_expected_cost.py has the list of such settings."""
     cells = [[x, y if x % 2 == 0 else 29 - y, 0] for x in range(20) for y in range(30)]
     file = {"file": ("long.json", json.dumps(cells))}
     form = {"preset": "paper", "settings": "step_s=0.0001"}
-    answer = desk.http.post("/api/folds", data=form, files=file)
-    told = answer.json()
-    assert (answer.status_code, told["code"]) == (422, "too-long"), told
-    assert all(word in told["detail"] for word in ("got settings", "expected", "Use fewer modules"))
+    answer = idle.http.post("/api/folds", data=form, files=file)
+    body = answer.json()
+    assert (answer.status_code, body["code"]) == (422, "too-long"), body
+    assert all(word in body["detail"] for word in ("got settings", "expected", "Use fewer modules"))
 
 
-def test_other_methods_are_refused(desk: Service) -> None:
+def test_other_methods_are_refused(idle: Service) -> None:
     for method in ("PUT", "PATCH", "TRACE", "CONNECT", "PROPFIND", "OPTIONS"):
         for path in ("/api/folds", "/", "/api/folds/x"):
-            answer = desk.http.request(method, path)
-            # 422: a change of a fold that does not say what changes.
+            answer = idle.http.request(method, path)
+            # 422: the change of a fold that names no change
             assert answer.status_code in (400, 404, 405, 422), (method, path, answer.status_code)
             assert "access-control-allow-origin" not in answer.headers
 
 
 @pytest.mark.parametrize(("proxies", "same"), [("192.0.2.0/24", True), ("127.0.0.0/8,::1", False)])
-def test_only_trusted_proxies_tell_addresses(
-    here_with: ServiceWith, proxies: str, same: bool
+def test_only_trusted_proxies_report_addresses(
+    service_with: ServiceWith, proxies: str, same: bool
 ) -> None:
-    service = here_with(trusted_proxies=proxies, largest_queue_of_visitor=1).start()
+    service = service_with(trusted_proxies=proxies, largest_queue_of_visitor=1).start()
     service.fold(shape="mallet-64")
-    # What a visitor says himself stands before what the proxy says of him.
+    # The addresses that a visitor sends precede the one that the proxy adds.
     for forged, shape, statuses in (
         ("198.51.100.7", "wrench-160", (429,) if same else (202,)),
         ("203.0.113.9, 198.51.100.7", "box-4x4x4", (422, 429)),
@@ -218,8 +218,8 @@ def test_only_trusted_proxies_tell_addresses(
         assert answer.status_code in statuses
 
 
-def test_forged_host_is_escaped(here_with: ServiceWith) -> None:
-    service = here_with(allowed_hosts="*").start()
+def test_forged_host_is_escaped(service_with: ServiceWith) -> None:
+    service = service_with(allowed_hosts="*").start()
     answer = service.http.get("/", headers={"Host": 'evil"><script>alert(1)</script>'})
     assert "<script>alert" not in answer.text
     assert answer.headers["cache-control"] == "no-store"

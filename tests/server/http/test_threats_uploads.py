@@ -1,4 +1,4 @@
-"""Attacks by what is sent: too much, too slowly, too many at once, and lies about sizes."""
+"""Attacks by uploads: too large, too slow, too many at once, and false sizes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from server.files.uploads import Uploads
 from server.jobs import housekeeping
 from server.settings import Settings
 from tests.case import case
-from tests.server.service_process import PATIENCE_S, SNAKE, Service, owner
+from tests.server.service_process import SNAKE, TIMEOUT_S, Service, owner
 from tests.server.service_thread import ServiceThread
 
 ServiceWith = Callable[..., Service]
@@ -37,14 +37,14 @@ FORM = "application/x-www-form-urlencoded"
 
 
 @contextmanager
-def connected(service: Service) -> Iterator[socket.socket]:
+def connect_to(service: Service) -> Iterator[socket.socket]:
     url = service.http.base_url
-    with socket.create_connection((url.host, url.port or 80), timeout=PATIENCE_S) as client:
+    with socket.create_connection((url.host, url.port or 80), timeout=TIMEOUT_S) as client:
         yield client
 
 
 def answer_of(client: socket.socket) -> tuple[int, dict[str, str], bytes]:
-    """Status, headers and body, until the other side hangs up or all is there."""
+    """Read status, headers and body, until the connection is closed or the answer is complete."""
     data = b""
     while b"\r\n\r\n" not in data:
         piece = client.recv(65536)
@@ -71,10 +71,10 @@ def length(size: int) -> bytes:
 def test_twenty_large_uploads_at_once_fit_into_little_memory(service: Service) -> None:
     web = psutil.Process(service.process.pid)
     service.http.post("/api/folds", files={"file": ("a.bin", b"\x89PNG" * MIB)})
-    before = most = _settled(web)
+    before = most = _settled_memory(web)
     piece, size = b"\x89PNG" * (MIB // 4), 5
     with ExitStack() as stack:
-        clients = [stack.enter_context(connected(service)) for _ in range(20)]
+        clients = [stack.enter_context(connect_to(service)) for _ in range(20)]
         for k, client in enumerate(clients):
             client.sendall(head(f"203.0.113.{k}", length(size * MIB)) + PART)
         for _ in range(size):
@@ -90,8 +90,8 @@ def test_twenty_large_uploads_at_once_fit_into_little_memory(service: Service) -
     assert most - before < 64 * MIB, f"grew by {(most - before) / MIB:.0f} MiB"
 
 
-def test_uploads_at_once_are_limited_for_a_visitor_and_for_all(here_with: ServiceWith) -> None:
-    service = here_with(max_uploads=2, max_uploads_of_visitor=1).start()
+def test_uploads_at_once_are_limited_for_a_visitor_and_for_all(service_with: ServiceWith) -> None:
+    service = service_with(max_uploads=2, max_uploads_of_visitor=1).start()
 
     def answer_to(visitor: str) -> httpx.Response:
         headers = {"X-Forwarded-For": visitor}
@@ -99,8 +99,9 @@ def test_uploads_at_once_are_limited_for_a_visitor_and_for_all(here_with: Servic
 
     with ExitStack() as stack:
         for visitor in ("203.0.113.1", "2001:db8::1"):
-            client = stack.enter_context(connected(service))
-            # Gets past the door: who waits for a word is given it once the upload may come.
+            client = stack.enter_context(connect_to(service))
+            # The head is accepted; a client that expects 100-continue gets it when the upload may
+            # start.
             client.sendall(head(visitor, length(10) + b"\r\nExpect: 100-continue"))
             assert client.recv(65536).startswith(b"HTTP/1.1 100 ")
             client.sendall(PART)
@@ -111,11 +112,11 @@ def test_uploads_at_once_are_limited_for_a_visitor_and_for_all(here_with: Servic
             assert int(answer.headers["retry-after"]) > 0
             assert answer.json()["code"] == "too-many-uploads"
             assert whose in answer.json()["detail"]
-    _until(lambda: answer_to("203.0.113.1").status_code == 202)
+    _wait_until(lambda: answer_to("203.0.113.1").status_code == 202)
 
 
-def _settled(process: psutil.Process) -> int:
-    """The memory of a service that has loaded what it loads a moment after its start."""
+def _settled_memory(process: psutil.Process) -> int:
+    """Return the memory of a service after the imports that follow its start."""
     found, quiet = process.memory_info().rss, 0
     while quiet < 30:
         time.sleep(0.1)
@@ -124,8 +125,8 @@ def _settled(process: psutil.Process) -> int:
     return found
 
 
-def _until(what: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+def _wait_until(what: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + TIMEOUT_S
     while not what():
         assert time.monotonic() < deadline
         time.sleep(0.02)
@@ -133,7 +134,7 @@ def _until(what: Callable[[], bool]) -> None:
 
 @pytest.fixture(scope="module")
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """A service that waits for nobody."""
+    """Service with short timeouts."""
     patience = pytest.MonkeyPatch()
     patience.setattr("server.http.security.MAX_DRAIN_S", 0.5)
     service = ServiceThread(
@@ -150,15 +151,15 @@ def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 
 def test_stalled_upload_times_out(hasty: Service) -> None:
-    with connected(hasty) as client:
+    with connect_to(hasty) as client:
         client.sendall(head("x", b"Content-Length: 1000") + PART)
         status, _, body = answer_of(client)
     assert (status, json.loads(body)["code"]) == (408, "too-slow")
 
 
-def test_slow_upload_times_out(here_with: ServiceWith) -> None:
-    service = here_with(upload_seconds=0.5).start()
-    with connected(service) as client:
+def test_slow_upload_times_out(service_with: ServiceWith) -> None:
+    service = service_with(upload_seconds=0.5).start()
+    with connect_to(service) as client:
         client.sendall(head("x", b"Content-Length: 100000") + PART)
         client.settimeout(0.1)
         status, body = 0, b""
@@ -170,9 +171,9 @@ def test_slow_upload_times_out(here_with: ServiceWith) -> None:
 
 
 def test_connection_without_a_whole_request_is_closed(hasty: Service) -> None:
-    for begun in (b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: localhost\r\nX: "):
-        with connected(hasty) as client, suppress(ConnectionResetError):
-            client.sendall(begun)
+    for start in (b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: localhost\r\nX: "):
+        with connect_to(hasty) as client, suppress(ConnectionResetError):
+            client.sendall(start)
             assert client.recv(1) == b""
 
 
@@ -182,7 +183,7 @@ def test_endless_head_is_refused(hasty: Service) -> None:
         b"GET /" + b"y" * 60_000,
         b"GET / HTTP/1.1\r\nHost: localhost\r\n" + b"A: b\r\n" * 200 + b"\r\n",
     ):
-        with connected(hasty) as client:
+        with connect_to(hasty) as client:
             client.sendall(data)
             assert answer_of(client)[0] == 400
 
@@ -191,9 +192,9 @@ def test_client_that_does_not_read_is_disconnected(hasty: Service) -> None:
     url = hasty.http.base_url
     with socket.socket() as client:
         client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        client.settimeout(PATIENCE_S)
+        client.settimeout(TIMEOUT_S)
         client.connect((url.host, url.port or 80))
-        # Asked for over and over and never read, until the buffers are full.
+        # Requests whose answers are never read, until the buffers are full.
         ask = b"GET /view HTTP/1.1\r\nHost: localhost\r\n\r\n" * 50
         with pytest.raises(ConnectionError):
             for _ in range(1000):
@@ -203,23 +204,23 @@ def test_client_that_does_not_read_is_disconnected(hasty: Service) -> None:
 
 def test_connections_of_one_address_are_limited(hasty: Service) -> None:
     with ExitStack() as stack:
-        clients = [stack.enter_context(connected(hasty)) for _ in range(16)]
+        clients = [stack.enter_context(connect_to(hasty)) for _ in range(16)]
         assert sum(status_of(client, b"/api/shapes") == 200 for client in clients) <= 8
-    _until(lambda: hasty.http.get("/health").status_code == 200)
+    _wait_until(lambda: hasty.http.get("/health").status_code == 200)
 
 
-def test_health_is_answered_while_all_connections_are_taken(here_with: ServiceWith) -> None:
-    service = here_with(max_connections=3).start()
+def test_health_is_answered_while_all_connections_are_taken(service_with: ServiceWith) -> None:
+    service = service_with(max_connections=3).start()
     with ExitStack() as stack:
         for _ in range(3):
-            stack.enter_context(connected(service))
+            stack.enter_context(connect_to(service))
         for path, status in ((b"/health", 200), (b"/api/shapes", 503)):
-            assert status_of(stack.enter_context(connected(service)), path) == status
+            assert status_of(stack.enter_context(connect_to(service)), path) == status
 
 
-def test_tiny_chunks_are_read_at_a_rate(here_with: ServiceWith) -> None:
-    service = here_with(requests_per_second_of_visitor=1).start()
-    with connected(service) as client:
+def test_tiny_chunks_are_read_at_a_rate(service_with: ServiceWith) -> None:
+    service = service_with(requests_per_second_of_visitor=1).start()
+    with connect_to(service) as client:
         client.sendall(
             b"POST /api/folds HTTP/1.1\r\nHost: localhost\r\nX-Forwarded-For: 203.0.113.1\r\n"
             b"Content-Type: %b\r\nTransfer-Encoding: chunked\r\n\r\n6\r\nshape=\r\n"
@@ -231,16 +232,16 @@ def test_tiny_chunks_are_read_at_a_rate(here_with: ServiceWith) -> None:
             others = {"X-Forwarded-For": f"10.{k}.0.1"}
             assert service.http.get("/api/shapes", headers=others).status_code == 200
         client.setblocking(False)
-        with pytest.raises(BlockingIOError):  # there is no answer as long as not all is read
+        with pytest.raises(BlockingIOError):  # there is no answer until all is read
             client.recv(1)
 
 
-def test_trailer_fields_are_read_at_a_rate(here_with: ServiceWith) -> None:
-    service = here_with(requests_per_second_of_visitor=1).start()
+def test_trailer_fields_are_read_at_a_rate(service_with: ServiceWith) -> None:
+    service = service_with(requests_per_second_of_visitor=1).start()
     head = b"POST /nowhere HTTP/1.1\r\nHost: localhost\r\nX-Forwarded-For: 203.0.113.1\r\n"
     trailer = b"0\r\n" + b"a:b\r\n" * 5000 + b"\r\n"
     answers = b""
-    with connected(service) as client:
+    with connect_to(service) as client:
         client.sendall(head + b"Transfer-Encoding: chunked\r\n\r\n" + trailer)
         client.sendall(head + b"Content-Length: 0\r\n\r\n")
         client.settimeout(60.0)
@@ -250,11 +251,11 @@ def test_trailer_fields_are_read_at_a_rate(here_with: ServiceWith) -> None:
         with pytest.raises(TimeoutError):
             while piece := client.recv(4096):
                 answers += piece
-    assert answers.count(b"HTTP/1.1") == 1  # the rate lets nothing more be read for seconds
+    assert answers.count(b"HTTP/1.1") == 1  # the rate permits no further reading for seconds
 
 
 def status_of(client: socket.socket, path: bytes) -> int:
-    """Return the status of a request, 0 if the other side hangs up."""
+    """Return the status of a request, 0 if the connection is closed."""
     try:
         client.sendall(b"GET %b HTTP/1.1\r\nHost: localhost\r\n\r\n" % path)
         return answer_of(client)[0]
@@ -263,7 +264,7 @@ def status_of(client: socket.socket, path: bytes) -> int:
 
 
 def test_false_lengths_are_refused(hasty: Service) -> None:
-    for told, body in (
+    for length, body in (
         (b"Content-Length: 999999999999", PART + b"[[0,0,0]]" + END),
         (b"Content-Length: 18446744073709551617", PART),
         (b"Content-Length: 30", PART + b"[" * 1000 + END),
@@ -273,14 +274,14 @@ def test_false_lengths_are_refused(hasty: Service) -> None:
         (b"Transfer-Encoding: chunked\r\nContent-Length: 5", b"0\r\n\r\nGET /health"),
         (b"Transfer-Encoding: chunked", b"5\r\n--x\r\n\r\n0\r\n\r\n"),
     ):
-        with case(told), connected(hasty) as client:
-            client.sendall(head("x", told) + body)
+        with case(length), connect_to(hasty) as client:
+            client.sendall(head("x", length) + body)
             status = answer_of(client)[0]
             assert status == 0 or 400 <= status < 500 or status == 507
     assert hasty.http.get("/health").status_code == 200
 
 
-def test_forms_have_few_and_small_parts(desk: Service) -> None:
+def test_forms_have_few_and_small_parts(idle: Service) -> None:
     field = b'--x\r\nContent-Disposition: form-data; name="'
     for kind, form in {
         "files": (field + b'f"; filename="a"\r\n\r\n1\r\n') * 100 + b"--x--\r\n",
@@ -290,18 +291,18 @@ def test_forms_have_few_and_small_parts(desk: Service) -> None:
         "many headers": b"--x\r\n" + b"A: b\r\n" * 10_000,
     }.items():
         headers = {"Content-Type": "multipart/form-data; boundary=x"}
-        answer = desk.http.post("/api/folds", content=form, headers=headers)
+        answer = idle.http.post("/api/folds", content=form, headers=headers)
         assert 400 <= answer.status_code < 500, (kind, answer.text)
         assert answer.headers["content-type"] == "application/problem+json"
 
 
-def test_requests_without_a_file_are_small(desk: Service) -> None:
+def test_requests_without_a_file_are_small(idle: Service) -> None:
     data = b"shape=" + b"a" * 180_000
     paths = ("/api/folds", "/api/folds/nosuch/movies", "/api/shapes/preview", "/api/shapes/offers")
     for kind, path in product(("application/json", FORM, ""), paths):
-        answer = desk.http.post(path, content=data, headers={"Content-Type": kind})
+        answer = idle.http.post(path, content=data, headers={"Content-Type": kind})
         assert 400 <= answer.status_code < 500, answer.text
-    with connected(desk) as client:  # told so, however slowly it comes
+    with connect_to(idle) as client:  # refused however slowly it arrives
         about = b"Content-Type: %s\r\nContent-Length: %d\r\n\r\n" % (FORM.encode(), len(data))
         client.sendall(b"POST /api/folds HTTP/1.1\r\nHost: localhost\r\n" + about)
         for start in range(0, len(data), 20_000):
@@ -329,7 +330,7 @@ LARGE: dict[str, Callable[[], bytes]] = {
     "bomb.3mf": lambda: bomb("3D/3dmodel.model"),
     "bomb.npz": npz_bomb,
 }
-"""Files that take long to pack; others of all kinds: see tests/planner/shapes."""
+"""Files that take long to compress; tests/planner/shapes has others of all kinds."""
 HOSTILE: dict[str, bytes] = {
     "laughs.3mf": bomb(
         "3D/3dmodel.model",
@@ -355,12 +356,12 @@ HOSTILE: dict[str, bytes] = {
 
 
 @pytest.mark.parametrize("name", [*LARGE, "others"])
-def test_hostile_files_are_refused(desk: Service, name: str) -> None:
+def test_hostile_files_are_refused(idle: Service, name: str) -> None:
     files = {name: LARGE[name]()} if name in LARGE else HOSTILE
     for filename, data in files.items():
         with case(filename):
             assert len(data) < 250_000, len(data)
-            answer = desk.http.post("/api/folds", files={"file": (filename, data)})
+            answer = idle.http.post("/api/folds", files={"file": (filename, data)})
             assert answer.status_code == 422, answer.text
             assert answer.headers["content-type"] == "application/problem+json"
             assert "passwd" not in answer.text and "root:" not in answer.text
@@ -379,8 +380,8 @@ def test_uploads_of_other_processes_are_left_alone(tmp_path: Path) -> None:
             (settings.uploads_dir / "link").symlink_to(outside)
             with closing(Uploads(settings)) as second:
                 assert upload.directory.is_dir() and outside.is_dir()
-                left = {path.name for path in settings.uploads_dir.iterdir()}
-                assert left == {first._place.name, second._place.name}
+                names = {path.name for path in settings.uploads_dir.iterdir()}
+                assert names == {first._place.name, second._place.name}
         assert not upload.directory.exists()
     assert not list(settings.uploads_dir.iterdir())
 
@@ -395,22 +396,22 @@ def test_stored_upload_has_its_size_and_digest(tmp_path: Path) -> None:
 
 
 def test_broken_off_upload_leaves_no_files(hasty: Service) -> None:
-    with connected(hasty) as client:
+    with connect_to(hasty) as client:
         client.sendall(head("x", length(8 * MIB)) + PART + bytes(4 * MIB))
-    _until(lambda: hasty.fold(SNAKE)["id"] is not None)
-    _until(lambda: [p.name for p in hasty.data_dir.glob("uploads/*/*")] == [])
+    _wait_until(lambda: hasty.fold(SNAKE)["id"] is not None)
+    _wait_until(lambda: [p.name for p in hasty.data_dir.glob("uploads/*/*")] == [])
 
 
 def test_uploads_cancelled_at_once_fill_no_disk(
-    here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
+    service_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """How many stay: see tests/server/jobs/test_housekeeping.py."""
+    """tests/server/jobs/test_housekeeping.py checks the number of remaining folds."""
     monkeypatch.setattr(housekeeping, "MAX_CANCELLED_BYTES", 2**19)
-    service = here_with().start()
+    service = service_with().start()
     for _ in range(3):
         data = json.dumps(SNAKE).encode() + 2**18 * b" "
         fold = service.http.post("/api/folds", files={"file": ("a.json", data)}).json()
         answer = service.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
         assert answer.json()["status"] == "cancelled"
-    # The last one, and what fits into 512 KiB beside it.
+    # The last one, and those that fit into 512 KiB with it.
     assert len(list(service.directory(".").rglob("input"))) == 2

@@ -1,4 +1,4 @@
-"""Requests that wait for frames or follow a fold: bounded, and without threads of their own."""
+"""Requests that wait for frames or follow a fold: limited, and without threads of their own."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from server.api import frames as frame_routes
 from server.jobs.eta import EtaEstimator
 from server.store.tables import FoldRow
 from tests.server.http.test_threats_crowding import from_address
-from tests.server.service_process import PATIENCE_S, SNAKE, Service
+from tests.server.service_process import SNAKE, TIMEOUT_S, Service
 from tests.web.conftest import unfolding
 from web.timeline.view import TimelineView
 
@@ -29,7 +29,7 @@ FRAMES = 10
 
 
 def growing_fold(service: Service) -> tuple[str, TimelineWriter, Chain]:
-    """A queued fold with a timeline of ten frames that grows."""
+    """Return a queued fold with a timeline of ten frames that grows."""
     fold = service.fold(SNAKE)["id"]
     chain = Chain.from_path(CellPath.from_cells(SNAKE))
     writer = TimelineWriter.create(service.directory(fold) / "timeline.zarr", chain)
@@ -41,22 +41,22 @@ def growing_fold(service: Service) -> tuple[str, TimelineWriter, Chain]:
 async def ask(
     service: Service, path: str, visitors: list[str], between: Callable[[], object] | None = None
 ) -> list[httpx.Response]:
-    """The answers to one request of each visitor, all at once."""
+    """Return the answers to one request per visitor, all sent at once."""
     limits = httpx.Limits(max_connections=None)
     async with httpx.AsyncClient(
         base_url=service.http.base_url, timeout=30, limits=limits
     ) as client:
         requests = [client.get(path, headers=from_address(visitor)) for visitor in visitors]
-        asked = [asyncio.create_task(request) for request in requests]
+        tasks = [asyncio.create_task(request) for request in requests]
         if between is not None:
             await asyncio.sleep(0.3)
             await asyncio.to_thread(between)
-        return await asyncio.gather(*asked)
+        return await asyncio.gather(*tasks)
 
 
-def test_waits_beyond_the_quota_are_refused(here_with: ServiceWith) -> None:
-    """How quotas are shared: see tests/server/limits."""
-    service = here_with(max_waits_of_visitor=2, max_waits=6).start()
+def test_waits_beyond_the_quota_are_refused(service_with: ServiceWith) -> None:
+    """tests/server/limits tests how quotas are shared."""
+    service = service_with(max_waits_of_visitor=2, max_waits=6).start()
     fold, _, _ = growing_fold(service)
     address = f"/folds/{fold}/batch?from={FRAMES}&wait="
     visitors = ["203.0.113.1"] * 3 + ["203.0.113.2"] * 2
@@ -67,44 +67,44 @@ def test_waits_beyond_the_quota_are_refused(here_with: ServiceWith) -> None:
     assert {int(answer.headers["retry-after"]) for answer in refused} == {2}
     assert "of yours" in refused[0].json()["detail"]
     assert "from your network" in refused[1].json()["detail"]
-    # Places are given back; what does not wait needs none.
+    # Permits are released; requests that do not wait need none.
     for wait in ("0.01", "0"):
         own = from_address(visitors[0])
         assert service.http.get(address + wait, headers=own).status_code == 200
 
 
 def test_waits_share_one_thread_and_are_answered_together(
-    here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
+    service_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    service = here_with().start()
+    service = service_with().start()
     fold, writer, chain = growing_fold(service)
-    looks: Counter[str] = Counter()
+    refreshes: Counter[str] = Counter()
     refresh = TimelineView.refresh
 
-    def counted(view: TimelineView, *, at_once: bool = False) -> bool:
-        looks[threading.current_thread().name.rpartition("_")[0]] += 1
+    def count_refresh(view: TimelineView, *, at_once: bool = False) -> bool:
+        refreshes[threading.current_thread().name.rpartition("_")[0]] += 1
         return refresh(view, at_once=at_once)
 
     def grow() -> None:
-        deadline = time.monotonic() + PATIENCE_S
-        while looks["frame-waits"] < 2:
-            assert time.monotonic() < deadline, looks
+        deadline = time.monotonic() + TIMEOUT_S
+        while refreshes["frame-waits"] < 2:
+            assert time.monotonic() < deadline, refreshes
             time.sleep(0.01)
         writer.append(unfolding(chain, 5))
         writer.flush()
 
-    monkeypatch.setattr(TimelineView, "refresh", counted)
+    monkeypatch.setattr(TimelineView, "refresh", count_refresh)
     visitors = [f"198.51.{k}.1" for k in range(20)]
     answers = asyncio.run(ask(service, f"/folds/{fold}/batch?from={FRAMES}&wait=2", visitors, grow))
     assert {answer.status_code for answer in answers} == {200}
     assert len({answer.content for answer in answers}) == 1 and len(answers[0].content) > 500
-    # Each request looks once, when it comes; all other looks are those of the one thread.
-    others = looks.total() - looks["frame-waits"]
+    # Each request checks once, on arrival; all further checks are those of the one thread.
+    others = refreshes.total() - refreshes["frame-waits"]
     assert others <= len(visitors)
 
 
-def test_wait_of_a_new_network_displaces_one_of_the_largest(here_with: ServiceWith) -> None:
-    service = here_with(max_waits=4, max_waits_of_visitor=2).start()
+def test_wait_of_a_new_network_displaces_one_of_the_largest(service_with: ServiceWith) -> None:
+    service = service_with(max_waits=4, max_waits_of_visitor=2).start()
     fold, _, _ = growing_fold(service)
     crowd = ["203.0.113.1", "203.0.113.2", "198.51.100.1", "198.51.100.2", "192.0.2.1"]
     answers = asyncio.run(ask(service, f"/folds/{fold}/batch?from={FRAMES}&wait=1", crowd))
@@ -112,36 +112,36 @@ def test_wait_of_a_new_network_displaces_one_of_the_largest(here_with: ServiceWi
 
 
 def test_states_of_all_folds_are_read_by_one_thread(
-    here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
+    service_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    service = here_with().start()
+    service = service_with().start()
     folds = [service.fold(SNAKE, seed=k)["id"] for k in range(4)]
     threads: set[str] = set()
     read = fold_states.progress_of
 
-    def noted(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
+    def note_thread(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
         threads.add(threading.current_thread().name)
         return read(row, remaining)
 
-    monkeypatch.setattr(fold_states, "progress_of", noted)
+    monkeypatch.setattr(fold_states, "progress_of", note_thread)
     for fold in folds:
         assert next(iter(service.events(fold)))[0] == "progress"
     assert len(threads) == 1 and threads.pop().startswith("fold-states")
 
 
 def test_batches_of_one_visitor_leave_threads_to_others(
-    here_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
+    service_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    service = here_with().start()
+    service = service_with().start()
     fold, _, _ = growing_fold(service)
     go_on, answers = threading.Event(), list[httpx.Response]()
     make = frame_routes.cached_batch
 
-    def slow(*asked: Any) -> bytes:
-        go_on.wait(PATIENCE_S)
-        return make(*asked)
+    def slow(*arguments: Any) -> bytes:
+        go_on.wait(TIMEOUT_S)
+        return make(*arguments)
 
-    def look() -> None:
+    def request_page() -> None:
         try:
             stranger = from_address("198.51.100.1")
             answers.append(service.http.get(f"/folds/{fold}", headers=stranger, timeout=10))
@@ -149,5 +149,5 @@ def test_batches_of_one_visitor_leave_threads_to_others(
             go_on.set()
 
     monkeypatch.setattr(frame_routes, "cached_batch", slow)
-    flood = asyncio.run(ask(service, f"/folds/{fold}/batch", ["203.0.113.1"] * 60, look))
+    flood = asyncio.run(ask(service, f"/folds/{fold}/batch", ["203.0.113.1"] * 60, request_page))
     assert [answer.status_code for answer in (*answers, *flood)] == [200] * 61

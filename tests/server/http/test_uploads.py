@@ -27,54 +27,54 @@ BAD: dict[str, tuple[bytes, str, str | None]] = {
     "too long": (path([[i, 0, 0] for i in range(1500)]), "too-many-modules", None),
     "pickle": (b"\x93NUMPY\x01\x00v\x00{'descr': '|O'", "", None),
 }
-"""Further ones are tested with the readers, in tests/planner/shapes."""
+"""Invalid inputs with code and position; tests/planner/shapes has more of them."""
 
 
-def test_bad_input_is_refused_with_code_and_where(desk: Service) -> None:
-    before = len(list(desk.directory(".").iterdir()))
+def test_bad_input_is_refused_with_code_and_where(idle: Service) -> None:
+    before = len(list(idle.directory(".").iterdir()))
     for name, (data, code, where) in BAD.items():
         with case(name):
-            answer = desk.http.post("/api/folds", files={"file": ("shape.json", data)})
+            answer = idle.http.post("/api/folds", files={"file": ("shape.json", data)})
             problem = answer.json()
             assert answer.status_code == 422, answer.text
             assert answer.headers["content-type"] == "application/problem+json"
             assert problem["code"] == (code or problem["code"]) != ""
             assert "xpected" in problem["detail"] or ";" in problem["detail"], problem["detail"]
             assert where in (None, problem["where"])
-    assert len(list(desk.directory(".").iterdir())) == before
+    assert len(list(idle.directory(".").iterdir())) == before
 
 
-def test_too_large_upload_is_refused_while_it_comes_in(desk: Service) -> None:
-    answer = desk.http.post("/api/folds", files={"file": ("big.json", b"[" * 400_000)})
+def test_too_large_upload_is_refused_while_it_comes_in(idle: Service) -> None:
+    answer = idle.http.post("/api/folds", files={"file": ("big.json", b"[" * 400_000)})
     assert (answer.status_code, answer.json()["code"]) == (413, "too-large")
     assert "0.191 MB, the limit" in answer.json()["detail"]
 
 
-def test_upload_without_a_length_is_counted(desk: Service) -> None:
+def test_upload_without_a_length_is_counted(idle: Service) -> None:
     def endless() -> Iterator[bytes]:
         yield b'--x\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\n'
         for _ in range(100):
             yield b"1,2,3\n" * 1000
 
     kind = {"Content-Type": "multipart/form-data; boundary=x"}
-    assert desk.http.post("/api/folds", content=endless(), headers=kind).status_code == 413
-    answer = desk.http.post("/api/folds", content=b"???", headers=kind)
+    assert idle.http.post("/api/folds", content=endless(), headers=kind).status_code == 413
+    answer = idle.http.post("/api/folds", content=b"???", headers=kind)
     assert (answer.status_code in (400, 422), bool(answer.json()["code"])) == (True, True)
 
 
-def test_every_shape_of_the_gallery_is_listed_and_accepted(desk: Service) -> None:
-    shapes = desk.http.get("/api/shapes").json()["shapes"]
+def test_every_shape_of_the_gallery_is_listed_and_accepted(idle: Service) -> None:
+    shapes = idle.http.get("/api/shapes").json()["shapes"]
     counts = [shape["modules"] for shape in shapes]
     assert counts == sorted(counts)
     assert {shape.name for shape in Gallery().shapes()} == {shape["name"] for shape in shapes}
     (ring,) = (shape for shape in shapes if shape["name"] == "tetra-ring")
     for shape in (ring, shapes[0], shapes[-1]):
-        state = desk.state(desk.fold(shape=shape["name"])["id"])
+        state = idle.state(idle.fold(shape=shape["name"])["id"])
         assert (state["modules"], state["shape"]) == (shape["modules"], shape["name"])
 
 
-def test_full_queue_is_refused_with_retry_after(here_with: ServiceWith) -> None:
-    service = here_with(largest_queue_of_visitor=2).start()
+def test_full_queue_is_refused_with_retry_after(service_with: ServiceWith) -> None:
+    service = service_with(largest_queue_of_visitor=2).start()
     folds = [service.fold(SNAKE, seed=seed, token=TOKEN) for seed in "01"]
     states = [service.state(fold["id"]) for fold in folds]
     assert [state["progress"]["queue_position"] for state in states] == [1, 2]
@@ -82,13 +82,13 @@ def test_full_queue_is_refused_with_retry_after(here_with: ServiceWith) -> None:
     answer = service.http.post("/api/folds", data={"shape": "mallet-64"})
     assert (answer.status_code, answer.json()["code"]) == (429, "queue-full")
     assert int(answer.headers["retry-after"]) > 0
-    # What is there already costs nothing, and is given even now.
+    # Existing folds cost nothing, and are returned even now.
     assert service.fold(SNAKE, seed="1", token=TOKEN)["existing"]
 
 
-def test_uploads_are_refused_when_the_disk_is_nearly_full(here_with: ServiceWith) -> None:
-    service = here_with(min_free_disk_bytes=2**60).start()
-    status, problem = service.refused(shape="mallet-64")
+def test_uploads_are_refused_when_the_disk_is_nearly_full(service_with: ServiceWith) -> None:
+    service = service_with(min_free_disk_bytes=2**60).start()
+    status, problem = service.refusal(shape="mallet-64")
     assert (status, problem["code"]) == (507, "no-room")
     assert service.http.get("/ready").status_code == 503
     assert service.http.get("/health").status_code == 200

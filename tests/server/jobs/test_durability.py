@@ -1,6 +1,6 @@
-"""Durability: accepted folds are finished, whatever happens to what computes them meanwhile.
+"""Durability: accepted folds are finished, whatever happens to the processes that compute them.
 
-Processes that are killed at random moments: see tests/bench/test_load.py.
+tests/bench/test_load.py kills processes at random moments.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from tests.server.service_process import SNAKE, STAIRS, Service, over
 from tests.server.service_thread import FORKS, ServiceThread
 
 pytestmark = pytest.mark.slow
-HereWith = Callable[..., ServiceThread]
+ServiceWith = Callable[..., ServiceThread]
 
 
 def check_finished(service: Service, fold_id: str) -> None:
@@ -42,8 +42,8 @@ def check_finished(service: Service, fold_id: str) -> None:
 
 
 @contextmanager
-def running(service: ServiceThread, claim: FoldClaim) -> Iterator[tuple[Store, Execution]]:
-    """What a worker runs a fold with; its stages are computed in a child, as everywhere."""
+def running_fold(service: ServiceThread, claim: FoldClaim) -> Iterator[tuple[Store, Execution]]:
+    """Yield the store and execution of a worker's fold; its stages run in a child, as usual."""
     with closing(Store(service.settings)) as store:
         runner = Runner(service.settings, store, fork_server=FORKS)
         try:
@@ -53,61 +53,61 @@ def running(service: ServiceThread, claim: FoldClaim) -> Iterator[tuple[Store, E
 
 
 def compute(service: ServiceThread, fold_id: str, *, losses: int = 0) -> dict[str, Any]:
-    """Does what a worker does with a fold, and tells how it stands then."""
+    """Compute a fold as a worker does, and return its state."""
     claim = FoldClaim(fold_id, "tests", STAGES[0], files=0, losses=losses)
-    with running(service, claim) as (_, execution):
+    with running_fold(service, claim) as (_, execution):
         execution.run()
     return service.state(fold_id)
 
 
-def die_exploding(monkeypatch: pytest.MonkeyPatch, *codes: str) -> None:
-    """Let children end in these ways, one after the other, when they have recorded motion."""
-    call, left = Child.call, list(codes)
+def crash_after(monkeypatch: pytest.MonkeyPatch, *codes: str) -> None:
+    """Let children end with these codes, one after the other, after they have recorded motion."""
+    call, rest = Child.call, list(codes)
 
-    def dies(self: Child, stage: str, directory: Path, **more: Any) -> dict[str, Any]:
+    def crash(self: Child, stage: str, directory: Path, **more: Any) -> dict[str, Any]:
         found = call(self, stage, directory, **more)
-        if stage != "explode" or not left:
+        if stage != "explode" or not rest:
             return found
-        TimelineWriter.reopen(result(directory, TIMELINE))  # nobody has closed it
-        raise ChildError(left.pop(0), "the process died (SIGKILL).")
+        TimelineWriter.reopen(result(directory, TIMELINE))  # it stays open
+        raise ChildError(rest.pop(0), "the process died (SIGKILL).")
 
-    monkeypatch.setattr(Child, "call", dies)
+    monkeypatch.setattr(Child, "call", crash)
     monkeypatch.setattr(execution, "MAX_CRASHES", 2)
     monkeypatch.setattr(execution, "RETRY_INTERVAL_S", 0.0)
 
 
 def test_fold_whose_process_dies_repeatedly_fails_alone(
-    here_with: HereWith, monkeypatch: pytest.MonkeyPatch
+    service_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    die_exploding(monkeypatch, CRASHED, CRASHED)
-    service = here_with().start()
+    crash_after(monkeypatch, CRASHED, CRASHED)
+    service = service_with().start()
     accepted = service.fold(STAIRS)
     state = compute(service, accepted["id"])
     assert (state["status"], state["error"]["code"]) == ("failed", "crashed")
     for words in ("SIGKILL", "happened 2 times"):
         assert words in state["error"]["detail"]
-    # What was there of it stays, and tells where it was.
+    # Its motion remains, and so does the report of where it stopped.
     assert state["summary"]["stuck"]["kind"] == "stopped"
     timeline = Timeline.open(result(service.directory(accepted["id"]), TIMELINE))
     assert timeline.status == "failed"
-    # It was the machine's fault, not the shape's: asked for again it is computed again.
+    # The machine was to blame, not the shape: a repeated request computes the fold again.
     again = service.fold(STAIRS, token=accepted["owner_token"])
     assert not again["existing"] and again["id"] != accepted["id"]
 
 
-def test_fold_goes_on_when_its_process_or_fork_server_is_killed(
-    here_with: HereWith, monkeypatch: pytest.MonkeyPatch
+def test_fold_continues_if_its_process_or_fork_server_is_killed(
+    service_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """That their ends are told apart: see tests/server/processes."""
-    die_exploding(monkeypatch, CRASHED, LOST)
-    service = here_with().start()
+    """tests/server/processes checks that the two ends are distinguished."""
+    crash_after(monkeypatch, CRASHED, LOST)
+    service = service_with().start()
     fold_id = service.fold(STAIRS)["id"]
     assert compute(service, fold_id)["status"] == "verified"
     check_finished(service, fold_id)
 
 
 @pytest.mark.long
-def test_fold_makes_room_for_a_cheaper_one_and_goes_on(tmp_path: Path) -> None:
+def test_fold_is_paused_for_a_cheaper_one_and_continues(tmp_path: Path) -> None:
     service = Service(tmp_path / "data", slice_seconds=0.2).start()
     try:
         long = service.fold(shape="wrench-160", settings="robots=0")["id"]
@@ -122,27 +122,27 @@ def test_fold_makes_room_for_a_cheaper_one_and_goes_on(tmp_path: Path) -> None:
         assert service.stop() == 0
 
 
-def test_fold_beyond_its_time_limit_fails(here_with: HereWith) -> None:
-    service = here_with(stage_seconds=0.2).start()
+def test_fold_beyond_its_time_limit_fails(service_with: ServiceWith) -> None:
+    service = service_with(stage_seconds=0.2).start()
     state = compute(service, service.fold(shape="wrench-160", settings="robots=0")["id"])
     assert (state["status"], state["error"]["code"]) == ("failed", "time-limit")
     assert "0.2 s" in state["error"]["detail"]
 
 
 @pytest.mark.long
-def test_verified_plan_is_kept_when_the_search_for_a_better_one_fails(
-    here_with: HereWith, monkeypatch: pytest.MonkeyPatch
+def test_verified_plan_is_kept_if_the_search_for_a_better_one_fails(
+    service_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     call, calls = Child.call, list[str]()
 
-    def cut_off(self: Child, stage: str, directory: Path, **more: Any) -> dict[str, Any]:
+    def interrupt(self: Child, stage: str, directory: Path, **more: Any) -> dict[str, Any]:
         calls.append(stage)
         if stage == "explode" and calls.count(stage) == 2:
             raise ChildError("time-limit", "the stage 'explode' took longer than it may")
         return call(self, stage, directory, **more)
 
-    monkeypatch.setattr(Child, "call", cut_off)
-    service = here_with().start()
+    monkeypatch.setattr(Child, "call", interrupt)
+    service = service_with().start()
     state = compute(service, service.fold(STAIRS, prefer="time")["id"])
     assert calls[-5:] == ["explode", "play_back", "certify", "explode", "export"]
     assert (state["status"], state["error"]) == ("verified", None)
@@ -154,29 +154,29 @@ def test_verified_plan_is_kept_when_the_search_for_a_better_one_fails(
     "stage",
     [pytest.param(s, marks=[pytest.mark.long] * (s not in ("explode", "export"))) for s in STAGES],
 )
-def test_result_of_a_paused_stage_is_not_kept(
-    here_with: HereWith, monkeypatch: pytest.MonkeyPatch, stage: str
+def test_result_of_a_paused_stage_is_not_stored(
+    service_with: ServiceWith, monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:
     call = Child.call
 
-    def cut_off(self: Child, name: str, directory: Path, **more: Any) -> dict[str, Any]:
+    def interrupt(self: Child, name: str, directory: Path, **more: Any) -> dict[str, Any]:
         if name == stage and more["cancelled"]():
             return {"status": "failed", "reason": "it was cancelled", "again": None}
         return call(self, name, directory, **more)
 
-    monkeypatch.setattr(Child, "call", cut_off)
+    monkeypatch.setattr(Child, "call", interrupt)
     monkeypatch.setattr(Slice, "over", lambda part: setattr(part, "ended", True) or True)
-    service = here_with().start()
+    service = service_with().start()
     fold_id = service.fold(STAIRS)["id"]
     claim = FoldClaim(fold_id, "one", stage, files=1, losses=0)
-    with running(service, claim) as (store, execution):
+    with running_fold(service, claim) as (store, execution):
         with pytest.raises(PausedError):
             execution.run()
         row = store.fold(fold_id)
         assert (row.checkpoint, row.status, row.pauses) == (None, "queued", 1)
 
 
-def test_fold_lost_with_its_workers_repeatedly_fails(here_with: HereWith) -> None:
-    service = here_with().start()
+def test_fold_lost_with_its_workers_repeatedly_fails(service_with: ServiceWith) -> None:
+    service = service_with().start()
     state = compute(service, service.fold(SNAKE)["id"], losses=MAX_LOSSES)
     assert (state["status"], state["error"]["code"]) == ("failed", "internal")

@@ -37,7 +37,7 @@ def remaining(tmp_path: Path, store: Store, clock: Clock) -> EtaEstimator:
     return EtaEstimator(store, leases, clock=clock)
 
 
-def ended(store: Store, name: str, *, modules: int = 160, times: float = 1.0, **how: Any) -> None:
+def add(store: Store, name: str, *, modules: int = 160, times: float = 1.0, **how: Any) -> None:
     stage_s = {stage: times * seconds for stage, seconds in USUAL.items()}
     took = {"started_at": NOW - 100.0, "ended_at": NOW - 100.0 + sum(stage_s.values())}
     for k in range(MIN_SIMILAR_FOLDS):
@@ -45,15 +45,15 @@ def ended(store: Store, name: str, *, modules: int = 160, times: float = 1.0, **
         store.add(row, SOMEBODY)
 
 
-def running(store: Store, stage: str, fraction: float, *, began_at: float, **how: Any) -> str:
+def add_running(store: Store, stage: str, fraction: float, *, began_at: float, **how: Any) -> str:
     before = list(USUAL)[: list(USUAL).index(stage)]
-    told = {
+    values = {
         "stage": stage,
         "fraction": fraction,
         "stage_s": {name: USUAL[name] for name in before},
         "began_at": began_at,
     }
-    row = a_fold("now", status="running", stage=stage, modules=160, progress=told, **how)
+    row = a_fold("now", status="running", stage=stage, modules=160, progress=values, **how)
     store.add(row, SOMEBODY)
     return row.id
 
@@ -61,16 +61,16 @@ def running(store: Store, stage: str, fraction: float, *, began_at: float, **how
 def test_remaining_uses_only_similar_folds(
     store: Store, remaining: EtaEstimator, clock: Clock
 ) -> None:
-    fold = running(store, "explode", 0.0, began_at=NOW)
+    fold = add_running(store, "explode", 0.0, began_at=NOW)
     expected = remaining.of(store.fold(fold)).remaining_s
     assert expected is not None and expected < sum(USUAL.values())
-    ended(store, "much longer", modules=1600)
-    ended(store, "another preset", preset="paper")
-    ended(store, "one that failed", status="failed")
+    add(store, "much longer", modules=1600)
+    add(store, "another preset", preset="paper")
+    add(store, "one that failed", status="failed")
     clock.now += 10.0
     fresh = EtaEstimator(store, remaining._leases, clock=lambda: NOW)
     assert fresh.of(store.fold(fold)).remaining_s == expected
-    ended(store, "one like it")
+    add(store, "one like it")
     fresh = EtaEstimator(store, remaining._leases, clock=lambda: NOW)
     assert (fresh.of(store.fold(fold)).remaining_s or 0) > expected
 
@@ -84,7 +84,7 @@ def test_typical_duration_is_the_median_of_folds_of_its_size() -> None:
     assert typical_s(known(360.0, 3.0, 3.0), row) == {"explode": 3.0}
     several = known(1.0, 2.0, 30.0)
     assert typical_s(several, row) == {"explode": 2.0}
-    # Twice as many modules take longer, and a fold of the same size counts most.
+    # Twice as many modules take longer, and a fold of the same size has the largest weight.
     larger = typical_s(several, a_fold("now", modules=320))
     assert larger is not None and larger["explode"] > 4.0
     both = [*several, *known(9.0, 9.0, 9.0, 9.0, modules=500)]
@@ -96,39 +96,39 @@ def test_remaining_is_the_rest_of_the_stage_and_those_after_it(
     store: Store, remaining: EtaEstimator
 ) -> None:
     for name in ("first", "second", "third"):
-        ended(store, name)
-    fold = running(store, "explode", 0.5, began_at=NOW - 4.0)
+        add(store, name)
+    fold = add_running(store, "explode", 0.5, began_at=NOW - 4.0)
     assert remaining.of(store.fold(fold)).remaining_s == round(4.0 + 4.0 + 2.0 + 0.5)
 
 
 def test_remaining_runs_down_and_follows_reports_gradually(
     store: Store, remaining: EtaEstimator, clock: Clock
 ) -> None:
-    ended(store, "another")
-    fold = running(store, "play_back", 0.0, began_at=NOW)
-    told: list[int | None] = []
+    add(store, "another")
+    fold = add_running(store, "play_back", 0.0, began_at=NOW)
+    estimates: list[int | None] = []
     for _ in range(12):
-        told.append(remaining.of(store.fold(fold)).remaining_s)
+        estimates.append(remaining.of(store.fold(fold)).remaining_s)
         clock.now += 0.25
-    assert told[0] == round(4.0 + 2.0 + 0.5)
-    assert told == sorted(told, key=lambda s: -(s or 0)), "it does not rise"
-    assert told[-1] == 4
-    # Now it says that it is hardly anywhere: what is told rises, and not at once.
+    assert estimates[0] == round(4.0 + 2.0 + 0.5)
+    assert estimates == sorted(estimates, key=lambda s: -(s or 0)), "it does not rise"
+    assert estimates[-1] == 4
+    # A report of less progress raises the estimate, but gradually.
     progress = store.fold(fold).progress | {"fraction": 0.3, "began_at": NOW - 7.0}
     store.report(fold, 0, progress)
     after = [remaining.of(store.fold(fold)).remaining_s or 0]
     for _ in range(8):
         clock.now += 1.0
         after.append(remaining.of(store.fold(fold)).remaining_s or 0)
-    assert after[0] - (told[-1] or 0) <= 2
+    assert after[0] - (estimates[-1] or 0) <= 2
     assert max(after) > after[0]
 
 
 def test_clock_that_is_set_back_changes_little(
     store: Store, remaining: EtaEstimator, clock: Clock
 ) -> None:
-    ended(store, "another")
-    fold = running(store, "explode", 0.5, began_at=NOW - 4.0)
+    add(store, "another")
+    fold = add_running(store, "explode", 0.5, began_at=NOW - 4.0)
     before = remaining.of(store.fold(fold)).remaining_s
     clock.now -= 5 * 3600.0
     after = remaining.of(store.fold(fold)).remaining_s
@@ -139,8 +139,8 @@ def test_clock_that_is_set_back_changes_little(
 def test_remaining_of_an_overdue_fold_ends_at_zero(
     store: Store, remaining: EtaEstimator, clock: Clock
 ) -> None:
-    ended(store, "another")
-    fold = running(store, "certify", 0.4, began_at=NOW)
+    add(store, "another")
+    fold = add_running(store, "certify", 0.4, began_at=NOW)
     for _ in range(7):
         assert (remaining.of(store.fold(fold)).remaining_s or 0) >= 1
         clock.now += 1.0
@@ -149,7 +149,7 @@ def test_remaining_of_an_overdue_fold_ends_at_zero(
 
 
 def test_remaining_in_the_queue_includes_the_wait(store: Store, remaining: EtaEstimator) -> None:
-    ended(store, "another")
+    add(store, "another")
     first = a_fold("first", status="queued", modules=160)
     second = a_fold("second", status="queued", modules=160)
     for row in (first, second):
@@ -161,10 +161,10 @@ def test_remaining_in_the_queue_includes_the_wait(store: Store, remaining: EtaEs
 
 
 def test_fraction_of_an_earlier_stage_is_not_used(store: Store, remaining: EtaEstimator) -> None:
-    ended(store, "another")
-    fold = running(store, "explode", 1.0, began_at=NOW - 8.0)
-    told = store.fold(fold).progress
-    store.report(fold, 0, told | {"stage_s": {"read": 0.5, "explode": 8.0}})
+    add(store, "another")
+    fold = add_running(store, "explode", 1.0, began_at=NOW - 8.0)
+    progress = store.fold(fold).progress
+    store.report(fold, 0, progress | {"stage_s": {"read": 0.5, "explode": 8.0}})
     store.begin(fold, "play_back", "one")
     row = store.fold(fold)
     assert progress_of(row, remaining)["fraction"] == 0.0
@@ -173,12 +173,12 @@ def test_fraction_of_an_earlier_stage_is_not_used(store: Store, remaining: EtaEs
 
 def test_slow_stages_raise_the_estimate_of_later_ones() -> None:
     spent = {"read": 0.5, "explode": 24.0}
-    left = left_s(USUAL, stage="play_back", fraction=0.0, spent_s=spent, elapsed_s=0.0)
-    assert left == pytest.approx(6.5 * (3.0 + 24.0) / (3.0 + 8.0))
-    # That the loops were compiled first says nothing.
+    rest_s = left_s(USUAL, stage="play_back", fraction=0.0, spent_s=spent, elapsed_s=0.0)
+    assert rest_s == pytest.approx(6.5 * (3.0 + 24.0) / (3.0 + 8.0))
+    # A start that includes compiling says nothing about the others.
     late = {"read": 90.0, "explode": 8.0}
-    left = left_s(USUAL, stage="play_back", fraction=0.0, spent_s=late, elapsed_s=0.0)
-    assert left == pytest.approx(6.5)
+    rest_s = left_s(USUAL, stage="play_back", fraction=0.0, spent_s=late, elapsed_s=0.0)
+    assert rest_s == pytest.approx(6.5)
 
 
 def test_estimate_with_a_preference_repeats_stages() -> None:
@@ -189,42 +189,42 @@ def test_estimate_with_a_preference_repeats_stages() -> None:
     assert again == pytest.approx(2.5 + 5.0)
 
 
-def test_wait_of_queued_fold_includes_what_is_left_of_preparing(
+def test_wait_of_queued_fold_includes_the_rest_of_preparing(
     store: Store, remaining: EtaEstimator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ended(store, "another")
+    add(store, "another")
     queued = a_fold("waiting", status="queued", modules=160)
     store.add(queued, SOMEBODY)
-    now = running(store, "read", 0.0, began_at=NOW)
+    now = add_running(store, "read", 0.0, began_at=NOW)
     ready = {key: remaining.of(store.fold(key)) for key in (queued.id, now)}
-    told = Preparing(fraction=0.5, remaining_s=30.0)
-    monkeypatch.setattr(Leases, "preparing", lambda self: told)
+    preparing = Preparing(fraction=0.5, remaining_s=30.0)
+    monkeypatch.setattr(Leases, "preparing", lambda self: preparing)
     fresh = EtaEstimator(store, remaining._leases, clock=lambda: NOW)
     later = {key: fresh.of(store.fold(key)) for key in (queued.id, now)}
-    assert {outlook.preparing for outlook in later.values()} == {told}
+    assert {outlook.preparing for outlook in later.values()} == {preparing}
     assert (later[queued.id].wait_s or 0) - (ready[queued.id].wait_s or 0) == 30.0
     for key, outlook in later.items():
         assert (outlook.remaining_s or 0) - (ready[key].remaining_s or 0) == 30
 
 
-def test_queued_fold_tells_the_running_fold_and_that_it_compiles(
+def test_queued_fold_reports_the_running_fold_and_its_compiling(
     store: Store, remaining: EtaEstimator
 ) -> None:
     queued = a_fold("waiting", status="queued", modules=160)
     store.add(queued, SOMEBODY)
     assert progress_of(store.fold(queued.id), remaining)["running_before"] == 0
-    now = running(store, "read", 0.25, began_at=NOW)
-    told = progress_of(store.fold(queued.id), remaining)
-    assert (told["running_before"], told["preparing"]) == (1, None)
+    now = add_running(store, "read", 0.25, began_at=NOW)
+    progress = progress_of(store.fold(queued.id), remaining)
+    assert (progress["running_before"], progress["preparing"]) == (1, None)
     store.report(now, 0, store.fold(now).progress | {"message": COMPILING})
-    told = progress_of(store.fold(queued.id), remaining)
-    assert told["preparing"] == {"fraction": 0.25, "remaining_s": None}
+    progress = progress_of(store.fold(queued.id), remaining)
+    assert progress["preparing"] == {"fraction": 0.25, "remaining_s": None}
 
 
 def test_smoothing_before_its_first_report_is_not_an_explosion(
     store: Store, remaining: EtaEstimator
 ) -> None:
-    fold = running(store, "explode", 0.0, began_at=NOW, smooths="another")
+    fold = add_running(store, "explode", 0.0, began_at=NOW, smooths="another")
     assert progress_of(store.fold(fold), remaining)["message"] == "smoothing"
 
 

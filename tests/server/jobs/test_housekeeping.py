@@ -28,8 +28,8 @@ MIB = 2**20
 GALLERY: dict[str, Any] = {"public": True, "shape": "wrench-24"}
 
 
-def swept(tmp_path: Path, store: Store, **settings: object) -> int:
-    """How many folds a sweep removes."""
+def count_swept(tmp_path: Path, store: Store, **settings: object) -> int:
+    """Return the number of folds that a sweep removes."""
     return housekeeping(tmp_path, store, **settings).sweep()
 
 
@@ -38,7 +38,7 @@ def housekeeping(tmp_path: Path, store: Store, **settings: object) -> Housekeepi
 
 
 def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
-    """A fold that is over and was last looked at so many days ago; its id."""
+    """Add a finished fold that was last viewed ``days`` days ago; return its id."""
     then = time.time() - days * DAY_S
     usual: dict[str, object] = {"ended_at": then, "visitor": "somebody", "bytes": size}
     row = a_fold(**usual | {"created_at": then, "seen_at": then} | more)
@@ -50,7 +50,7 @@ def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
 
 
 def derive(store: Store, fold_id: str, size: int, *, age_s: float = 2 * MIN_DERIVED_AGE_S) -> None:
-    """Gives a fold an export of so many bytes."""
+    """Give a fold an export of ``size`` bytes."""
     path = store.folders.place(fold_id) / EXPORTS_DIR / "fold.csv"
     path.parent.mkdir()
     with open(path, "wb") as file:
@@ -63,7 +63,7 @@ def derive(store: Store, fold_id: str, size: int, *, age_s: float = 2 * MIN_DERI
 def movie(
     store: Store, fold_id: str, *, of_owner: bool, age_s: float = 2 * MIN_DERIVED_AGE_S
 ) -> Path:
-    """The file of a movie that counts as one MiB."""
+    """Add a movie that counts as 1 MiB; return its path."""
     row = a_movie(fold_id, "movie", job=f"{fold_id}.movie.mp4", of_owner=of_owner, bytes=MIB)
     row.created_at -= age_s
     with store.changing() as session:
@@ -74,8 +74,8 @@ def movie(
     return path
 
 
-def left(store: Store, *folds: str) -> list[bool]:
-    """Which are still there, with their files; none is there in part."""
+def remaining(store: Store, *folds: str) -> list[bool]:
+    """Return True for each fold that still exists; its files must exist only then."""
     found: list[bool] = []
     for fold_id in folds:
         try:
@@ -94,14 +94,14 @@ def test_half_written_files_of_killed_processes_are_removed(store: Store, tmp_pa
     stale, fresh = [place / name for name in names], place / ".plan.json.ff.partial"
     later = place / ".figures.zarr.b1.partial"
     tidy = housekeeping(tmp_path, store)
-    for made in ((*stale, fresh), (later,)):  # a process may be killed after the first sweep
-        for path in made:
+    for paths in ((*stale, fresh), (later,)):  # a process may be killed after the first sweep
+        for path in paths:
             path.mkdir()
             if path != fresh:
                 os.utime(path, (1e9, 1e9))
         os.utime(place, (1e9, 1e9))
         tidy.sweep_orphans()
-        assert [path.exists() for path in made] == [path == fresh for path in made]
+        assert [path.exists() for path in paths] == [path == fresh for path in paths]
     assert (place / "plan.json").exists()
 
 
@@ -120,25 +120,25 @@ def test_unseen_folds_expire_when_the_settings_say_so(tmp_path: Path, store: Sto
     for looked in (late, seen):
         store.looked(store.fold(looked))
     assert not store.expire(late, before)
-    assert swept(tmp_path, store) == 0
-    assert swept(tmp_path, store, keep_days=30) == 1
-    assert left(store, *folds, late, seen) == [False, *7 * [True]]
+    assert count_swept(tmp_path, store) == 0
+    assert count_swept(tmp_path, store, keep_days=30) == 1
+    assert remaining(store, *folds, late, seen) == [False, *7 * [True]]
 
 
 def test_longest_unseen_folds_make_room_and_fresh_ones_stay(tmp_path: Path, store: Store) -> None:
     folds = [fold(store, days=days) for days in (4, 3, 2, 0, 0)]
     pinned = fold(store, days=9, pinned=True)
-    assert swept(tmp_path, store, storage_bytes=4 * MIB) == 2
-    assert left(store, *folds, pinned) == [False, False, True, True, True, True]
-    assert swept(tmp_path, store, storage_bytes=MIB) == 1
-    assert left(store, *folds, pinned) == [False, False, False, True, True, True]
+    assert count_swept(tmp_path, store, storage_bytes=4 * MIB) == 2
+    assert remaining(store, *folds, pinned) == [False, False, True, True, True, True]
+    assert count_swept(tmp_path, store, storage_bytes=MIB) == 1
+    assert remaining(store, *folds, pinned) == [False, False, False, True, True, True]
 
 
 def test_storage_of_a_visitor_has_a_bound_of_its_own(tmp_path: Path, store: Store) -> None:
     greedy = [fold(store, days=days, visitor="greedy") for days in (3, 2, 1)]
     modest = fold(store, days=9, visitor="modest")
-    assert swept(tmp_path, store, storage_of_visitor_bytes=2 * MIB) == 1
-    assert left(store, *greedy, modest) == [False, True, True, True]
+    assert count_swept(tmp_path, store, storage_of_visitor_bytes=2 * MIB) == 1
+    assert remaining(store, *greedy, modest) == [False, True, True, True]
 
 
 def test_cancelled_fold_is_removed_an_hour_after_the_last_look(
@@ -150,8 +150,8 @@ def test_cancelled_fold_is_removed_an_hour_after_the_last_look(
         for days in (1.1 * hour, 0.9 * hour, 3 * hour, 1.2 * hour)
     )
     store.looked(store.fold(seen))
-    swept(tmp_path, store)
-    assert left(store, old, late, pinned, seen) == [False, True, True, True]
+    count_swept(tmp_path, store)
+    assert remaining(store, old, late, pinned, seen) == [False, True, True, True]
 
 
 def test_only_the_latest_cancelled_folds_of_a_visitor_stay(
@@ -161,15 +161,15 @@ def test_only_the_latest_cancelled_folds_of_a_visitor_stay(
     folds = [fold(store, days=n / 1e4, size=1, status="cancelled") for n in range(5)]
     others = fold(store, days=0.01, status="cancelled", visitor="another")
     limit_cancelled(store, "somebody")
-    assert left(store, *folds, others) == [True, True, True, False, False, True]
+    assert remaining(store, *folds, others) == [True, True, True, False, False, True]
     large = [
         fold(store, days=n / 1e4, size=8 * MIB, status="cancelled", visitor="third")
         for n in range(3)
     ]
     monkeypatch.setattr(module, "MAX_CANCELLED_BYTES", 8 * MIB)
     limit_cancelled(store, "third")
-    there = [store.folders.place(name).exists() for name in large]
-    assert there == [True, True, False]  # the last one, and 8 MiB more
+    exist = [store.folders.place(name).exists() for name in large]
+    assert exist == [True, True, False]  # the last one, and 8 MiB more
     assert sum(store.fold(name).bytes for name in large) == 16 * MIB
 
 
@@ -178,10 +178,10 @@ def test_sweep_reads_no_rows_that_stay(tmp_path: Path, store: Store) -> None:
         fold(store, days=1)
     old = [fold(store, days=days, status="cancelled") for days in (1, 2)]
     sweeping = housekeeping(tmp_path, store, keep_days=30)
-    with statements() as said:
+    with statements() as queries:
         sweeping.sweep()
-    assert left(store, *old) == [False, False]
-    reading = [one for one in said if "folds" in one[0].lower().split()]
+    assert remaining(store, *old) == [False, False]
+    reading = [one for one in queries if "folds" in one[0].lower().split()]
     assert reading
     with store.reading() as session:
         for statement, values in reading:
@@ -192,7 +192,7 @@ def test_sweep_reads_no_rows_that_stay(tmp_path: Path, store: Store) -> None:
             assert not walks, statement
     with statements() as again:
         sweeping.sweep()
-    deleted = sum(one[0].startswith("DELETE") for one in said)
+    deleted = sum(one[0].startswith("DELETE") for one in queries)
     assert deleted == len(old) and not any(one[0].startswith("DELETE") for one in again)
 
 
@@ -207,11 +207,11 @@ def test_cancelled_and_repeated_folds_of_the_gallery_are_removed(
     stay = [
         fold(store, days=1, status="cancelled", pinned=True, **GALLERY),
         fold(store, days=2, **GALLERY),
-        fold(store, days=1, **failed, **GALLERY),  # nothing came after it
-        fold(store, days=3, **failed, **GALLERY, content_key="key"),  # it would fail so again
+        fold(store, days=1, **failed, **GALLERY),  # no later fold succeeded
+        fold(store, days=3, **failed, **GALLERY, content_key="key"),  # it would fail again
     ]
-    swept(tmp_path, store)
-    assert left(store, *gone, *stay) == [False, False, True, True, True, True]
+    count_swept(tmp_path, store)
+    assert remaining(store, *gone, *stay) == [False, False, True, True, True, True]
 
 
 def test_derived_files_make_room_before_folds_and_count_for_no_visitor(
@@ -222,19 +222,19 @@ def test_derived_files_make_room_before_folds_and_count_for_no_visitor(
         derive(store, name, 2 * MIB)
     movies = [movie(store, folds[0], of_owner=True), movie(store, folds[1], of_owner=False)]
     quota = {"storage_of_visitor_bytes": 2 * MIB}
-    swept(tmp_path, store, storage_bytes=8 * MIB, **quota)
-    assert left(store, *folds) == [True, True]
+    count_swept(tmp_path, store, storage_bytes=8 * MIB, **quota)
+    assert remaining(store, *folds) == [True, True]
     assert [store.fold(name).derived_bytes for name in folds] == [2 * MIB, 2 * MIB]
-    swept(tmp_path, store, storage_bytes=7 * MIB, **quota)
+    count_swept(tmp_path, store, storage_bytes=7 * MIB, **quota)
     assert [store.fold(name).derived_bytes for name in folds] == [0, 2 * MIB]
-    # The movie that the owner has asked for is the last to go, then folds.
-    for bound, there in ((3, [True, False]), (2, [False, False])):
-        swept(tmp_path, store, storage_bytes=bound * MIB, **quota)
-        assert [path.exists() for path in movies] == there
+    # The movie that the owner has requested is removed last of all files, then folds.
+    for bound, exist in ((3, [True, False]), (2, [False, False])):
+        count_swept(tmp_path, store, storage_bytes=bound * MIB, **quota)
+        assert [path.exists() for path in movies] == exist
     assert [store.fold(name).derived_bytes for name in folds] == [0, 0]
-    assert left(store, *folds) == [True, True]
-    swept(tmp_path, store, storage_bytes=1 * MIB)
-    assert left(store, *folds) == [False, True]
+    assert remaining(store, *folds) == [True, True]
+    count_swept(tmp_path, store, storage_bytes=1 * MIB)
+    assert remaining(store, *folds) == [False, True]
 
 
 def test_derived_bytes_counted_by_an_earlier_version_are_separated(
@@ -259,17 +259,17 @@ def test_derived_bytes_counted_twice_are_corrected_when_room_is_made(
     made = movie(store, fresh, of_owner=False, age_s=0.0)
     for name in (twice, fresh):  # two processes have made the same file
         store.add_derived(name, MIB)
-    swept(tmp_path, store, storage_bytes=2 * MIB)
+    count_swept(tmp_path, store, storage_bytes=2 * MIB)
     assert [store.fold(name).derived_bytes for name in (twice, fresh)] == [0, MIB]
-    assert made.exists() and left(store, twice, fresh) == [True, True]  # made for who just asked
+    assert made.exists() and remaining(store, twice, fresh) == [True, True]  # for this client
 
 
 def test_full_disk_removes_derived_files(tmp_path: Path, store: Store) -> None:
     full = fold(store, days=1)
     derive(store, full, MIB)
-    swept(tmp_path, store, min_free_disk_bytes=2**60)
+    count_swept(tmp_path, store, min_free_disk_bytes=2**60)
     assert store.fold(full).derived_bytes == 0
-    assert left(store, full) == [True]
+    assert remaining(store, full) == [True]
 
 
 def test_orphaned_files_are_removed_at_the_second_sweep(tmp_path: Path, store: Store) -> None:
@@ -285,10 +285,10 @@ def test_orphaned_files_are_removed_at_the_second_sweep(tmp_path: Path, store: S
     sweeping.sweep_orphans()
     assert not store.folders.place(orphan).exists()
     assert store.folders.place(fresh).exists()
-    assert left(store, kept) == [True]
+    assert remaining(store, kept) == [True]
 
 
-def test_copies_of_folds_removed_elsewhere_are_removed(tmp_path: Path, bucket_url: str) -> None:
+def test_local_copies_of_removed_folds_are_removed(tmp_path: Path, bucket_url: str) -> None:
     settings = Settings(data_dir=tmp_path / "data", storage_url=bucket_url)
     with closing(Store(settings)) as store:
         kept, orphan = fold(store, days=1), new_id()
@@ -296,6 +296,6 @@ def test_copies_of_folds_removed_elsewhere_are_removed(tmp_path: Path, bucket_ur
         for copy in copies.values():
             copy.mkdir()
         sweeping = Housekeeping(settings, store)
-        for there in (True, False):
+        for exists in (True, False):
             sweeping.sweep_orphans()
-            assert (copies[kept].exists(), copies[orphan].exists()) == (True, there)
+            assert (copies[kept].exists(), copies[orphan].exists()) == (True, exists)

@@ -1,6 +1,6 @@
-"""Several machines: what one takes in another computes and a third shows.
+"""Several machines: one accepts a fold, another computes it, and a third shows it.
 
-That none of them, nor what they share, is needed all the time: see tests/bench/test_load.py.
+tests/bench/test_load.py checks that outages of each, and of what they share, are survived.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tests.server.hosts import Hosts
 from tests.server.jobs.test_movies import SMALL
 from tests.server.jobs.test_movies import wait as wait_movie
 from tests.server.postgres import Postgres
-from tests.server.service_process import PATIENCE_S, SNAKE, Service, bearer, over, owner
+from tests.server.service_process import SNAKE, TIMEOUT_S, Service, bearer, over, owner
 from tests.tools import OPENGL
 
 pytestmark = pytest.mark.slow
@@ -49,13 +49,13 @@ def test_machines_take_in_compute_show_and_cancel_folds(hosts: Hosts) -> None:
     first, second = hosts.web(), hosts.web()
     token = new_token()
     with ThreadPoolExecutor(8) as threads:
-        # Large enough to be seen at work on a quick machine; with a token it is the visitor's own.
+        # Large enough to be observed on a fast machine; the token makes it the visitor's own.
         asked = [first, second] * 4
         got = list(
             threads.map(lambda web: web.fold(shape="elephant", seed="1", token=token), asked)
         )
     (fold_id,) = {accepted["id"] for accepted in got}
-    assert second.state(fold_id)["progress"]["wait_s"] is None  # nobody computes yet
+    assert second.state(fold_id)["progress"]["wait_s"] is None  # no worker runs yet
     with hosts.worker() as worker:
         seen: set[int] = set()
 
@@ -71,13 +71,13 @@ def test_machines_take_in_compute_show_and_cancel_folds(hosts: Hosts) -> None:
         check_whole(second, fold_id)
         plans = {s.http.get(f"/api/folds/{fold_id}/plan.npz").content for s in (first, second)}
         assert len(plans) == 1
-        held = hosts.kept()
+        held = hosts.stored_names()
         assert any(f"folds/{fold_id}/1/plan.npz" in name for name in held)
         assert not any(f"folds/{fold_id}/0/" in name for name in held)
         answer = second.http.delete(f"/api/folds/{fold_id}", headers=bearer(token))
         assert answer.status_code == 204
         assert first.http.get(f"/api/folds/{fold_id}/plan.npz").status_code == 404
-        assert not any(fold_id in name for name in hosts.kept())
+        assert not any(fold_id in name for name in hosts.stored_names())
         unwanted = first.fold(shape="wrench-160", preset="paper")
         first.wait_exploding(unwanted["id"])
         computing = [
@@ -88,14 +88,14 @@ def test_machines_take_in_compute_show_and_cancel_folds(hosts: Hosts) -> None:
         path = f"/api/folds/{unwanted['id']}/cancel"
         assert second.http.post(path, headers=owner(unwanted)).status_code == 202
         second.wait_over(unwanted["id"])
-        assert not psutil.wait_procs(computing, timeout=PATIENCE_S)[1]
+        assert not psutil.wait_procs(computing, timeout=TIMEOUT_S)[1]
         check_whole(first, second.fold(SNAKE)["id"])
 
 
 @pytest.mark.long
 def test_two_web_processes_share_previews_files_and_movies(hosts: Hosts) -> None:
     OPENGL.get()
-    here, there = hosts.web(), hosts.web()
+    one, other = hosts.web(), hosts.web()
 
     def size(fold_id: str) -> int:
         with psycopg.connect(hosts.database_url) as connection:
@@ -106,37 +106,37 @@ def test_two_web_processes_share_previews_files_and_movies(hosts: Hosts) -> None
             return connection.execute(sizes, [fold_id, fold_id]).fetchone()[0]  # type: ignore[index]
 
     with hosts.worker():
-        # A preview is looked at, and folded, elsewhere.
+        # A preview is viewed and folded on the other machine.
         file = {"file": ("path.json", json.dumps(SNAKE))}
-        preview = here.http.post("/api/shapes/preview", files=file).json()
+        preview = one.http.post("/api/shapes/preview", files=file).json()
         for part in (f"scene/{preview['key']}", f"drawing.svg?key={preview['key']}"):
-            assert there.http.get(f"/previews/{preview['id']}/{part}").status_code == 200
-        fold_id = there.fold(preview=preview["id"])["id"]
-        assert here.wait_over(fold_id)["status"] == "verified"
+            assert other.http.get(f"/previews/{preview['id']}/{part}").status_code == 200
+        fold_id = other.fold(preview=preview["id"])["id"]
+        assert one.wait_over(fold_id)["status"] == "verified"
 
-        # What is made of a fold is made wherever it is asked for, also when a copy was dropped.
+        # Derived files are made wherever they are requested, also after a copy was dropped.
         for path in (
             f"/api/folds/{fold_id}/plan.npz",
             f"/api/folds/{fold_id}/exports/urdf",
             f"/folds/{fold_id}/picture.png",
         ):
-            assert here.http.get(path).status_code == there.http.get(path).status_code == 200, path
-            for copy in (there.data_dir / "cache").iterdir():
+            assert one.http.get(path).status_code == other.http.get(path).status_code == 200, path
+            for copy in (other.data_dir / "cache").iterdir():
                 shutil.rmtree(copy)
-            assert there.http.get(path).status_code == 200, path
+            assert other.http.get(path).status_code == 200, path
 
-        # A movie is asked for here, followed there, and taken from both.
+        # A movie is requested here, followed there, and removed from both.
         before = size(fold_id)
         movies = f"/api/folds/{fold_id}/movies"
-        movie = here.http.post(movies, json=SMALL).json()
-        assert there.http.post(movies, json=SMALL).json()["token"] is None
-        ready = wait_movie(there, movie, lambda m: m["status"] in ("ready", "failed"))
+        movie = one.http.post(movies, json=SMALL).json()
+        assert other.http.post(movies, json=SMALL).json()["token"] is None
+        ready = wait_movie(other, movie, lambda m: m["status"] in ("ready", "failed"))
         assert (ready["status"], ready["frames_done"]) == ("ready", 4), ready
-        made = there.http.get(movie["links"]["file"]).content
+        made = other.http.get(movie["links"]["file"]).content
         assert made[4:8] == b"ftyp"
-        assert here.http.get(movie["links"]["file"]).content == made
+        assert one.http.get(movie["links"]["file"]).content == made
         assert size(fold_id) == before + len(made)
         headers = bearer(movie["token"])
-        assert there.http.delete(movie["links"]["self"], headers=headers).status_code == 204
-        assert here.http.get(movie["links"]["file"]).json()["code"] == "no-such-movie"
+        assert other.http.delete(movie["links"]["self"], headers=headers).status_code == 204
+        assert one.http.get(movie["links"]["file"]).json()["code"] == "no-such-movie"
         assert size(fold_id) == before

@@ -1,4 +1,4 @@
-"""Movies by HTTP and by the command line; their limits: see ../store/test_movie_rows.py."""
+"""Movies by HTTP and by the command line; ../store/test_movie_rows.py tests their limits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from server.cli.command_line import application
 from server.processes.movie_task import is_on_table
-from tests.server.service_process import PATIENCE_S, Service, bearer
+from tests.server.service_process import TIMEOUT_S, Service, bearer
 from tests.tools import OPENGL
 from web.movies.encoding import find_ffmpeg
 
@@ -37,7 +37,7 @@ def ask(service: Service, fold_id: str, **options: Any) -> dict[str, Any]:
 def wait(
     service: Service, movie: dict[str, Any], until: Callable[[dict[str, Any]], bool]
 ) -> dict[str, Any]:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not until(found := service.http.get(movie["links"]["self"]).json()):
         assert time.monotonic() < deadline, f"{found}\n{service.log.read_text()}"
         time.sleep(0.05)
@@ -53,7 +53,7 @@ def over(movie: dict[str, Any]) -> bool:
 
 
 def children(service: Service) -> list[psutil.Process]:
-    """Processes that make movies, encoders included."""
+    """Return the processes that make movies, including encoders."""
     makers = service.processes("foldback movies")
     return [*makers, *(child for maker in makers for child in maker.children())]
 
@@ -77,12 +77,12 @@ def test_movie_is_requested_made_downloaded_and_deleted(
     assert file.content[4:8] == b"ftyp"
     part = service.http.get(movie["links"]["file"], headers={"Range": "bytes=4-7"})
     assert (part.status_code, part.content) == (206, b"ftyp")
-    # The same options, however they are said, are the same movie, which is there.
+    # Equivalent options give the same movie, which exists.
     again = ask(service, finished["id"], **{**SMALL, "format": "mp4", "theme": None}, tour=True)
     assert (again["id"], again["status"], again["token"]) == (movie["id"], "ready", None)
-    here = movie["links"]["self"]
+    path = movie["links"]["self"]
     for headers in ({}, bearer("x" * 32)):
-        refused = service.http.delete(here, headers=headers)
+        refused = service.http.delete(path, headers=headers)
         assert (refused.status_code, refused.json()["code"]) == (403, "not-owner")
     assert movie["token"].encode() not in (service.data_dir / "foldback.db").read_bytes()
     assert delete(service, movie) == 204
@@ -91,14 +91,14 @@ def test_movie_is_requested_made_downloaded_and_deleted(
 
 
 def test_bad_movies_are_refused(service: Service, finished: dict[str, Any]) -> None:
-    here = f"/api/folds/{finished['id']}/movies"
+    path = f"/api/folds/{finished['id']}/movies"
     for options, code, where in (
         ({"width": 127}, "bad-movie", "width"),
         ({"seconds": 3600}, "bad-movie", "seconds"),
         ({"format": "avi"}, "bad-request", "body.format"),
         ({"widht": 128}, "bad-request", "body.widht"),
     ):
-        answer = service.http.post(here, json=options)
+        answer = service.http.post(path, json=options)
         assert answer.status_code == 422
         assert (answer.json()["code"], answer.json()["where"]) == (code, where)
     for fold_id, code in (("nosuchfold", "no-such-fold"), (finished["id"], "no-such-movie")):
@@ -112,15 +112,15 @@ def test_movie_deleted_while_it_is_made_stops(service: Service, finished: dict[s
     movie = ask(service, finished["id"], **LONG)
     wait(service, movie, lambda m: m["frames_done"] > 1)
     making = children(service)
-    assert len(making) == 2  # it, and its encoder
+    assert len(making) == 2  # the process and its encoder
     assert delete(service, movie) == 204
     _, alive = psutil.wait_procs(making, timeout=30)
     assert not alive
-    # Who comes next has its place.
+    # The next request takes its place.
     following = ask(service, finished["id"], **SMALL, theme="dark")
     assert wait(service, following, over)["status"] == "ready"
     scratch = service.data_dir / "scratch"
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while list(scratch.iterdir()):
         assert time.monotonic() < deadline
         time.sleep(0.05)
@@ -131,7 +131,7 @@ def film(directory: Path, out: Path, *words: str, **environment: str) -> Any:
     return CliRunner().invoke(application(), arguments, env=environment)
 
 
-def test_movie_without_opengl_says_what_to_install(
+def test_movie_without_opengl_names_the_missing_package(
     service: Service, finished: dict[str, Any], tmp_path: Path
 ) -> None:
     failed = film(service.directory(finished["id"]), tmp_path / "fold.mp4", MUJOCO_GL="off")
@@ -147,13 +147,13 @@ def test_movie_command_films_with_any_ffmpeg_and_gif_without(
 ) -> None:
     directory, out = service.directory(finished["id"]), tmp_path / "out"
     out.mkdir()
-    for name, words, said in (
+    for name, words, output in (
         ("fold.avi", [], ".mp4 or .gif"),
         ("fold.gif", ["--width", "65"], "expected"),
         ("none/fold.mp4", [], "folder of the movie does not exist"),
     ):
         refused = film(directory, out / name, *words)
-        assert refused.exit_code == 2 and said in refused.stderr
+        assert refused.exit_code == 2 and output in refused.stderr
     empty = film(tmp_path, out / "fold.mp4", "--tour")
     assert empty.exit_code == 2 and "foldback fold" in empty.stderr
     failed = film(directory, out / "fold.mp4", **without_ffmpeg)
@@ -166,7 +166,7 @@ def test_movie_command_films_with_any_ffmpeg_and_gif_without(
     size = ["--width", "128", "--height", "72", "--fps", "10", "--seconds", "0.3"]
     assert film(directory, out / "fold.gif", *size, **without_ffmpeg).exit_code == 0
     assert (out / "fold.gif").read_bytes().startswith(b"GIF89a")
-    # One outside of /usr and of Python: the process is confined, and may run it all the same.
+    # An encoder outside /usr and Python: the process is confined, but may run it.
     program = tmp_path / "own" / "bin" / "ffmpeg"
     program.parent.mkdir(parents=True)
     shutil.copy(find_ffmpeg(), program)

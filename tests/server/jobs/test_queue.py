@@ -1,4 +1,4 @@
-"""The queue: who gets which job, what a checkpoint keeps, and what a lost worker costs."""
+"""Queue: assignment of jobs, contents of checkpoints, and costs of a lost worker."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def add(store: Store, fold_id: str, **values: Any) -> None:
         session.add(a_fold(fold_id, **{"status": "queued", "owner": SOMEBODY.digest, **values}))
 
 
-def claimed(queue: Queue, lane: Lane = Lane.QUICK, worker: str = "one") -> FoldClaim:
+def claim_fold(queue: Queue, lane: Lane = Lane.QUICK, worker: str = "one") -> FoldClaim:
     claim = queue.claim(lane, worker)
     assert isinstance(claim, FoldClaim)
     return claim
@@ -38,8 +38,8 @@ def test_folds_are_claimed_in_their_turn_and_lane(store: Store) -> None:
     for fold_id, turn in {"last": 70, "first": 0, "middle": 3}.items():
         add(store, fold_id, turn=turn, cost_s=QUICK_FOLD_S)
     add(store, "long", cost_s=QUICK_FOLD_S + 1.0)
-    assert [claimed(queue).fold_id for _ in range(3)] == ["first", "middle", "last"]
-    assert claimed(queue, Lane.LONG).fold_id == "long"
+    assert [claim_fold(queue).fold_id for _ in range(3)] == ["first", "middle", "last"]
+    assert claim_fold(queue, Lane.LONG).fold_id == "long"
     assert [queue.claim(lane, "one") for lane in Lane] == [None] * 3
     with store.reading() as session:
         rows = session.query(FoldRow).all()
@@ -54,7 +54,7 @@ def test_each_job_is_claimed_once(store: Store) -> None:
             session.add(a_movie(name, "m", status="queued"))
     ready = threading.Barrier(4)
 
-    def take(worker: int) -> list[str]:
+    def claim_all(worker: int) -> list[str]:
         queue = Queue(store)
         ready.wait()
         jobs = []
@@ -64,21 +64,21 @@ def test_each_job_is_claimed_once(store: Store) -> None:
         return jobs
 
     with ThreadPoolExecutor(4) as threads:
-        taken = sorted(job for jobs in threads.map(take, range(4)) for job in jobs)
+        taken = sorted(job for jobs in threads.map(claim_all, range(4)) for job in jobs)
     assert taken == sorted([*names, *(f"{name}-m" for name in names)])
 
 
 def test_fold_continues_after_its_last_finished_stage(store: Store) -> None:
     queue = Queue(store)
     add(store, "a")
-    first = claimed(queue)
+    first = claim_fold(queue)
     assert (first.stage, first.files) == ("read", 0)
     assert queue.keep(first, stage="explode", files=1)
     queue.hand_back(first)
-    second = claimed(queue, worker="two")
+    second = claim_fold(queue, worker="two")
     assert (second.stage, second.files, second.losses) == ("explode", 1, 0)
     assert store.fold("a").stage == "explode"
-    # The first execution has lost the fold: nothing that it writes counts.
+    # The first execution has lost the fold: all its later writes are ignored.
     assert not queue.keep(first, stage="certify", files=1)
     queue.hand_back(first)
     assert store.finish("a", "failed", summary={}, execution=first.execution)
@@ -93,7 +93,7 @@ def test_jobs_of_a_lost_worker_are_queued_again_and_losses_are_counted(store: St
     queue = Queue(store)
     for name in ("running", "cancelled", "ended", "another"):
         add(store, name)
-        claimed(queue, worker="other" if name == "another" else "one")
+        claim_fold(queue, worker="other" if name == "another" else "one")
     with store.changing() as session:
         session.add(a_movie("running", "m", status="queued"))
     movie = queue.claim(Lane.MOVIES, "one")
@@ -110,11 +110,11 @@ def test_jobs_of_a_lost_worker_are_queued_again_and_losses_are_counted(store: St
         **{"ended": "verified", "another": "running"},
     }
     assert (found["running"].losses, found["another"].losses) == (1, 0)
-    again = claimed(queue, worker="one")
+    again = claim_fold(queue, worker="one")
     assert (again.fold_id, again.losses) == ("running", 1)
     assert queue.keep(again, stage="explode", files=2)
     queue.hand_back_all("one", lost=False)
-    assert claimed(queue).losses == 0, "a finished stage is progress"
+    assert claim_fold(queue).losses == 0, "a finished stage is progress"
     repeated = queue.claim(Lane.MOVIES, "two")
     assert isinstance(repeated, MovieClaim) and (repeated.job, repeated.losses) == (movie.job, 1)
 
@@ -122,7 +122,7 @@ def test_jobs_of_a_lost_worker_are_queued_again_and_losses_are_counted(store: St
 def test_cancelled_fold_without_a_worker_ends_at_once(store: Store) -> None:
     queue = Queue(store)
     store.add(a_fold("a", status="queued"), SOMEBODY)
-    claim = claimed(queue)
+    claim = claim_fold(queue)
     queue.hand_back(claim)
     assert store.fold("a").status == "running", "its visitors see no difference"
     assert store.cancel("a", SOMEBODY)
@@ -133,7 +133,7 @@ def test_cancelled_fold_without_a_worker_ends_at_once(store: Store) -> None:
 def test_name_of_a_worker_is_not_a_pattern(store: Store) -> None:
     queue = Queue(store)
     add(store, "a")
-    claimed(queue, worker="host/1")
+    claim_fold(queue, worker="host/1")
     for other in ("host/%", "host/_", "host/"):
         queue.hand_back_all(other, lost=True)
     assert store.fold("a").status == "running"
@@ -147,11 +147,11 @@ def test_executions_killed_at_random_repeat_no_finished_stage(store: Store) -> N
         name = f"f{len(finished)}"
         add(store, name, cost_s=1.0)
         for stage, following in zip(STAGES, [*STAGES[1:], None], strict=True):
-            claim = claimed(queue, worker=f"w{deaths}")
+            claim = claim_fold(queue, worker=f"w{deaths}")
             while dice.random() < 0.7:
                 queue.hand_back_all(f"w{deaths}", lost=True)
                 deaths += 1
-                claim = claimed(queue, worker=f"w{deaths}")
+                claim = claim_fold(queue, worker=f"w{deaths}")
                 assert claim.stage == stage, "a finished stage was repeated"
             if following is None:
                 assert store.finish(name, "verified", summary={}, execution=claim.execution)
@@ -165,7 +165,7 @@ def test_executions_killed_at_random_repeat_no_finished_stage(store: Store) -> N
 
 def test_check_for_jobs_reads_an_index_only(store: Store) -> None:
     queue = Queue(store)
-    with statements() as said:
+    with statements() as queries:
         assert not queue.has_work()
         assert [queue.claim(lane, "one") for lane in Lane] == [None] * 3
         assert queue.holders() == set()
@@ -173,7 +173,7 @@ def test_check_for_jobs_reads_an_index_only(store: Store) -> None:
         connection = session.connection()
         if connection.dialect.name != "sqlite":
             return
-        for statement, values in said:
+        for statement, values in queries:
             plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", values).all()
             scans = [str(line[3]) for line in plan if str(line[3]).startswith("SCAN")]
             assert set(scans) <= {"SCAN CONSTANT ROW"}, statement

@@ -38,7 +38,7 @@ def test_visitor_cannot_take_all_places() -> None:
         with pytest.raises(TooMany) as refused, quota.turn("a"):
             pass
         assert refused.value.retry_after_s == 5
-        others = [begin("b", 3), begin("c", 3)]  # c gets the place of the one that a has in excess
+        others = [begin("b", 3), begin("c", 3)]  # c gets the slot that a has in excess
         with pytest.raises(Unavailable, match="of others") as full:
             displaced.result(30.0)
         assert full.value.code == "busy"
@@ -50,7 +50,7 @@ def test_visitor_cannot_take_all_places() -> None:
     assert len(quota) == 0
 
 
-def test_waiting_ends_when_it_is_unwanted_or_takes_too_long() -> None:
+def test_waiting_ends_if_it_is_cancelled_or_takes_too_long() -> None:
     quota = Quota("answers", at_once=1, total=3, per_visitor=2, timeout_s=0.01)
     with quota.turn("a"):
         with pytest.raises(ServiceError) as refused, quota.turn("b", unwanted=lambda: True):
@@ -69,19 +69,19 @@ def test_visitor_cannot_take_all_making_of_artifacts(store: Store) -> None:
         def make() -> bool:
             return go_on.wait(30.0)
 
-        asked = [asyncio.create_task(shop.get_or_make(k, make, visitor="a")) for k in range(2)]
+        tasks = [asyncio.create_task(shop.get_or_make(k, make, visitor="a")) for k in range(2)]
         await asyncio.sleep(0)
         with pytest.raises(TooMany) as refused:
             await shop.get_or_make(2, make, visitor="a")
         assert refused.value.retry_after_s == 3
-        # What is being made already costs nothing more.
-        asked.append(asyncio.create_task(shop.get_or_make(0, make, visitor="a")))
-        asked.append(asyncio.create_task(shop.get_or_make(3, make, visitor="b")))
+        # Waiting for a running computation costs no slot.
+        tasks.append(asyncio.create_task(shop.get_or_make(0, make, visitor="a")))
+        tasks.append(asyncio.create_task(shop.get_or_make(3, make, visitor="b")))
         await asyncio.sleep(0)
         with pytest.raises(Unavailable):
             await shop.get_or_make(4, make, visitor="c")
         go_on.set()
-        assert all(await asyncio.gather(*asked))
+        assert all(await asyncio.gather(*tasks))
         assert await shop.get_or_make(5, make, visitor="a")
         shop.close()
 
@@ -102,25 +102,25 @@ def test_places_are_given_back() -> None:
 
 
 def test_visitors_take_turns_at_the_places() -> None:
-    begun: list[Permit] = []
+    permits: list[Permit] = []
     quota = Quota("files", total=9, per_visitor=9, at_once=2, at_once_per_visitor=1)
-    a1, a2, a3, b1, b2 = (quota.enter(who, begun.append) for who in "aaabb")
-    assert begun == [a1, b1]
+    a1, a2, a3, b1, b2 = (quota.enter(who, permits.append) for who in "aaabb")
+    assert permits == [a1, b1]
     b2.leave()
-    b1.leave()  # those of a wait all the same: one of them goes on
-    assert begun == [a1, b1]
-    c1 = quota.enter("c", begun.append)
+    b1.leave()  # a's requests wait as well: one of them proceeds
+    assert permits == [a1, b1]
+    c1 = quota.enter("c", permits.append)
     a1.leave()
-    assert begun == [a1, b1, c1, a2]
+    assert permits == [a1, b1, c1, a2]
     a2.leave()
-    assert (begun[-1], len(quota)) == (a3, 2)
+    assert (permits[-1], len(quota)) == (a3, 2)
 
 
 def test_fair_threads_serve_another_visitor_next() -> None:
     done: list[str | None] = []
     go_on, inside = threading.Event(), threading.Event()
 
-    def hold() -> None:
+    def occupy_slot() -> None:
         inside.set()
         go_on.wait(30.0)
 
@@ -129,10 +129,10 @@ def test_fair_threads_serve_another_visitor_next() -> None:
         for visitor in ("203.0.113.0/24|203.0.113.1", "198.51.100.0/24|198.51.100.1"):
             token = CURRENT_VISITOR.set(visitor)
             if not futures:
-                futures = [threads.submit(hold)]
+                futures = [threads.submit(occupy_slot)]
                 assert inside.wait(30.0)
                 futures += [threads.submit(done.append, visitor) for _ in range(50)]
-            else:  # the thread that one visitor cannot have
+            else:  # the thread that one visitor may not occupy
                 threads.submit(done.append, visitor).result(30.0)
                 assert done == [visitor]
             CURRENT_VISITOR.reset(token)
@@ -142,7 +142,7 @@ def test_fair_threads_serve_another_visitor_next() -> None:
         assert len(done) == 51
         with pytest.raises(ZeroDivisionError):
             threads.submit(lambda: 1 // 0).result(30.0)
-    assert threads.submit(hold).cancelled()
+    assert threads.submit(occupy_slot).cancelled()
 
 
 SETTINGS = Settings(
@@ -153,31 +153,31 @@ SETTINGS = Settings(
 )
 
 
-def of(network: int, visitor: int, cost_s: float, count: int = 1) -> list[Waiting]:
+def queue(network: int, visitor: int, cost_s: float, count: int = 1) -> list[Waiting]:
     return count * [Waiting(f"2001:db8:{network}::/48|{visitor}", cost_s)]
 
 
 def test_queue_room_is_shared_by_networks_and_visitors() -> None:
-    two, crowd = of(0, 0, 300.0) + of(0, 1, 200.0), of(0, 0, 1.0, 3) + of(0, 1, 1.0, 3)
-    uneven = of(0, 0, 400.0) + of(1, 0, 100.0)
+    two, crowd = queue(0, 0, 300.0) + queue(0, 1, 200.0), queue(0, 0, 1.0, 3) + queue(0, 1, 1.0, 3)
+    uneven = queue(0, 0, 400.0) + queue(1, 0, 100.0)
     for waiting, wanted, refused in (
         ([], (0, 0, 1200.0), None),
         ([], (0, 0, 1300.0), "0 folds are waiting"),
-        (of(0, 0, 300.0), (0, 0, 90.0), None),
-        (of(0, 0, 300.0), (0, 0, 110.0), "your waiting folds"),
-        (of(0, 0, 1.0, 4), (0, 0, 1.0), "4 of your folds"),
-        # A network alone fills half of the queue, whoever its visitors are.
+        (queue(0, 0, 300.0), (0, 0, 90.0), None),
+        (queue(0, 0, 300.0), (0, 0, 110.0), "your waiting folds"),
+        (queue(0, 0, 1.0, 4), (0, 0, 1.0), "4 of your folds"),
+        # A single network fills half of the queue, whoever its visitors are.
         (two, (0, 2, 90.0), None),
         (two, (0, 2, 210.0), "2 of them from your network"),
-        (of(0, 0, 300.0) + of(0, 1, 300.0), (1, 0, 550.0), None),
-        # The one that holds the most is refused first.
+        (queue(0, 0, 300.0) + queue(0, 1, 300.0), (1, 0, 550.0), None),
+        # The network that holds the most is refused first.
         (uneven, (0, 1, 310.0), "network"),
         (uneven, (1, 1, 310.0), None),
-        (of(0, 0, 400.0) + of(1, 0, 400.0), (2, 0, 2.0), None),
+        (queue(0, 0, 400.0) + queue(1, 0, 400.0), (2, 0, 2.0), None),
         (crowd, (0, 2, 1.0), "6 of them from your network"),
         (crowd, (1, 0, 1.0), None),
     ):
-        (fold,) = of(*wanted)
+        (fold,) = queue(*wanted)
         if refused is None:
             check_room(waiting, fold, SETTINGS)
             continue

@@ -1,4 +1,4 @@
-"""One network cannot take a quota or a rate by spreading over the addresses that it has."""
+"""Networks: none can exhaust a quota or a rate by spreading over its addresses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OTHER = visitor_at("198.51.100.1")
 
 
 def fill(quota: Quota, visitors: list[str], ended: list[str] | None = None) -> list[Permit]:
-    """Take as many permits as each visitor gets; ``ended`` gets the names of displaced ones."""
+    """Take as many permits as each visitor gets; ``ended`` receives the names of displaced ones."""
     taken: list[Permit] = []
     for visitor in visitors:
         end = None if ended is None else (lambda name=visitor: ended.append(name))
@@ -53,7 +53,7 @@ def test_quota_when_full_displaces_the_network_that_holds_most() -> None:
     assert quota.enter(OTHER).held
     assert (len(quota), len(ended)) == (8, 2)
     assert {networks_of(name)[0] for name in ended} == {networks_of(HOME[0])[0], "203.0.113.0/24"}
-    with pytest.raises(TooMany, match="in all"):  # the others hold one more each: nothing is gained
+    with pytest.raises(TooMany, match="in all"):  # no network would gain
         for _ in range(2):
             quota.enter(OTHER)
 
@@ -80,33 +80,33 @@ def test_quota_displaces_no_permit_without_end_and_no_operator() -> None:
 
 
 def test_quota_gives_turns_to_networks_before_visitors() -> None:
-    begun: list[str | None] = []
+    started: list[str | None] = []
     quota = Quota("files", total=16, per_visitor=4, at_once=2, at_once_per_visitor=1)
     permits = [
-        quota.enter(name, lambda permit: begun.append(permit.visitor))
+        quota.enter(name, lambda permit: started.append(permit.visitor))
         for name in (*HOME[:4], STREET[0], OTHER)
     ]
-    assert begun == [HOME[0], STREET[0]]  # one network has only one of the two places
+    assert started == [HOME[0], STREET[0]]  # one network has only one of the two slots
     for k in (0, 4, 1):
         permits[k].leave()
-    assert begun[2:] == [HOME[1], OTHER, HOME[2]]  # not after all of one network
+    assert started[2:] == [HOME[1], OTHER, HOME[2]]  # not after all of one network
 
 
 def test_single_flight_refuses_those_displaced_by_another_network() -> None:
     async def ask() -> None:
         flight = SingleFlight("files", at_once=1, total=4, per_visitor=4)
         go_on = threading.Event()
-        asked = [
+        tasks = [
             asyncio.create_task(flight.get_or_make(k, lambda: go_on.wait(30.0), visitor=HOME[0]))
             for k in range(4)
         ]
         await asyncio.sleep(0)
         other = asyncio.create_task(flight.get_or_make("new", lambda: 1, visitor=OTHER))
         with pytest.raises(Unavailable):
-            await asked[3]
+            await tasks[3]
         go_on.set()
         assert await other == 1
-        assert await asyncio.gather(*asked[:3]) == [True] * 3
+        assert await asyncio.gather(*tasks[:3]) == [True] * 3
         flight.close()
 
     asyncio.run(ask())

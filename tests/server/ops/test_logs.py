@@ -1,4 +1,4 @@
-"""Logs: one line an event, whatever visitors send; who and what it is about as fields."""
+"""Logs: one line per event, whatever visitors send, with its context as fields."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from typing import Any
 import pytest
 
 from server.ops.logs import JsonLines, TextLines, about, escaped
-from tests.server.service_process import PATIENCE_S, Service
+from tests.server.service_process import TIMEOUT_S, Service
 
 FORGED = 'x\n{"level": "error", "message": "forged"}\r\x1b[2K\u2028\x85'
 
 
-class Told:
-    """A service whose log is JSON, and where its log was when this began."""
+class LogTail:
+    """Log of a service in JSON from a moment on."""
 
     def __init__(self, service: Service) -> None:
         self.service = service
@@ -30,32 +30,32 @@ class Told:
 
     @property
     def text(self) -> str:
-        """What it has told since; whole lines only."""
+        """Lines that were logged since then, without an incomplete last one."""
         return self.service.log.read_bytes()[self.begun :].rpartition(b"\n")[0].decode()
 
 
 @pytest.fixture
-def told(service: Service) -> Told:
-    """What the service with a worker tells from here on."""
-    return Told(service)
+def log_tail(service: Service) -> LogTail:
+    """Log of the service with a worker from here on."""
+    return LogTail(service)
 
 
-def lines(told: Told) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in told.text.split("\n") if line]
+def lines(log_tail: LogTail) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in log_tail.text.split("\n") if line]
 
 
-def access(told: Told, request_id: str) -> dict[str, Any]:
-    """The line of a request; it is written after the answer has gone out."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not (found := [line for line in lines(told) if line.get("request") == request_id]):
-        assert time.monotonic() < deadline, told.text
+def access(log_tail: LogTail, request_id: str) -> dict[str, Any]:
+    """Return the line of a request, which is written after the answer is sent."""
+    deadline = time.monotonic() + TIMEOUT_S
+    while not (found := [line for line in lines(log_tail) if line.get("request") == request_id]):
+        assert time.monotonic() < deadline, log_tail.text
         time.sleep(0.02)
     assert [line["logger"] for line in found] == ["foldback.access"]
     return found[0]
 
 
-def written(formatter: logging.Formatter, logger: logging.Logger) -> io.StringIO:
-    """What a logger writes from here on."""
+def capture(formatter: logging.Formatter, logger: logging.Logger) -> io.StringIO:
+    """Return a stream of the lines that a logger writes from here on."""
     stream = io.StringIO()
     handler = logging.StreamHandler(stream)
     handler.setFormatter(formatter)
@@ -65,7 +65,7 @@ def written(formatter: logging.Formatter, logger: logging.Logger) -> io.StringIO
 
 def test_lines_hold_the_fields_of_their_context() -> None:
     fields, logger = {"worker": "h/0"}, logging.Logger("foldback.test")
-    as_json, as_text = (written(kind(fields), logger) for kind in (JsonLines, TextLines))
+    as_json, as_text = (capture(kind(fields), logger) for kind in (JsonLines, TextLines))
     with about(fold="abc", request="r1"):
         logger.warning("%d of %d", 1, 2, extra={"movie": "m"})
         thread = threading.Thread(target=logger.info, args=("elsewhere",))
@@ -76,8 +76,8 @@ def test_lines_hold_the_fields_of_their_context() -> None:
     time = first.pop("time")
     assert time.endswith("Z") and "T" in time
     about_it = {"fold": "abc", "movie": "m", "worker": "h/0", "request": "r1"}
-    told = {"level": "warning", "logger": "foldback.test", "message": "1 of 2"}
-    assert first == told | about_it
+    log_tail = {"level": "warning", "logger": "foldback.test", "message": "1 of 2"}
+    assert first == log_tail | about_it
     for other in others:
         assert "fold" not in other and other["worker"] == "h/0"
     assert "[fold=abc movie=m worker=h/0 request=r1]: 1 of 2" in as_text.getvalue()
@@ -86,7 +86,7 @@ def test_lines_hold_the_fields_of_their_context() -> None:
 def test_text_and_tracebacks_cannot_forge_lines() -> None:
     for kind in (JsonLines, TextLines):
         logger = logging.Logger("foldback.test")
-        stream = written(kind({}), logger)
+        stream = capture(kind({}), logger)
         with about(fold=FORGED):
             logger.error("got %s", FORGED)
         (line,) = stream.getvalue().splitlines()
@@ -102,47 +102,47 @@ def test_text_and_tracebacks_cannot_forge_lines() -> None:
     assert escaped("a\nb\x00\u202ec") == "a\\nb\\x00\\u202ec"
 
 
-def test_request_leaves_one_line_with_its_route(told: Told) -> None:
-    answer = told.http.get("/api/folds/abc123", headers={"X-Request-ID": "proxy-7.a"})
+def test_request_leaves_one_line_with_its_route(log_tail: LogTail) -> None:
+    answer = log_tail.http.get("/api/folds/abc123", headers={"X-Request-ID": "proxy-7.a"})
     assert answer.headers["x-request-id"] == "proxy-7.a"
-    line = access(told, "proxy-7.a")
+    line = access(log_tail, "proxy-7.a")
     assert line["duration_ms"] >= 0
     assert (line["method"], line["status"], line["fold"]) == ("GET", 404, "abc123")
     assert line["route"] == "/api/folds/{fold_id}" and "path" not in line
     for odd in ("", "a b", "x" * 65, "<script>", "a;b", "a\tb"):
-        answer = told.http.get("/health", headers={"X-Request-ID": odd})
+        answer = log_tail.http.get("/health", headers={"X-Request-ID": odd})
         given = answer.headers["x-request-id"]
         assert given != odd and given.isalnum() and len(given) == 32
-        assert access(told, given)["route"] == "/health"
+        assert access(log_tail, given)["route"] == "/health"
 
 
-def test_secrets_are_not_logged_in_requests(told: Told) -> None:
+def test_secrets_are_not_logged_in_requests(log_tail: LogTail) -> None:
     secret = {"Authorization": "Bearer very-secret-token-of-somebody", "Cookie": "a=very-secret-c"}
     for path, name in (("/api/folds", "secrets"), ("/nowhere", "no")):
         headers = secret | {"X-Request-ID": name}
-        told.http.get(f"{path}?token=very-secret-query", headers=headers)
-    assert access(told, "no")["path"] == "/nowhere"
-    assert "secret-" not in told.text
+        log_tail.http.get(f"{path}?token=very-secret-query", headers=headers)
+    assert access(log_tail, "no")["path"] == "/nowhere"
+    assert "secret-" not in log_tail.text
 
 
-def test_requests_cannot_forge_lines(told: Told) -> None:
+def test_requests_cannot_forge_lines(log_tail: LogTail) -> None:
     paths = ("/nowhere%0a%7b%22level%22:%22error%22%7d%0d%1b%5b2K", "/folds/a%0ab%E2%80%A8")
-    ids = [told.http.get(path).headers["x-request-id"] for path in (*paths, "/" + "n" * 5000)]
-    found = [access(told, request_id) for request_id in ids]
+    ids = [log_tail.http.get(path).headers["x-request-id"] for path in (*paths, "/" + "n" * 5000)]
+    found = [access(log_tail, request_id) for request_id in ids]
     assert found[0]["path"].startswith("/nowhere\n{")
     assert "fold" not in found[1]
     assert len(found[2]["path"]) == 200
-    told.http.request("FORGE", "/health", headers={"X-Request-ID": "odd"})
-    assert access(told, "odd")["method"] == "other"
-    assert {line["level"] for line in lines(told)} == {"info"}
+    log_tail.http.request("FORGE", "/health", headers={"X-Request-ID": "odd"})
+    assert access(log_tail, "odd")["method"] == "other"
+    assert {line["level"] for line in lines(log_tail)} == {"info"}
 
 
 def test_worker_logs_its_fold(service: Service, finished: dict[str, Any]) -> None:
-    told = service.log.read_text()
+    log_tail = service.log.read_text()
     words = ('"foldback.worker"', finished["id"], "verified")
-    (end,) = [line for line in told.splitlines() if all(word in line for word in words)]
+    (end,) = [line for line in log_tail.splitlines() if all(word in line for word in words)]
     assert json.loads(end)["worker"].endswith("/0")
-    assert finished["accepted"]["owner_token"] not in told
+    assert finished["accepted"]["owner_token"] not in log_tail
 
 
 @pytest.mark.processes
@@ -161,5 +161,5 @@ for level in ("info", "error"):
     done = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
     )
-    told = [line.rpartition(" ")[2] for line in done.stderr.splitlines()]
-    assert told == ["small", "big", "alien", "big"]
+    log_tail = [line.rpartition(" ")[2] for line in done.stderr.splitlines()]
+    assert log_tail == ["small", "big", "alien", "big"]

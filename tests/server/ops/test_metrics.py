@@ -1,4 +1,4 @@
-"""Figures for operators: true, bounded in number, and for those only who may read them."""
+"""Metrics for operators: correct, bounded in number, and readable only with permission."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.server.service_process import METRICS_TOKEN, SNAKE, Service
 
 
 def figures(service: Service) -> dict[tuple[str, tuple[tuple[str, str], ...]], float]:
-    """All samples, by name and labels."""
+    """Return all samples, by name and labels."""
     answer = service.metrics()
     assert answer.status_code == 200
     assert answer.headers["content-type"].startswith("text/plain; version=0.0.4")
@@ -55,37 +55,37 @@ def test_finished_folds_are_counted_and_timed(service: Service, finished: dict[s
     assert found[("process_resident_memory_bytes", ())] > 1e6
 
 
-def test_requests_are_timed_by_route_and_strange_ones_add_no_metrics(desk: Service) -> None:
+def test_requests_are_timed_by_route_and_strange_ones_add_no_metrics(idle: Service) -> None:
     labels = {"method": "GET", "route": "/api/folds/{fold_id}", "status": "4xx"}
     for path in ("/nowhere", "/folds/x", "/api/folds/x"):
-        desk.http.get(path)
-    desk.http.request("FORGE", "/health")
-    desk.metrics()  # which is a route, too
-    before = figures(desk)
+        idle.http.get(path)
+    idle.http.request("FORGE", "/health")
+    idle.metrics()  # this is a route, too
+    before = figures(idle)
     for n in range(3):
         for path in ("", "folds/", "api/folds/"):
-            desk.http.get(f"/{path}{uuid.uuid4().hex}")
-        desk.http.request(f"FORGE{n}", "/health")
-    after = figures(desk)
+            idle.http.get(f"/{path}{uuid.uuid4().hex}")
+        idle.http.request(f"FORGE{n}", "/health")
+    after = figures(idle)
     assert set(after) == set(before)
     counts = [value(found, "request_seconds_count", **labels) for found in (before, after)]
     assert counts[1] == counts[0] + 3
-    assert value(after, "requests_in_progress") == 1  # the question itself
+    assert value(after, "requests_in_progress") == 1  # the request itself
 
 
-def test_open_streams_are_counted(desk: Service) -> None:
-    fold = desk.fold(SNAKE, seed="777")
-    with desk.http.stream("GET", f"/api/folds/{fold['id']}/events") as stream:
-        events = stream.iter_lines()  # held: the stream ends with it
+def test_open_streams_are_counted(idle: Service) -> None:
+    fold = idle.fold(SNAKE, seed="777")
+    with idle.http.stream("GET", f"/api/folds/{fold['id']}/events") as stream:
+        events = stream.iter_lines()  # keeps the stream open
         next(events)
-        found = figures(desk)
+        found = figures(idle)
         assert fold["id"] not in str(found)
         assert value(found, "streams_open") == 1
         assert value(found, "requests_in_progress") == 2
 
 
 def test_metrics_without_the_token_are_closed_from_any_address(
-    desk: Service, service: Service, here_with: Callable[..., Service]
+    idle: Service, service: Service, service_with: Callable[..., Service]
 ) -> None:
     for headers in (
         {"Connection": "close"},
@@ -96,12 +96,12 @@ def test_metrics_without_the_token_are_closed_from_any_address(
         {"Authorization": f"Basic {METRICS_TOKEN}"},
         {"Authorization": b"Bearer \xff\xfe"},
     ):
-        answer = desk.http.get("/metrics", headers=headers)
+        answer = idle.http.get("/metrics", headers=headers)
         assert (answer.status_code, answer.json()["code"]) == (403, "not-public"), headers
         assert METRICS_TOKEN not in answer.text
     open_to_all = service.http.get("/metrics", headers={"X-Forwarded-For": "203.0.113.9"})
-    assert open_to_all.status_code == 200  # an operator has said so
-    without = here_with(metrics_token="").start()
+    assert open_to_all.status_code == 200  # the operator has made them public
+    without = service_with(metrics_token="").start()
     assert without.metrics().status_code == 403
     assert without.http.get("/metrics", headers={"Authorization": "Bearer"}).status_code == 403
 
@@ -115,13 +115,13 @@ def test_metrics_token_that_is_short_is_refused_without_repeating_it() -> None:
 
 def test_stats_are_cached(tmp_path: Path, store: Store) -> None:
     settings = Settings(data_dir=tmp_path)
-    with closing(Stats(settings, Leases.of(settings, store))) as stats, statements() as asked:
+    with closing(Stats(settings, Leases.of(settings, store))) as stats, statements() as queries:
         stats.figures()
-        once = len(asked)
+        once = len(queries)
         for _ in range(100):
             stats.figures()
-    assert 0 < once <= 10  # a few of them are about the connection itself
-    assert len(asked) <= 2 * once
+    assert 0 < once <= 10  # a few of them concern the connection itself
+    assert len(queries) <= 2 * once
 
 
 def test_stats_count_rows(each_settings: Settings, each_store: Store) -> None:

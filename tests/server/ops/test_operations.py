@@ -1,4 +1,4 @@
-"""The page for operators says what is there."""
+"""Page for operators: its settings, metrics and commands exist."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ def test_table_of_metrics_and_alerts_name_existing_ones(page: str) -> None:
     figures = Figures(**counts, oldest_queued_s=0.0, storage_bytes=0, workers=0, computed_s=())
     places = Places(disk="ok", storage="ok", free_bytes=0)
     text = Metrics().text(figures, places, streams=0, robots=0).decode()
-    told = set(re.findall(r"# TYPE (foldback_\w+)", text))
-    for name in told:
+    metrics = set(re.findall(r"# TYPE (foldback_\w+)", text))
+    for name in metrics:
         assert name.endswith("_created") or name.removeprefix("foldback") in shown
     alerts = yaml.safe_load((DOCS.parent / "deploy" / "alerts.yml").read_text(encoding="utf-8"))
     rules = [rule for group in alerts["groups"] for rule in group["rules"]]
     assert len(rules) >= 5
     for rule in rules:
         used = set(re.findall(r"foldback_[a-z_]+[a-z]", rule["expr"]))
-        assert {name.removesuffix("_count") for name in used} <= told, rule["alert"]
+        assert {name.removesuffix("_count") for name in used} <= metrics, rule["alert"]
         assert rule["annotations"]["summary"].endswith(".")
 
 
 def test_page_names_all_admin_commands(page: str) -> None:
     offered = {command.name or command.callback.__name__ for command in admin.registered_commands}
-    told = set(re.findall(r"^foldback admin (\w+)", page, re.MULTILINE))
-    assert offered - {"unpin"} == told
+    named = set(re.findall(r"^foldback admin (\w+)", page, re.MULTILINE))
+    assert offered - {"unpin"} == named
     assert "admin" in COMMANDS

@@ -1,4 +1,4 @@
-"""Readiness: says no, and why, as soon as something that folds need is not there."""
+"""Readiness: refused, with the reason, as soon as something that folds need is missing."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from server.store.leases import Leases
 from server.store.stats import Stats
 from tests.server.postgres import Postgres
 from tests.server.service_process import Service
-from tests.server.service_thread import ServiceThread, give_tables
+from tests.server.service_thread import ServiceThread, copy_tables
 
 
 @contextmanager
 def readiness(settings: Settings) -> Iterator[Readiness]:
-    give_tables(settings)
+    copy_tables(settings)
     with (
         closing(Store(settings)) as store,
         closing(Stats(settings, Leases.of(settings, store))) as stats,
@@ -30,8 +30,8 @@ def readiness(settings: Settings) -> Iterator[Readiness]:
         yield Readiness(settings, stats)
 
 
-def test_ready_service_tells_its_parts(desk: Service) -> None:
-    answer = desk.http.get("/ready")
+def test_ready_service_reports_its_parts(idle: Service) -> None:
+    answer = idle.http.get("/ready")
     assert answer.status_code == 200
     parts = dict.fromkeys(("database", "disk", "storage"), "ok")
     assert answer.json() == {"ready": True, **parts, "workers": 0, "reasons": []}
@@ -73,11 +73,11 @@ def test_missing_database_is_a_reason(tmp_path: Path, postgres: Postgres) -> Non
         assert ready.state().ready
 
 
-def test_stopping_service_is_not_ready(here_with: Callable[..., ServiceThread]) -> None:
-    service = here_with(leave_s=1).start()
+def test_stopping_service_is_not_ready(service_with: Callable[..., ServiceThread]) -> None:
+    service = service_with(leave_s=1).start()
     with httpx.Client(base_url=service.http.base_url) as other:
         assert other.get("/ready").status_code == 200
-        service.tell_to_end()
+        service.request_stop()
         while (answer := other.get("/ready")).status_code == 200:
             time.sleep(0.02)
         assert answer.status_code == 503

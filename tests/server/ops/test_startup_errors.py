@@ -21,27 +21,27 @@ MISSING = [
 ]
 
 
-def leave_the_process_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is that of the tests."""
+def keep_process_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep the service from changing the process of the tests."""
     for module in (worker, serve, worker_command):
         for name in ("keep_secrets", "set_up_logs"):
             monkeypatch.setattr(module, name, lambda *_: None, raising=False)
 
 
-def test_missing_database_or_storage_is_told_with_a_remedy(
+def test_missing_database_or_storage_is_reported_with_a_remedy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    leave_the_process_alone(monkeypatch)
+    keep_process_state(monkeypatch)
     for start, (settings, words) in product((server_of, worker.work), MISSING):
         with pytest.raises(SystemExit) as ended:
             start(Settings(data_dir=tmp_path, **settings))  # type: ignore[arg-type]
         assert ended.value.code == 1
-        said = capsys.readouterr().err
-        assert words in said and "foldback doctor" in said
+        output = capsys.readouterr().err
+        assert words in output and "foldback doctor" in output
 
 
 @pytest.mark.parametrize("command", ["serve", "worker"])
-def test_unusable_data_directory_is_told_with_a_remedy(
+def test_unusable_data_directory_is_reported_with_a_remedy(
     command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in os.environ:
@@ -49,7 +49,7 @@ def test_unusable_data_directory_is_told_with_a_remedy(
             monkeypatch.delenv(name)
     monkeypatch.setenv("FOLDBACK_DATA_DIR", "/proc/foldback")
     monkeypatch.setenv("FOLDBACK_WORKERS", "0")
-    leave_the_process_alone(monkeypatch)
+    keep_process_state(monkeypatch)
     done = foldback(command)
     assert done.returncode == 1
     assert "cannot be used" in done.stderr

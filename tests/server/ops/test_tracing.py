@@ -1,4 +1,4 @@
-"""Traces of folds: sent to a receiver that understands them, and to nobody unless told so."""
+"""Traces of folds: sent to the configured receiver, and to nothing by default."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ send_rest()
 
 @pytest.fixture
 def receiver() -> Iterator[tuple[str, list[ExportTraceServiceRequest]]]:
-    """The address of an OTLP receiver, and what it has got."""
+    """Address of an OTLP receiver, and the requests that it has received."""
     got: list[ExportTraceServiceRequest] = []
 
     class Receiver(http.server.BaseHTTPRequestHandler):

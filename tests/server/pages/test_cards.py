@@ -1,4 +1,4 @@
-"""Cards of the gallery: which of them an address asks for, and what has become of a shape."""
+"""Cards of the gallery: their selection by address, and the status of shapes."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_status_of_a_shape_is_that_of_its_best_public_fold(store: Store) -> None
     }
 
 
-def test_cards_tell_the_torque_needed_on_a_table() -> None:
+def test_cards_show_the_torque_needed_on_a_table() -> None:
     assert HEART.rests == "Can be folded on a table (needs 2.0× a module's weight × width)"
     assert CUBES.rests is None
     resting = replace(HEART, rests_within=0.0)
@@ -84,7 +84,7 @@ def test_cards_tell_the_torque_needed_on_a_table() -> None:
     assert {card.module for card in known} == {"cube"}
 
 
-def test_card_of_an_unusual_fold_tells_its_method() -> None:
+def test_card_of_an_unusual_fold_shows_its_method() -> None:
     for preset, world, words in (
         ("default", "floating", ""),
         ("direct", "floating", "direct servoing"),

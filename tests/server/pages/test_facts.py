@@ -74,8 +74,8 @@ def test_unused_parameters_are_left_out() -> None:
             assert row in shown and absent not in shown
 
 
-def found(directory: Path, frames: int, **values: Any) -> Found:
-    """A fold that failed with these frames of explosion."""
+def failed_fold(directory: Path, frames: int, **values: Any) -> Found:
+    """Return a failed fold with the given frames of explosion."""
     if frames:
         chain = Chain.from_path(CellPath.from_cells(SNAKE))
         with TimelineWriter.create(directory / "timeline.zarr", chain) as writer:
@@ -91,18 +91,18 @@ def test_facts_are_read_without_the_whole_plan(
     shutil.copyfile(service.directory(finished["id"]) / "plan.npz", tmp_path / "plan.npz")
     (tmp_path / "plan.json").write_text("not for pages: its frames may take a hundred megabytes")
     summary = {"explosion": {"strategy": "simultaneous"}}
-    facts = fold_facts(found(tmp_path, 0, status="verified", summary=summary))
+    facts = fold_facts(failed_fold(tmp_path, 0, status="verified", summary=summary))
     groups = {group["heading"]: group["rows"] for group in facts["properties"]}
     assert {"Python", "MuJoCo"} <= {row["label"] for row in groups["Versions"]}
     assert groups["Explosion parameters"]
 
 
-def test_failed_fold_tells_its_frames(tmp_path: Path) -> None:
-    assert fold_facts(found(tmp_path, 5))["frames"] == 5
-    assert fold_facts(found(tmp_path / "nothing", 0))["frames"] == 0
+def test_failed_fold_shows_its_frame_count(tmp_path: Path) -> None:
+    assert fold_facts(failed_fold(tmp_path, 5))["frames"] == 5
+    assert fold_facts(failed_fold(tmp_path / "nothing", 0))["frames"] == 0
 
 
-def test_kinematic_fold_of_an_earlier_version_is_told_as_such(tmp_path: Path, store: Store) -> None:
+def test_kinematic_fold_of_earlier_version_is_shown_as_such(tmp_path: Path, store: Store) -> None:
     errors = {"rms_position_error": 0.0, "max_angle_error_rad": 0.0}
     figures = {"verdict": "verified", "peak_torque_nm": 0.009, "min_clearance": 0.041}
     summary = {
@@ -116,7 +116,7 @@ def test_kinematic_fold_of_an_earlier_version_is_told_as_such(tmp_path: Path, st
     assert state["certificate"]["verdict"] == "verified (kinematics only)"
     assert state["certificate"]["rms_position_error"] is None
     assert state["playback"] == {"kind": "kinematic", **dict.fromkeys(errors)}
-    facts = fold_facts(found(tmp_path, 0, status="verified", summary=summary))
+    facts = fold_facts(failed_fold(tmp_path, 0, status="verified", summary=summary))
     assert facts["verdict"]["text"].startswith("Verified (kinematics only): modules stay at least")
     values = {row["label"]: row["value"] for group in facts["properties"] for row in group["rows"]}
     assert values["Final position error (RMS)"] == "not simulated"
@@ -125,23 +125,23 @@ def test_kinematic_fold_of_an_earlier_version_is_told_as_such(tmp_path: Path, st
 
 
 def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
-    """For others see tests/server/contract."""
-    again = fold_facts(found(tmp_path, 0, seed=2**32 - 1))["again"]
+    """tests/server/contract checks the offers of other folds."""
+    again = fold_facts(failed_fold(tmp_path, 0, seed=2**32 - 1))["again"]
     assert again["text"] == "Try another seed" and again["form"]["seed"] == 0
-    plain = fold_facts(found(tmp_path, 0, status="verified", preset="paper"))["compare"]
+    plain = fold_facts(failed_fold(tmp_path, 0, status="verified", preset="paper"))["compare"]
     settable = {way["text"]: way["settable"] for way in plain if "settable" in way}
     assert settable == {"Published method, changed": "must"}
 
 
-def test_running_fold_tells_the_verdict_of_a_checked_plan(tmp_path: Path) -> None:
+def test_running_fold_shows_the_verdict_of_a_checked_plan(tmp_path: Path) -> None:
     checked = {"verdict": "verified (simulated)", "simulated": True, "robots": []}
     (tmp_path / "certificate.json").write_text(json.dumps(checked))
-    told = {
-        stage: fold_facts(found(tmp_path, 0, status="running", stage=stage))["verdict"]
+    facts = {
+        stage: fold_facts(failed_fold(tmp_path, 0, status="running", stage=stage))["verdict"]
         for stage in ("certify", "export")
     }
-    assert told["certify"] == {"tone": "busy", "text": "Computing · 16 modules"}
-    assert told["export"] == {"tone": "good", "text": "Verified (simulated) · 16 modules"}
+    assert facts["certify"] == {"tone": "busy", "text": "Computing · 16 modules"}
+    assert facts["export"] == {"tone": "good", "text": "Verified (simulated) · 16 modules"}
     (tmp_path / "certificate.json").write_text('{"verdict": "failed: modules overlap"}')
-    refused = fold_facts(found(tmp_path, 0, status="running", stage="export"))
+    refused = fold_facts(failed_fold(tmp_path, 0, status="running", stage="export"))
     assert refused["verdict"]["tone"] == "busy"

@@ -1,4 +1,4 @@
-"""Pages that tell something, apart from any fold: benchmarks, the paper's experiments, scripts."""
+"""Pages about several folds or none: benchmarks, the paper's experiments, scripts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from server.http.compression import Asset
 from server.pages import paper, prerendered_pages, static
 from server.pages.page import script_addresses
 from server.pages.static import IMMUTABLE_CACHE_CONTROL
-from tests.server.asgi import asked
+from tests.server.asgi import send_request
 from tests.server.service_process import SNAKE, Service, bearer
 from web.static_files import VERSIONED, scripts_version
 from web.timeline.columns import decode
@@ -33,7 +33,7 @@ def application() -> FastAPI:
 
 
 def get(path: str, **headers: str) -> httpx.Response:
-    return asked(application(), path, headers=headers)
+    return send_request(application(), path, headers=headers)
 
 
 def test_success_map_is_shown_on_the_benchmarks_page() -> None:
@@ -58,7 +58,7 @@ def test_scripts_and_styles_are_compressed_on_request() -> None:
         assert packed.content == plain.content
         assert int(packed.headers["content-length"]) < 0.5 * len(plain.content)
         assert {each.headers["vary"] for each in (plain, packed)} == {"Accept-Encoding"}
-        # Who keeps the one is not told that it is the other.
+        # Caches distinguish the two.
         tags = [each.headers["etag"] for each in (plain, packed)]
         assert tags[0] != tags[1]
         for tag, status in zip(tags, (200, 304), strict=True):
@@ -68,34 +68,34 @@ def test_scripts_and_styles_are_compressed_on_request() -> None:
 
 def test_versioned_scripts_are_cached_by_browsers() -> None:
     address, *_ = script_addresses("fold")
-    kept = get(address)
-    assert kept.headers["cache-control"] == IMMUTABLE_CACHE_CONTROL
+    repeated = get(address)
+    assert repeated.headers["cache-control"] == IMMUTABLE_CACHE_CONTROL
     earlier = get(address.replace(scripts_version(), "0123456789ab"))
-    assert (earlier.content, earlier.headers["cache-control"]) == (kept.content, "no-cache")
+    assert (earlier.content, earlier.headers["cache-control"]) == (repeated.content, "no-cache")
     for name in ("css/fold.css", "js/no-such.js"):
         assert get(f"/static/{VERSIONED}/{scripts_version()}/{name}").status_code == 404
 
 
-def test_incompressible_assets_are_sent_as_they_are() -> None:
+def test_incompressible_assets_are_sent_unchanged() -> None:
     asset = Asset.of(random.Random(0).randbytes(4000), "image/webp")
     assert asset.packed is None
     assert Asset.of(b"x" * 4000, "text/css").packed is not None
 
 
-def test_pages_with_secrets_are_not_compressed(desk: Service) -> None:
-    fold = desk.fold(SNAKE, seed="301")
-    here, fold_id = f"/folds/{fold['id']}", fold["id"]
+def test_pages_with_secrets_are_not_compressed(idle: Service) -> None:
+    fold = idle.fold(SNAKE, seed="301")
+    page, fold_id = f"/folds/{fold['id']}", fold["id"]
     own = {**bearer(fold["owner_token"]), "Accept-Encoding": "gzip"}
-    paths = (here, f"{here}/facts", f"/api{here}", "/api/mine/folds", "/gallery?q=guess")
+    paths = (page, f"{page}/facts", f"/api{page}", "/api/mine/folds", "/gallery?q=guess")
     for path in (*paths, f"/compare?a={fold_id}&b={fold_id}"):
-        answer = desk.http.get(path, headers=own)
+        answer = idle.http.get(path, headers=own)
         assert answer.status_code == 200, path
         assert "content-encoding" not in answer.headers, path
 
 
-def test_my_folds_page_is_the_same_for_all_and_not_indexed(desk: Service) -> None:
+def test_my_folds_page_is_the_same_for_all_and_not_indexed(idle: Service) -> None:
     keys = (bearer("K" * 32), {})
-    same = [desk.http.get("/my-folds", headers=key | {"Accept-Encoding": "gzip"}) for key in keys]
+    same = [idle.http.get("/my-folds", headers=key | {"Accept-Encoding": "gzip"}) for key in keys]
     assert same[0].content == same[1].content
     for page in same:
         assert page.headers["content-encoding"] == "gzip"

@@ -1,4 +1,4 @@
-"""Pictures of folds beside links to them."""
+"""Pictures of folds that accompany links to them."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from tests.server.rows import SOMEBODY
 from tests.server.store.test_rows import row
 
 
-class Drawn(list[str]):
-    """Names of the chains of which pictures were drawn, each in no time."""
+class DrawnNames(list[str]):
+    """Names of the chains whose pictures were drawn; drawing is replaced by a short text."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -40,28 +40,28 @@ class Drawn(list[str]):
 
 
 @pytest.fixture
-def drawn() -> Drawn:
-    return Drawn()
+def drawn() -> DrawnNames:
+    return DrawnNames()
 
 
 def fold_in(store: Store, status: str) -> Path:
-    """The directory of a new fold with the chain of a first candidate."""
+    """Return the directory of a new fold with the chain of a first candidate."""
     added = row(status=status)
     store.add(added, SOMEBODY)
     store.directory(added.id).mkdir()
-    take(store.directory(added.id), "first")
+    write_chain_file(store.directory(added.id), "first")
     return store.directory(added.id)
 
 
-def take(directory: Path, name: str) -> None:
+def write_chain_file(directory: Path, name: str) -> None:
     chain = Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)], name=name))
     (directory / "chain.json").write_text(json.dumps(chain_attributes(chain)))
 
 
-def asked(
-    store: Store, directory: Path, drawn: Drawn, times: int = 1, query: str = ""
+def request_picture(
+    store: Store, directory: Path, drawn: DrawnNames, times: int = 1, query: str = ""
 ) -> list[httpx.Response]:
-    """What as many visitors are answered who ask at the same time."""
+    """Return the answers to ``times`` simultaneous requests."""
 
     async def ask() -> list[httpx.Response]:
         app = FastAPI()
@@ -81,20 +81,20 @@ def asked(
     return asyncio.run(ask())
 
 
-def test_picture_is_drawn_once_for_many_requests(store: Store, drawn: Drawn) -> None:
+def test_picture_is_drawn_once_for_many_requests(store: Store, drawn: DrawnNames) -> None:
     directory = fold_in(store, "verified")
-    answers = asked(store, directory, drawn, 20)
+    answers = request_picture(store, directory, drawn, 20)
     assert {answer.content for answer in answers} == {b"a picture of first"}
     assert {answer.headers["Cache-Control"] for answer in answers} == {"private, no-cache"}
-    asked(store, directory, drawn)
+    request_picture(store, directory, drawn)
     assert drawn == ["first"]
 
 
-def test_picture_of_a_view_is_drawn_once_and_not_stored(store: Store, drawn: Drawn) -> None:
+def test_picture_of_a_view_is_drawn_once_and_not_stored(store: Store, drawn: DrawnNames) -> None:
     directory = fold_in(store, "failed")
     query = "?view=12,-62,24,1.2"
-    answers = asked(store, directory, drawn, 20, query)
-    answers += asked(store, directory, drawn, 1, query)
+    answers = request_picture(store, directory, drawn, 20, query)
+    answers += request_picture(store, directory, drawn, 1, query)
     assert {answer.content for answer in answers} == {b"a picture of first"}
     assert drawn == ["first"]
     assert drawn.moments[0]["view"] == "12,-62,24,1.2"
@@ -103,10 +103,10 @@ def test_picture_of_a_view_is_drawn_once_and_not_stored(store: Store, drawn: Dra
     assert os.listdir(directory) == ["chain.json"]
 
 
-def test_picture_of_a_nonsense_view_is_refused(store: Store, drawn: Drawn) -> None:
+def test_picture_of_a_nonsense_view_is_refused(store: Store, drawn: DrawnNames) -> None:
     directory = fold_in(store, "verified")
     for view in ("1", "1,2,3,x", "1,,,1,2", "9" * 70, "..%2F,,,1"):
-        (answer,) = asked(store, directory, drawn, query=f"?view={view}")
+        (answer,) = request_picture(store, directory, drawn, query=f"?view={view}")
         assert answer.status_code == 422, view
     assert drawn == []
 
@@ -121,27 +121,27 @@ def test_recent_pictures_beyond_the_limit_are_dropped() -> None:
 
 
 def test_picture_of_an_earlier_chain_or_of_a_running_fold_is_drawn_again(
-    store: Store, drawn: Drawn
+    store: Store, drawn: DrawnNames
 ) -> None:
     for status, stored in (("verified", True), ("running", False)):
         directory = fold_in(store, status)
-        (first,) = asked(store, directory, drawn)
+        (first,) = request_picture(store, directory, drawn)
         assert first.headers["Cache-Control"] == "private, no-cache"
         cards = list((directory / EXPORTS_DIR).glob("card-*.png"))
         assert bool(cards) == stored
-        take(directory, "second")
+        write_chain_file(directory, "second")
         later = max(path.stat().st_mtime for path in directory.iterdir()) + 1.0
         os.utime(directory / "chain.json", (later, later))
-        (answer,) = asked(store, directory, drawn)
+        (answer,) = request_picture(store, directory, drawn)
         assert answer.content == b"a picture of second"
 
 
 def test_picture_is_shown_although_the_disk_is_full(
-    store: Store, drawn: Drawn, monkeypatch: pytest.MonkeyPatch
+    store: Store, drawn: DrawnNames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(path: Path, data: bytes) -> None:
+    def fail_on_full_disk(path: Path, data: bytes) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(pictures, "write_whole", full)
-    (answer,) = asked(store, fold_in(store, "failed"), drawn)
+    monkeypatch.setattr(pictures, "write_whole", fail_on_full_disk)
+    (answer,) = request_picture(store, fold_in(store, "failed"), drawn)
     assert (answer.status_code, answer.content) == (200, b"a picture of first")

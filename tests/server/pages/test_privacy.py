@@ -1,4 +1,4 @@
-"""Retention and visibility of folds on the pages match the settings."""
+"""Retention and visibility of folds: the pages agree with the settings."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from server.pages import privacy
 from server.pages.privacy import visibility
 from server.settings import MIB_BYTES, Settings
 from tests.case import case
-from tests.server.asgi import asked
+from tests.server.asgi import send_request
 from tests.server.rows import a_fold
 from words.fold import ShownFold
 from words.lifetime import time_words
 
 
 def words(**settings: object) -> str:
-    """The page, as one line."""
+    """Text of the page on one line."""
     app = FastAPI()
     app.state.context = SimpleNamespace(settings=Settings.model_validate(settings))
     app.include_router(privacy.router)
-    answer = asked(app, "/privacy")
+    answer = send_request(app, "/privacy")
     assert (answer.status_code, answer.headers["x-robots-tag"]) == (200, "all")
     return re.sub(r"\s+", " ", answer.text)
 
 
-def test_privacy_page_tells_the_settings() -> None:
+def test_privacy_page_shows_the_settings() -> None:
     plain = words()
     assert "Stored until you delete it." in plain and "storage runs low, the folds" not in plain
     assert "Who runs this service" not in plain
@@ -43,8 +43,8 @@ def test_privacy_page_tells_the_settings() -> None:
     assert 'href="https://example.org/imprint?a=1&amp;b=2"' in bounded
 
 
-def test_fold_tells_its_visibility_and_retention() -> None:
-    """Those of folds that do not expire are stored and compared: see tests/server/contract."""
+def test_fold_page_shows_its_visibility_and_retention() -> None:
+    """tests/server/contract compares the texts of folds that do not expire."""
     settings = Settings(keep_days=1)
     mine, pinned = (ShownFold.of(a_fold("a", pinned=pinned)) for pinned in (False, True))
     who = "Only people with the link can see it."
@@ -52,11 +52,11 @@ def test_fold_tells_its_visibility_and_retention() -> None:
     assert visibility(settings, mine) == (f"Stored for 1 day after it was last viewed. {who}")
     assert visibility(settings, pinned) == f"Stored permanently. {who}"
     for bound in ("storage_bytes", "storage_of_visitor_bytes"):
-        told = visibility(Settings.model_validate({bound: MIB_BYTES}))
-        assert told.startswith("Stored while there is space;")
+        text = visibility(Settings.model_validate({bound: MIB_BYTES}))
+        assert text.startswith("Stored while there is space;")
 
 
-def test_times_are_told_in_their_largest_unit() -> None:
+def test_times_are_shown_in_their_largest_unit() -> None:
     times = {30 * 86400.0: "30 days", 43200.0: "12 hours", 3600.0: "1 hour", 90.0: "90 seconds"}
     for seconds, words in (times | {5400.0: "90 minutes", 1.5 * 86400.0: "36 hours"}).items():
         assert time_words(seconds) == words

@@ -1,4 +1,4 @@
-"""No page waits for a compiler: the web process answers although numba cannot be imported."""
+"""Pages without a compiler: the web process answers although numba cannot be imported."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ with TestClient(app, base_url="http://127.0.0.1:8000") as client:
 """
 
 
-def test_files_of_the_landing_page_are_there() -> None:
+def test_files_of_the_landing_page_exist() -> None:
     landing.warm_up(Gallery())
 
 

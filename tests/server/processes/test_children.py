@@ -1,4 +1,4 @@
-"""Processes that compute: results, faults, limits, and their end with their parent."""
+"""Processes that compute: results, errors, limits, and their end with their parent."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ finding = stand_in("planner.pipeline.warm_up_paths", "warm_up_paths")
 reading = stand_in("server.processes.read_task", "check offers preview warm_up")
 retiming = stand_in("server.processes.retime_task", "clearance motors retime warm_up")
 """
-"""Runs ahead of a child: it computes nothing, and takes no time to load."""
-OVERRUN = """
+"""Code that runs before a child: it replaces the computation, and avoids the import time."""
+RUN_UPLOAD = """
 import _thread, os, threading, time
 from contextlib import suppress
 
@@ -78,7 +78,7 @@ def run_stage(stage, place, **_):
 
 staging.run_stage = run_stage
 """
-"""Has a child do what its upload says."""
+"""Code by which a child does what its upload says."""
 ONE = {"at_once": 1, "at_once_per_visitor": 1, "total": 9, "per_visitor": 6}
 
 
@@ -95,8 +95,8 @@ def upload_in(directory: Path) -> Path:
 
 
 @contextmanager
-def made(kind: Kind = "reader", limits: ChildLimits = LIMITS, **more: Any) -> Iterator[Child]:
-    """A child for a while; it is started by itself unless there is a fork server."""
+def make_child(kind: Kind = "reader", limits: ChildLimits = LIMITS, **more: Any) -> Iterator[Child]:
+    """Yield a child; it is started directly unless there is a fork server."""
     child = Child(kind, limits, **more)
     try:
         yield child
@@ -106,7 +106,7 @@ def made(kind: Kind = "reader", limits: ChildLimits = LIMITS, **more: Any) -> It
 
 @pytest.fixture
 def child() -> Iterator[Child]:
-    with made(fork_server=FORKS) as child:
+    with make_child(fork_server=FORKS) as child:
         yield child
 
 
@@ -139,7 +139,7 @@ def test_task_slowed_by_a_busy_machine_is_not_to_blame(child: Child, directory: 
     assert (slowed.value.code, slowed.value.temporary, child.alive) == ("busy", True, False)
 
 
-def test_bad_input_fault_and_crash_are_told_apart(child: Child, directory: Path) -> None:
+def test_bad_input_error_and_crash_are_distinguished(child: Child, directory: Path) -> None:
     (directory / "input").write_text("[[0,0,0],[0,0,2],[0,0,3]]")
     with pytest.raises(InputError) as refused:
         child.call("check", directory, wall_s=60)
@@ -160,19 +160,19 @@ def test_start_of_a_child_is_limited(
 ) -> None:
     monkeypatch.setattr(children, limit, value)
     started = pytest.raises(ChildError, match="did not start: took too long")
-    with made("stages") as child, started:
+    with make_child("stages") as child, started:
         child.call("check", directory, wall_s=60)
 
 
-def running_first(place: Path, code: str) -> dict[str, str]:
-    """The environment of a process of this checkout that runs some code before anything else."""
+def run_first(place: Path, code: str) -> dict[str, str]:
+    """Return the environment of a process of this checkout that first runs other code."""
     (place / "sitecustomize.py").write_text(code)
     return {"PYTHONPATH": f"{place}{os.pathsep}{CHECKOUT}"}
 
 
 def without_libraries(place: Path, more: str = "") -> dict[str, str]:
-    """The environment of a child that computes nothing."""
-    return running_first(place, WITHOUT_LIBRARIES + more)
+    """Return the environment of a child that computes nothing."""
+    return run_first(place, WITHOUT_LIBRARIES + more)
 
 
 def test_reports_of_a_starting_child_are_passed_on(directory: Path, tmp_path: Path) -> None:
@@ -181,10 +181,10 @@ def test_reports_of_a_starting_child_are_passed_on(directory: Path, tmp_path: Pa
         "told = Progress(stage='read', fraction=0.0, message=COMPILING)\n"
         "warming.warm_up = lambda tell, soon, directory: tell(told)\n",
     )
-    told: list[object] = []
-    with made("stages", replace(LIMITS, warm=True), environment=environment) as child:
-        child.call("read", directory, wall_s=60, on_progress=lambda e: told.append(e["message"]))
-    assert told[:1] == [COMPILING]
+    reports: list[object] = []
+    with make_child("stages", replace(LIMITS, warm=True), environment=environment) as child:
+        child.call("read", directory, wall_s=60, on_progress=lambda e: reports.append(e["message"]))
+    assert reports[:1] == [COMPILING]
 
 
 def test_child_that_ignores_a_cancellation_is_ended(child: Child, directory: Path) -> None:
@@ -197,7 +197,7 @@ def test_child_that_ignores_a_cancellation_is_ended(child: Child, directory: Pat
 def test_memory_of_a_child_is_limited(directory: Path) -> None:
     limits = ChildLimits(memory_bytes=2**24, cpu_s=60.0)
     with (
-        made("reader", limits, fork_server=FORKS) as child,
+        make_child("reader", limits, fork_server=FORKS) as child,
         pytest.raises(ChildError, match="16 MiB") as greedy,
     ):
         child.call("check", directory, wall_s=60)
@@ -228,8 +228,8 @@ def test_reader_that_died_or_hangs_is_replaced(directory: Path, pool: Pool) -> N
 
 @pytest.fixture(scope="module")
 def overrun(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
-    """Forks children that do what an upload says."""
-    environment = without_libraries(tmp_path_factory.mktemp("code"), OVERRUN)
+    """Fork server whose children do what an upload says."""
+    environment = without_libraries(tmp_path_factory.mktemp("code"), RUN_UPLOAD)
     with closing(ForkServer(["stages"], warm=False, environment=environment)) as server:
         yield server
 
@@ -252,9 +252,9 @@ def overrun(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
 def test_child_that_closes_its_output_or_sends_rubbish_is_ended(
     directory: Path, overrun: ForkServer, does: str, words: str
 ) -> None:
-    """Or has a thread without memory."""
+    """One of the cases is a thread without memory."""
     (directory / "input").write_text(does)
-    with made("stages", fork_server=overrun) as child:
+    with make_child("stages", fork_server=overrun) as child:
         with pytest.raises(ChildError, match=words) as ended:
             child.call("read", directory, wall_s=60)
         assert (ended.value.code == "memory-limit") == ("MiB" in words)
@@ -266,28 +266,28 @@ def test_child_that_reports_endlessly_has_to_wait(directory: Path, overrun: Fork
     line = json.dumps(event).encode() + b"\n"
     endless = f"[os.write(n, {line!r}) for _ in range(10**6)]"
     (directory / "input").write_text(f"to_files(lambda n: {endless})")
-    with made("stages", fork_server=overrun) as child:
+    with make_child("stages", fork_server=overrun) as child:
 
-        def filled(_: object) -> None:
-            # Takes nothing more, so that the queue fills however slow the child is.
+        def note_full_queue(_: object) -> None:
+            # blocks, so that the queue fills however slow the child is
             while not child._events.full():
                 time.sleep(0.01)
             raise InterruptedError
 
         with pytest.raises(InterruptedError):
-            child.call("read", directory, wall_s=60, on_progress=filled)
+            child.call("read", directory, wall_s=60, on_progress=note_full_queue)
     assert not child.alive
 
 
 def test_failure_in_the_parent_leaves_no_child(directory: Path, pool: Pool) -> None:
-    def fails() -> bool:
+    def fail_once() -> bool:
         raise RuntimeError("the gate is gone")
 
     pool.call("check", directory)
     (child,) = pool._children._all
     os.kill(child.pid, signal.SIGSTOP)
     with pytest.raises(RuntimeError, match="gate"):
-        pool.call("check", directory, cancelled=fails)
+        pool.call("check", directory, cancelled=fail_once)
     assert not child.alive and not pool._children._all
 
 

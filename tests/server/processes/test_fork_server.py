@@ -1,4 +1,4 @@
-"""The process that forks children: what it is for, and how it ends."""
+"""Fork server: its children, their independence, and its end."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from server.processes import children
 from server.processes.children import LOST, ChildError
 from server.processes.fork_server import ForkServer, Kind
 from tests.server.processes.test_children import (
-    made,
+    make_child,
     upload_in,
     without_libraries,
 )
-from tests.server.service_process import PATIENCE_S
+from tests.server.service_process import TIMEOUT_S
 from tests.server.service_thread import FORKS
 
 pytestmark = pytest.mark.processes
 
-WHOLE = {"name": "snake", "module": "cube", "modules": 16}
+RESULT = {"name": "snake", "module": "cube", "modules": 16}
 
 
 @pytest.fixture
@@ -37,15 +37,15 @@ def directory(tmp_path: Path) -> Path:
     return upload_in(tmp_path)
 
 
-def forking(place: Path, more: str = "", *, warm: bool = False) -> ForkServer:
-    """One whose children compute nothing, and that runs more code before anything else."""
+def make_server(place: Path, more: str = "", *, warm: bool = False) -> ForkServer:
+    """Return a server whose children compute nothing, and that first runs more code."""
     place.mkdir()
     return ForkServer(["stages"], warm=warm, environment=without_libraries(place, more))
 
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
-    with closing(forking(tmp_path_factory.mktemp("forks") / "code")) as server:
+    with closing(make_server(tmp_path_factory.mktemp("forks") / "code")) as server:
         yield server
 
 
@@ -55,9 +55,9 @@ def pid_of(server: ForkServer) -> int:
 
 
 def test_children_of_one_server_are_processes_of_their_own(directory: Path) -> None:
-    with made(fork_server=FORKS) as one, made(fork_server=FORKS) as other:
+    with make_child(fork_server=FORKS) as one, make_child(fork_server=FORKS) as other:
         for child in (one, other):
-            assert child.call("check", directory, wall_s=60) == WHOLE
+            assert child.call("check", directory, wall_s=60) == RESULT
             process, pid = psutil.Process(child.pid), child.pid
             assert process.cmdline()[0] == "foldback reader"
             assert (process.ppid(), os.getpgid(pid), os.getsid(pid)) == (pid_of(FORKS), pid, pid)
@@ -66,22 +66,22 @@ def test_children_of_one_server_are_processes_of_their_own(directory: Path) -> N
     assert not pids & {each.pid for each in psutil.Process(pid_of(FORKS)).children()}
 
 
-def test_killed_fork_server_takes_its_children_along_and_is_replaced(
+def test_children_of_a_killed_fork_server_end_and_it_is_replaced(
     server: ForkServer, directory: Path
 ) -> None:
     assert not server.starting
     server.start()
     assert server.starting
-    with made("stages", fork_server=server) as child:
+    with make_child("stages", fork_server=server) as child:
         assert child.call("read", directory, wall_s=60) == {}
         assert not server.starting
         process, first = psutil.Process(child.pid), pid_of(server)
         os.kill(first, signal.SIGKILL)
-        assert not psutil.wait_procs([process], timeout=PATIENCE_S)[1]
+        assert not psutil.wait_procs([process], timeout=TIMEOUT_S)[1]
         with pytest.raises(ChildError) as ended:
             child.call("read", directory, wall_s=60)
         assert ended.value.code == LOST
-    with made("stages", fork_server=server) as child:
+    with make_child("stages", fork_server=server) as child:
         assert child.call("read", directory, wall_s=60) == {}
     assert pid_of(server) != first
 
@@ -89,40 +89,40 @@ def test_killed_fork_server_takes_its_children_along_and_is_replaced(
 def test_child_ended_before_it_was_forked_does_not_stay(
     server: ForkServer, directory: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with made("stages", fork_server=server) as child:
+    with make_child("stages", fork_server=server) as child:
         child.call("read", directory, wall_s=60)
         os.kill(pid_of(server), signal.SIGSTOP)
         monkeypatch.setattr(children, "MAX_START_S", 0.0)
-        with made("stages", fork_server=server) as early:
+        with make_child("stages", fork_server=server) as early:
             with pytest.raises(ChildError, match="did not start: took too long"):
                 early.call("read", directory, wall_s=60)
             assert not early.alive
             os.kill(pid_of(server), signal.SIGCONT)
         monkeypatch.undo()
         assert child.call("read", directory, wall_s=60) == {}
-        # It is forked in its turn, and finds that nobody is there.
-        with made("stages", fork_server=server) as after:
+        # It is forked in turn, and ends at once, as its client is gone.
+        with make_child("stages", fork_server=server) as after:
             after.call("read", directory, wall_s=60)
-            deadline = time.monotonic() + PATIENCE_S
+            deadline = time.monotonic() + TIMEOUT_S
             wanted = {child.pid, after.pid}
             while {one.pid for one in psutil.Process(pid_of(server)).children()} != wanted:
                 assert time.monotonic() < deadline
                 time.sleep(0.01)
 
 
-def test_reason_why_a_fork_server_cannot_start_is_told(tmp_path: Path, directory: Path) -> None:
+def test_reason_why_a_fork_server_cannot_start_is_reported(tmp_path: Path, directory: Path) -> None:
     without_stages = "sys.modules['planner.pipeline.stages'] = None\n"
-    with closing(forking(tmp_path / "code", without_stages)) as server:
+    with closing(make_server(tmp_path / "code", without_stages)) as server:
         for _ in range(2):
-            with made("stages", fork_server=server) as child:
-                told = "did not start: .*planner.pipeline.stages"
-                with pytest.raises(ChildError, match=told) as refused:
+            with make_child("stages", fork_server=server) as child:
+                words = "did not start: .*planner.pipeline.stages"
+                with pytest.raises(ChildError, match=words) as refused:
                     child.call("read", directory, wall_s=60)
                 assert refused.value.code == "no-start"
 
 
 def test_progress_of_compiling_is_passed_on(tmp_path: Path, directory: Path) -> None:
-    server = forking(
+    server = make_server(
         tmp_path / "code",
         "import time\n"
         "from pathlib import Path\n"
@@ -134,15 +134,15 @@ def test_progress_of_compiling_is_passed_on(tmp_path: Path, directory: Path) -> 
         "warming.warm_up = warm_up\n",
         warm=True,
     )
-    told: list[tuple[str, float]] = []
+    events: list[tuple[str, float]] = []
 
     def tell(event: dict[str, Any]) -> None:
-        told.append((event["message"], event["fraction"]))
+        events.append((event["message"], event["fraction"]))
         (tmp_path / str(event["fraction"])).touch()
 
-    with closing(server), made("stages", fork_server=server) as child:
+    with closing(server), make_child("stages", fork_server=server) as child:
         child.call("read", directory, wall_s=60, on_progress=tell)
-    assert told[:2] == [(COMPILING, 0.25), (COMPILING, 0.5)]
+    assert events[:2] == [(COMPILING, 0.25), (COMPILING, 0.5)]
 
 
 LATE = """
@@ -158,20 +158,20 @@ compiling.beside = beside
 
 
 def test_previews_wait_for_their_kernels_and_paths_do_not(tmp_path: Path, directory: Path) -> None:
-    """A confined process cannot store what it compiles, so that each preview would repeat it."""
+    """A confined process cannot store kernels, so that each preview would compile again."""
     loaded = tmp_path / "loaded"
-    environment = without_libraries(tmp_path, LATE.format(place=str(loaded), whole=WHOLE))
+    environment = without_libraries(tmp_path, LATE.format(place=str(loaded), whole=RESULT))
     kinds: tuple[Kind, ...] = ("reader", "preparer")
     with closing(ForkServer(kinds, warm=True, environment=environment)) as server:
-        with made("reader", fork_server=server) as child:
-            assert child.call("check", directory, wall_s=60) == WHOLE
-        with made("preparer", fork_server=server) as child:
-            left = child.call("check", directory, wall_s=60, cancelled=lambda: True)
-            assert left["status"] == "cancelled"
+        with make_child("reader", fork_server=server) as child:
+            assert child.call("check", directory, wall_s=60) == RESULT
+        with make_child("preparer", fork_server=server) as child:
+            result = child.call("check", directory, wall_s=60, cancelled=lambda: True)
+            assert result["status"] == "cancelled"
             assert not loaded.exists()
             compiling = psutil.Process(pid_of(server)).children()
             next(one for one in compiling if one.cmdline() == ["sleep", "600"]).kill()
-            assert child.call("check", directory, wall_s=60) == WHOLE
+            assert child.call("check", directory, wall_s=60) == RESULT
         assert loaded.exists()
 
 
@@ -193,7 +193,7 @@ else:
     print(child.pid, server.pid, flush=True)
 time.sleep(600)
 """
-COMPILES = """
+COMPILE = """
 def warm_up(tell, soon, directory):
     while True:
         pass
@@ -205,17 +205,17 @@ warming.warm_up = warm_up
 def test_fork_server_that_compiles_ends_when_its_parent_is_killed(
     tmp_path: Path, directory: Path, busy: str
 ) -> None:
-    """And one that has forked, with its children."""
-    search = without_libraries(tmp_path, COMPILES if busy == "compiling" else "")["PYTHONPATH"]
+    """One case has a server with forked children, which must end as well."""
+    search = without_libraries(tmp_path, COMPILE if busy == "compiling" else "")["PYTHONPATH"]
     with subprocess.Popen(
         [sys.executable, "-c", PARENT, str(directory), search, busy],
         stdout=subprocess.PIPE,
         text=True,
     ) as parent:
-        theirs = [psutil.Process(int(pid)) for pid in parent.stdout.readline().split()]
-        assert len(theirs) == (1 if busy == "compiling" else 2)
+        children = [psutil.Process(int(pid)) for pid in parent.stdout.readline().split()]
+        assert len(children) == (1 if busy == "compiling" else 2)
         parent.kill()
-    alive = psutil.wait_procs(theirs, timeout=PATIENCE_S)[1]
+    alive = psutil.wait_procs(children, timeout=TIMEOUT_S)[1]
     for process in alive:
         process.kill()
     assert not alive

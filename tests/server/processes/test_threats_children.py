@@ -1,7 +1,7 @@
-"""Attacks from within: strangers' bytes have taken over a process that computes.
+"""Attacks from within: an attacker's data have taken over a process that computes.
 
-Each kind of child runs code of the attacker in place of its work. What it may not touch is there:
-a database, another fold, listeners.
+Each kind of child runs code of the attacker instead of its work. The objects that it must not reach
+exist: a database, another fold, listeners.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from server.processes.landlock import Allowed
 from server.processes.limits import ChildLimits
 from server.processes.movie_task import ask_for_movie
 from server.settings import Settings
-from tests.server.processes.test_children import WITHOUT_LIBRARIES, running_first
+from tests.server.processes.test_children import WITHOUT_LIBRARIES, run_first
 from web.movies.movie import Movie
 
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
@@ -123,21 +123,21 @@ stand_in("web.movies.make_movie", make_movie=film)
 DRAWN = f"""{WITHOUT_LIBRARIES}
 stand_in("server.processes.picture_task", "warm_up", draw=attack)
 """
-"""Where each kind begins to read what is not its own."""
-AWAITED: tuple[Kind, ...] = ("reader", "preparer", "retimer")
-"""Kinds that do one thing after the other, for many visitors, and are forked."""
-UNFORKED: dict[Kind, str] = {"movies": SPAWNED, "pictures": DRAWN}
-"""Kinds that are started by themselves, and where each begins."""
+"""Code that replaces the first reading of untrusted data, for each kind."""
+FORKED_KINDS: tuple[Kind, ...] = ("reader", "preparer", "retimer")
+"""Forked kinds that run one task after the other, for many visitors."""
+SPAWNED_KINDS: dict[Kind, str] = {"movies": SPAWNED, "pictures": DRAWN}
+"""Kinds that are started directly, with the code that replaces their work."""
 needs_landlock = pytest.mark.skipif(not landlock.version(), reason="a kernel without Landlock")
 
 
 @pytest.fixture
-def aim(tmp_path: Path) -> Iterator[dict[str, Any]]:
-    """What an attacker looks for, in a data directory as the service has it."""
+def targets(tmp_path: Path) -> Iterator[dict[str, Any]]:
+    """Objects that an attacker looks for, in a data directory as the service has it."""
     data = tmp_path / "data"
     fold, upload = data / "folds" / "another", data / "uploads" / "1" / "another"
-    made = data / "scratch" / "another"
-    for place in (fold, upload, made):
+    scratch = data / "scratch" / "another"
+    for place in (fold, upload, scratch):
         place.mkdir(parents=True)
     (fold / "plan.json").write_text("{}")
     (upload / "input").write_text("[]")
@@ -157,7 +157,7 @@ def aim(tmp_path: Path) -> Iterator[dict[str, Any]]:
             "database": str(data / "foldback.db"),
             "fold": str(fold),
             "upload": str(upload),
-            "made": str(made),
+            "made": str(scratch),
             "package": str(Path(sandbox.__file__).parent),
             "port": tcp.getsockname()[1],
             "socket": str(tmp_path / "listener"),
@@ -165,31 +165,31 @@ def aim(tmp_path: Path) -> Iterator[dict[str, Any]]:
         }
 
 
-def overrun(code: Path, process: str, places: str) -> dict[str, str]:
-    """The environment in which a process of ours runs the attack."""
+def attack_env(code: Path, process: str, places: str) -> dict[str, str]:
+    """Return the environment in which a process of ours runs the attack."""
     code.mkdir()
     (code / "attack.py").write_text(f"{ATTACK}{places}")
-    # Libraries start Python, too: those are left alone.
-    return running_first(code, f"import sys\nif {process!r} in sys.orig_argv:\n    import attack\n")
+    # Libraries start Python, too: those processes are left alone.
+    return run_first(code, f"import sys\nif {process!r} in sys.orig_argv:\n    import attack\n")
 
 
 @pytest.fixture(scope="module")
 def forks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
-    """Forks children of all kinds that the attack runs in."""
-    environment = overrun(
+    """Fork server whose children of all kinds run the attack."""
+    environment = attack_env(
         tmp_path_factory.mktemp("forks") / "code", "server.processes.forking", FORKED
     )
-    server = ForkServer([*AWAITED, "stages"], warm=False, environment=environment)
+    server = ForkServer([*FORKED_KINDS, "stages"], warm=False, environment=environment)
     yield server
     server.close()
 
 
-def attacked(
-    kind: Kind, tmp_path: Path, aim: dict[str, Any], forks: ForkServer | None
+def run_attack(
+    kind: Kind, tmp_path: Path, targets: dict[str, Any], forks: ForkServer | None
 ) -> dict[str, Any]:
-    """What the attack finds that runs in a child of a kind, forked or started by itself."""
-    begins = UNFORKED.get(kind, "")
-    environment = {} if forks else overrun(tmp_path / "code", "server.processes.child", begins)
+    """Return the results of the attack in a child of a kind, forked or started directly."""
+    begins = SPAWNED_KINDS.get(kind, "")
+    environment = {} if forks else attack_env(tmp_path / "code", "server.processes.child", begins)
     settings = Settings(data_dir=tmp_path / "data")
     place = {
         "stages": settings.folds_dir / "mine",
@@ -200,11 +200,11 @@ def attacked(
     place.mkdir(parents=True)
     (place.parent / "beside").mkdir()
     (place.parent / "beside" / "plan.npz").write_text("")
-    (place / "aim.json").write_text(json.dumps(aim))
+    (place / "aim.json").write_text(json.dumps(targets))
     timeline = settings.folds_dir / "filmed" / "timeline.zarr"
     wishes = asdict(Movie())
     ask_for_movie(place, wishes, timeline, "movie", on_table=False)
-    many = kind in (*AWAITED, "pictures")
+    many = kind in (*FORKED_KINDS, "pictures")
     limits = replace(ChildLimits.of(settings, awaited=many), niceness=0)
     if kind in ("retimer", "pictures"):
         limits = replace(limits, folders=(str(settings.motions_dir),))
@@ -219,18 +219,18 @@ def attacked(
 
 @pytest.mark.processes
 @needs_landlock
-@pytest.mark.parametrize("kind", ["reader", "preparer", "retimer", "stages", *UNFORKED])
+@pytest.mark.parametrize("kind", ["reader", "preparer", "retimer", "stages", *SPAWNED_KINDS])
 def test_hijacked_process_reaches_nothing(
-    kind: Kind, tmp_path: Path, aim: dict[str, Any], forks: ForkServer
+    kind: Kind, tmp_path: Path, targets: dict[str, Any], forks: ForkServer
 ) -> None:
-    found = attacked(kind, tmp_path, aim, None if kind in UNFORKED else forks)
+    found = run_attack(kind, tmp_path, targets, None if kind in SPAWNED_KINDS else forks)
     assert found["own"] == found["own limits"] == "done"
     refused = found["refused"]
     assert refused.pop("program") == "CalledProcessError"
     assert set(refused.values()) == {"PermissionError"}, refused
-    # What listens to the parent and, in some kinds, what reads one upload or plan: no other one was
-    # begun before the kernel was asked, for it would be free.
-    assert found["threads"] == (3 if kind in (*AWAITED, "pictures") else 2)
+    # Open are the pipe to the parent and, in some kinds, the reader of one upload or plan. No other
+    # one was started before, as it would not be confined.
+    assert found["threads"] == (3 if kind in (*FORKED_KINDS, "pictures") else 2)
     assert "socket" not in found["files"]
 
 
@@ -259,7 +259,6 @@ def test_process_with_other_threads_is_not_confined(tmp_path: Path) -> None:
 
 
 def test_jumps_of_the_filter_stay_within_it() -> None:
-    """Every jump of the program stays within it, on each architecture."""
     for mark, _, column in seccomp.ARCHITECTURES.values():
         code = seccomp.program(mark, column)
         length = len(code) // 8

@@ -1,4 +1,4 @@
-"""Attacks by circumstances: a database that fails, a disk that takes nothing any more."""
+"""Attacks by circumstances: a database that fails, and a disk that is full."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PAGE = {"Accept": "text/html,application/xhtml+xml"}
 
 @pytest.fixture(scope="module")
 def broken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, str]]:
-    """A service whose database has lost its tables, and the id of a fold that it had."""
+    """Service whose database has lost its tables, and the id of a fold that it had."""
     service = ServiceThread(tmp_path_factory.mktemp("broken") / "data").start()
     fold_id = service.fold(SNAKE)["id"]
     with sqlite3.connect(service.data_dir / "foldback.db", timeout=60) as database:
@@ -50,7 +50,7 @@ CHANGES = (
 )
 
 
-def test_without_a_database_every_route_says_when_to_try_again(broken: tuple[Service, str]) -> None:
+def test_without_a_database_every_route_reports_when_to_retry(broken: tuple[Service, str]) -> None:
     service, fold_id = broken
     for route in ROUTES:
         answer = service.http.get(f"/api/folds/{fold_id}{route}", headers=PAGE)
@@ -86,7 +86,7 @@ def test_health_and_metrics_work_without_a_database(broken: tuple[Service, str])
     service, _ = broken
     assert service.http.get("/health").status_code == 200
     assert service.http.get("/static/page.css").status_code in (200, 404)
-    metrics = service.metrics()  # what this process counts itself goes on
+    metrics = service.metrics()  # this process's own counters still work
     assert metrics.status_code == 200
     assert "foldback_database_up 0.0" in metrics.text and "foldback_folds{" not in metrics.text
 
@@ -96,17 +96,17 @@ def test_full_disk_refuses_uploads_and_nothing_else(
 ) -> None:
     token = new_token()
 
-    def sent() -> dict[str, Any]:
+    def upload() -> dict[str, Any]:
         file = ("snake.json", json.dumps(SNAKE) + 10_000 * " ")
         answer = service.http.post("/api/folds", files={"file": file}, headers=bearer(token))
         assert answer.status_code == 202, answer.text
         return answer.json()
 
-    fold_id = sent()["id"]
+    fold_id = upload()["id"]
     before = resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE)
     resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, (1000, before[1]))
     try:
-        for data in (b"[" * 3_000_000, b"[" * 10_000):  # while it comes in, and when it is kept
+        for data in (b"[" * 3_000_000, b"[" * 10_000):  # during and after the upload
             for path in ("/api/folds", "/api/shapes/preview"):
                 answer = service.http.post(path, files={"file": ("a.json", data)})
                 assert answer.status_code == 507, answer.text
@@ -116,7 +116,7 @@ def test_full_disk_refuses_uploads_and_nothing_else(
         assert service.http.get(f"/folds/{finished['id']}").status_code == 200
     finally:
         resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, before)
-    assert sent()["id"] == fold_id  # it is kept before it is known
+    assert upload()["id"] == fold_id  # the file is stored before the row
     assert [p.name for p in service.data_dir.glob("uploads/*/*")] == []
 
 
@@ -137,7 +137,7 @@ def test_full_disk_refuses_uploads_and_nothing_else(
         (ValueError("x"), None),
     ],
 )
-def test_trouble_is_told_from_faults(error: Exception, kind: type[ServiceError] | None) -> None:
+def test_outages_differ_from_errors(error: Exception, kind: type[ServiceError] | None) -> None:
     trouble = of_trouble(error)
     assert (trouble and type(trouble)) == kind
     assert trouble is None or (trouble.retry_after_s or 0) > 0
@@ -181,7 +181,7 @@ def test_child_has_limits_and_no_secrets(tmp_path: Path, monkeypatch: pytest.Mon
 
 @pytest.mark.processes
 def test_memory_of_the_service_is_unreadable() -> None:
-    """A process that a parser has taken over finds no keys in its parent's environment."""
+    """Parsers that are taken over find no keys in the environment of their parent."""
     words = (
         "import ctypes, server.processes.limits as l;"
         "get = lambda: ctypes.CDLL(None).prctl(3, 0, 0, 0, 0);"

@@ -1,4 +1,4 @@
-"""Files of folds on two machines that share a storage: what one has kept the other shows."""
+"""Files of folds on two machines that share a storage: one stores them, the other shows them."""
 
 from __future__ import annotations
 
@@ -19,84 +19,84 @@ FOLD = "a1"
 
 @pytest.fixture
 def machines(bucket_url: str, tmp_path: Path) -> tuple[Folders, Folders]:
-    """Where a fold is computed, and where it is read."""
-    here, there = (
+    """Directories of the machine that computes a fold, and of the one that shows it."""
+    one, other = (
         Folders(Settings(data_dir=tmp_path / name, storage_url=bucket_url, cache_bytes=2**20))
         for name in ("here", "there")
     )
     (tmp_path / "aside").mkdir()
     (tmp_path / "aside" / "input").write_bytes(b"cells")
-    here.adopt(tmp_path / "aside", FOLD)
-    return here, there
+    one.adopt(tmp_path / "aside", FOLD)
+    return one, other
 
 
 def row(kept: int, status: str = "running") -> FoldRow:
     return FoldRow(id=FOLD, kept=kept, status=status)
 
 
-def test_files_kept_under_an_epoch_are_shown_elsewhere(
+def test_files_stored_under_an_epoch_are_shown_by_other_machines(
     machines: tuple[Folders, Folders], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here, there = machines
-    work = here.bring(FOLD, 0, 1)
+    one, other = machines
+    work = one.bring(FOLD, 0, 1)
     assert (work / "input").read_bytes() == b"cells"
     (work / "frames").write_bytes(b"one")
-    here.keep(FOLD, 1)
-    copy = there.shown(row(1))
+    one.keep(FOLD, 1)
+    copy = other.shown(row(1))
     assert (copy / "frames").read_bytes() == b"one"
-    assert there.copied() == {FOLD}
+    assert other.copied() == {FOLD}
 
-    # What still grows is looked at again after a moment, what is over never.
+    # A growing file is checked again after a moment, a finished one never.
     (work / "frames").write_bytes(b"more")
-    here.keep(FOLD, 1)
-    assert (there.shown(row(1)) / "frames").read_bytes() == b"one"
+    one.keep(FOLD, 1)
+    assert (other.shown(row(1)) / "frames").read_bytes() == b"one"
     monkeypatch.setattr(fold_files, "COPY_CACHE_S", 0.0)
-    assert (there.shown(row(1, "verified")) / "frames").read_bytes() == b"more"
+    assert (other.shown(row(1, "verified")) / "frames").read_bytes() == b"more"
     (work / "frames").write_bytes(b"changed")
-    here.keep(FOLD, 1)
-    assert (there.shown(row(1, "verified")) / "frames").read_bytes() == b"more"
+    one.keep(FOLD, 1)
+    assert (other.shown(row(1, "verified")) / "frames").read_bytes() == b"more"
 
-    # Another machine goes on under a new epoch with what was kept under the last one.
-    taken = there.bring(FOLD, 1, 2)
+    # Another machine continues under a new epoch with the files stored under the last one.
+    taken = other.bring(FOLD, 1, 2)
     assert (taken / "frames").read_bytes() == b"changed"
-    there.keep(FOLD, 2)
-    there.leave(FOLD, 2)
+    other.keep(FOLD, 2)
+    other.leave(FOLD, 2)
     assert not taken.exists()
-    assert (here.shown(row(2, "verified")) / "frames").read_bytes() == b"changed"
+    assert (one.shown(row(2, "verified")) / "frames").read_bytes() == b"changed"
 
-    here.remove(FOLD)
-    assert here.copied() == set()
-    assert not (there.bring(FOLD, 2, 3) / "frames").exists()
+    one.remove(FOLD)
+    assert one.copied() == set()
+    assert not (other.bring(FOLD, 2, 3) / "frames").exists()
 
 
 def test_movie_is_fetched_and_removed(machines: tuple[Folders, Folders], tmp_path: Path) -> None:
-    here, there = machines
-    assert there.movie(FOLD, "m.mp4") is None
+    one, other = machines
+    assert other.movie(FOLD, "m.mp4") is None
     (tmp_path / "made").write_bytes(b"movie")
-    here.keep_movie(FOLD, "m.mp4", tmp_path / "made")
-    brought = there.movie(FOLD, "m.mp4")
+    one.keep_movie(FOLD, "m.mp4", tmp_path / "made")
+    brought = other.movie(FOLD, "m.mp4")
     assert brought is not None and brought.read_bytes() == b"movie"
-    there.remove_movie(FOLD, "m.mp4")
-    assert here.movie(FOLD, "m.mp4") is None
+    other.remove_movie(FOLD, "m.mp4")
+    assert one.movie(FOLD, "m.mp4") is None
     assert not brought.exists()
 
 
 def test_unseen_copies_make_room(
     machines: tuple[Folders, Folders], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here, there = machines
+    one, other = machines
     copies: list[Path] = []
     for epoch in (1, 2, 3):
-        work = here.bring(FOLD, epoch - 1, epoch)
+        work = one.bring(FOLD, epoch - 1, epoch)
         (work / "frames").write_bytes(bytes(400_000))
-        here.keep(FOLD, epoch)
-        copies.append(there.shown(row(epoch, "verified")))
-        assert all(copy.is_dir() for copy in copies)  # each was looked at just now
+        one.keep(FOLD, epoch)
+        copies.append(other.shown(row(epoch, "verified")))
+        assert all(copy.is_dir() for copy in copies)  # each was accessed just now
     for copy, age in zip(copies, (3.0, 2.0, 1.0), strict=True):
         long_ago = copy.stat().st_mtime - age * MIN_COPY_AGE_S
         os.utime(copy, (long_ago, long_ago))
     monkeypatch.setattr(fold_files, "CACHE_SWEEP_S", 0.0)
-    there.shown(row(3, "verified"))
+    other.shown(row(3, "verified"))
     assert [copy.is_dir() for copy in copies] == [False, True, True]
 
 
@@ -108,8 +108,8 @@ def test_directories_of_removed_files_go_along(bucket_url: str, tmp_path: Path) 
     attempt = tmp_path / "made" / "attempts" / "0" / "two"
     attempt.parent.mkdir(parents=True)
     (tmp_path / "made" / "one").write_bytes(b"1")
-    for there in (True, False):
-        if there:
+    for exists in (True, False):
+        if exists:
             attempt.write_bytes(b"2")
         else:
             attempt.unlink()
@@ -117,11 +117,11 @@ def test_directories_of_removed_files_go_along(bucket_url: str, tmp_path: Path) 
         assert storage.below("folds") == ["a"]
         assert storage.fetch("folds/a/1", tmp_path / "copy")
         assert (tmp_path / "copy" / "one").read_bytes() == b"1"
-        assert (tmp_path / "copy" / "attempts").exists() == there
+        assert (tmp_path / "copy" / "attempts").exists() == exists
     assert not storage.fetch("folds/b/1", tmp_path / "other")
 
 
-def test_storage_without_obstore_says_how_to_install_it(
+def test_storage_without_obstore_reports_how_to_install_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "obstore.exceptions", None)

@@ -1,4 +1,4 @@
-"""Living workers: told by beats that are counted, not by dates, and by locks of their names."""
+"""Liveness of workers: by counted heartbeats instead of dates, and by locks on their names."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LEASE_S = 15.0
 
 
 class Clock:
-    """Seconds that pass when told to."""
+    """Clock that advances only on request."""
 
     def __init__(self, now: float = 1000.0) -> None:
         self.now = now
@@ -36,27 +36,27 @@ def leases(store: Store, tmp_path: Path, clock: Clock) -> Leases:
     return Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), LEASE_S, clock=clock)
 
 
-def beat(leases: Leases, name: str, pid: int = 1) -> None:
+def heartbeat(leases: Leases, name: str, pid: int = 1) -> None:
     leases.heartbeat(name, host="far away", pid=pid, folds_at_once=2)
 
 
-def passing(leases: Leases, clock: Clock, seconds: float, *living: str) -> set[str]:
-    """Who is dead in the end, when somebody looks every second."""
+def dead_after(leases: Leases, clock: Clock, seconds: float, *living: str) -> set[str]:
+    """Return the workers found dead at the end of a time with one check per second."""
     dead: set[str] = set()
     for _ in range(int(seconds)):
         clock.now += 1.0
         for name in living:
-            beat(leases, name)
+            heartbeat(leases, name)
         dead = leases.expired(())
     return dead
 
 
 def test_worker_silent_for_a_lease_is_dead(leases: Leases, clock: Clock) -> None:
     for name in ("a/x/0", "b/x/0"):
-        beat(leases, name)
+        heartbeat(leases, name)
     assert leases.expired(()) == set()
-    assert passing(leases, clock, LEASE_S - 1, "b/x/0") == set()
-    assert passing(leases, clock, 2, "b/x/0") == {"a/x/0"}
+    assert dead_after(leases, clock, LEASE_S - 1, "b/x/0") == set()
+    assert dead_after(leases, clock, 2, "b/x/0") == {"a/x/0"}
     assert [row.name for row in leases.workers()] == ["b/x/0"]
     assert leases.at_once() == 2
 
@@ -69,57 +69,57 @@ def test_holder_of_folds_without_a_row_gets_a_lease(leases: Leases, clock: Clock
 
 
 def test_no_worker_dies_while_the_database_is_away(leases: Leases, clock: Clock) -> None:
-    beat(leases, "a/x/0")
+    heartbeat(leases, "a/x/0")
     assert leases.expired(()) == set()
-    clock.now += 10 * LEASE_S  # nobody could beat, and nobody could look
+    clock.now += 10 * LEASE_S  # neither heartbeats nor checks are possible
     assert leases.expired(()) == set()
-    assert passing(leases, clock, LEASE_S, "a/x/0") == set()
+    assert dead_after(leases, clock, LEASE_S, "a/x/0") == set()
 
 
-def test_worker_thought_dead_comes_back(leases: Leases, clock: Clock) -> None:
-    beat(leases, "a/x/0")
+def test_worker_declared_dead_can_return(leases: Leases, clock: Clock) -> None:
+    heartbeat(leases, "a/x/0")
     leases.expired(())
-    assert passing(leases, clock, LEASE_S + 1) == {"a/x/0"}
+    assert dead_after(leases, clock, LEASE_S + 1) == {"a/x/0"}
     leases.deregister("a/x/0")
     assert leases.workers() == []
-    beat(leases, "a/x/0")
+    heartbeat(leases, "a/x/0")
     assert leases.expired(()) == set()
     assert [row.name for row in leases.workers()] == ["a/x/0"]
 
 
-def test_lock_tells_of_dead_workers_of_this_machine_at_once(
+def test_lock_reveals_dead_workers_of_this_machine_at_once(
     leases: Leases, tmp_path: Path, clock: Clock
 ) -> None:
     identities = WorkerIdentities(Settings(data_dir=tmp_path))
     living, identity = identities.take(), identities.take()
     assert living.name != identity.name
     for each in (living, identity):
-        beat(leases, each.name)
+        heartbeat(leases, each.name)
     assert leases.expired(()) == set()
-    identity.lock.close()  # as the kernel does it when the process ends
+    identity.lock.close()  # the kernel releases the lock when the process ends
     assert leases.expired(()) == {identity.name}
     assert identities.dead([living.name, identity.name, "another/machine/0"]) == {identity.name}
     living.lock.close()
 
 
 def test_preparing_is_that_of_workers_until_one_is_ready(leases: Leases, clock: Clock) -> None:
-    def told() -> float | None:
+    def preparing_fraction() -> float | None:
         clock.now += 1.0
         return None if (found := leases.preparing()) is None else found.fraction
 
     for name in ("a/x/0", "b/x/0"):
-        beat(leases, name)
+        heartbeat(leases, name)
     leases.note_preparing("a/x/0", 0.25)
-    assert told() is None, "the other one is ready"
+    assert preparing_fraction() is None, "the other one is ready"
     leases.note_preparing("b/x/0", 0.75)
-    assert told() == 0.75
+    assert preparing_fraction() == 0.75
     left_s = leases.preparing()
     assert left_s is not None and left_s.remaining_s is not None
     leases.note_preparing("a/x/0", 0.8)
     leases.deregister("b/x/0")
-    assert told() == 0.8
+    assert preparing_fraction() == 0.8
     leases.note_preparing("a/x/0", None)
-    assert told() is None
+    assert preparing_fraction() is None
 
 
 def test_preparing_without_worker_lasts_while_workers_start(
@@ -145,7 +145,7 @@ while True:
 """
 
 
-def test_probe_for_dead_workers_takes_no_name(tmp_path: Path) -> None:
+def test_probe_for_dead_workers_locks_no_name(tmp_path: Path) -> None:
     identities = WorkerIdentities(Settings(data_dir=tmp_path))
     identity = identities.take()
     identity.lock.close()

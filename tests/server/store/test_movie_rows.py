@@ -1,4 +1,4 @@
-"""Movies as rows: asked for by many processes, made once, and what is left when things go wrong."""
+"""Rows of movies: requested by many processes, made once, and consistent after failures."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MOVIES = [Movie.of({"seconds": seconds}) for seconds in (1, 2, 3, 4)]
 
 
 class Process:
-    """What one web process and its worker have of their own."""
+    """Store, artifacts and movies of one web process and its worker."""
 
     def __init__(self, settings: Settings) -> None:
         self.store = Store(settings)
@@ -64,27 +64,27 @@ Processes = Callable[..., list[Process]]
 
 @pytest.fixture
 def processes(tmp_path: Path) -> Iterator[Processes]:
-    """Makes two processes with a fold that is over."""
-    made: list[Process] = []
+    """Function that creates two processes with a finished fold."""
+    created: list[Process] = []
 
     def make(**settings: Any) -> list[Process]:
         for _ in range(2):
-            made.append(Process(Settings(data_dir=tmp_path, **settings)))
-        store = made[0].store
+            created.append(Process(Settings(data_dir=tmp_path, **settings)))
+        store = created[0].store
         store.add(a_fold("a1", bytes=1000), OWNER)
         timeline = store.directory("a1") / "timeline.zarr"
         timeline.mkdir(parents=True)
         (timeline / "zarr.json").write_text("{}")
-        return made
+        return created
 
     yield make
-    for process in made:
+    for process in created:
         process.close()
 
 
 @pytest.fixture
 def filming(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], None]]:
-    """Draws nothing and writes seven bytes, when ``meanwhile`` is over."""
+    """Replace the drawing of movies by seven bytes, written after ``meanwhile`` has run."""
     acts: dict[str, Callable[[], None]] = {"meanwhile": lambda: None}
 
     def run_movie(
@@ -101,7 +101,7 @@ def filming(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[], None]]:
     return acts
 
 
-def left(process: Process) -> list[str]:
+def remaining_files(process: Process) -> list[str]:
     folder = process.settings.folds_dir / "a1" / "movies"
     return [path.name for path in folder.iterdir()] if folder.is_dir() else []
 
@@ -121,120 +121,120 @@ def test_movie_requested_at_once_is_one_job(processes: Processes) -> None:
 
 
 def test_movies_of_one_network_leave_room_for_others(processes: Processes) -> None:
-    here, there = processes(movies_waiting_of_visitor=1, movies_waiting=4)
+    one, other = processes(movies_waiting_of_visitor=1, movies_waiting=4)
     home = [visitor_at(f"2001:db8:1:{k}::1") for k in range(3)]
-    here.ask(MOVIES[0], home[0])
+    one.ask(MOVIES[0], home[0])
     with pytest.raises(TooMany) as refused:
-        there.ask(MOVIES[1], home[0])
+        other.ask(MOVIES[1], home[0])
     assert refused.value.code == "too-many-movies"
-    assert not there.ask(MOVIES[0], home[0])[1]  # the same again is no other movie
-    there.ask(MOVIES[1], home[1])
+    assert not other.ask(MOVIES[0], home[0])[1]  # an equal request is no other movie
+    other.ask(MOVIES[1], home[1])
     with pytest.raises(TooMany, match="from your network"):
-        here.ask(MOVIES[2], home[2])
+        one.ask(MOVIES[2], home[2])
     for k in range(2):
-        assert here.ask(MOVIES[2 + k], visitor_at(f"2001:db8:{2 + k}::1"))[1]
+        assert one.ask(MOVIES[2 + k], visitor_at(f"2001:db8:{2 + k}::1"))[1]
     with pytest.raises(Unavailable) as full:
-        there.ask(Movie.of({"seconds": 5}), visitor_at("2001:db8:9::1"))
+        other.ask(Movie.of({"seconds": 5}), visitor_at("2001:db8:9::1"))
     assert full.value.code == "busy"
 
 
 def test_repeatedly_lost_movie_fails_and_is_requested_again(processes: Processes) -> None:
-    here, there = processes()
-    here.ask(MOVIES[0], "somebody")
-    claim = MovieClaim("a1", MOVIES[0].key, here.row().job, "worker:1", losses=MAX_LOSSES)
-    here.worker.make(claim)
-    state = there.movies.state("a1", MOVIES[0].key)
+    one, other = processes()
+    one.ask(MOVIES[0], "somebody")
+    claim = MovieClaim("a1", MOVIES[0].key, one.row().job, "worker:1", losses=MAX_LOSSES)
+    one.worker.make(claim)
+    state = other.movies.state("a1", MOVIES[0].key)
     assert (state.status, state.problem and state.problem["code"]) == ("failed", "interrupted")
     owner = new_owner()
-    state, new = there.ask(MOVIES[0], "somebody", owner=owner)
+    state, new = other.ask(MOVIES[0], "somebody", owner=owner)
     assert state.status == "queued"
     assert new and owner.owns(state.token_hash)
 
 
 def test_movie_made_twice_counts_once(processes: Processes, filming: Any) -> None:
-    here, there = processes()
-    here.ask(MOVIES[0], "somebody")
-    filming["meanwhile"] = lambda: filming.update(meanwhile=lambda: None) or there.make()
-    here.make()  # another has taken it over meanwhile, and is quicker
-    there.make()
-    path = here.movies.file("a1", MOVIES[0].key)
+    one, other = processes()
+    one.ask(MOVIES[0], "somebody")
+    filming["meanwhile"] = lambda: filming.update(meanwhile=lambda: None) or other.make()
+    one.make()  # another worker has taken it over meanwhile, and is faster
+    other.make()
+    path = one.movies.file("a1", MOVIES[0].key)
     assert path is not None and path.read_bytes() == b"a movie"
-    assert (here.row().bytes, left(here)) == (7, [path.name])
-    assert here.fold().bytes == 1000  # it is none of the fold's own
-    assert not list(here.settings.scratch_dir.iterdir())
-    there.movies.delete("a1", MOVIES[0].key)
-    assert left(here) == []
+    assert (one.row().bytes, remaining_files(one)) == (7, [path.name])
+    assert one.fold().bytes == 1000  # it is not a file of the fold itself
+    assert not list(one.settings.scratch_dir.iterdir())
+    other.movies.delete("a1", MOVIES[0].key)
+    assert remaining_files(one) == []
 
 
 def test_movie_deleted_while_it_is_made_leaves_nothing(processes: Processes, filming: Any) -> None:
-    here, there = processes()
-    here.ask(MOVIES[0], "somebody")
-    job = here.row().job
-    filming["meanwhile"] = lambda: there.movies.delete("a1", MOVIES[0].key)
-    here.make()
-    assert left(here) == []
+    one, other = processes()
+    one.ask(MOVIES[0], "somebody")
+    job = one.row().job
+    filming["meanwhile"] = lambda: other.movies.delete("a1", MOVIES[0].key)
+    one.make()
+    assert remaining_files(one) == []
     with pytest.raises(NoSuchMovieError):
-        here.movies.state("a1", MOVIES[0].key)
-    here.ask(MOVIES[0], "somebody")
+        one.movies.state("a1", MOVIES[0].key)
+    one.ask(MOVIES[0], "somebody")
     old = MovieClaim("a1", MOVIES[0].key, job, "worker:1")
-    here.worker.make(old)  # the old job is nobody's any more
-    assert here.row().status == "queued"
+    one.worker.make(old)  # no worker owns the old job any more
+    assert one.row().status == "queued"
 
     def delete_fold() -> None:
-        there.store.delete("a1")
-        there.store.folders.remove("a1")
+        other.store.delete("a1")
+        other.store.folders.remove("a1")
 
     filming["meanwhile"] = delete_fold
-    here.make()
-    assert not (here.settings.folds_dir / "a1").exists()
+    one.make()
+    assert not (one.settings.folds_dir / "a1").exists()
 
 
 def test_oldest_movie_is_removed_first(processes: Processes, filming: Any) -> None:
-    here, there = processes(movies_of_fold=2)
+    one, other = processes(movies_of_fold=2)
     for movie in MOVIES:
-        here.ask(movie, "somebody")
-        there.make(movie)
-    assert sorted(left(here)) == sorted(here.row(movie).file for movie in MOVIES[2:])
-    # A file that went away is no movie any more, and can be made again.
-    there.store.folders.remove_movie("a1", here.row(MOVIES[3]).file)
-    assert here.movies.file("a1", MOVIES[3].key) is None
-    assert here.movies.state("a1", MOVIES[3].key).status == "failed"
-    assert here.row(MOVIES[3]).bytes == 0
-    assert here.ask(MOVIES[3], "somebody")[1]
+        one.ask(movie, "somebody")
+        other.make(movie)
+    assert sorted(remaining_files(one)) == sorted(one.row(movie).file for movie in MOVIES[2:])
+    # A movie whose file is gone is removed, and can be made again.
+    other.store.folders.remove_movie("a1", one.row(MOVIES[3]).file)
+    assert one.movies.file("a1", MOVIES[3].key) is None
+    assert one.movies.state("a1", MOVIES[3].key).status == "failed"
+    assert one.row(MOVIES[3]).bytes == 0
+    assert one.ask(MOVIES[3], "somebody")[1]
 
 
 def test_movies_of_strangers_do_not_displace_those_of_the_owner(
     processes: Processes, filming: Any
 ) -> None:
-    here, there = processes(movies_of_fold=1)
-    here.ask(MOVIES[0], "the owner", of_owner=True)
-    there.make(MOVIES[0])
+    one, other = processes(movies_of_fold=1)
+    one.ask(MOVIES[0], "the owner", of_owner=True)
+    other.make(MOVIES[0])
     for movie in MOVIES[1:3]:
-        here.ask(movie, "a stranger")
-        there.make(movie)
-    assert sorted(left(here)) == sorted(here.row(m).file for m in (MOVIES[0], MOVIES[2]))
-    # One that a stranger has asked for stays, too, once the owner wants it.
-    assert here.ask(MOVIES[2], "the owner", of_owner=True)[1] is False
-    here.ask(MOVIES[3], "a stranger")
-    there.make(MOVIES[3])
-    assert len(left(here)) == 3
+        one.ask(movie, "a stranger")
+        other.make(movie)
+    assert sorted(remaining_files(one)) == sorted(one.row(m).file for m in (MOVIES[0], MOVIES[2]))
+    # A stranger's movie stays, too, once the owner requests it.
+    assert one.ask(MOVIES[2], "the owner", of_owner=True)[1] is False
+    one.ask(MOVIES[3], "a stranger")
+    other.make(MOVIES[3])
+    assert len(remaining_files(one)) == 3
 
 
 def test_movie_requested_by_stranger_and_owner_is_the_owners(
     processes: Processes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here, there = processes()
+    one, other = processes()
     stranger = new_owner()
-    state = here.movies.state
+    state = one.movies.state
 
-    def not_yet(fold_id: str, movie_id: str) -> MovieRow:
-        monkeypatch.setattr(here.movies, "state", state)
-        assert there.ask(MOVIES[0], "a stranger", owner=stranger)[1]
+    def hide_movie(fold_id: str, movie_id: str) -> MovieRow:
+        monkeypatch.setattr(one.movies, "state", state)
+        assert other.ask(MOVIES[0], "a stranger", owner=stranger)[1]
         raise NoSuchMovieError(movie_id)
 
-    monkeypatch.setattr(here.movies, "state", not_yet)
-    found, new = here.ask(MOVIES[0], "the owner", of_owner=True)
-    assert not new and here.row().of_owner
+    monkeypatch.setattr(one.movies, "state", hide_movie)
+    found, new = one.ask(MOVIES[0], "the owner", of_owner=True)
+    assert not new and one.row().of_owner
     assert not stranger.owns(found.token_hash)
 
 

@@ -35,13 +35,13 @@ from server.store.tables import PreviewRow
 from tests.case import case
 from tests.server.postgres import DATABASES
 from tests.server.rows import new_owner
-from tests.server.service_thread import give_tables
+from tests.server.service_thread import copy_tables
 
 MIB = 2**20
 
 
-class Desk:
-    """Previews of one web process, whose reports are empty."""
+class Site:
+    """Previews of one web process, with empty reports."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -63,7 +63,7 @@ class Desk:
         self.reports.report(preview_id, PreviewRequest(seed=seed), Asker(visitor=visitor))
 
     def age(self, preview_id: str, seconds: float) -> None:
-        """Make a preview older, whose upload was read then."""
+        """Move the times of a preview and of its upload into the past."""
         then = time.time() - seconds
         older = sa.update(PreviewRow).where(PreviewRow.id == preview_id)
         with self.store.changing() as session:
@@ -87,28 +87,28 @@ class Desk:
 
 @pytest.fixture
 def database() -> str:
-    """The kind of database of a test that does not hold for each."""
+    """Kind of database; tests of both kinds override it."""
     return "sqlite"
 
 
 @pytest.fixture
-def desk_with(
+def site_with(
     request: pytest.FixtureRequest, database: str, tmp_path: Path
-) -> Iterator[Callable[..., Desk]]:
-    """Makes a desk with some settings."""
-    made: list[Desk] = []
+) -> Iterator[Callable[..., Site]]:
+    """Function that creates the previews of a web process with some settings."""
+    sites: list[Site] = []
     sqlite = database == "sqlite"
     url = None if sqlite else request.getfixturevalue("postgres").migrated()
 
-    def make(name: str = "here", **settings: Any) -> Desk:
+    def make(name: str = "here", **settings: Any) -> Site:
         chosen = Settings(data_dir=tmp_path / name, database_url=url, **settings)
-        give_tables(chosen)
-        made.append(Desk(chosen))
-        return made[-1]
+        copy_tables(chosen)
+        sites.append(Site(chosen))
+        return sites[-1]
 
     yield make
-    for desk in made:
-        desk.close()
+    for site in sites:
+        site.close()
 
 
 def size(name: str, seen_at: float, mib: int, visitor: str) -> PreviewSize:
@@ -148,90 +148,90 @@ def test_superfluous_with_many_small_previews_returns_the_oldest_of_the_largest_
 
 @pytest.mark.parametrize("database", DATABASES)
 def test_reports_of_strangers_leave_the_uploader_its_own(
-    desk_with: Callable[..., Desk], monkeypatch: pytest.MonkeyPatch
+    site_with: Callable[..., Site], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     most = 20
     monkeypatch.setattr(preview_reports, "MAX_OPTION_SETS", most)
-    desk = desk_with()
-    preview_id = desk.add()
+    site = site_with()
+    preview_id = site.add()
     for seed in range(most):
-        desk.report(preview_id, seed, "stranger")
+        site.report(preview_id, seed, "stranger")
     with pytest.raises(TooMany):
-        desk.report(preview_id, 1000, "another")
-    desk.report(preview_id, 1001)
-    (stored,) = desk.previews._sizes()
+        site.report(preview_id, 1000, "another")
+    site.report(preview_id, 1001)
+    (stored,) = site.previews._sizes()
     assert stored.own < 64 * 1024 < most * 4096 <= stored.foreign
 
 
-def test_reports_that_fail_count_once(desk_with: Callable[..., Desk]) -> None:
-    desk = desk_with()
-    preview_id = desk.add()
+def test_reports_that_fail_count_once(site_with: Callable[..., Site]) -> None:
+    site = site_with()
+    preview_id = site.add()
     for _ in range(2):
         with pytest.raises(Unusable):
-            desk.report(preview_id, 666)
-    assert desk.previews.reports(preview_id, foreign=False) == 1
+            site.report(preview_id, 666)
+    assert site.previews.reports(preview_id, foreign=False) == 1
 
 
-def test_remove_leaves_the_files_to_the_sweep(desk_with: Callable[..., Desk]) -> None:
-    desk, owner = desk_with(), new_owner()
-    preview_id = desk.add(owner=owner)
-    assert not desk.previews.remove(preview_id, new_owner())
-    assert desk.previews.remove(preview_id, owner)
-    assert not desk.exists(preview_id)
-    assert desk.names == {preview_id}
-    desk.previews.sweep()
-    assert not desk.names
+def test_remove_leaves_the_files_to_the_sweep(site_with: Callable[..., Site]) -> None:
+    site, owner = site_with(), new_owner()
+    preview_id = site.add(owner=owner)
+    assert not site.previews.remove(preview_id, new_owner())
+    assert site.previews.remove(preview_id, owner)
+    assert not site.exists(preview_id)
+    assert site.names == {preview_id}
+    site.previews.sweep()
+    assert not site.names
 
 
 @pytest.mark.parametrize("database", DATABASES)
 def test_sweep_deletes_expired_previews_and_measures_no_files(
-    desk_with: Callable[..., Desk], monkeypatch: pytest.MonkeyPatch
+    site_with: Callable[..., Site], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    desk = desk_with(preview_keep_s=1000.0)
-    old, new = desk.add(), desk.add()
+    site = site_with(preview_keep_s=1000.0)
+    old, new = site.add(), site.add()
     monkeypatch.setattr(previews_module, "blocks_of", None)
-    assert all(stored.own >= 4096 for stored in desk.previews._sizes())  # a file of two bytes
-    desk.age(old, 1001.0)
-    desk.previews.sweep()
-    assert desk.names == {new}
+    assert all(stored.own >= 4096 for stored in site.previews._sizes())  # a file of two bytes
+    site.age(old, 1001.0)
+    site.previews.sweep()
+    assert site.names == {new}
 
 
 def test_sweep_deletes_files_without_a_row_and_rows_without_files(
-    desk_with: Callable[..., Desk],
+    site_with: Callable[..., Site],
 ) -> None:
-    desk = desk_with()
+    site = site_with()
     for name in ("of-an-earlier-version", ".being-fetched"):
-        (desk.settings.previews_dir / name).mkdir()
-    kept, lost, new = desk.add(), desk.add(), desk.add()
+        (site.settings.previews_dir / name).mkdir()
+    kept, lost, new = site.add(), site.add(), site.add()
     for preview_id in (lost, new):
-        (desk.previews.directory(preview_id) / "input").parent.rename(
-            desk.settings.root / preview_id
+        (site.previews.directory(preview_id) / "input").parent.rename(
+            site.settings.root / preview_id
         )
-    desk.age(lost, MIN_LOST_AGE_S + 1)
-    desk.previews.sweep()
-    assert desk.names == {kept, ".being-fetched"}
-    assert desk.previews._ids() == {kept, new}
+    site.age(lost, MIN_LOST_AGE_S + 1)
+    site.previews.sweep()
+    assert site.names == {kept, ".being-fetched"}
+    assert site.previews._ids() == {kept, new}
 
 
 def test_sweep_leaves_the_newest_uploads_until_they_are_read(
-    desk_with: Callable[..., Desk],
+    site_with: Callable[..., Site],
 ) -> None:
-    desk = desk_with(most_previews=1)
-    uploads = [desk.add() for _ in range(MAX_PROTECTED_UPLOADS + 1)]
-    desk.previews.sweep()
-    assert desk.names == set(uploads[1:])
+    site = site_with(most_previews=1)
+    uploads = [site.add() for _ in range(MAX_PROTECTED_UPLOADS + 1)]
+    site.previews.sweep()
+    assert site.names == set(uploads[1:])
     for preview_id in uploads[1:]:
-        desk.report(preview_id)
-    desk.previews.sweep()
-    assert len(desk.names) == 1
+        site.report(preview_id)
+    site.previews.sweep()
+    assert len(site.names) == 1
 
 
-def test_flood_of_previews_leaves_those_of_others(desk_with: Callable[..., Desk]) -> None:
-    desk = desk_with(previews_bytes=8 * MIB)
-    mine = desk.add("a", size=MIB)
-    flood = [desk.add("b", size=MIB) for _ in range(12)]
-    desk.previews.sweep()
-    assert desk.exists(mine) and not desk.exists(flood[0])
+def test_flood_of_previews_leaves_those_of_others(site_with: Callable[..., Site]) -> None:
+    site = site_with(previews_bytes=8 * MIB)
+    mine = site.add("a", size=MIB)
+    flood = [site.add("b", size=MIB) for _ in range(12)]
+    site.previews.sweep()
+    assert site.exists(mine) and not site.exists(flood[0])
 
 
 def test_key_differs_for_each_option() -> None:
@@ -244,10 +244,10 @@ def test_key_differs_for_each_option() -> None:
 
 
 def test_row_of_unknown_id_raises(tmp_path: Path) -> None:
-    with closing(Desk(Settings(data_dir=tmp_path))) as desk:
+    with closing(Site(Settings(data_dir=tmp_path))) as site:
         for preview_id in ("", "..", "a/b", "a\x00", "é", "a" * 33, "nosuchpreview"):
             with case(preview_id), pytest.raises(NoSuchPreviewError):
-                desk.previews.row(preview_id)
+                site.previews.row(preview_id)
 
 
 @pytest.mark.processes
@@ -255,26 +255,26 @@ def test_previews_in_an_object_store_are_fetched_and_deleted_everywhere(
     bucket_url: str, tmp_path: Path
 ) -> None:
     shared = {"storage_url": bucket_url, "database_url": f"sqlite:///{tmp_path / 'rows.db'}"}
-    here, there = (Desk(Settings(data_dir=tmp_path / name, **shared)) for name in ("a", "b"))
-    with closing(here), closing(there):
-        small, large, owner = here.add(), here.add(size=600_000), new_owner()
-        here.report(large)
-        assert (there.previews.directory(large) / "input").stat().st_size == 600_000
+    one, other = (Site(Settings(data_dir=tmp_path / name, **shared)) for name in ("a", "b"))
+    with closing(one), closing(other):
+        small, large, owner = one.add(), one.add(size=600_000), new_owner()
+        one.report(large)
+        assert (other.previews.directory(large) / "input").stat().st_size == 600_000
         key = PreviewRequest(seed=3).key
-        here.report(large, 3)
-        assert (there.previews.place(large, key) / "report.json").read_text() == '{"cells": []}'
-        mine = there.add(owner=owner)
-        assert here.exists(mine)
-        storage = here.store.folders.storage
+        one.report(large, 3)
+        assert (other.previews.place(large, key) / "report.json").read_text() == '{"cells": []}'
+        mine = other.add(owner=owner)
+        assert one.exists(mine)
+        storage = one.store.folders.storage
         assert storage is not None
         (tmp_path / "stray").mkdir()
         (tmp_path / "stray" / "input").write_bytes(b"")
         storage.keep("previews/stray", tmp_path / "stray")
-        there.previews.remove(mine, owner)
-        there.previews.sweep()  # whatever has no row
+        other.previews.remove(mine, owner)
+        other.previews.sweep()  # objects without a row
         assert set(storage.below("previews")) == {small, large}
-        here.age(large, 2 * here.settings.preview_keep_s)
-        here.previews.sweep()
-        there.previews.sweep()
-        assert set(storage.below("previews")) == here.names == {small}
-        assert large not in there.names and not there.exists(large)
+        one.age(large, 2 * one.settings.preview_keep_s)
+        one.previews.sweep()
+        other.previews.sweep()
+        assert set(storage.below("previews")) == one.names == {small}
+        assert large not in other.names and not other.exists(large)

@@ -1,4 +1,4 @@
-"""Rows of folds: who may end them, and that an end is the end."""
+"""Rows of folds: permission to end them, and finality of their end."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OWNER = new_owner()
 
 
 def row(key: str | None = None, **more: object) -> FoldRow:
-    """A row of a fold that waits."""
+    """Return a row of a queued fold."""
     usual: dict[str, object] = {"name": "snake", "status": "queued", "visitor": "somebody"}
     return a_fold(**usual | {"content_key": key} | more)
 
@@ -47,7 +47,7 @@ def test_content_keys_secrets_and_ids_are_checked(store: Store) -> None:
             store.directory(bad)
 
 
-def test_ended_or_cancelled_fold_stays_as_it_ended(store: Store) -> None:
+def test_ended_or_cancelled_fold_keeps_its_status(store: Store) -> None:
     verified, cancelled = row("a"), row("b")
     for fold in (verified, cancelled):
         store.add(fold, OWNER)
@@ -58,13 +58,13 @@ def test_ended_or_cancelled_fold_stays_as_it_ended(store: Store) -> None:
     assert store.cancel(verified.id, OWNER)
     assert store.fold(verified.id).status == "verified"
     assert store.cancel(cancelled.id, OWNER)
-    # Whatever its worker reports.
+    # whatever its worker reports
     assert store.finish(cancelled.id, "verified", summary={"status": "verified"}, size=10)
     ended = store.fold(cancelled.id)
     assert (ended.status, ended.summary, ended.error, ended.bytes) == ("cancelled", {}, None, 10)
 
 
-def test_cancelled_fold_is_not_begun_and_frees_its_key(store: Store) -> None:
+def test_cancelled_fold_is_not_started_and_frees_its_key(store: Store) -> None:
     queued, running = row("a"), row("b")
     for fold in (queued, running):
         store.add(fold, OWNER)
@@ -91,14 +91,14 @@ def test_requested_fold_is_never_one_that_is_just_cancelled(each_store: Store) -
             store.add(fold, first)
             ready = Barrier(3)
 
-            def together(do: Callable[[], Any], ready: Barrier = ready) -> Any:
+            def run_together(do: Callable[[], Any], ready: Barrier = ready) -> Any:
                 ready.wait()
                 return do()
 
-            found = threads.submit(together, partial(store.ask, fold.content_key, second))
-            cancelled = threads.submit(together, partial(store.cancel, fold.id, first))
-            begun = threads.submit(together, partial(store.begin, fold.id, "read", "one"))
-            asked, stopped, _ = found.result(), cancelled.result(), begun.result()
+            found = threads.submit(run_together, partial(store.ask, fold.content_key, second))
+            cancelled = threads.submit(run_together, partial(store.cancel, fold.id, first))
+            started = threads.submit(run_together, partial(store.begin, fold.id, "read", "one"))
+            asked, stopped, _ = found.result(), cancelled.result(), started.result()
             ended = store.fold(fold.id)
             assert (asked is None) == stopped == ended.cancel_requested
             outcomes.add((ended.cancel_requested, ended.status))
@@ -125,7 +125,7 @@ def test_earlier_execution_cannot_report_any_more(store: Store) -> None:
 
 
 def order(store: Store, folds: list[FoldRow]) -> list[str]:
-    """Their names, as they come to their turn."""
+    """Return the names of folds in the order of their turns."""
     queued = [store.fold(f.id) for f in folds]
     return [f.name for f in sorted(queued, key=store.ahead)]
 
@@ -187,7 +187,7 @@ TURNS: dict[str, list[dict[str, Any]]] = {
 
 @pytest.mark.parametrize("turns", TURNS)
 def test_networks_take_turns_whatever_their_visitors(store: Store, turns: str) -> None:
-    """And visitors, and after them short folds before long ones."""
+    """Visitors of a network take turns as well, and their short folds precede long ones."""
     assert ", ".join(order(store, rows_in(store, *(row(**r) for r in TURNS[turns])))) == turns
 
 
@@ -206,7 +206,7 @@ def test_short_folds_do_not_wait_for_a_running_baseline(store: Store, preset: st
     store.add(refold, new_owner())
     ahead = store.ahead(store.fold(refold.id))
     assert (ahead.place, ahead.running) == (1, 0), "it has a place of its own in each worker"
-    # One that takes longer shares the baseline's place, which makes room for it.
+    # A longer fold shares the baseline's slot, which makes room for it.
     several = row(visitor="another", modules=64, prefer="time")
     store.add(several, new_owner())
     assert store.ahead(store.fold(several.id)).running == 1
@@ -217,7 +217,7 @@ def test_short_folds_do_not_wait_for_a_running_baseline(store: Store, preset: st
     ("modules", "waiting", "cheaper", "over"),
     [
         (1000, [], False, False),
-        (1000, [16], False, False),  # it has a place of its own
+        (1000, [16], False, False),  # it has a slot of its own
         (1000, [900], True, True),
         (900, [1000], True, False),
         (64, [16], False, True),

@@ -1,4 +1,4 @@
-"""The tables: migrations lead to those of the code, from the first schema on, and lose nothing."""
+"""Tables: migrations lead from the first schema to that of the code, and lose nothing."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ OWNER = Owner.from_token(TOKEN)
 
 @pytest.fixture(params=DATABASES)
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """An empty database."""
+    """URL of an empty database."""
     if request.param == "sqlite":
         return f"sqlite:///{tmp_path / 'rows.db'}"
     return request.getfixturevalue("postgres").database()
@@ -51,7 +51,7 @@ def upgrade(engine: sa.Engine, revision: str) -> None:
 
 
 def first_folds() -> list[dict[str, Any]]:
-    """Rows as the first version wrote them: one of each status, and what is unusual."""
+    """Return rows as the first version wrote them: one of each status, and unusual values."""
     progress = {"stage": "explode", "fraction": 0.25, "steps": 10, "message": "größer"}
     folds = [
         {
@@ -87,7 +87,7 @@ def first_folds() -> list[dict[str, Any]]:
 
 def test_migrations_lead_to_the_tables_of_the_code(engine: sa.Engine) -> None:
     migrate(engine)
-    migrate(engine)  # nothing is left to do, and that is no error
+    migrate(engine)  # a second migration does nothing
     with engine.connect() as connection:
         differences = compare_metadata(
             MigrationContext.configure(connection, opts={"compare_type": True}), Base.metadata
@@ -99,7 +99,7 @@ def test_migrations_lead_to_the_tables_of_the_code(engine: sa.Engine) -> None:
 
 
 def write(connection: sa.Connection, **rows: list[dict[str, Any]]) -> None:
-    """Write rows into the tables that are there; JSON as such, also "nothing" as null."""
+    """Write rows into the existing tables; JSON columns get JSON, where None is null."""
     found = sa.MetaData()
     found.reflect(connection)
     for name, values in rows.items():
@@ -112,7 +112,7 @@ def write(connection: sa.Connection, **rows: list[dict[str, Any]]) -> None:
 
 @contextmanager
 def migrated(engine: sa.Engine, url: str, tmp_path: Path) -> Iterator[Store]:
-    """The store of an older database; it is migrated."""
+    """Migrate an older database and yield its store."""
     with closing(Store(Settings(data_dir=tmp_path, database_url=url))) as store:
         yield store
     with engine.connect() as connection:
@@ -135,7 +135,7 @@ def test_first_schema_is_migrated_with_all_its_rows(
     with migrated(engine, url, tmp_path) as store:
         for fold in folds:
             row = store.fold(fold["id"])
-            # Their keys are of another kind now, but for those of the gallery.
+            # The keys of folds have changed, except those of the gallery.
             key = fold["content_key"] if fold["public"] else None
             assert {name: getattr(row, name) for name in fold} == fold | {"content_key": key}
             assert row.owner == row.maker == OWNER.digest and not row.renamed
@@ -144,7 +144,7 @@ def test_first_schema_is_migrated_with_all_its_rows(
             assert (row.refold, row.smooths, row.worker, row.resumed_at) == (None, None, None, None)
             assert (row.seen_at, row.pauses) == (fold["ended_at"] or fold["created_at"], 0)
             assert (row.turn, row.cost_s, row.epoch, row.kept) == (0, 0.0, 0, 0)
-            # What is left of a cancelled one was not counted, and is to be swept.
+            # The bytes of a cancelled fold were not counted, and it must be swept.
             assert (row.bytes, row.derived_bytes) == (row.status == "cancelled", 0)
             assert row.pinned is False
         assert [row.shape for row in store.list_public()] == ["mallet-64"]
@@ -160,7 +160,7 @@ def test_first_schema_is_migrated_with_all_its_rows(
 
 
 def verified_fold(name: str, verdict: str = "verified", **values: Any) -> dict[str, Any]:
-    """The row of a fold that is verified, with some values changed."""
+    """Return the row of a verified fold, with some values changed."""
     verified = next(fold for fold in first_folds() if fold["status"] == "verified")
     summary = {"status": "verified", "reason": "", "certificate": {"verdict": verdict}}
     return {**verified, "id": name, "content_key": name, "summary": summary, **values}
@@ -199,7 +199,7 @@ def test_migration_keeps_the_first_owner_counts_movies_apart_and_fails_gaps(
     assert gaps.summary["reason"] == reason
 
 
-def test_newer_database_is_refused_and_left_as_it_is(
+def test_newer_database_is_refused_and_unchanged(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     engine = engine_for(f"sqlite:///{tmp_path / 'foldback.db'}")

@@ -1,12 +1,12 @@
-// Checks the plans whose paths come in line by line, as the worker of a page does, and prints what came out of each as a
-// line of JSON.
+// Check the plans whose paths are read line by line, as the worker of a page does, and print each result as a line of
+// JSON.
 import { readFileSync } from "node:fs";
 import { createInterface } from "node:readline";
 import { NotProved, Plan } from "../../../web/static/js/check/plan.js";
 import { Proof } from "../../../web/static/js/check/proof.js";
 import { Largest } from "../../../web/static/js/check/spoil.js";
 
-// Counts pairs and bounds of an interval, and those from which it is not taken off what interpolation and rounding may hide.
+// Count pairs and bounds of an interval, and those bounds without the allowance for interpolation and rounding.
 class Watched extends Proof {
   pairs = 0;
   bounds = 0;

@@ -50,7 +50,7 @@ test("a new key replaces the browser's own key only", () => {
   const made = newKey();
   assert.notEqual(made, own);
   bring(made);
-  assert.deepEqual(keysHere(), [own, OTHER, made]); // until it is known to hold them
+  assert.deepEqual(keysHere(), [own, OTHER, made]); // until it is known to hold the folds
   replaceOwn(made);
   assert.deepEqual([keysHere(), tokenOf("mine"), tokenOf("theirs")], [[made, OTHER], made, OTHER]);
 });
@@ -78,7 +78,7 @@ test("a text that cannot be sent in a header is refused as a key", () => {
   assert.ok(isKey(OTHER) && isKey("AbC-_012345678901234567890"));
 });
 
-// A service with the folds of two keys: when each was made, by its id.
+// Service with the folds of two keys: the time of each by its id.
 const PAGES = {
   mine: [[["m9", 9], ["m5", 5]], [["m4", 4], ["m1", 1]]],
   theirs: [[["t8", 8], ["t7", 7]], [["t6", 6]]],
@@ -99,7 +99,7 @@ test("the folds of several keys are listed together, newest first", async () => 
   const list = new FoldList(["mine", "theirs"], answer);
   const ids = async (count) => (await list.more(count)).map(({ fold, key }) => `${fold.id} ${key}`);
   assert.deepEqual(await ids(3), ["m9 mine", "t8 theirs", "t7 theirs"]);
-  assert.deepEqual([list.total, list.done, asked.length], [7, false, 2]); // no more than is needed
+  assert.deepEqual([list.total, list.done, asked.length], [7, false, 2]); // no more requests than needed
   assert.deepEqual(await ids(9), ["t6 theirs", "m5 mine", "m4 mine", "m1 mine"]);
   assert.ok(list.done);
   assert.deepEqual(await ids(9), []);
@@ -117,7 +117,7 @@ test("ages are given in one unit", () => {
   assert.deepEqual([0, 90, 5399, 5400, 86400, 129600, 2592000].map((age) => span(age).replace("\u00a0", " ")), ["1 min", "2 min", "90 min", "2 h", "24 h", "2 days", "30 days"]);
 });
 
-// A service that answers each request in turn; what it was sent is listed.
+// Service that answers each request in turn and lists the requests.
 function answering(...answers) {
   const requests = [];
   globalThis.fetch = async (path, sent) => {

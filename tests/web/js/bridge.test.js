@@ -1,5 +1,5 @@
-// The bridge runs before viser's client in its frame. Here the page and the client are played by the test,
-// and pictures come when it says so.
+// The bridge runs before viser's client in its frame. Here the test stands for the page and the client,
+// and requests each picture.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
@@ -24,21 +24,21 @@ await import("../../../web/static/js/viewer/bridge.js");
 
 const soon = () => new Promise((done) => { setTimeout(done, 5); });
 
-// The client, which takes what it was told before it paints.
+// Client that applies its messages before it paints.
 const client = new globalThis.Worker();
-const told = [];
-client.onmessage = ({ data }) => { if (data.messages) told.push(...data.messages.map(({ type, mark }) => mark ?? type)); };
+const messages = [];
+client.onmessage = ({ data }) => { if (data.messages) messages.push(...data.messages.map(({ type, mark }) => mark ?? type)); };
 
 async function paint() {
   clock.currentTime++;
-  const taken = told.splice(0);
+  const taken = messages.splice(0);
   new Context().clear();
   for (const draw of waiting.splice(0)) draw(0);
   return taken.filter((one) => one !== "SetSceneNodeVisibilityMessage");
 }
 
 test("the client gets a camera one frame after the poses that it follows", async (t) => {
-  const { document: other } = globalThis; // of another file in this process
+  const { document: other } = globalThis; // another test file of this process uses it
   globalThis.document = frameDocument;
   t.after(() => { globalThis.document = other; });
   const { port1, port2 } = new MessageChannel();
@@ -55,10 +55,10 @@ test("the client gets a camera one frame after the poses that it follows", async
   assert.deepEqual(await paint(), ["poses 1"]);
   await show(2);
   assert.deepEqual(await paint(), ["position 1", "target 1", "poses 2"]);
-  assert.deepEqual(await paint(), ["position 2", "target 2"]); // nothing else comes
+  assert.deepEqual(await paint(), ["position 2", "target 2"]); // no further message
 
   await show(3);
-  await show(4); // two before one picture: the poses of the first are never seen, nor is its camera
+  await show(4); // two frames before one picture: neither poses nor camera of the first are seen
   assert.deepEqual(await paint(), ["poses 3", "poses 4"]);
   assert.deepEqual(await paint(), ["position 4", "target 4"]);
   assert.deepEqual(await paint(), []);

@@ -39,12 +39,12 @@ test("while the camera moves between two views, the whole chain stays in the pic
 });
 
 test("the camera looks at modules from a side where nothing hides them", () => {
-  // A module at the origin with a wall on all sides but above.
+  // A module at the origin with walls on all sides except above.
   const wall = [];
   for (let k = 0; k < 64; k++) for (const z of [-1, 0, 1]) wall.push(2 * Math.cos((k * Math.PI) / 32), 2 * Math.sin((k * Math.PI) / 32), z);
   const positions = Float32Array.from([0, 0, 0, ...wall]);
   const [, rise] = clearestSight(positions, [0], [0.3, 0.1], outward);
   assert.equal(rise, 0.9);
-  // With nothing in the way it stays where it is.
+  // If nothing is in the way, the camera stays.
   assert.deepEqual(clearestSight(positions.subarray(0, 3), [0], [0.3, 0.15], outward), [0.3, 0.15]);
 });

@@ -1,4 +1,4 @@
-// A camera that a visitor turns and zooms goes on following the chain, and cuts nothing of it off.
+// A camera that a visitor turns and zooms continues to follow the chain, and no module is cut off.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { cameraText } from "../../../web/static/js/player/address.js";
@@ -28,7 +28,7 @@ async function shown(given = vectors.timeline, options = {}) {
   return { timeline, player };
 }
 
-// How many corners of modules are outside of the picture.
+// Count the corners of modules outside the picture.
 function outside({ rig, shown: snapshot, timeline }) {
   const { view } = rig.follower;
   const { field, aspect } = rig.seeing();
@@ -61,7 +61,7 @@ for (const film of vectors.films) {
       aspect = [1.6, 0.6, 2.4][random(3)];
       player.send({ do: "seek", frame });
       player.send({ do: "orbit", turn: [part(-3, 3), part(-1.5, 1.5)], zoom: part(0.2, 1.5), gently: random(2) === 0 });
-      draw(1 + random(3)); // also on its way
+      draw(1 + random(3)); // also in motion
       assert.equal(outside(player), 0, `frame ${frame}`);
       assert.ok(player.is.follow);
     }
@@ -126,7 +126,7 @@ test("a camera in an address shows the same view in another player", async () =>
     other.send({ do: "seek", frame: 40 });
     other.send({ do: "camera", camera });
     draw(200);
-    // The direction and the place of the camera are seen, not how far away its target is.
+    // The direction and position of the camera are visible, the distance of its target is not.
     close(other.rig.eye.position, one.rig.eye.position, { atol: 1e-6 * one.rig.follower.view.distance });
     close([other.rig.follower.view.azimuth, other.rig.follower.view.elevation], [one.rig.follower.view.azimuth, one.rig.follower.view.elevation]);
     assert.equal(cameraText(other.rig.at(other.shown)), cameraText(camera));

@@ -58,7 +58,7 @@ test("the editor says while you draw that a shape can have no path", () => {
   assert.equal(none.difference, 4);
   assert.match(told(none).text, /^No path yet\. No path visits all of them/);
   const passedBy = checked(painted(row(6), [key(0, 2), key(0, 3)]));
-  assert.deepEqual([passedBy.missing.length, passedBy.lost], [4, []]); // both ends go on
+  assert.deepEqual([passedBy.missing.length, passedBy.lost], [4, []]); // both ends can continue
   const left = checked(painted(row(6), [key(0, 0), key(0, 1)]));
   assert.deepEqual(left.lost, []);
   const apart = checked(painted([...row(3), key(5, 6)], row(3)));
@@ -73,7 +73,7 @@ test("a path grows at its ends, removes its last cell, and closes a gap", () => 
   assert.deepEqual(extended(drawn, key(1, 0), SIZE), { path: [key(1, 0), ...row(3)], atStart: true });
   assert.deepEqual(extended(drawn, key(0, 1), SIZE), { path: row(2), atStart: false });
   assert.deepEqual(extended({ ...drawn, atStart: true }, key(0, 1), SIZE), { path: row(3).slice(1), atStart: true });
-  assert.deepEqual(extended(drawn, key(0, 0), SIZE), { ...drawn, atStart: true }); // the other end is taken
+  assert.deepEqual(extended(drawn, key(0, 0), SIZE), { ...drawn, atStart: true }); // the other end is used
   assert.match(extended({ path: row(5), atStart: false }, key(0, 1), SIZE), /This is already cell 2 of the path/);
   assert.match(extended(drawn, key(5, 5), SIZE), /share a face/);
   const torn = { path: [key(0, 0), key(0, 1), key(0, 3)], atStart: false };
@@ -112,7 +112,7 @@ test("one finger draws, fills and moves; a second finger cancels it", () => {
   press(key(5, 5, 3));
   assert.equal(painting.filled, 4 + 16);
   press(key(4, 4));
-  press(key(5, 5, 3)); // from a painted cell, to remove
+  press(key(5, 5, 3)); // starts at a painted cell, so it removes
   assert.deepEqual(keysOf(painting.cells), box(key(1, 1), key(2, 2), SIZE));
   editor.take("move");
   press(key(0, 0), key(3, 1), key(9, 9));
@@ -132,7 +132,7 @@ test("one finger draws, fills and moves; a second finger cancels it", () => {
 test("arrow keys extend the path from its head to the edge of the grid", () => {
   const editor = new Editor(12_000);
   const { painting } = editor;
-  assert.equal(editor.drawOn([0, 1, 0], key(0, 0)), key(0, 0)); // the path begins where the cursor is
+  assert.equal(editor.drawOn([0, 1, 0], key(0, 0)), key(0, 0)); // the path starts at the cursor
   assert.equal(editor.drawOn([0, 1, 0], 999), key(0, 1));
   assert.equal(editor.drawOn([0, 0, 1], 999), key(0, 1, 1));
   assert.equal(editor.drawOn([-1, 0, 0], 999), key(0, 1, 1));

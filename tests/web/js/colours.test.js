@@ -5,7 +5,7 @@ import { colouring, colouringsOf, ramped, roundUp } from "../../../web/static/js
 import { keptRows, packed, readValues, unpacked, valuesAt } from "../../../web/static/js/values/reading.js";
 import { close, recorded, unpack, vectors } from "./vectors.js";
 
-// Figures that tell the same of every frame.
+// Figures with the same values for every frame.
 const figuresOf = (modules, joints) => ({
   row: () => ({
     position_error: new Float32Array(modules).fill(0.02),
@@ -32,23 +32,23 @@ test("every colouring has a scale in numbers", async () => {
   const { timeline } = await recorded();
   const shown = timeline.snapshot(timeline.last);
   const figures = figuresOf(timeline.chain.modules, timeline.joints);
-  const told = {};
+  const scales = {};
   const seen = {};
   for (const [key] of colouringsOf(false)) {
     const chosen = colouring(key, timeline, figures);
     seen[key] = chosen.of(shown);
     assert.equal(seen[key].length, 3 * timeline.chain.modules);
-    told[key] = chosen.legend().high;
+    scales[key] = chosen.legend().high;
     assert.match(chosen.legend().ramp, /^linear-gradient\(to right, (rgb\(\d+ \d+ \d+\)(, |\)$)){9}/);
   }
-  const { speed, error, ...others } = told;
+  const { speed, error, ...others } = scales;
   assert.deepEqual(others, {
     "error-even": error, position: "0.05 pitch", torque: "2 N·m", clearance: "0.5 pitch", chain: "Module 16",
   });
   assert.match(speed, /^[\d.]+ m?rad\/s$/);
   const scale = timeline.errorScale;
   assert.equal(error, radians(scale));
-  // Red alone means error, or worse: two that overlap.
+  // Only errors and overlaps are red.
   const redness = (colours) => Array.from({ length: colours.length / 3 }, (_, i) => colours[3 * i] - Math.max(colours[3 * i + 1], colours[3 * i + 2]));
   assert.ok(Math.max(...redness(seen.error)) > 60);
   for (const key of ["error-even", "position", "torque", "speed", "chain"]) assert.ok(Math.max(...redness(seen[key])) < 60, key);
@@ -70,7 +70,7 @@ test("what is not measured yet is grey", async () => {
   assert.equal(colouring("position", peeled, nothing).legend().none, "no data in this phase");
 });
 
-// A visitor's own numbers.
+// Numbers of a visitor.
 const expected = { modules: 4, frames: 3 };
 const read = (text, name = "heat.csv") => readValues(text, name, expected);
 const list = ({ values }) => Array.from(values, (value) => (Number.isNaN(value) ? null : value));
@@ -90,7 +90,7 @@ const READ = [
   ['{"name": "Heat", "unit": "K", "values": [[1, 2, 3, 4], [5, 6, 7, 8], [9, 10, 11, 12]]}', [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], "Heat", "K"],
 ];
 
-test("numbers_are_read_from_files_of_many_forms", () => {
+test("numbers are read from files in many formats", () => {
   for (const [text, values, name, unit] of READ) {
     const found = read(text);
     assert.deepEqual([list(found), found.name, found.unit], [values, name, unit], text);
@@ -113,23 +113,23 @@ const REFUSED = [
   ['{"format": "foldback-values/1", "rows": 1, "low": 0, "high": 1, "data": "AAA="}', /values of another fold/],
 ];
 
-test("what_does_not_fit_is_refused_in_words", () => {
+test("unsuitable numbers are refused with a message", () => {
   for (const [text, words] of REFUSED) assert.throws(() => read(text), words, text);
 });
 
-test("kept_numbers_come_back_within_a_level_of_the_scale", () => {
+test("stored numbers are restored within one level of the scale", () => {
   const own = read("1;2;3;4\n5;6;7;8\n9;10;11;");
   const back = unpacked(packed(own), 4);
   assert.deepEqual([back.name, back.rows, back.low, back.high], ["heat", 3, 1, 11]);
   own.values.forEach((value, i) => assert.ok(Number.isNaN(value) ? Number.isNaN(back.values[i]) : Math.abs(value - back.values[i]) <= 10 / 254));
   assert.deepEqual(list(read(JSON.stringify(packed(own)))), list(back));
-  // Of more rows than can be kept some are left out, evenly.
+  // Rows beyond the limit are dropped evenly.
   const long = readValues(JSON.stringify(Array.from({ length: 90 }, (_, k) => Array.from({ length: 1000 }, () => k))), "a.json", { modules: 1000, frames: 90 });
   const short = unpacked(packed(long), 1000);
   assert.deepEqual([keptRows(long), short.rows, short.values[0], short.values.at(-1)], [45, 45, 0, 89]);
 });
 
-test("values_between_rows_are_in_between", () => {
+test("values between rows are interpolated", () => {
   const own = read("1;2;3;4\n5;6;7;8\n9;10;11;");
   assert.deepEqual(Array.from(valuesAt(own, 0)), [1, 2, 3, 4]);
   assert.deepEqual(Array.from(valuesAt(own, 0.25)), [3, 4, 5, 6]);

@@ -1,4 +1,4 @@
-// What pointers and wheels do to the camera.
+// Control of the camera by pointers and wheels.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Hand } from "../../../web/static/js/viewer/controls.js";

@@ -10,30 +10,30 @@ function painted(count, how = "no", maxModules = 200) {
   editor.step(() => editor.painting.paint(Array.from({ length: count }, (_, y) => key(0, y)), true));
   return editor;
 }
-const said = ({ standing: { text, tone, limit, ready, completable } }) => [text, tone, limit, ready, completable];
+const summary = ({ standing: { text, tone, limit, ready, completable } }) => [text, tone, limit, ready, completable];
 
 test("the editor says what would be folded, and what is wrong with it", () => {
-  assert.deepEqual(said(painted(0)), ["", "", "", false, false]);
-  assert.deepEqual(said(painted(2)), ["16 modules", "", "Limit: 200 modules.", true, true]);
-  assert.deepEqual(said(painted(2, "yes")), ["2 modules. A fold needs at least 8.", "", "Limit: 200 modules.", false, true]);
-  assert.deepEqual(said(painted(9, "no", 64)), ["72 modules are too many (at most 64). Paint fewer cells.", "bad", "", false, false]);
+  assert.deepEqual(summary(painted(0)), ["", "", "", false, false]);
+  assert.deepEqual(summary(painted(2)), ["16 modules", "", "Limit: 200 modules.", true, true]);
+  assert.deepEqual(summary(painted(2, "yes")), ["2 modules. A fold needs at least 8.", "", "Limit: 200 modules.", false, true]);
+  assert.deepEqual(summary(painted(9, "no", 64)), ["72 modules are too many (at most 64). Paint fewer cells.", "bad", "", false, false]);
   const apart = painted(2);
   apart.step(() => apart.painting.paint([key(5, 5)], true));
-  assert.deepEqual(said(apart), ["The shape has 2 separate pieces. Connect them face to face.", "bad", "Limit: 200 modules.", false, true]);
+  assert.deepEqual(summary(apart), ["The shape has 2 separate pieces. Connect them face to face.", "bad", "Limit: 200 modules.", false, true]);
 });
 
 test("your own path is ready when it visits all cells", () => {
   const editor = painted(4, "path");
-  assert.deepEqual(said(editor), ["No path yet.", "", "4 modules. Limit: 200 modules.", false, true]);
+  assert.deepEqual(summary(editor), ["No path yet.", "", "4 modules. Limit: 200 modules.", false, true]);
   editor.step(() => editor.follow({ path: [0, 1, 2, 3].map((y) => key(0, y)), atStart: false }));
-  assert.deepEqual(said(editor), ["The path visits all 4 cells.", "good", "4 modules. Limit: 200 modules.", true, false]);
+  assert.deepEqual(summary(editor), ["The path visits all 4 cells.", "good", "4 modules. Limit: 200 modules.", true, false]);
   assert.ok(editor.standing.whole);
 });
 
 test("the path is shown when its tool or its option is chosen", () => {
   const editor = painted(2);
   assert.equal(editor.shownPath, null);
-  editor.take("path"); // chooses a path of one's own as well
+  editor.take("path"); // also selects your own path
   assert.deepEqual([editor.draft.how, editor.shownPath], ["path", { path: [], atStart: false }]);
   editor.take("paint");
   assert.ok(editor.shownPath);

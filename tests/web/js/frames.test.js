@@ -20,7 +20,7 @@ for (const { name, bundle, batch, frames } of vectors.windows) {
       if (frame > low) row = between(row, rows.row(low + 1), frame - low);
       const { positions, wxyzs, core, rod } = kinematics.windowPoses(row);
       const expected = (await unpack(poses)).arrays;
-      // Both ends are told in single precision, and the far one is far away.
+      // Both ends have single precision, and one is far away.
       const length = expected.positions.reduce((most, v) => Math.max(most, Math.abs(v)), 1);
       close(positions, expected.positions, { atol: 1e-6 * length });
       closeTurns(wxyzs, expected.wxyzs);
@@ -41,13 +41,13 @@ for (const { name, bundle, batch, frames } of vectors.windows) {
 
 test("the windows of a plan are played backwards, then forwards", async () => {
   const { bundle, batch } = vectors.windows[0];
-  const told = { foldedRad: (await unpack(bundle)).arrays.folded_rad, noErrors: [] };
-  const plan = new Rows(await unpack(batch), told);
+  const meta = { foldedRad: (await unpack(bundle)).arrays.folded_rad, noErrors: [] };
+  const plan = new Rows(await unpack(batch), meta);
   const { first, ends, angles: values } = plan.arrays;
   const offsets = [0, ...ends], none = new Float32Array();
   const last = Array.from(first, (a, k) => a + offsets[k + 1] - offsets[k]);
   const both = thereAndBack({ frames: plan.rows, first, last, offsets, values });
-  const rows = new Rows({ arrays: { ...both, time_s: new Float64Array(2 * plan.rows), phase: [], base_position: none, base_wxyz: none } }, told);
+  const rows = new Rows({ arrays: { ...both, time_s: new Float64Array(2 * plan.rows), phase: [], base_position: none, base_wxyz: none } }, meta);
   for (let k = 0; k < plan.rows; k += 7) {
     for (const frame of [plan.rows + k, plan.rows - 1 - k]) {
       for (const name of ["first", "last", "angles"]) assert.deepEqual(rows.row(frame)[name], plan.row(k)[name]);
@@ -72,11 +72,11 @@ test("a message that was cut short is refused", async () => {
   await assert.rejects(decode(half.buffer));
 });
 
-const TURN = [Math.SQRT1_2, Math.SQRT1_2, 0, 0]; // a quarter about x
+const TURN = [Math.SQRT1_2, Math.SQRT1_2, 0, 0]; // a quarter turn about x
 const [FROM, TO] = [100, 201];
 
 const angleBetween = (a, b) => 2 * Math.acos(Math.min(1, Math.abs(a.reduce((sum, v, k) => sum + v * b[k], 0))));
-// Positions from the first module on.
+// Positions relative to the first module.
 const relative = (positions) => positions.map((v, k) => v - positions[k % 3]);
 
 for (const given of vectors.shipped) {
@@ -119,17 +119,17 @@ for (const given of vectors.shipped) {
 test("a tangled chain does not count as folded", () => {
   const goal = Float64Array.from([1, -1, 0, 1]);
   close([foldedness((j) => [1, -1, 0, 0][j], goal)], [2 / 3]);
-  close([foldedness((j) => [3, 1, 1, 0.5][j], goal)], [1.5 / 3]); // too far counts as there, the other way not at all
+  close([foldedness((j) => [3, 1, 1, 0.5][j], goal)], [1.5 / 3]); // beyond is folded, the other sign is 0
   assert.equal(foldedness((j) => -goal[j], goal), 0);
   assert.equal(foldedness((j) => goal[j], goal), 1);
 });
 
 test("the first folded frame is found among the frames that have been fetched", () => {
-  const here = new Set([0, 40, 100]);
+  const fetched = new Set([0, 40, 100]);
   const timeline = {
     outline: { phases: [{ name: "playback", from: 0, to: 101 }] }, foldedRad: Float64Array.from([1, 2]),
-    row: (frame) => (here.has(frame) ? { first: 0, last: 2, angles: [frame / 100, frame / 50] } : null),
-    nearest: (frame) => [...here].sort((a, b) => Math.abs(a - frame) - Math.abs(b - frame))[0],
+    row: (frame) => (fetched.has(frame) ? { first: 0, last: 2, angles: [frame / 100, frame / 50] } : null),
+    nearest: (frame) => [...fetched].sort((a, b) => Math.abs(a - frame) - Math.abs(b - frame))[0],
   };
   close([frameFolded(timeline, 0.7), frameFolded(timeline, 0.1)], [70, 10], { atol: 1e-9 });
   timeline.outline.phases[0].name = "explosion";
@@ -147,10 +147,10 @@ test("the table of an open page fades in", () => {
   close(standing.turned(end, TO - 1), TURN);
   close(standing.turned(end, (FROM + TO - 1) / 2), [Math.cos(Math.PI / 8), Math.sin(Math.PI / 8), 0, 0]);
   standing.set(TURN, TURN, { name: "playback", from: FROM, to: TO }, false);
-  assert.equal(standing.turned(end, TO - 1), end); // it stands as drawn already
+  assert.equal(standing.turned(end, TO - 1), end); // it is already upright
 });
 
-// Rows of so many frames, each of which names itself.
+// Rows of frames, each with its own number.
 const batch = (rows, name, bytes = 100) => ({ rows, bytes, row: (k) => `${name} ${k}` });
 
 function filled(total, { joints = 3000, windowed = false } = {}) {

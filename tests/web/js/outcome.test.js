@@ -78,7 +78,7 @@ test("a plan that is being smoothed is never called exploding", () => {
 });
 
 test("permission to notify is asked on a click only, and a hidden tab notifies once", async (t) => {
-  const { document: page, window: browser } = globalThis; // other files of this process use them
+  const { document: page, window: browser } = globalThis; // other test files of this process use them
   t.after(() => Object.assign(globalThis, { document: page, window: browser, Notification: undefined }));
   const parts = {};
   let asked = 0;
@@ -94,7 +94,7 @@ test("permission to notify is asked on a click only, and a hidden tab notifies o
   const end = awaitOutcome(() => {});
   const over = { ...facts("good"), id: "abc" };
   end(over);
-  assert.deepEqual([asked, sent], [0, []]); // nobody asked for one
+  assert.deepEqual([asked, sent], [0, []]); // no request, no notification
   await parts.notify.onclick();
   assert.deepEqual([asked, sent], [1, []]);
   end(over);

@@ -19,7 +19,7 @@ test("strokes are undone and redone", () => {
   const painting = new Painting();
   stroke(painting, [[0, 0, 0], [1, 0, 0]]);
   stroke(painting, [[1, 0, 0]], false);
-  assert.equal(stroke(painting, [[0, 0, 0]]), false); // changes nothing, and is no stroke
+  assert.equal(stroke(painting, [[0, 0, 0]]), false); // no change, so no stroke
   assert.deepEqual(cells(painting), [[0, 0, 0]]);
   assert.ok(painting.undo());
   assert.deepEqual(cells(painting), [[0, 0, 0], [1, 0, 0]]);
@@ -36,7 +36,7 @@ test("undo also restores the grid and the path, and a cancelled step leaves no t
   painting.draw([[0, 0, 0], [0, 1, 0], [0, 2, 0]].map((cell) => key(cell)));
   painting.end();
   const { path } = painting;
-  stroke(painting, [[0, 1, 0]], false); // what is emptied is no part of the path
+  stroke(painting, [[0, 1, 0]], false); // emptied cells are not part of the path
   assert.deepEqual(painting.path, [0, 2]);
   painting.begin();
   painting.become({ size: 32, cells: new Uint8Array(32 ** 3), path: [] });
@@ -114,7 +114,7 @@ test("a full cube shows three whole sides; of other cells, the nearest ones are 
   assert.equal(visible([key([2, 2, 2], size)], size).size, 3);
   for (let run = 0; run < 20; run++) {
     const keys = full.filter(() => random(4) === 0);
-    const sums = new Map(); // lines of sight: the nearest cell of each hides all others on it
+    const sums = new Map(); // lines of sight: the nearest cell hides all others
     for (const k of keys) {
       const [x, y, z] = cellOf(k, size);
       const way = `${x - z} ${y - z}`;
@@ -127,7 +127,7 @@ test("a full cube shows three whole sides; of other cells, the nearest ones are 
   }
 });
 
-// The draft besides the cells.
+// Draft without the cells.
 /** @param {string | null} text that the browser stores */
 function storing(text = null) {
   globalThis.localStorage = { getItem: () => text, setItem: (_, value) => { text = value; } };

@@ -20,7 +20,7 @@ beforeEach(() => {
   globalThis.requestAnimationFrame = (then) => due.push(then);
 });
 
-// Lets so many pictures be drawn.
+// Draw a number of pictures.
 function draw(pictures) {
   for (let k = 0; k < pictures; k++) {
     now += PICTURE_MS;
@@ -31,26 +31,26 @@ function draw(pictures) {
 async function shown(options = {}, given = vectors.timeline) {
   const { timeline } = await recorded(given);
   const player = new Player(timeline, options);
-  const heard = {};
-  for (const name of ["state", "module", "outline", "drawn"]) player.on(name, (detail) => { heard[name] = detail; });
-  assert.equal(player.send({ do: "play" }), false); // there is nothing yet
+  const events = {};
+  for (const name of ["state", "module", "outline", "drawn"]) player.on(name, (detail) => { events[name] = detail; });
+  assert.equal(player.send({ do: "play" }), false); // no frames yet
   await turnOfEvents();
   draw(1);
-  return { timeline, player, heard };
+  return { timeline, player, events };
 }
 
 test("a requested frame is shown and reported", async () => {
-  const { player, heard, timeline } = await shown();
-  assert.deepEqual([heard.outline.frames, heard.outline.modules, heard.outline.joints], [timeline.total, 16, 14]);
+  const { player, events, timeline } = await shown();
+  assert.deepEqual([events.outline.frames, events.outline.modules, events.outline.joints], [timeline.total, 16, 14]);
   for (const { frame, time_s: time } of vectors.timeline.frames) {
     assert.ok(player.send({ do: "seek", frame }));
     draw(1);
-    assert.equal(heard.drawn, frame);
-    assert.deepEqual([heard.state.frame, heard.state.frames, heard.state.time_s], [frame, timeline.total, time]);
+    assert.equal(events.drawn, frame);
+    assert.deepEqual([events.state.frame, events.state.frames, events.state.time_s], [frame, timeline.total, time]);
   }
-  assert.equal(heard.state.phase, "playback");
+  assert.equal(events.state.phase, "playback");
   assert.ok(player.send({ do: "seek", percent: 0 }));
-  assert.deepEqual([heard.state.frame, heard.state.phase, heard.state.error_rad], [0, "explosion", null]);
+  assert.deepEqual([events.state.frame, events.state.phase, events.state.error_rad], [0, "explosion", null]);
   assert.equal(player.send({ do: "dance" }), false);
 });
 
@@ -78,7 +78,7 @@ test("playing pauses between two pictures, but turning the view does not wait", 
 });
 
 test("requests made while a timeline is fetched again are carried out when it is there", async () => {
-  const { player, heard, timeline } = await shown();
+  const { player, events, timeline } = await shown();
   timeline.status = "growing";
   timeline.over = false;
   const again = [timeline.chain, timeline.store];
@@ -91,16 +91,16 @@ test("requests made while a timeline is fetched again are carried out when it is
   player.send({ do: "seek", frame: 3 });
   draw(1);
   anew();
-  assert.deepEqual([heard.state.frame, heard.state.live], [3, false]); // where the visitor went
+  assert.deepEqual([events.state.frame, events.state.live], [3, false]); // the visitor's frame
   timeline.chain = null;
   timeline.tell("waiting");
   assert.ok(player.send({ do: "seek", percent: 100 }));
   anew();
-  assert.deepEqual([heard.state.frame, heard.state.live], [timeline.last, false]);
+  assert.deepEqual([events.state.frame, events.state.live], [timeline.last, false]);
   player.send({ do: "seek", frame: 3 });
   player.send({ do: "set", live: true });
   anew();
-  assert.ok(heard.state.live);
+  assert.ok(events.state.live);
 });
 
 test("a batch with fewer frames than announced is used as far as it goes", () => {
@@ -128,13 +128,13 @@ test("with reduced motion the camera jumps to a requested frame, and moves smoot
 
 for (const kind of ["timeline", "peeled"]) {
   test(`modules are as red as Python says: ${kind}`, async () => {
-    const { player, heard } = await shown({}, vectors[kind]);
+    const { player, events } = await shown({}, vectors[kind]);
     for (const { frame, colours, errors } of vectors[kind].frames) {
       player.send({ do: "seek", frame });
       close(player.colours(), colours, { atol: 2 }); // errors travel with a precision of 1 in 256
       const known = errors.filter((error) => error !== null);
-      assert.equal(heard.state.error_rad === null, !known.length);
-      if (known.length) close([heard.state.error_rad], [Math.max(...known)], { rtol: 1 / 256 });
+      assert.equal(events.state.error_rad === null, !known.length);
+      if (known.length) close([events.state.error_rad], [Math.max(...known)], { rtol: 1 / 256 });
     }
   });
 }
@@ -152,54 +152,54 @@ test("selected modules are blue, and marked ones stand out", async () => {
 });
 
 test("a selected module shows its cell and its joint", async () => {
-  const { player, heard, timeline } = await shown();
+  const { player, events, timeline } = await shown();
   player.send({ do: "seek", frame: AT_END.frame });
   player.send({ do: "select", module: 6 });
-  const { index, cell, joints } = heard.module;
+  const { index, cell, joints } = events.module;
   assert.deepEqual([index, cell.map((c) => c + 0)], [6, vectors.timeline.cells[6]]);
   const first = (6 - timeline.chain.rigid_links) * timeline.chain.hinges;
   assert.deepEqual(joints.map(({ name }) => name), vectors.timeline.joints.slice(first, first + timeline.chain.hinges));
   close(joints.map(({ angle_rad: angle }) => angle), AT_END.angles.slice(first, first + timeline.chain.hinges));
   close([Math.max(...joints.map(({ error_rad: error }) => error))], [AT_END.errors[6]], { rtol: 1 / 256 });
   player.send({ do: "select", module: 99 });
-  assert.equal(heard.module.index, 6);
+  assert.equal(events.module.index, 6);
   player.send({ do: "select", module: null });
-  assert.equal(heard.module.index, null);
+  assert.equal(events.module.index, null);
 });
 
 test("joints of a peeled chain show their error where they were simulated", async () => {
-  const { player, heard } = await shown({}, vectors.peeled);
+  const { player, events } = await shown({}, vectors.peeled);
   const [explosion, middle] = vectors.peeled.frames;
   const module = middle.errors.indexOf(Math.max(...middle.errors));
   player.send({ do: "select", module });
   player.send({ do: "seek", frame: middle.frame });
-  close([Math.max(...heard.module.joints.map(({ error_rad: error }) => error))], [middle.errors[module]], { rtol: 1 / 256 });
+  close([Math.max(...events.module.joints.map(({ error_rad: error }) => error))], [middle.errors[module]], { rtol: 1 / 256 });
   player.send({ do: "seek", frame: explosion.frame });
-  assert.ok(heard.module.joints.every(({ error_rad: error }) => error === null));
+  assert.ok(events.module.joints.every(({ error_rad: error }) => error === null));
 });
 
 test("each module but the first and the last shows the hinges of its joint", () => {
   const chain = { modules: 5, rigid_links: 1, hinges: 2, hinge_names: ["z", "y"] };
   const timeline = { chain, joints: 6, bundle: { arrays: { folded_positions: new Float32Array(15) } }, foldedRad: [10, 11, 12, 13, 14, 15] };
   const snapshot = { angle: (j) => j, errors: new Float32Array(6) };
-  const told = [0, 1, 3, 4].map((selected) => {
+  const hinges = [0, 1, 3, 4].map((selected) => {
     const state = Object.assign(new PlayerState(timeline, true), { shown: snapshot, selected });
     return state.module.joints.map(({ name, angle_rad: angle, target_rad: target }) => [name, angle, target]);
   });
-  assert.deepEqual(told, [[], [["joint_1_z", 0, 10], ["joint_1_y", 1, 11]], [["joint_3_z", 4, 14], ["joint_3_y", 5, 15]], []]);
+  assert.deepEqual(hinges, [[], [["joint_1_z", 0, 10], ["joint_1_y", 1, 11]], [["joint_3_z", 4, 14], ["joint_3_y", 5, 15]], []]);
 });
 
 test("a click on a module selects it, and another one deselects it", async () => {
-  const { player, heard } = await shown();
+  const { player, events } = await shown();
   const at = Array.from(player.shown.positions.subarray(9, 12));
   player.pick([at[0], at[1], at[2] + 5], [0, 0, -1]);
-  assert.equal(heard.module.index, 3);
+  assert.equal(events.module.index, 3);
   player.pick([at[0], at[1], at[2] + 5], [0, 0, -1]);
-  assert.equal(heard.module.index, null);
+  assert.equal(events.module.index, null);
 });
 
 test("the motion plays to the end with the whole chain in view", async () => {
-  const { player, heard, timeline } = await shown({ aspect: () => 0.7 });
+  const { player, events, timeline } = await shown({ aspect: () => 0.7 });
   player.send({ do: "play" });
   for (let k = 0; k < 900 && player.is.playing; k++) {
     draw(1);
@@ -208,11 +208,11 @@ test("the motion plays to the end with the whole chain in view", async () => {
     const { view } = player.rig.follower;
     assert.ok(view.distance >= (1 - 1e-9) * distanceNeeded(player.rig.points(player.shown), view, player.rig.seeing()));
   }
-  assert.deepEqual([player.is.playing, player.playhead.frame, heard.state.playing], [false, timeline.last, false]);
+  assert.deepEqual([player.is.playing, player.playhead.frame, events.state.playing], [false, timeline.last, false]);
   draw(200);
-  assert.equal(due.length, 0); // at rest nothing is drawn any more
+  assert.equal(due.length, 0); // nothing is drawn at rest
   player.send({ do: "play" });
-  assert.equal(player.playhead.frame, 0); // from the end it begins again
+  assert.equal(player.playhead.frame, 0); // from the end it restarts
 });
 
 test("the camera goes to modules that are to be looked at, and back", async () => {
@@ -245,7 +245,7 @@ test("the search for the next change continues in frames that arrive later, unle
   const half = Math.floor(found / 2);
   assert.ok(half > 0);
   assert.equal(change(half), half);
-  player.send({ do: "change", way: 1 }); // pressed again, it looks for the same
+  player.send({ do: "change", way: 1 }); // pressed again, it continues the same search
   assert.equal(player.playhead.frame, half);
   timeline.row = there;
   timeline.tell("loaded");
@@ -275,7 +275,7 @@ test("a playhead stops at the end, loops, or plays backwards", () => {
   playhead.do({ do: "play" });
   playhead.advance(1, 3);
   playhead.advance(1, 3.1);
-  assert.deepEqual([playhead.frame, playhead.is.playing], [239, true]); // it holds there
+  assert.deepEqual([playhead.frame, playhead.is.playing], [239, true]); // it pauses at the end
   playhead.advance(0.01, 5);
   assert.equal(playhead.frame, 0);
   playhead.do({ do: "set", reverse: true, loop: false, speed: 1 });
@@ -330,28 +330,28 @@ test("two folds play their phases in step", async () => {
   const { outline } = two.timeline;
   outline.phases = [{ name: "explosion", from: begin / 2, to: begin }, outline.phases[1]];
   const pair = new Pair([one, two]);
-  let told = null;
-  pair.on("state", (state) => { told = state; });
+  let latest = null;
+  pair.on("state", (state) => { latest = state; });
   assert.equal(pair.send({ do: "play" }), false);
   pair.begin();
   assert.equal(pair.last, timeline.last);
   for (const [frame, other] of [[0, begin / 2], [begin - 1, begin - 1], [begin, begin], [timeline.last, timeline.last]]) {
     assert.ok(pair.send({ do: "seek", frame }));
     assert.deepEqual([one.playhead.frame, two.playhead.frame], [frame, other]);
-    assert.equal(told.phase, frame < begin ? "explosion" : "playback");
+    assert.equal(latest.phase, frame < begin ? "explosion" : "playback");
   }
-  close([told.error_rad], [Math.max(...AT_END.errors)], { rtol: 1 / 256 });
+  close([latest.error_rad], [Math.max(...AT_END.errors)], { rtol: 1 / 256 });
   pair.send({ do: "select", module: 4 });
   assert.deepEqual([one.selected, two.selected], [4, 4]);
 });
 
 test("in real time a playhead follows the robot's clock", async () => {
-  const { player, timeline, heard } = await shown();
+  const { player, timeline, events } = await shown();
   const { from } = timeline.outline.phases[1];
   player.send({ do: "seek", frame: from });
-  assert.ok(heard.state.pace > 0 && heard.state.pace !== 1);
+  assert.ok(events.state.pace > 0 && events.state.pace !== 1);
   player.send({ do: "set", real: true });
-  assert.equal(heard.state.pace, 1);
+  assert.equal(events.state.pace, 1);
   player.send({ do: "play" });
   draw(1);
   const before = player.shown.time_s;

@@ -7,7 +7,7 @@ import { close, recorded, vectors } from "./vectors.js";
 
 function head(last = 239, growing = false) {
   const playhead = new Playhead({ last, growing });
-  const set = (told) => { playhead.do({ do: "set", ...told }); return [playhead.is.from, playhead.is.to, playhead.is.loop]; };
+  const set = (options) => { playhead.do({ do: "set", ...options }); return [playhead.is.from, playhead.is.to, playhead.is.loop]; };
   return { playhead, set };
 }
 
@@ -17,10 +17,10 @@ test("the ends of a loop stay in the timeline and cannot cross", () => {
   assert.deepEqual(set({ to: 60 }), [20, 60, true]);
   assert.deepEqual(set({ from: 80 }), [80, null, true]);
   assert.deepEqual(set({ to: 40 }), [null, 40, true]);
-  assert.deepEqual(set({ to: 239 }), [null, null, true]); // it goes on looping, over everything
+  assert.deepEqual(set({ to: 239 }), [null, null, true]); // it continues to loop, over all frames
   assert.deepEqual(head().set({ from: 0, to: 99_999_999 }), [null, null, false]);
   assert.deepEqual(head().set({ from: 99_999_999, to: 5 }), [null, 5, true]);
-  assert.deepEqual(head(10, true).set({ from: 50, to: 80 }), [50, 80, true]); // they may come yet
+  assert.deepEqual(head(10, true).set({ from: 50, to: 80 }), [50, 80, true]); // these frames may still arrive
 });
 
 test("a loop starts inside its part and continues at its beginning", () => {
@@ -29,10 +29,10 @@ test("a loop starts inside its part and continues at its beginning", () => {
   playhead.do({ do: "play" });
   assert.equal(playhead.frame, 100);
   playhead.advance(0.5, 1);
-  assert.equal(playhead.frame, 106); // 12 frames a second
+  assert.equal(playhead.frame, 106); // 12 frames per second
   playhead.advance(2, 2);
   assert.deepEqual([playhead.frame, playhead.is.playing], [112, true]);
-  playhead.advance(0.5, 5); // it has held there
+  playhead.advance(0.5, 5); // it has paused there
   assert.equal(playhead.frame, 100);
   playhead.do({ do: "seek", frame: 200 });
   playhead.do({ do: "play" });
@@ -41,7 +41,7 @@ test("a loop starts inside its part and continues at its beginning", () => {
   playhead.do({ do: "seek", frame: 200 });
   playhead.do({ do: "play" });
   assert.equal(playhead.frame, 112);
-  set({ loop: false, reverse: false }); // without it all is played, and the ends are kept
+  set({ loop: false, reverse: false }); // without a loop all is played, and the ends are kept
   playhead.do({ do: "seek", frame: 238 });
   playhead.do({ do: "play" });
   playhead.advance(1, 9);
@@ -57,7 +57,7 @@ test("there is no loop over frames that are not there yet", () => {
   assert.deepEqual(playhead.range, [50, 60]);
 });
 
-// Frames at these times, of one hinge; a time of null is a frame that is not here yet.
+// Frames of one hinge at these times; a time of null is a frame that has not arrived.
 function timeline(times, angles = times.map(() => 0), phases = times.map(() => 0)) {
   const row = (k) => (times[k] === null || times[k] === undefined ? null : { time_s: times[k], phase: phases[k], first: 0, last: 1, angles: [angles[k]] });
   return { last: times.length - 1, row, joints: 1 };
@@ -90,9 +90,9 @@ test("a search for a change continues at a frame that was missing", () => {
   const stopped = nextChange(partly, 0, 1);
   assert.equal(stopped.frame, 2);
   assert.deepEqual(nextChange(partly, 2, 1, stopped.from), stopped);
-  const there = timeline([0, 1, 2, 3, 4], angles);
-  assert.deepEqual(nextChange(there, 2, 1, stopped.from), { frame: 3, from: null });
-  assert.deepEqual(nextChange(there, 3, 1), { frame: 4, from: null });
+  const complete = timeline([0, 1, 2, 3, 4], angles);
+  assert.deepEqual(nextChange(complete, 2, 1, stopped.from), { frame: 3, from: null });
+  assert.deepEqual(nextChange(complete, 3, 1), { frame: 4, from: null });
 });
 
 test("the search for a change also looks at hinges outside of windows", async () => {

@@ -1,9 +1,9 @@
-// What the frame of the 3D view says is looked at before it is believed.
+// Messages of the 3D view's frame are validated.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Scene } from "../../../web/static/js/viewer/scene.js";
 
-// As a browser's, for what is pressed in the frame.
+// Keyboard event of the frame, like a browser's.
 globalThis.KeyboardEvent ??= class extends Event {
   constructor(type, { key, shiftKey, ...options }) {
     super(type, options);
@@ -11,7 +11,7 @@ globalThis.KeyboardEvent ??= class extends Event {
   }
 };
 
-// The page around it: what it hears, and the theme that was chosen.
+// Page around the frame: its messages, and the chosen theme.
 const page = new EventTarget();
 globalThis.addEventListener = page.addEventListener.bind(page);
 globalThis.document = { documentElement: { dataset: {} } };
@@ -19,18 +19,18 @@ globalThis.document = { documentElement: { dataset: {} } };
 const POINTER = { kind: "pointermove", id: 1, x: 20, y: 30, by: 0, button: -1 };
 
 function listening() {
-  const heard = [];
+  const received = [];
   const keys = [];
   const frame = new EventTarget();
   frame.addEventListener("keydown", ({ key, shiftKey }) => keys.push([key, shiftKey]));
-  const scene = new Scene(frame, { touch: () => heard.push("touch"), pointer: (pointer) => heard.push(pointer) }, { keys: ["End"] });
+  const scene = new Scene(frame, { touch: () => received.push("touch"), pointer: (pointer) => received.push(pointer) }, { keys: ["End"] });
   scene.bundle = {};
-  scene.tap = (x, y) => heard.push({ x, y });
-  return { scene, heard, keys };
+  scene.tap = (x, y) => received.push({ x, y });
+  return { scene, received, keys };
 }
 
 test("invalid messages from the view are ignored", () => {
-  const { scene, heard, keys } = listening();
+  const { scene, received, keys } = listening();
   const bad = [[NaN, 0, 0], [0, 0, Infinity], [1e300, 0, 0], [0, 0], [0, 0, 0, 0], "abc", null, ["1", "2", "3"], { length: 3 }, [[], [], []], new Float32Array(3)];
   for (const vector of bad) {
     scene.hear({ is: "pointer", pointer: { ...POINTER, x: vector } });
@@ -38,35 +38,35 @@ test("invalid messages from the view are ignored", () => {
     scene.hear({ is: "camera", position: vector, target: [0, 0, 0] });
     scene.hear({ is: "camera", position: [0, 0, 1], target: vector });
   }
-  for (const told of [
+  for (const invalid of [
     { is: "tap", x: 1.1, y: 0 }, { is: "tap", x: 0, y: NaN }, { is: "tap", x: "0", y: [] }, null, 1, "open", [], {}, { is: "constructor" }, { is: "done", id: "x" }, { is: "key", key: "F5" }, { is: "key", key: ["End"] },
-  ]) scene.hear(told);
-  assert.deepEqual([heard, keys], [[], []]);
+  ]) scene.hear(invalid);
+  assert.deepEqual([received, keys], [[], []]);
 });
 
 test("valid messages from the view are accepted", () => {
-  const { scene, heard, keys } = listening();
+  const { scene, received, keys } = listening();
   scene.hear({ is: "pointer", pointer: POINTER });
   scene.hear({ is: "camera", position: [1, 2, 3], target: [0, 0, 0] });
   scene.hear({ is: "tap", x: 0.25, y: 1 });
   scene.hear({ is: "touch" });
   scene.hear({ is: "key", key: "End", shift: "yes" });
-  assert.deepEqual(heard, [POINTER, { x: 0.25, y: 1 }, "touch"]);
+  assert.deepEqual(received, [POINTER, { x: 0.25, y: 1 }, "touch"]);
   assert.deepEqual(scene.camera, { position: [1, 2, 3], target: [0, 0, 0] });
   assert.deepEqual(keys, [["End", false]]);
 });
 
 test("the view has the page's light or dark theme from the start", () => {
   const { scene } = listening();
-  const said = [];
-  scene.frame.contentWindow = { postMessage: ({ scheme }) => said.push(scheme) };
+  const posted = [];
+  scene.frame.contentWindow = { postMessage: ({ scheme }) => posted.push(scheme) };
   document.documentElement.dataset.theme = "dark";
   scene.connect();
-  scene.port.postMessage = ({ do: what, scheme }) => said.push(what, scheme);
+  scene.port.postMessage = ({ do: what, scheme }) => posted.push(what, scheme);
   delete document.documentElement.dataset.theme;
   page.dispatchEvent(new Event("themechange"));
   scene.port.close();
-  assert.deepEqual(said, ["dark", "dress", "light dark"]);
+  assert.deepEqual(posted, ["dark", "dress", "light dark"]);
 });
 
 test("a tap sends a ray from the shown camera through that point of the picture", () => {
@@ -74,7 +74,7 @@ test("a tap sends a ray from the shown camera through that point of the picture"
   const rays = [];
   scene.pick = (...ray) => rays.push(ray);
   scene.bundle = { header: { camera: { field_of_view_rad: Math.PI / 2 } } };
-  scene.tap(0.5, 0.5); // no camera is known yet
+  scene.tap(0.5, 0.5); // the camera is still unknown
   scene.hear({ is: "camera", position: [5, 0, 0], target: [0, 0, 0] });
   scene.tap(0.5, 0.5);
   scene.tap(1, 0); // seen from +x, +y is on the right and twice as far away as +z is up

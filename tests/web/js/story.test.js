@@ -7,7 +7,7 @@ import { Story } from "../../../web/static/js/player/story.js";
 const TICK_S = 1 / 30;
 const EXPLOSION = 500;
 
-// A fold of so many frames in each phase, and what its page shows while seconds pass.
+// Fold with a number of frames in each phase, and the frames that its page shows over time.
 function told({ explosion = EXPLOSION, playback = 0, growing = true, over = false, calm = false } = {}) {
   const timeline = { growing, over, windowed: false, outline: { phases: [] }, last: 0 };
   const playhead = new Playhead(timeline);

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-// What a browser has.
+// Stand-in for a browser.
 globalThis.matchMedia = () => ({ matches: false, addEventListener() {} });
 globalThis.document = { documentElement: { dataset: {} } };
 const { Stage, discs } = await import("../../../web/static/js/viewer/stage.js");

@@ -5,7 +5,7 @@ import { close, closeTurns, recorded, turnOfEvents, unpack, vectors } from "./ve
 
 const TOTAL = 400;
 
-// A source of `TOTAL` frames, one a second; after so many requests each it is another timeline.
+// Source of `TOTAL` frames, one per second; after each number of requests the timeline is replaced.
 function begunAnew(swaps, status) {
   const chain = { modules: 2, root: 0, rigid_links: 0, hinges: 1, axes: [[0, 0, 1]], anchor: [0.5, 0, 0], offset: [0.5, 0, 0], turn: [1, 0, 0, 0] };
   const arrays = { folded_rad: new Float32Array(1), folded_positions: new Float32Array(6) };
@@ -29,7 +29,7 @@ function begunAnew(swaps, status) {
   };
 }
 
-// Lets so many milliseconds pass, on a clock that goes on only when it is told to.
+// Advance the test's clock by some milliseconds.
 async function pass(timers, ms) {
   for (let k = 0; k < ms; k += 20) {
     timers.tick(20);
@@ -47,7 +47,7 @@ for (const swaps of [[], [2], [4], [4, 9]]) {
     await pass(timers, 300);
     timeline.stop();
     assert.deepEqual([timeline.id, timeline.complete, timeline.total], [`timeline ${swaps.length}`, true, TOTAL]);
-    assert.ok(source.asked < 60, `${source.asked} requests`); // it waits between looking and looking again
+    assert.ok(source.asked < 60, `${source.asked} requests`); // it waits between polls
   });
 }
 
@@ -76,7 +76,7 @@ for (const kind of ["timeline", "peeled"]) {
     const given = vectors[kind];
     const { timeline } = await recorded(given);
     assert.equal(timeline.windowed, kind === "peeled");
-    timeline.standing.clear(); // which turns what is shown
+    timeline.standing.clear(); // otherwise it rotates the poses
     assert.equal(timeline.last, given.frames.at(-1).frame);
     for (const { frame, time_s: time, angles, poses, errors } of given.frames) {
       const shown = timeline.snapshot(frame);
@@ -136,7 +136,7 @@ test("a refused request is repeated when the service says so", async ({ mock }) 
   await pass(timers, 400);
   assert.equal(asked, 2);
   timeline.stop();
-  assert.ok(timeline.chain && timeline.growing); // what is here stays
+  assert.ok(timeline.chain && timeline.growing); // existing data stay
 });
 
 test("the timeline of a running fold asks often for its first frames", async ({ mock: { timers } }) => {
@@ -174,5 +174,5 @@ test("the bundle is fetched once, before the first frame", async ({ mock: { time
   await pass(timers, 100);
   timeline.stop();
   assert.ok(timeline.chain);
-  assert.deepEqual([before, bundles], [2, 2]); // with the first look, and once it was there without frames
+  assert.deepEqual([before, bundles], [2, 2]); // at the first poll, and when it existed without frames
 });

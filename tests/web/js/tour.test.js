@@ -5,31 +5,31 @@ import { idleSeconds } from "../../../web/static/js/tour/kiosk.js";
 import { MAX_CAPTION, MAX_STOPS, TourState, frameBetween, movingSeconds, readingSeconds } from "../../../web/static/js/tour/state.js";
 
 const tour = (...captions) => ({ format: "foldback-tour/1", title: "Wrench", stops: captions.map((caption, k) => ({ caption, frame: k + 1 })) });
-const said = ({ stops }) => stops.map(({ caption }) => caption).join("");
+const captions = ({ stops }) => stops.map(({ caption }) => caption).join("");
 
-test("tour_is_edited_and_every_step_is_undone", () => {
+test("a tour is edited, and every step can be undone", () => {
   const state = new TourState(tour("a", "b", "c"));
   assert.equal(state.changed, false);
   assert.equal(state.go(9), true);
   assert.equal(state.at, 2);
   assert.equal(state.go(2), false);
   assert.equal(state.add({ caption: "d", frame: 9 }), true);
-  assert.deepEqual([said(state), state.at], ["abcd", 3]);
+  assert.deepEqual([captions(state), state.at], ["abcd", 3]);
   assert.equal(state.move(3, -2), true);
-  assert.deepEqual([said(state), state.at], ["adbc", 1]);
+  assert.deepEqual([captions(state), state.at], ["adbc", 1]);
   assert.equal(state.move(0, -1) || state.move(3, 1), false);
   assert.equal(state.edit(0, "  new \n words "), true);
   assert.equal(state.stops[0].caption, "new words");
   assert.equal(state.remove(3), true);
-  assert.deepEqual([said(state), state.at], ["new wordsdb", 2]);
+  assert.deepEqual([captions(state), state.at], ["new wordsdb", 2]);
   assert.equal(state.changed, true);
   const steps = [];
-  while (state.undo()) steps.push(said(state));
+  while (state.undo()) steps.push(captions(state));
   assert.deepEqual(steps, ["new wordsdbc", "adbc", "abcd", "abc"]);
   assert.equal(state.changed, false);
 });
 
-test("tour_stays_one_that_the_service_takes", () => {
+test("an edited tour stays valid for the service", () => {
   const state = new TourState(tour("a"));
   assert.equal(state.remove(0), false);
   assert.equal(state.edit(0, " \n ") || state.edit(0, "a"), false);
@@ -40,24 +40,24 @@ test("tour_stays_one_that_the_service_takes", () => {
   state.keep();
   assert.equal(state.changed, false);
   state.replace(tour("draft"));
-  assert.deepEqual([said(state), state.at, state.changed], ["draft", 0, true]);
+  assert.deepEqual([captions(state), state.at, state.changed], ["draft", 0, true]);
 });
 
-test("motion_between_stops_is_slow_at_both_ends_and_captions_can_be_read", () => {
+test("motion between stops is slow at both ends, and captions can be read", () => {
   assert.deepEqual([-1, 0, 0.5, 1, 2].map((share) => frameBetween(10, 30, share)), [10, 10, 20, 30, 30]);
   assert.ok(frameBetween(10, 30, 0.1) < 12 && frameBetween(10, 30, 0.9) > 28);
   assert.ok(movingSeconds(2) >= 1 && movingSeconds(-1e6) === movingSeconds(1e6));
   assert.ok(readingSeconds("x".repeat(160)) > 8);
 });
 
-test("address_names_a_stop_of_the_tour", () => {
+test("the address names a stop of the tour", () => {
   assert.equal(viewIn("#stop=3").stop, 2);
   assert.equal(viewIn("#tour=1").stop, 0);
   assert.equal(viewIn("#frame=3").stop, null);
   assert.equal(hashOf({ ...viewIn("#frame=7&stop=3") }), "#frame=7&stop=3");
 });
 
-test("kiosk_takes_seconds_within_its_range_and_sixty_for_all_else", () => {
+test("the kiosk accepts seconds in its range, and uses sixty otherwise", () => {
   assert.equal(idleSeconds("?theme=dark"), null);
   assert.deepEqual(["10", "3600", "9", "3601", "-30", "1e3", "99999", ""].map((asked) => idleSeconds(`?kiosk=${asked}`)), [10, 3600, 60, 60, 60, 60, 60, 60]);
 });

@@ -1,4 +1,4 @@
-// What Python computed for these tests, and how it is compared; tests/web/test_javascript.py writes it.
+// Python's results for these tests, written by tests/web/test_javascript.py, and their comparison.
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { decode } from "../../../web/static/js/lib/columns.js";
@@ -8,7 +8,7 @@ const path = process.env.FOLDBACK_VECTORS;
 if (!path) throw new Error("FOLDBACK_VECTORS names no file: run these by `pytest tests/web/test_javascript.py`");
 export const vectors = JSON.parse(readFileSync(path, "utf8"));
 
-// A message of web/timeline/columns.py from its base64 text.
+// Decode a message of web/timeline/columns.py from base64.
 export const unpack = (text) => decode(new Uint8Array(Buffer.from(text, "base64")).buffer);
 
 export function close(found, expected, { atol = 1e-6, rtol = 0 } = {}) {
@@ -19,7 +19,7 @@ export function close(found, expected, { atol = 1e-6, rtol = 0 } = {}) {
   }
 }
 
-// Unit quaternions (4n) are the same turns.
+// Compare unit quaternions (4n) as rotations.
 export function closeTurns(found, expected, atol = 1e-6) {
   assert.equal(found.length, expected.length);
   for (let k = 0; k < found.length; k += 4) {
@@ -28,17 +28,17 @@ export function closeTurns(found, expected, atol = 1e-6) {
   }
 }
 
-// Whole numbers from 0 to below a bound, the same in every run.
+// Reproducible random integers from 0 to below a bound.
 let state = 1;
 export function random(bound) {
   state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
   return Math.floor((state / 2 ** 32) * bound);
 }
 
-// Lets all that was promised happen.
+// Run all pending promises.
 export const turnOfEvents = () => new Promise((done) => { setImmediate(done); });
 
-// A timeline of these vectors, once all of it is there; `asked` counts what it asked for.
+// Complete timeline of these vectors; `asked` counts its requests.
 export async function recorded(given = vectors.timeline) {
   const source = {
     asked: 0,

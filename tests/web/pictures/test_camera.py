@@ -1,4 +1,4 @@
-"""Cameras: of one picture, and along a movie."""
+"""Cameras of single pictures, and along a movie."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from web.pictures.camera_path import CameraPath, camera_path
 RADIUS = 0.87
 
 
-def seen(points: np.ndarray, view: View, aspect: float) -> np.ndarray:
-    """(n, 2) places in the picture, from −1 to 1 when inside."""
+def project(points: np.ndarray, view: View, aspect: float) -> np.ndarray:
+    """Return (n, 2) positions in the picture, from −1 to 1 inside it."""
     out = (view.position - view.target) / view.distance
     right = np.cross([0.0, 0.0, 1.0], out)
     right /= np.linalg.norm(right)
@@ -37,22 +37,22 @@ points = st.lists(
 @given(points, st.sampled_from([0.46, 1.0, 1.6, 2.2]))
 def test_framing_shows_every_module(cells: np.ndarray, aspect: float) -> None:
     view = framing(cells, radius=RADIUS, aspect=aspect)
-    assert np.abs(seen(cells, view, aspect)).max() <= 1.0
+    assert np.abs(project(cells, view, aspect)).max() <= 1.0
 
 
-def test_a_long_chain_fills_the_width_whichever_way_it_lies() -> None:
+def test_long_chain_fills_the_width_in_any_direction() -> None:
     for turn in np.linspace(0, np.pi, 7):
         line = np.arange(-80, 81)[:, None] * [np.cos(turn), np.sin(turn), 0.0]
-        spots = seen(line, framing(line, radius=RADIUS), 1.6)
+        spots = project(line, framing(line, radius=RADIUS), 1.6)
         assert np.ptp(spots[:, 0]) > 1.6
 
 
-def test_the_distance_needed_is_just_enough() -> None:
+def test_camera_distance_is_the_smallest_that_suffices() -> None:
     line = np.arange(-80, 81)[:, None] * [0.5, 0.8, 0.1]
     view = framing(line, radius=0.0, aspect=0.5)
     view = replace(view, target=view.target + [3.0, 1.0, 2.0])
     least = distance_needed(line, view, radius=0.0, aspect=0.5)
-    assert np.abs(seen(line, replace(view, distance=least), 0.5)).max() == pytest.approx(1.0)
+    assert np.abs(project(line, replace(view, distance=least), 0.5)).max() == pytest.approx(1.0)
 
 
 FPS = 30.0
@@ -60,7 +60,7 @@ ASPECT = 16 / 9
 
 
 def folding(count: int = 90) -> list[np.ndarray]:
-    """A chain along x that draws itself together into a short one."""
+    """Return frames of a chain along x that contracts into a short one."""
     line = np.linspace(-0.5, 0.5, 40)
     spans = np.interp(np.arange(count), [count / 3, 2 * count / 3], [40.0, 6.0])
     return [np.column_stack([line * span, 0 * line, np.sin(9 * line)]) for span in spans]
@@ -72,14 +72,14 @@ def path_of(pictures: list[np.ndarray], **options: Any) -> CameraPath:
     return camera_path(pictures, lows=lows, radius=RADIUS, aspect=ASPECT, fps=FPS, **given)
 
 
-def test_nothing_is_ever_cut_off() -> None:
+def test_no_module_is_cut_off() -> None:
     pictures = folding()
     for points, view in zip(pictures, path_of(pictures, turn_rad=1.0).views, strict=True):
         needed = distance_needed(points, view, radius=RADIUS, aspect=ASPECT)
         assert view.distance > 1.05 * needed
 
 
-def test_it_comes_nearer_and_moves_evenly() -> None:
+def test_camera_approaches_and_moves_evenly() -> None:
     views = path_of(folding()).views
     assert views[-1].distance < views[0].distance / 2
     steps = np.diff(np.log([view.distance for view in views]))
@@ -88,7 +88,7 @@ def test_it_comes_nearer_and_moves_evenly() -> None:
     assert abs(steps[0]) < 1e-3 and abs(steps[-1]) < 1e-3
 
 
-def test_it_ends_in_the_direction_asked_for_after_the_turn_asked_for() -> None:
+def test_camera_ends_in_the_requested_direction_after_the_requested_turn() -> None:
     views = path_of(folding(), azimuth_rad=0.3, turn_rad=-2.0).views
     assert views[-1].azimuth_rad == pytest.approx(0.3)
     assert views[0].azimuth_rad == pytest.approx(2.3)

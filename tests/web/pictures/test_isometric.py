@@ -37,7 +37,7 @@ def test_box_shows_only_the_faces_of_its_outside() -> None:
 
 def test_hidden_cell_is_left_out_and_half_a_face_is_drawn() -> None:
     assert faces(drawing([(0, 0, 0), (4, 4, 4)]), "gap") == 3
-    # The upper one hides half of the top of the lower one and a half of a side.
+    # The upper one hides half of the top of the lower one and half of a side.
     assert faces(drawing([(0, 0, 0), (1, 0, 1)]), "gap") == 6
 
 
@@ -84,7 +84,7 @@ def test_ring_of_tetrahedra_shows_outer_faces_within_the_view() -> None:
     root = ElementTree.fromstring(chain_svg(read_angle_string(RING), title="<b> & co"))
     assert root.findtext(f"{SVG}title") == "<b> & co"
     drawn = root.findall(f"{SVG}path")
-    # A seam and a face for each; of 24 outer faces of the closed ring about half are seen.
+    # A seam and a face for each; about half of the 24 outer faces of the closed ring are visible.
     assert len(drawn) % 2 == 0
     assert 16 <= len(drawn) <= 28
     assert all(p.get("fill", "").startswith("#") for p in drawn)

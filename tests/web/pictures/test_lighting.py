@@ -13,7 +13,7 @@ UPWARDS = np.array([0.0, 0.0, 1.0])
 
 
 def light_on_top(*others: tuple[float, float, float]) -> tuple[float, float]:
-    """What is left on the upper face of a cube at the origin, with a light straight above."""
+    """Return the light on the upper face of a cube at the origin, with a light straight above."""
     positions = np.array([(0.0, 0.0, 0.0), *others])
     middles = positions[:, None] + 0.465 * UPWARDS
     normals = np.tile(UPWARDS, (len(positions), 1, 1))
@@ -21,7 +21,7 @@ def light_on_top(*others: tuple[float, float, float]) -> tuple[float, float]:
     return float(sky[0, 0]), float(lit[0, 0])
 
 
-def test_light_comes_back_evenly_upwards_and_sideways() -> None:
+def test_light_is_reflected_evenly_upwards_and_sideways() -> None:
     assert light_on_top((0, 0, -1), (1, 0, -1)) == (1.0, 1.0)
     assert light_on_top((0, 0, 1)) == pytest.approx((0.0, 0.0), abs=0.05)
     heights = np.linspace(1.0, MAX_OCCLUDER_DISTANCE + 1.0, 200)

@@ -1,4 +1,4 @@
-"""Meshes of modules, of their drawn hull and of the table: closed and turned outwards."""
+"""Meshes of modules, of their drawn hull and of the table: closed and oriented outwards."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
 
 
 def assert_closed(vertices: np.ndarray, rings: np.ndarray | list[list[int]]) -> None:
-    """Every edge of the faces is passed once each way."""
+    """Check that the faces pass every edge once in each direction."""
     places = [tuple(np.round(vertex, 6) + 0.0) for vertex in vertices]
     edges = [
         (places[a], places[b])
@@ -80,7 +80,7 @@ def test_table_is_below_all_modules_and_larger_than_the_motion() -> None:
     table = TableTop.under(CHAIN, np.array([[[-3.0, 2.0, 0.0], [20.0, 4.0, 1.0]]]))
     assert (table.height, table.middle) == (pytest.approx(-0.5), (8.5, 3.0))
     assert table.sides == (23.0 + 1.0 + 2 * TABLE_MARGIN_PITCH, MIN_TABLE_SIDE_PITCH)
-    assert min(TableTop.under(CHAIN).sides) > 2 * len(CHAIN)  # of a motion that is unknown
+    assert min(TableTop.under(CHAIN).sides) > 2 * len(CHAIN)  # of an unknown motion
     mesh = TABLE.mesh()
     full = TABLE.thickness * TABLE.sides[0] * TABLE.sides[1]
     assert 0.85 * full < volume(mesh.vertices, mesh.faces) < full

@@ -18,7 +18,7 @@ def report(cells: list[list[int]], module: str = "cube") -> dict[str, Any]:
     return prepare(data, None, PathOptions(module=module)).report()
 
 
-def test_cells_are_drawn_from_where_the_3d_view_looks() -> None:
+def test_cells_are_drawn_in_the_direction_of_the_3d_view() -> None:
     # Two on the floor along x, one on the first: the 3D view looks from +x and -y.
     drawn = preview_svg({"module": "cube", "cells": [[0, 0, 0], [1, 0, 0], [0, 0, 1]]})
     assert drawn == isometric_svg([[0, 0, 0], [0, 1, 0], [0, 0, 1]], size=480)
@@ -36,14 +36,14 @@ def test_preview_svg_without_a_path_colours_odd_and_added_cells() -> None:
     assert drawn and "iso-odd-top" in drawn
 
 
-def test_tetrahedra_are_drawn_as_they_lie() -> None:
+def test_tetrahedra_are_drawn_in_their_poses() -> None:
     found = report(np.argwhere(np.ones((2, 2, 2))).tolist(), module="tetrahedron")
     drawn = preview_svg(found) or ""
     assert drawn.startswith("<svg")
     assert "iso-top" not in drawn
 
 
-def test_what_would_take_long_is_not_drawn() -> None:
+def test_preview_that_would_take_long_is_not_drawn() -> None:
     cells = np.argwhere(np.ones((1, 1, MAX_DRAWN_CUBES + 1))).tolist()
     assert preview_svg({"module": "cube", "cells": cells}) is None
     assert preview_svg({"module": "cube", "cells": []}) is None

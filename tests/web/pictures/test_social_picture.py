@@ -31,10 +31,10 @@ def pixels(chain: Chain = CHAIN, **options: object) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_shape_fills_the_picture_and_is_whole() -> None:
+def test_shape_fills_the_picture_and_is_complete() -> None:
     shape = Gallery().shape("tetra-wrench")
     picture = pixels(read(shape.data, filename=shape.filename))
-    # Neither lit ground nor its shadow, which is warm.
+    # Neither the lit ground nor its shadow, which has a warm colour.
     drawn = (picture.max(axis=-1) < 235) & (picture[..., 0] - picture[..., 2] < 12)
     rows, columns = np.nonzero(drawn)
     assert max(np.ptp(rows) / SOCIAL_PICTURE_PX[1], np.ptp(columns) / SOCIAL_PICTURE_PX[0]) > 0.6

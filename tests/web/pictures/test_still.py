@@ -1,4 +1,4 @@
-"""Stills: modules wherever they are, on nothing."""
+"""Stills: modules at any position, without a background."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def test_colours_are_those_of_the_modules_and_a_part_is_seen_larger() -> None:
         assert 20 < few < many / 2
 
 
-def test_what_is_flat_is_not_seen_by_its_edge() -> None:
-    """A wall that the usual view looks along."""
+def test_flat_shape_is_not_shown_edge_on() -> None:
+    """The camera looks along a flat wall by default."""
     grey = np.tile(np.array(NO_ERROR_RGB, np.uint8), (36, 1))
     away = np.array([np.cos(AZIMUTH_RAD), np.sin(AZIMUTH_RAD), 0.0])
     out = np.cos(ELEVATION_RAD) * away + [0.0, 0.0, np.sin(ELEVATION_RAD)]
@@ -66,15 +66,15 @@ def test_what_is_flat_is_not_seen_by_its_edge() -> None:
 BOX = np.stack(np.meshgrid(*[np.arange(20.0)] * 3), axis=-1).reshape(-1, 3)
 
 
-def test_of_a_large_box_the_surface_is_drawn() -> None:
+def test_only_the_surface_of_a_large_box_is_drawn() -> None:
     drawn = visible_modules(BOX, CUBE, target=BOX.mean(axis=0))
     surface = ((BOX == 0) | (BOX == 19)).any(axis=1)
     assert np.array_equal(drawn, np.flatnonzero(surface))
-    # Of fewer all are drawn.
+    # Of fewer modules all are drawn.
     assert len(visible_modules(BOX[:1000], CUBE, target=BOX[0])) == 1000
 
 
-def test_of_a_long_rod_the_nearest_are_drawn() -> None:
+def test_only_the_closest_modules_of_a_long_rod_are_drawn() -> None:
     rod = np.arange(10_000.0)[:, None] * [1.0, 0.0, 0.0]
     drawn = visible_modules(rod, TETRAHEDRON, target=np.array([5000.0, 0, 0]))
     assert len(drawn) == MAX_FULLY_DRAWN_MODULES

@@ -54,7 +54,7 @@ def test_batch_has_a_stride_and_a_largest_size_and_ends_with_the_timeline(
     assert found["joint_angles_rad"].shape[0] == 0
 
 
-def test_batch_mixes_no_frames_of_a_timeline_replaced_meanwhile(
+def test_batch_has_no_frames_of_a_timeline_that_was_replaced(
     growing: tuple[Path, TimelineWriter, Callable[[int], None]],
     chain: Chain,
     monkeypatch: pytest.MonkeyPatch,
@@ -105,7 +105,7 @@ def test_batch_is_made_anew_when_its_timeline_grows(
     timeline.refresh(at_once=True)
     assert decode(cached_batch(timeline))[0]["status"] == "complete"
     some = Timeline.open(path).frames(0, 10)
-    with TimelineWriter.reopen(path, frames=5) as writer:  # as many as before
+    with TimelineWriter.reopen(path, frames=5) as writer:  # as many frames as before
         writer.append(some)
     timeline.refresh(at_once=True)
     assert np.array_equal(
@@ -119,12 +119,12 @@ def test_batch_is_made_anew_when_its_timeline_grows(
 
 CHAIN = peels.snake((4, 4, 6))
 LONG = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True)
-OFF = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True, off=1e-3)
+OFF = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True, error_rad=1e-3)
 
 
 @pytest.fixture(scope="module")
 def films(tmp_path_factory: pytest.TempPathFactory) -> list[TimelineView]:
-    """Timelines of a long fold: not simulated, and simulated."""
+    """Views of timelines of a long fold: one not simulated, one simulated."""
     place = tmp_path_factory.mktemp("long")
     return [
         TimelineView(long_folds.write(place / f"{k}.zarr", CHAIN, motion))
@@ -135,11 +135,11 @@ def films(tmp_path_factory: pytest.TempPathFactory) -> list[TimelineView]:
 def test_long_fold_is_sent_as_windows(films: list[TimelineView]) -> None:
     header, found = decode(batch_of(films[0], 30, 90, 4))
     assert (header["start"], header["stop"], header["total"]) == (30, 90, len(LONG))
-    told = windows_of(found, CHAIN.folded_rad)
+    rows = windows_of(found, CHAIN.folded_rad)
     expected = LONG[30:90:4]
-    assert np.array_equal(told.time_s, expected.time_s)
-    assert np.array_equal(told.first, expected.first)
-    assert np.abs(told.angles_rad - expected.angles_rad).max() < 6e-7
+    assert np.array_equal(rows.time_s, expected.time_s)
+    assert np.array_equal(rows.first, expected.first)
+    assert np.abs(rows.angles_rad - expected.angles_rad).max() < 6e-7
     assert [p["name"] for p in header["outline"]["phases"]] == ["explosion", "playback"]
     assert set(header["outline"]["errors"]) == {None}
 
@@ -147,9 +147,9 @@ def test_long_fold_is_sent_as_windows(films: list[TimelineView]) -> None:
 def test_errors_of_a_simulated_long_fold_are_sent(films: list[TimelineView]) -> None:
     long_film, off_film = films
     header, found = decode(batch_of(off_film))
-    told = windows_of(found, CHAIN.folded_rad)
-    assert np.array_equal(told.recorded, OFF.phase == PHASES.index("playback"))
-    assert np.allclose(told.errors, OFF.errors, rtol=1 / 256, atol=0.0, equal_nan=True)
+    rows = windows_of(found, CHAIN.folded_rad)
+    assert np.array_equal(rows.recorded, OFF.phase == PHASES.index("playback"))
+    assert np.allclose(rows.errors, OFF.errors, rtol=1 / 256, atol=0.0, equal_nan=True)
     errors = header["outline"]["errors"]
     assert set(errors[: len(errors) // 2]) == {None}
     assert max(errors[len(errors) // 2 :]) == pytest.approx(np.nanmax(OFF.errors), rel=1e-2)

@@ -39,11 +39,11 @@ def test_curves_and_stretches_are_those_of_the_figures(fold: Path) -> None:
     assert np.allclose(arrays["min_clearance"], figures.min_clearance)
     assert header["largest"]["torque"] == pytest.approx(np.nanmax(figures.peak_torque_nm))
     for name, whole in (("clearance", figures.clearance), ("nearest", figures.nearest)):
-        assert np.array_equal(stretched(fold, name), whole)
+        assert np.array_equal(join_up(fold, name), whole)
 
 
-def stretched(fold: Path, name: str) -> np.ndarray:
-    """A figure of every module, put together from all stretches."""
+def join_up(fold: Path, name: str) -> np.ndarray:
+    """Return a figure of every module, joined from all stretches."""
     header, _ = decode(curves_of(fold))
     parts = range(-(-header["frames"] // header["rows"]))
     return np.concatenate([decode(stretch_of(fold, k))[1][name] for k in parts])
@@ -57,7 +57,7 @@ def test_position_errors_are_those_of_the_joint_errors(
     plan = Plan.load(fold / "plan.npz")
     timeline = Timeline.open(fold / "timeline.zarr")
     first = len(timeline) - len(plan.time_s)
-    errors = stretched(fold, "position_error")
+    errors = join_up(fold, "position_error")
     assert np.isnan(errors[:first]).all()
     frame = int(np.nanargmax(np.nanmax(errors[first:], axis=1)))
     played = timeline.frames(first + frame, first + frame + 1)
@@ -112,6 +112,6 @@ def test_plan_is_read_once_for_all_stretches(
     assert len(loaded) == 1
     plan = tmp_path / "fold" / "plan.npz"
     plan.rename(tmp_path / "before.npz")
-    shutil.copy(tmp_path / "before.npz", plan)  # made anew
+    shutil.copy(tmp_path / "before.npz", plan)  # made again
     assert stretch_of(tmp_path / "fold", 0) == first
     assert len(loaded) == 2

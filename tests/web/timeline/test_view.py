@@ -12,7 +12,7 @@ from planner.errors import TimelineError
 from planner.motion.timeline import Timeline, TimelineWriter
 from tests.planner import peels
 from tests.web import long_folds
-from tests.web.conftest import ERROR_AT_END, unfolding
+from tests.web.conftest import FINAL_ERROR_RAD, unfolding
 from web.timeline.view import TimelineView
 
 Growing = tuple[Path, TimelineWriter, Callable[[int], None]]
@@ -36,7 +36,7 @@ def test_snapshot_is_interpolated_and_clipped_to_the_ends(timeline_path: Path) -
         between.joint_angles_rad, 0.75 * low.joint_angles_rad + 0.25 * high.joint_angles_rad
     )
     lengths = np.linalg.norm(np.diff(between.positions, axis=0), axis=1)
-    assert np.allclose(lengths, 1.0, atol=1e-5)  # the chain is never torn
+    assert np.allclose(lengths, 1.0, atol=1e-5)  # no link is broken
     assert timeline.snapshot(-5).frame == 0
     assert timeline.snapshot(1e9).frame == 199
 
@@ -46,18 +46,18 @@ def test_module_errors_are_those_of_the_timeline(timeline_path: Path) -> None:
     assert np.isnan(timeline.snapshot(50).module_error_rad).all()
     shown = timeline.snapshot(199).module_error_rad
     assert int(np.argmax(shown)) == 6
-    assert shown[6] == pytest.approx(ERROR_AT_END, rel=1e-5)
+    assert shown[6] == pytest.approx(FINAL_ERROR_RAD, rel=1e-5)
     assert timeline.error_scale_rad == 5e-3
 
 
-def test_outline_tells_phases_and_the_largest_error(timeline_path: Path) -> None:
+def test_outline_has_phases_and_the_largest_error(timeline_path: Path) -> None:
     outline = TimelineView(timeline_path).outline(columns=20)
     assert outline["phases"] == [
         {"name": "explosion", "from": 0, "to": 100},
         {"name": "playback", "from": 100, "to": 200},
     ]
     assert outline["errors"][:10] == [None] * 10
-    assert outline["errors"][-1] == pytest.approx(ERROR_AT_END, rel=1e-2)
+    assert outline["errors"][-1] == pytest.approx(FINAL_ERROR_RAD, rel=1e-2)
     assert outline["errors"][10:] == sorted(outline["errors"][10:])
 
 
@@ -86,7 +86,7 @@ def test_growing_timeline_is_followed(growing: Growing) -> None:
     assert timeline.status == "complete"
 
 
-def test_timeline_that_is_begun_anew_is_shown_anew(growing: Growing, chain: Chain) -> None:
+def test_restarted_timeline_is_shown_from_its_start(growing: Growing, chain: Chain) -> None:
     path, writer, add = growing
     add(90)
     timeline = TimelineView(path)
@@ -144,8 +144,8 @@ def test_peeled_chain_shows_the_errors_of_its_robot(peeled: Path) -> None:
         assert np.array_equal(shown.joint_error_rad, dense.joint_error_rad[frame])
         assert shown.module_error_rad.max() == largest[frame]
     assert view.error_scale_rad >= largest.max()
-    told = [error for error in view.outline()["errors"] if error is not None]
-    assert max(told) == pytest.approx(largest.max(), rel=1e-2)
+    errors = [error for error in view.outline()["errors"] if error is not None]
+    assert max(errors) == pytest.approx(largest.max(), rel=1e-2)
 
 
 def test_timeline_without_errors_is_shown(long_path: Path, tmp_path: Path) -> None:
@@ -158,7 +158,7 @@ def test_timeline_without_errors_is_shown(long_path: Path, tmp_path: Path) -> No
 
 def test_camera_frames_the_moving_part_of_a_long_fold(long_path: Path) -> None:
     timeline = TimelineView(long_path)
-    assert timeline.snapshot(0).framed == len(LONG_CHAIN)  # all of it is folded
+    assert timeline.snapshot(0).framed == len(LONG_CHAIN)  # all modules are folded
     straight = timeline.snapshot(len(LONG) // 2)
     assert straight.framed < len(LONG_CHAIN)
     moving = int(np.flatnonzero(LONG.last < len(LONG_CHAIN.folded_rad))[0])

@@ -64,21 +64,21 @@ def test_slow_timeline_does_not_delay_another(
     assert sorted(opened) == [str(path) for path in paths]
 
 
-def test_missing_timeline_is_looked_for_again(timeline_path: Path, tmp_path: Path) -> None:
+def test_missing_timeline_is_searched_for_again(timeline_path: Path, tmp_path: Path) -> None:
     shared, path = TimelineViews(), tmp_path / "timeline.zarr"
     assert shared.get(path) is None
     shutil.copytree(timeline_path, path)
     assert shared.get(path) is not None
 
 
-def test_cache_drops_what_was_asked_for_least_recently() -> None:
+def test_cache_drops_the_least_recently_used_value() -> None:
     cache: Cache[str] = Cache(10, len)
     cache.keep("a", "aaaa")
     cache.keep("b", "bbbb")
     assert cache.get("a") == "aaaa"
     cache.keep("c", "cccc")
     assert [cache.get(key) for key in "abc"] == ["aaaa", None, "cccc"]
-    cache.keep("d", 11 * "d")  # larger than all of it
+    cache.keep("d", 11 * "d")  # larger than the whole cache
     assert [cache.get(key) for key in "acd"] == ["aaaa", "cccc", None]
     cache.clear()
     assert cache.get("a") is None

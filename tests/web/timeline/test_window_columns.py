@@ -20,7 +20,7 @@ from web.timeline.window_columns import (
 CHAIN = peels.snake((4, 4, 6))
 
 
-def there_and_back(windows: Motion) -> Motion:
+def round_trip(windows: Motion) -> Motion:
     message = encode(
         {},
         window_columns(windows, CHAIN.folded_rad),
@@ -42,9 +42,9 @@ def assert_same(found: Motion, windows: Motion) -> None:
 
 @pytest.mark.parametrize("off", [0.0, 1e-3])
 def test_windows_are_decoded_as_encoded(off: float) -> None:
-    windows = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True, off=off)
+    windows = long_folds.fold(CHAIN, width=20, step=1.3, base_moves=True, error_rad=off)
     for some in (windows, windows[::40], windows[:0]):
-        assert_same(there_and_back(some), some)
+        assert_same(round_trip(some), some)
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-3])
@@ -59,16 +59,16 @@ def test_windows_anywhere_are_decoded_as_encoded(off: float) -> None:
     if off:
         errors = rng.uniform(0.0, off, len(windows.angles_rad)).astype(np.float32)
         windows = dataclasses.replace(windows, errors_rad=errors)
-    assert_same(there_and_back(windows), windows)
+    assert_same(round_trip(windows), windows)
 
 
 def test_motion_that_was_not_simulated_has_no_error_columns() -> None:
-    windows = long_folds.fold(CHAIN, width=20, step=1.3, off=1e-3)
+    windows = long_folds.fold(CHAIN, width=20, step=1.3, error_rad=1e-3)
     explosion, playback = windows[: len(windows) // 2], windows[len(windows) // 2 :]
     assert explosion.errors_rad is not None
     kinematic = dataclasses.replace(explosion, errors_rad=None)
-    told = window_columns(explosion, CHAIN.folded_rad)
-    assert told.keys() == window_columns(kinematic, CHAIN.folded_rad).keys()
+    columns = window_columns(explosion, CHAIN.folded_rad)
+    assert columns.keys() == window_columns(kinematic, CHAIN.folded_rad).keys()
     simulated = window_columns(playback, CHAIN.folded_rad)
-    assert simulated.keys() - told.keys() == {"errors_rad", "recorded"}
+    assert simulated.keys() - columns.keys() == {"errors_rad", "recorded"}
     assert simulated["recorded"].all()
