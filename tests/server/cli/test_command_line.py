@@ -14,7 +14,7 @@ import pytest
 from numba import njit
 from typer.testing import CliRunner
 
-from cli import fold
+from cli.progress_bars import compute
 from planner.pipeline import stages
 from planner.readers.gallery import Gallery
 from server.cli.command_line import COMMANDS, application
@@ -70,7 +70,7 @@ def test_compiling_is_reported_while_it_lasts(
 
     monkeypatch.setattr(stages, "run_stage", report_compiling)
     monkeypatch.setattr(stages, "next_stage", MagicMock(return_value=None))
-    assert fold.compute(tmp_path, 1) == {}
+    assert compute(tmp_path, 1) == {}
     assert "compiling(once on each machine)" in capsys.readouterr().err
 
 
