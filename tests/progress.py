@@ -1,7 +1,5 @@
 """Progress of a run on several processes: a line for each tenth, and failures at once."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Generator
