@@ -1,7 +1,10 @@
 // How far the solvers are compiled, which happens once on a machine: words and a bar.
+import { ask } from "../lib/api.js";
 import { duration, get } from "../lib/text.js";
 
 const FEW_S = 5;
+const ASK_MS = 1000;
+const COARSE_S = 10; // a time that counts it does not change each second
 
 // What is left of something, as the service estimates it.
 /** @param {number} value in seconds; 0 when it takes longer than usual */
@@ -18,6 +21,17 @@ export function preparingWords({ fraction, remaining_s: left }) {
   return left ? `${words} · ${remaining(left)}` : words;
 }
 
+// What a fold takes that is requested now, in words; null while nobody knows how long the solvers take.
+/**
+ * @param {number} value of the fold alone, in seconds
+ * @param {Api.PreparingBody | null} preparing
+ */
+export function wholeTime(value, preparing) {
+  if (!preparing) return duration(value);
+  const left = preparing.remaining_s;
+  return left === null ? null : duration(COARSE_S * Math.ceil((value + left) / COARSE_S));
+}
+
 // Shows it, or hides what shows it once that is over.
 /** @param {Api.PreparingBody | null} preparing */
 export function showPreparing(preparing) {
@@ -28,4 +42,20 @@ export function showPreparing(preparing) {
   text.textContent = preparingWords(preparing);
   bar.setAttribute("aria-valuenow", String(Math.floor(100 * preparing.fraction)));
   /** @type {HTMLElement} */ (bar.firstElementChild).style.width = `${100 * preparing.fraction}%`;
+}
+
+// Shows it until it is over, on a page that came with it.
+/** @param {(preparing: Api.PreparingBody | null) => void} tell */
+export async function followPreparing(tell = () => {}) {
+  if (get("preparing").hidden) return;
+  for (;;) {
+    try {
+      /** @type {Api.PreparingState} */
+      const { preparing } = await ask("/api/preparing");
+      showPreparing(preparing);
+      tell(preparing);
+      if (!preparing) return;
+    } catch { /* asked again */ }
+    await new Promise((again) => { setTimeout(again, ASK_MS); });
+  }
 }
