@@ -20,7 +20,7 @@ from planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLAN, RECORD, TIMEL
 from planner.files import json_of
 from planner.motion.record import TableRecord
 from planner.parameters.parameters import FLOATING
-from planner.parameters.settings import TABLE_SETTINGS
+from planner.parameters.settings_text import TABLE_SETTINGS
 from planner.pipeline.fold_layout import result
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import MAX_SEED, FoldRequest

@@ -19,7 +19,7 @@ from bench.reproduction.reproduce import reproduce, tell
 from bench.reproduction.runs import stored_runs
 from planner.chain.path import Path as CellPath
 from planner.pipeline.request import FoldRequest
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from web.palette import STALLED_RGB
 
 pytestmark = pytest.mark.slow

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from planner.parameters.settings import SETTINGS
+from planner.parameters.settings_text import SETTINGS
 from tests.browser.conftest import (
     WIDTH,
     Visit,

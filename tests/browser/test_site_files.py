@@ -9,7 +9,7 @@ from urllib.parse import unquote, urldefrag
 import pytest
 from playwright.sync_api import Browser, expect
 
-from planner.plan.packed import unpack
+from planner.plan.packed_fold import unpack
 from server.api.finished import FINISHED_FOLDS_DIR
 from server.cli.site import site
 from tests.browser.conftest import MEDIA

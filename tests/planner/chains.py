@@ -13,7 +13,7 @@ from planner.chain.path import Path
 from planner.kernels.backbite import grow
 from planner.motion.motion import Motion, Phase
 from planner.pathfinding.lattice import neighbours
-from planner.simulation.reduced import State, turned
+from planner.simulation.reduced_state import State, turned
 
 Array = NDArray[np.float64]
 

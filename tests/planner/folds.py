@@ -14,7 +14,7 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from tests.planner.chains import COIL
 
 

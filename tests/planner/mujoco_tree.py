@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
-from planner.simulation.model import Material, tree_spec
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.mujoco_models import Material, tree_spec
+from planner.simulation.reduced_state import Acceleration, State
 
 Array = NDArray[np.float64]
 

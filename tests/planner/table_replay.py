@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
 from planner.motion.motion import Motion
-from planner.simulation.model import STIFF_SOLREF_SOLIMP, Material, compiled, tree_spec
-from planner.simulation.mujoco import mujoco
+from planner.simulation.lazy_mujoco import mujoco
+from planner.simulation.mujoco_models import STIFF_SOLREF_SOLIMP, Material, compiled, tree_spec
 
 Array = NDArray[np.float64]
 BRAKE_TORQUE_RATIO: Final = 1.1

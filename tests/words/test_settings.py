@@ -6,7 +6,7 @@ import json
 
 from typer.testing import CliRunner
 
-from planner.parameters.settings import SETTINGS
+from planner.parameters.settings_text import SETTINGS
 from server.cli.command_line import application
 from words.settings import PAPER_ROWS, SOURCE_LABELS, changed, in_a_line
 

@@ -14,7 +14,7 @@ from planner.chain.path import Path
 from planner.errors import InputError, TimelineError
 from planner.pipeline.fold import refold, smooth_plan
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
+from planner.plan.shape_writers import write_chain
 from planner.verification import verify
 from tests.planner.folds import run_fold
 from tests.planner.peels import snake

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.simulation.contacts import ContactFinder
+from planner.simulation.contact_finder import ContactFinder
 from planner.simulation.fixed_base_window import FixedBaseWindow
-from planner.simulation.model import (
+from planner.simulation.mujoco_models import (
     Material,
     add_module_geom,
     add_next_body,
@@ -20,7 +20,7 @@ from planner.simulation.model import (
     exclude,
     set_inertia,
 )
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.reduced_state import Acceleration, State
 from tests.planner.chains import line
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from planner.explosion.simultaneous import explode
 from planner.explosion.whole_chain import WholeChain
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.knots import knot_of
-from planner.simulation.reduced import Acceleration
+from planner.simulation.reduced_state import Acceleration
 from tests.planner.chains import coil, knotted, line
 
 Array = NDArray[np.float64]

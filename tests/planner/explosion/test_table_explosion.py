@@ -12,10 +12,10 @@ import pytest
 from planner.certificate.table_certificate import table_certificate
 from planner.chain.chain import Chain
 from planner.chain.path import Path
+from planner.explosion.peeling_window import Peelable, WindowConfiguration
 from planner.explosion.recorder import Refusal
 from planner.explosion.table_explosion import explode_on_table
 from planner.explosion.table_guard import MAX_TABLE_PENETRATION_PITCH, Guard
-from planner.explosion.window import Peelable, WindowConfiguration
 from planner.motion.record import Record
 from planner.parameters.explosion import TableParameters
 from tests.planner.chains import line

@@ -8,7 +8,7 @@ import pytest
 from planner.errors import InputError
 from planner.parameters.parameters import preset
 from planner.parameters.published import PaperExplosionParameters
-from planner.parameters.settings import (
+from planner.parameters.settings_text import (
     SETTINGS,
     read_settings,
     settings_text,

@@ -26,7 +26,7 @@ from planner.pipeline.fold_layout import folder, numbers, result
 from planner.pipeline.stages import next_stage, run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from tests.planner.chains import COIL, SQUARE
 from tests.planner.folds import write_request
 from tests.planner.peels import snake

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.dynamics import floating_torques
+from planner.chain.floating_torques import floating_torques
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.playback import PlaybackParameters, RobotParameters

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.chain.path import Path
-from planner.plan.shape_files import write_shape
+from planner.plan.shape_writers import write_shape
 from planner.readers import read
 from planner.shapes.shape import Shape
 from tests.planner.reading import refusal_of, shape_in

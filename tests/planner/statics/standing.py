@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from planner.chain.cantilever_statics import hinge_frames
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
 from planner.chain.path import Path
-from planner.chain.statics import hinge_frames
 from planner.statics.balance import Standing
 from planner.statics.contacts import Contacts
 

@@ -21,7 +21,7 @@ from planner.chain.module import CUBE, TETRAHEDRON
 from planner.clearance.sweep import sweep
 from planner.parameters.parameters import Parameters
 from planner.plan.claim import geometry_of
-from planner.plan.packed import unpack
+from planner.plan.packed_fold import unpack
 from planner.plan.plan import Plan
 from tests.case import case
 from tests.planner.chains import unvalidated

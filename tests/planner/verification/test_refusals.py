@@ -27,7 +27,7 @@ from planner.pathfinding.knots import closed_polygons
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
+from planner.plan.shape_writers import write_chain
 from planner.verification.block_evidence import overlap
 from planner.verification.knot_invariants import invariants_of
 from planner.verification.plan_failure import reason_of

@@ -12,7 +12,7 @@ import sqlalchemy as sa
 
 from planner.file_names import TIMELINE
 from planner.files import write_json
-from planner.plan.own_values import VALUES_FORMAT
+from planner.plan.module_values import VALUES_FORMAT
 from planner.plan.tour import TOUR_FORMAT
 from server.store.folds import Store, new_id
 from server.store.owner import Owner, new_token

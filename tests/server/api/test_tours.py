@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from planner.plan.own_values import VALUES_FORMAT
+from planner.plan.module_values import VALUES_FORMAT
 from planner.plan.tour import Tour
 from tests.server.service_process import Service, bearer
 from words.certificate import clearance, torque

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from planner.files import settle
-from planner.plan.packed import unpack
+from planner.plan.packed_fold import unpack
 from server.api.finished import FINISHED_FOLDS_DIR
 from server.store.folds import Store
 from tests.server.rows import a_fold

@@ -15,7 +15,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import numpy as np
 import pytest
 
-from planner.plan.packed import unpack
+from planner.plan.packed_fold import unpack
 from planner.plan.plan import Plan
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.trajectory import FRAMES_FILE, REST_FILE
