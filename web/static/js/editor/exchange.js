@@ -1,7 +1,6 @@
 // What the editor gives the service and gets from it: files, cells of files, and paths through cells.
 import { ask, formOf, ownKey } from "../lib/api.js";
 export { openFold } from "../lib/fold_request.js";
-export { wholeTime } from "../panels/preparing.js";
 import { element } from "../lib/text.js";
 import { neighbours, through } from "./cell_path.js";
 import { cellOf, cellsOf, keyOf, keysOf, parts } from "./painting.js";

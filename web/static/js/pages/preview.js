@@ -2,7 +2,6 @@
 import { Refusal, ask, formOf, ownKey } from "../lib/api.js";
 import { UNREACHABLE, element, get, later, sentence } from "../lib/text.js";
 import { fieldsOf, refused, settingsOf } from "../panels/paper_settings.js";
-import { followPreparing } from "../panels/preparing.js";
 import { Preview } from "../panels/preview_state.js";
 import { Picture, choicesOnPage, cover, foldWords, radios, showOffers, showOptions, showProblem, showReport, showStart, showTrouble } from "../panels/preview_view.js";
 
@@ -151,7 +150,9 @@ get("fold").onclick = async () => {
 addEventListener("pageshow", (event) => { if (event.persisted) { picture.release(); busy(false); } });
 showOptions(preview);
 look();
-followPreparing((preparing) => {
-  preview.preparing = preparing;
-  showOptions(preview);
-});
+if (!get("preparing").hidden) {
+  import("../panels/preparing.js").then(({ followPreparing }) => followPreparing((preparing) => {
+    preview.preparing = preparing;
+    showOptions(preview);
+  }));
+}

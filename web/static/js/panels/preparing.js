@@ -4,7 +4,6 @@ import { duration, get } from "../lib/text.js";
 
 const FEW_S = 5;
 const ASK_MS = 1000;
-const COARSE_S = 10; // a time that counts it does not change each second
 
 // What is left of something, as the service estimates it.
 /** @param {number} value in seconds; 0 when it takes longer than usual */
@@ -19,17 +18,6 @@ export function preparingWords({ fraction, remaining_s: left }) {
   if (!percent) return "Starting the solvers…"; // it is not known yet whether any are to be compiled
   const words = `First start: preparing the solvers, ${percent} % done. This happens only once`;
   return left ? `${words} · ${remaining(left)}` : words;
-}
-
-// What a fold takes that is requested now, in words; null while nobody knows how long the solvers take.
-/**
- * @param {number} value of the fold alone, in seconds
- * @param {Api.PreparingBody | null} preparing
- */
-export function wholeTime(value, preparing) {
-  if (!preparing) return duration(value);
-  const left = preparing.remaining_s;
-  return left === null ? null : duration(COARSE_S * Math.ceil((value + left) / COARSE_S));
 }
 
 // Shows it, or hides what shows it once that is over.
@@ -47,7 +35,6 @@ export function showPreparing(preparing) {
 // Shows it until it is over, on a page that came with it.
 /** @param {(preparing: Api.PreparingBody | null) => void} tell */
 export async function followPreparing(tell = () => {}) {
-  if (get("preparing").hidden) return;
   for (;;) {
     try {
       /** @type {Api.PreparingState} */

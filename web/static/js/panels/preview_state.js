@@ -1,6 +1,5 @@
 // State of a preview's page, without the page: the options, the report on them, and what follows for both.
-import { sentence, whole } from "../lib/text.js";
-import { wholeTime } from "./preparing.js";
+import { sentence, whole, wholeTime } from "../lib/text.js";
 
 /** Modules below which the service folds nothing. */
 const MIN_MODULES = 8;
