@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.pathfinding.blocks import block_path
+from planner.pathfinding.block_merging import block_path
 from planner.pathfinding.lattice import STEPS
 
 Ints = NDArray[np.int64]

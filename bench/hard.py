@@ -32,7 +32,7 @@ from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from planner.verification.plan_failure import reason_of
 
 OUT: Final = Path(__file__).parents[1] / "out"

@@ -19,7 +19,7 @@ from bench.feasible_sets import FeasibleSet, feasible_sets
 from bench.hard_sets import hard_sets
 from bench.tables import Section
 from planner.chain.path import Path as ChainPath
-from planner.pathfinding.blocks import block_path
+from planner.pathfinding.block_merging import block_path
 from planner.pathfinding.exact_search import exact_path
 from planner.shapes.shape import Shape
 

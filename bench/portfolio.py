@@ -22,7 +22,7 @@ from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
+from planner.plan.shape_writers import write_chain
 from tests.planner.chains import knotted
 
 FOLDS = ("knot", "torus")

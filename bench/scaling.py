@@ -22,7 +22,7 @@ from bench.tables import Section
 from planner.chain.path import Path
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.warm_up import warm_up
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 
 SCALING_MODULE_SIZE: Final = 0.98
 """Size of the modules for which all folds of this benchmark must be free of collisions, as a

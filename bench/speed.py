@@ -34,7 +34,7 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from planner.playback.playback import play_back
 from planner.progress import STAGES
 from planner.readers.gallery import Gallery

@@ -16,10 +16,10 @@ from bench.tables import Section
 from planner.chain.chain import Chain
 from planner.chain.honeycomb import ring_pairs
 from planner.clearance.margins import largest_size
-from planner.pathfinding.tetrahedra import find_trails
-from planner.pathfinding.trails import circuit
+from planner.pathfinding.eulerian_circuits import circuit
+from planner.pathfinding.trail_search import find_trails
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
+from planner.plan.shape_writers import write_chain
 from planner.readers.gallery import gallery
 from planner.shapes.shape import Shape
 

@@ -13,7 +13,7 @@ from cli.options import AsJson, PlanDirectory, Workers, takes
 from cli.progress_bars import compute
 from cli.summary import finish, show_choice
 from planner.errors import InputError
-from planner.pathfinding.options import table_warning
+from planner.pathfinding.path_options import table_warning
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace

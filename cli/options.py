@@ -13,8 +13,8 @@ import typer
 from cli.inputs import refuse
 from planner.errors import InputError
 from planner.parameters.option import Option, options_of
-from planner.parameters.settings import IDEAL
-from planner.pathfinding.options import PathOptions
+from planner.parameters.settings_text import IDEAL
+from planner.pathfinding.path_options import PathOptions
 from planner.pipeline.request import FoldRequest
 
 ROBOT_KINDS: Final = {"typical": (), "ideal": (IDEAL,)}

@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from planner.cores import cores
+from planner.cpu_cores import cores
 from planner.pipeline.stages import run_stages
 from planner.progress import STAGES, Report
 from planner.progress import Progress as StageProgress
@@ -52,7 +52,7 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
                     bars.update(bar, note=_steps(progress))
 
             def compiles(progress: StageProgress) -> None:
-                bars.update(bar, note=f"{progress.message}(once on each machine)")
+                bars.update(bar, note=f"{progress.message} (once on each machine)")
 
             with Compiling(compiles):
                 yield report

@@ -16,7 +16,7 @@ from rich.table import Table
 from cli.inputs import read_plan, refuse
 from cli.options import AsJson, FoldDirectory
 from planner.certificate.figures import CertificateFigures
-from planner.chain.statics import GRAVITY_M_S2
+from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.clearance.sweep import Sweep
 from planner.errors import InputError
 from planner.exports.trajectory import (

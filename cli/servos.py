@@ -14,9 +14,9 @@ from rich.table import Table
 
 from cli.inputs import read_plan, refuse
 from cli.options import AsJson
-from planner.chain.statics import GRAVITY_M_S2
+from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.errors import InputError
-from planner.robot.casings import CASINGS, Casing, casing_named
+from planner.robot.module_materials import CASINGS, Casing, casing_named
 from planner.robot.servos import MIN_SERVO_RANGE_DEG, Servo, servo_named
 from planner.robot.servos import servos as all_servos
 from planner.robot.sizing import (

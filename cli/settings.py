@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cli.options import AsJson
-from planner.parameters.settings import NO_LIMIT
+from planner.parameters.settings_text import NO_LIMIT
 from words.settings import PAPER_ROWS, ROBOT_ROWS, SOURCE_LABELS, TABLE_ROWS
 
 

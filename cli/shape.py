@@ -17,10 +17,10 @@ from cli.options import PATH_OPTIONS, AsJson, takes
 from planner.chain.path import Path as CellPath
 from planner.errors import InputError
 from planner.files import write_whole
-from planner.pathfinding.options import table_warning
+from planner.pathfinding.path_options import table_warning
 from planner.pipeline.prepare import Preparation, prepare_in_any_order
 from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
-from planner.plan.shape_files import write_chain, write_path
+from planner.plan.shape_writers import write_chain, write_path
 
 if TYPE_CHECKING:
     from planner.table_paths.offers import Offer

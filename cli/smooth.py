@@ -17,7 +17,7 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
+from planner.plan.shape_writers import write_chain
 from planner.progress import STAGES
 from words.smoothing import smoothing_note, smoothing_rows
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from planner.parameters.option import Option, options_of
-from planner.pathfinding.options import PathOptions
+from planner.pathfinding.path_options import PathOptions
 from planner.pipeline.request import FoldRequest
 
 ROOT: Final = Path(__file__).parents[1]

@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
-from planner.plan.shape_files import write_chain
+from planner.plan.shape_writers import write_chain
 from planner.readers import read
 
 SHAPES = FilePath(__file__).parent / "shapes"

@@ -26,7 +26,7 @@ from planner.pipeline import manifest
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage, run_stages
 from planner.pipeline.workspace import Workspace
-from planner.plan.packed import CLEARANCE_STEP_PITCH, ROOT_STEPS, pack, torque_step, unpack
+from planner.plan.packed_fold import CLEARANCE_STEP_PITCH, ROOT_STEPS, pack, torque_step, unpack
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.readers.gallery import Gallery

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from planner.chain.path import Path
 from planner.pathfinding.lattice import surface
-from planner.pathfinding.loose_blocks import loose_block_path
+from planner.pathfinding.loose_block_merging import loose_block_path
 from planner.pathfinding.sat_paths import circuit
 from planner.pathfinding.snake import snake_path
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

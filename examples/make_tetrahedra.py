@@ -14,9 +14,9 @@ import numpy as np
 from planner.chain.chain import Chain
 from planner.chain.honeycomb import dodecahedron_pairs
 from planner.chain.trail import Trail
-from planner.pathfinding.tetrahedra import find_trails
-from planner.pathfinding.trails import circuit, opened
-from planner.plan.shape_files import write_chain
+from planner.pathfinding.eulerian_circuits import circuit, opened
+from planner.pathfinding.trail_search import find_trails
+from planner.plan.shape_writers import write_chain
 from planner.shapes.shape import Shape
 
 HERE = Path(__file__).parent

@@ -215,7 +215,7 @@ interface TourStop {
   colour?: string;
   path?: boolean;
 }
-// A visitor's own numbers, kept with a fold: planner/plan/own_values.py.
+// A visitor's own numbers, kept with a fold: planner/plan/module_values.py.
 interface KeptValues { format: string; name: string; unit: string; low: number; high: number; rows: number; data: string }
 interface Tour { format: string; title: string; stops: TourStop[] }
 interface Addressed {

@@ -12,7 +12,7 @@ from planner.certificate.figures import CertificateFigures, MarginFigures
 from planner.certificate.table_figures import TableCertificate
 from planner.motion.record import TableRecord
 from planner.parameters.parameters import BASELINE
-from planner.robot.casings import CASINGS
+from planner.robot.module_materials import CASINGS
 from planner.robot.servos import Servo, servos
 from planner.robot.sizing import at_which_pitch, who_would_do
 from words.quantities import STRATEGY_LABELS, length_m, quantity, sentence

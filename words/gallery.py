@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from planner.parameters.parameters import FLOATING, WORLD_CHOICES
-from planner.pathfinding.options import MODULE_CHOICES
+from planner.pathfinding.path_options import MODULE_CHOICES
 
 TAG_LABELS: Final = {
     "tool": "Tools",

@@ -8,7 +8,7 @@ from typing import Final
 from planner.errors import InputError
 from planner.parameters.parameters import Parameters, preset
 from planner.parameters.setting import Setting, Source, Value
-from planner.parameters.settings import (
+from planner.parameters.settings_text import (
     ALL_SETTINGS,
     ROBOT_SETTINGS,
     SETTINGS,

@@ -6,7 +6,7 @@ from typing import Final
 
 from planner.certificate.figures import CertificateFigures
 from planner.chain.module import CUBE
-from planner.names import clean_name
+from planner.display_names import clean_name
 from planner.plan.moments import CONTACT_LINKS, Meeting, Moments
 from planner.plan.tour import MAX_CAPTION, MAX_STOP_MODULES, MAX_TITLE, Stop, Tour
 from words.certificate import clearance, headline, main_rows, torque

@@ -15,7 +15,7 @@ from bench.reproduction.experiments import (
 )
 from bench.reproduction.runs import Phase, Run
 from planner.parameters.parameters import preset
-from planner.parameters.settings import SETTINGS, value_of
+from planner.parameters.settings_text import SETTINGS, value_of
 
 FORMAT: Final = "foldback-reproduction/1"
 """Format of the page's data."""

@@ -31,7 +31,7 @@ from planner.pathfinding.lattice import neighbours
 from planner.pathfinding.path_search import find_paths
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.warm_up import warm_up
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]

@@ -19,7 +19,7 @@ from rich.console import Console
 from bench.success_map.stored import run_missing, version_of
 from bench.tables import Section
 from planner.chain.path import Path as CellPath
-from planner.pathfinding.blocks import block_path
+from planner.pathfinding.block_merging import block_path
 from planner.pathfinding.lattice import STEPS
 from planner.pipeline.fold import fold
 from planner.pipeline.warm_up import warm_up

@@ -15,7 +15,7 @@ import trimesh
 
 from bench.command import fold
 from bench.tables import Section
-from planner.pathfinding.options import PathOptions
+from planner.pathfinding.path_options import PathOptions
 from planner.pipeline.prepare import prepare
 from planner.readers import read
 from planner.shapes.solid import Solid

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from bench.tables import Section
 from planner.certificate.table_certificate import table_certificate
 from planner.certificate.table_figures import FRICTIONLESS
+from planner.chain.cantilever_statics import static_torque
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.path import Path
-from planner.chain.statics import static_torque
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.fold import fold
 from planner.readers import read

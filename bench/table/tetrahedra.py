@@ -21,18 +21,18 @@ from numpy.typing import NDArray
 from bench.tables import Section
 from planner.certificate.table_certificate import table_certificate
 from planner.certificate.table_figures import FRICTIONLESS
+from planner.chain.cantilever_statics import static_torque
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
-from planner.chain.statics import static_torque
 from planner.clearance.clearance import closest
 from planner.clearance.sweep import sweep
 from planner.motion.motion import Motion
-from planner.pathfinding.options import PathOptions
+from planner.pathfinding.path_options import PathOptions
 from planner.pipeline.fold import fold
 from planner.pipeline.prepare import prepare
 from planner.readers.gallery import Gallery
-from planner.simulation.model import SOLIMP, Material, compiled, tree_spec
-from planner.simulation.mujoco import mujoco
+from planner.simulation.lazy_mujoco import mujoco
+from planner.simulation.mujoco_models import SOLIMP, Material, compiled, tree_spec
 from planner.statics.balance import Balance
 from planner.statics.contacts import floor_clearances
 from planner.statics.stable_poses import resting_poses

@@ -28,8 +28,8 @@ from planner.certificate.table_certificate import table_certificate
 from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
 from planner.certificate.verdict import find_verdict
+from planner.chain.cantilever_statics import GRAVITY_M_S2, static_torque
 from planner.chain.chain import Chain
-from planner.chain.statics import GRAVITY_M_S2, static_torque
 from planner.clearance.exempt_pairs import ExemptPairs, Place, exempt_pairs
 from planner.clearance.margins import Margins, margins
 from planner.errors import InputError

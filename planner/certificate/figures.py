@@ -131,7 +131,7 @@ class PlaybackFigures(TypedDict, total=False):
 
 
 class SmoothingFigures(TypedDict):
-    """``planner.robot.smoothed.before_and_after``."""
+    """``planner.robot.smoothed_plan.before_and_after``."""
 
     way: str
     seconds: float

@@ -28,7 +28,7 @@ from planner.certificate.metrics_store import (
 )
 from planner.certificate.plan_figures import MOVING_SPEED_SHARE, torque_unit_nm
 from planner.chain.chain import Chain
-from planner.chain.dynamics import floating_torques, motion_of
+from planner.chain.floating_torques import floating_torques, motion_of
 from planner.chain.kinematics import forward_kinematics
 from planner.clearance.sweep import sweep
 from planner.kernels.clearance import Solid, module_clearances

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
+from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
-from planner.chain.statics import GRAVITY_M_S2
-from planner.cores import cores
+from planner.cpu_cores import cores
 from planner.errors import InputError
 from planner.motion.motion import Motion
 from planner.parameters.explosion import Base

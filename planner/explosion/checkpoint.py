@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.motion.record import Spent
-from planner.simulation.reduced import State
+from planner.simulation.reduced_state import State
 
 Array = NDArray[np.float64]
 MAX_CHECKPOINT_RETRIES: Final = 6

@@ -24,7 +24,7 @@ from planner.explosion.failure_evidence import (
     Point,
     evidence_from,
 )
-from planner.explosion.window import MIN_LAST_UNIT_MODULES
+from planner.explosion.peeling_window import MIN_LAST_UNIT_MODULES
 from planner.kernels.folded_core import FIXED
 from planner.kernels.pairs import near_pairs
 from planner.motion.failure_schemas import StuckFigures

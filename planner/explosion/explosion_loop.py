@@ -22,7 +22,7 @@ from planner.explosion.recorder import Recorder
 from planner.explosion.step_control import StepControl
 from planner.motion.record import Record, RecordStatus, Spent
 from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.reduced_state import Acceleration, State
 
 COMMIT_EVERY_STEPS: Final = 25
 """Number of simulation steps after which the state is saved, if contacts are shallow, as the point

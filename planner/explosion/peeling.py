@@ -29,29 +29,29 @@ from planner.explosion.explosion_loop import (
 )
 from planner.explosion.peeling_recorder import Proof, WindowRule
 from planner.explosion.peeling_run import SAME_HEADING_COSINE, Peeling
-from planner.explosion.radial_forces import radial_weights
-from planner.explosion.recorder import Mark, Recorder, Refusal
-from planner.explosion.step_control import ContactDepth, StepControl
-from planner.explosion.window import (
+from planner.explosion.peeling_window import (
     Peelable,
     ReleasePoint,
     Window,
     WindowConfiguration,
     WindowSetting,
 )
+from planner.explosion.radial_forces import radial_weights
+from planner.explosion.recorder import Mark, Recorder, Refusal
+from planner.explosion.step_control import ContactDepth, StepControl
 from planner.kernels.window_forces import WindowLoads, window_forces
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.explosion import PeelingParameters
 from planner.progress import Cancelled, Report, never, silent
-from planner.simulation.contacts import ContactFinder
-from planner.simulation.model import Material
+from planner.simulation.contact_finder import ContactFinder
+from planner.simulation.mujoco_models import Material
 
 if TYPE_CHECKING:
     from planner.explosion.peeling_core import Core, CoreOnTable
     from planner.explosion.table_explosion import TableRules
-    from planner.explosion.table_forces import TableForces
     from planner.explosion.table_guard import Guard
+    from planner.explosion.table_window_forces import TableForces
 
 Array = NDArray[np.float64]
 MIN_PEELING_PROGRESS_RAD: Final = 0.5

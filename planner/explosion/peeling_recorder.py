@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.clearance.sweep import windows_shape
+from planner.explosion.peeling_window import Peelable, WindowConfiguration
 from planner.explosion.recorder import MIN_CLEARANCE_LOSS_PITCH
-from planner.explosion.window import Peelable, WindowConfiguration
 from planner.kernels.sweep import Angles, sweep_frames
 from planner.motion.angle_encoding import snapped
 from planner.motion.motion import Motion

@@ -21,9 +21,9 @@ from planner.explosion.explosion_loop import (
     return_to_checkpoint,
 )
 from planner.explosion.peeling_recorder import Proof
+from planner.explosion.peeling_window import Window, WindowConfiguration
 from planner.explosion.recorder import TOO_CLOSE, Refusal
 from planner.explosion.straightening import KINEMATIC_FRAME_S
-from planner.explosion.window import Window, WindowConfiguration
 from planner.motion.record import Spent
 from planner.parameters.explosion import PeelingParameters
 

@@ -34,8 +34,8 @@ from planner.motion.motion import Motion
 from planner.motion.record import Record, Spent
 from planner.parameters.published import PaperExplosionParameters
 from planner.progress import Cancelled, Report, never, silent
-from planner.simulation.model import Material
-from planner.simulation.reduced import Acceleration
+from planner.simulation.mujoco_models import Material
+from planner.simulation.reduced_state import Acceleration
 from planner.simulation.segments import Segments
 
 Array = NDArray[np.float64]

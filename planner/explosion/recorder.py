@@ -16,7 +16,7 @@ from planner.chain.rotations import wxyz_from_matrix
 from planner.clearance.clearance import closest
 from planner.clearance.sweep import Between
 from planner.motion.motion import Motion
-from planner.simulation.reduced import State
+from planner.simulation.reduced_state import State
 
 Array = NDArray[np.float64]
 CLEAR_ENOUGH_PITCH: Final = 0.06

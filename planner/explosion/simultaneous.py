@@ -44,7 +44,7 @@ from planner.motion.record import Record, Spent
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.knots import knot_of
 from planner.progress import Cancelled, Report, never, silent
-from planner.simulation.model import Material
+from planner.simulation.mujoco_models import Material
 from planner.simulation.rigid_blocks import Blocks
 from planner.simulation.segments import Segments
 

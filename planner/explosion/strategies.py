@@ -17,11 +17,11 @@ from planner.chain.chain import Chain
 from planner.chain.module import LONG_CHAIN
 from planner.errors import InputError
 from planner.explosion.blocks_first import explode_blocks_first
-from planner.explosion.expected_cost import by_cost
 from planner.explosion.one_joint_at_a_time import unbend_one_by_one
 from planner.explosion.peeling import peel
 from planner.explosion.published_explosion import explode_as_published
 from planner.explosion.simultaneous import explode
+from planner.explosion.strategy_cost import by_cost
 from planner.explosion.table_explosion import explode_on_table
 from planner.motion.motion import Motion
 from planner.motion.record import Record

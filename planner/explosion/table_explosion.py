@@ -26,11 +26,11 @@ from planner.explosion.explosion_loop import End, Watch, run
 from planner.explosion.peeling import build_peeling
 from planner.explosion.peeling_core import CoreOnTable
 from planner.explosion.peeling_run import Peeling
+from planner.explosion.peeling_window import Peelable, ReleasePoint, Window, WindowConfiguration
 from planner.explosion.recorder import Mark, Refusal
 from planner.explosion.step_control import StepControl
-from planner.explosion.table_forces import TableForces
 from planner.explosion.table_guard import Guard
-from planner.explosion.window import Peelable, ReleasePoint, Window, WindowConfiguration
+from planner.explosion.table_window_forces import TableForces
 from planner.motion.motion import Motion
 from planner.motion.record import Record, Spent
 from planner.parameters.explosion import TableParameters

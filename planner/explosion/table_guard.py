@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.table_projection import crosses_itself
+from planner.explosion.peeling_window import MIN_LAST_UNIT_MODULES, Peelable, WindowConfiguration
 from planner.explosion.recorder import Refusal
-from planner.explosion.window import MIN_LAST_UNIT_MODULES, Peelable, WindowConfiguration
 from planner.kernels.folded_core import FIXED
 from planner.motion.record import TableRecord
 from planner.parameters.explosion import TableParameters

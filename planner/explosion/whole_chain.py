@@ -14,8 +14,8 @@ from planner.explosion.recorder import Step
 from planner.explosion.step_control import StepControl
 from planner.kernels.pairs import PairLimits, max_inverse_step_limit, near_pairs
 from planner.parameters.explosion import ExplosionParameters
-from planner.simulation.model import Material
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.mujoco_models import Material
+from planner.simulation.reduced_state import Acceleration, State
 from planner.simulation.rigid_blocks import Blocks
 from planner.simulation.segments import Segments
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING, Final
 
+from planner.display_names import clean_name
 from planner.errors import InputError
-from planner.names import clean_name
 
 if TYPE_CHECKING:
     import numpy as np

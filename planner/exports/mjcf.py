@@ -14,7 +14,7 @@ from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
 from planner.exports.mjcf_pieces import coordinates, pieces
 from planner.plan.plan import Plan
-from planner.simulation.model import Material, tree_spec
+from planner.simulation.mujoco_models import Material, tree_spec
 
 Array = NDArray[np.float64]
 MAX_TREE_MODULES: Final = 800

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
-from planner.simulation.model import hinge_names
+from planner.simulation.mujoco_models import hinge_names
 
 Array = NDArray[np.float64]
 MODULES_PER_TREE = 64

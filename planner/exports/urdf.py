@@ -20,7 +20,7 @@ from planner.chain.chain import Chain
 from planner.chain.module import Module
 from planner.exports.export import identifier
 from planner.plan.plan import Plan
-from planner.simulation.model import hinge_names
+from planner.simulation.mujoco_models import hinge_names
 
 Array = NDArray[np.float64]
 MESH_FILE: Final = "module.obj"

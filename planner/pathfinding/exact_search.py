@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from planner.kernels.backbite import ease, grow
 from planner.pathfinding import Cell
-from planner.pathfinding.infeasibility import obstacles
 from planner.pathfinding.lattice import colours, index_of, neighbours, surface
+from planner.pathfinding.no_path_proofs import obstacles
 from planner.pathfinding.sat_paths import circuit
 from planner.shapes.shape import Shape
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from planner.chain.path import MIN_CELLS
 from planner.pathfinding import Cell
-from planner.pathfinding.blocks import halved
+from planner.pathfinding.block_merging import halved
 from planner.pathfinding.exact_search import exact_path
-from planner.pathfinding.infeasibility import Problem, obstacles
 from planner.pathfinding.lattice import STEPS, colours, neighbours, parts
+from planner.pathfinding.no_path_proofs import Problem, obstacles
 from planner.pathfinding.snake import is_box
 from planner.shapes.shape import Shape
 

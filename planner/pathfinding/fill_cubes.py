@@ -10,12 +10,12 @@ import numpy as np
 from planner.chain.chain import Chain
 from planner.chain.module import LONG_CHAIN
 from planner.errors import InputError
-from planner.pathfinding.blocks import halved
+from planner.pathfinding.block_merging import halved
 from planner.pathfinding.feasibility import Feasibility, Repair, apply_repair, feasibility
 from planner.pathfinding.filled_shape import FilledShape
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import parts
-from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
+from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
 from planner.pathfinding.path_search import PathSearch, find_paths
 from planner.shapes.shape import Shape
 

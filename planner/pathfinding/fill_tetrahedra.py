@@ -9,11 +9,11 @@ from planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_of
 from planner.errors import InputError
 from planner.pathfinding.feasibility import Feasibility, Repair, apply_repair
 from planner.pathfinding.filled_shape import FilledShape
-from planner.pathfinding.infeasibility import Problem
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import parts
-from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
-from planner.pathfinding.tetrahedra import find_trails
+from planner.pathfinding.no_path_proofs import Problem
+from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from planner.pathfinding.trail_search import find_trails
 from planner.shapes.shape import Shape
 
 

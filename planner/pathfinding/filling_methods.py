@@ -8,7 +8,7 @@ from planner.chain.module import CUBE, TETRAHEDRON
 from planner.pathfinding.fill_cubes import Cubes
 from planner.pathfinding.fill_tetrahedra import Tetrahedra
 from planner.pathfinding.filled_shape import FilledShape
-from planner.pathfinding.options import PathOptions
+from planner.pathfinding.path_options import PathOptions
 from planner.shapes.shape import Shape
 
 

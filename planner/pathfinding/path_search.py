@@ -16,11 +16,11 @@ from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
 from planner.pathfinding.assembly import layered_snake, solid_paths
-from planner.pathfinding.blocks import aligned_blocks, block_cycle, cut, cut_costs
+from planner.pathfinding.block_merging import aligned_blocks, block_cycle, cut, cut_costs
 from planner.pathfinding.exact_search import exact_path
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import index_of, parts, spread, spreads_of_cuts, surface
-from planner.pathfinding.loose_blocks import loose_block_cycle
+from planner.pathfinding.loose_block_merging import loose_block_cycle
 from planner.pathfinding.removal_analysis import peelable
 from planner.pathfinding.snake import is_box, snake_path
 from planner.shapes.shape import Shape

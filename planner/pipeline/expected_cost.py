@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from planner.chain.module import Module, module_named
-from planner.explosion.expected_cost import COSTS_IN_LAYERS, COSTS_INTERLOCKED
+from planner.explosion.strategy_cost import COSTS_IN_LAYERS, COSTS_INTERLOCKED
 from planner.parameters.parameters import FLOATING, Parameters
 from planner.parameters.playback import PlaybackParameters
 from planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParameters
-from planner.pathfinding.duration import expected_seconds
+from planner.pathfinding.expected_duration import expected_seconds
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.request import FoldRequest
 

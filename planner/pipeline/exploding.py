@@ -14,7 +14,7 @@ from planner.pipeline.attempt_pool import AttemptPool
 from planner.pipeline.job import Job, Result, Search, Watch
 from planner.plan.plan import Plan
 from planner.progress import Progress
-from planner.robot.smoothed import smoothed_record
+from planner.robot.smoothed_plan import smoothed_record
 
 
 def with_explosion(

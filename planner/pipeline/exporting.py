@@ -10,7 +10,7 @@ from planner.pipeline.attempt import Attempt
 from planner.pipeline.job import Result, is_smoothing
 from planner.pipeline.request import FoldRequest
 from planner.plan.plan import Plan
-from planner.robot.smoothed import before_and_after
+from planner.robot.smoothed_plan import before_and_after
 
 
 def finish(

@@ -21,16 +21,16 @@ from planner.pipeline.certifying import with_certificate
 from planner.pipeline.exploding import with_explosion
 from planner.pipeline.exporting import finish
 from planner.pipeline.job import Job, Search, Watch
+from planner.pipeline.next_step import Certify, Explode, PlayBack, Step, next_step, with_choice
 from planner.pipeline.playing_back import with_playback
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.reading import read_plan, read_shape
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import Certify, Explode, PlayBack, Step, next_step, with_choice
 from planner.pipeline.stages import rest, run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain, write_path
+from planner.plan.shape_writers import write_chain, write_path
 from planner.progress import Cancelled, Report, naming, never, silent
 
 
@@ -57,7 +57,7 @@ def fold(
         seed: Seed of all randomness.
         module_size: Size at which the plan is verified; None for the preset's.
         settings: Other numbers for ``paper`` or ``direct``, as ``damping=0.05,radial_gain=0.2``:
-            see ``planner.parameters.settings``.
+            see ``planner.parameters.settings_text``.
         strategy: Explosion strategy: ``auto``, or one of ``planner.explosion.strategies``.
         prefer: Preference among several verified plans; ``computing`` takes the first one.
         world: ``floating``, or on a ``table`` under gravity.
@@ -146,7 +146,8 @@ def smooth_plan(
         The smoothed plan, verified or not; ``Plan.smoothing`` says what has changed.
 
     Raises:
-        InputError: See ``planner.robot.smoothed.check_smoothable``; or a seed or size out of range.
+        InputError: See ``planner.robot.smoothed_plan.check_smoothable``; or a seed or size out of
+            range.
     """
     request = FoldRequest.smoothing(plan, seed=seed, module_size=module_size)
     watch = Watch(progress=progress, cancelled=cancelled)

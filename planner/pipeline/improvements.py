@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from planner.pathfinding.duration import MAX_IMPROVING_S
+from planner.pathfinding.expected_duration import MAX_IMPROVING_S
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.request import MAX_SEED

@@ -17,7 +17,7 @@ from planner.motion.timeline import TimelineWriter
 from planner.parameters.explosion import TableParameters
 from planner.parameters.parameters import Parameters
 from planner.pipeline.job import Job, Search, Watch, is_smoothing
-from planner.pipeline.search import before_playback
+from planner.pipeline.next_step import before_playback
 from planner.playback.playback import Playback
 from planner.playback.playback import play_back as simulate_playback
 from planner.playback.table_playback import play_on_table

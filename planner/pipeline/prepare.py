@@ -13,9 +13,9 @@ from planner.chain.module import CUBE
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding.knots import Knot, knot_of
-from planner.pathfinding.options import PathOptions
+from planner.pathfinding.path_options import PathOptions
 from planner.pathfinding.start_cell import started
-from planner.plan.prepared import PreparedChains
+from planner.plan.prepared_chains import PreparedChains
 from planner.readers import read
 from planner.shapes.shape import Shape
 

@@ -12,9 +12,9 @@ from planner.pipeline.attempt import Candidates
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from planner.plan.plan import Plan
-from planner.plan.prepared import PreparedChains
+from planner.plan.prepared_chains import PreparedChains
 from planner.playback.unfolding import check_fits
-from planner.robot.smoothed import check_smoothable
+from planner.robot.smoothed_plan import check_smoothable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,7 +19,7 @@ from planner.parameters.parameters import (
     Parameters,
     preset,
 )
-from planner.parameters.settings import (
+from planner.parameters.settings_text import (
     MAX_TEXT_CHARS,
     SETTINGS,
     names_with_units,
@@ -27,7 +27,7 @@ from planner.parameters.settings import (
     settings_text,
     with_settings,
 )
-from planner.pathfinding.options import PathOptions
+from planner.pathfinding.path_options import PathOptions
 from planner.pipeline.preference import COMPUTING, PREFERENCES, Preference
 
 if TYPE_CHECKING:

@@ -25,11 +25,7 @@ from planner.pipeline.certifying import with_certificate
 from planner.pipeline.exploding import with_explosion
 from planner.pipeline.exporting import finish
 from planner.pipeline.job import Search, Watch, is_smoothing
-from planner.pipeline.playing_back import with_playback
-from planner.pipeline.preference import COMPUTING, Preference
-from planner.pipeline.reading import Reading, read_plan, read_shape
-from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import (
+from planner.pipeline.next_step import (
     Explode,
     before_explosion,
     before_playback,
@@ -37,6 +33,10 @@ from planner.pipeline.search import (
     with_choice,
     with_count,
 )
+from planner.pipeline.playing_back import with_playback
+from planner.pipeline.preference import COMPUTING, Preference
+from planner.pipeline.reading import Reading, read_plan, read_shape
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback

@@ -14,12 +14,12 @@ import numpy as np
 from planner.certificate.frame_metrics import clearances_of
 from planner.certificate.table_certificate import table_certificate
 from planner.chain.chain import Chain
-from planner.chain.dynamics import floating_torques
+from planner.chain.floating_torques import floating_torques
 from planner.chain.module import CUBE
 from planner.chain.path import Path
 from planner.clearance.exempt_pairs import exempt_pairs
 from planner.clearance.sweep import sweep
-from planner.cores import cores
+from planner.cpu_cores import cores
 from planner.explosion.published_explosion import explode_as_published
 from planner.explosion.simultaneous import explode
 from planner.kernels.articulated import Accelerations, ArticulatedBodies
@@ -38,12 +38,12 @@ from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up_paths import WARM_UP_CELLS, warm_up_chains, warm_up_paths
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from planner.progress import Progress, Report, silent
 from planner.robot.retiming import retime
-from planner.simulation.contacts import robot_contacts
+from planner.simulation.contact_finder import robot_contacts
 from planner.simulation.engine import build_chain_model
-from planner.simulation.model import SOLIMP
+from planner.simulation.mujoco_models import SOLIMP
 from planner.simulation.robot import Robot
 
 BACKGROUND_NICENESS: Final = 10

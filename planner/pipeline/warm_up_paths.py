@@ -11,7 +11,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.pathfinding.exact_search import exact_path
 from planner.pathfinding.knots import knot_of
-from planner.pathfinding.tetrahedra import find_trails
+from planner.pathfinding.trail_search import find_trails
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
 from planner.shapes.voxelise import voxelise

@@ -37,7 +37,7 @@ from planner.pipeline.retry_policy import RetryPolicy
 from planner.plan.moment_search import moments_of
 from planner.plan.moments import Moments
 from planner.plan.plan import Plan
-from planner.plan.prepared import PreparedChains, key_of
+from planner.plan.prepared_chains import PreparedChains, key_of
 from planner.playback.playback import Playback
 from planner.playback.unfolding import Unfolding
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from planner.errors import InputError
-from planner.simulation.mujoco import mujoco
+from planner.simulation.lazy_mujoco import mujoco
 
 MODEL_RTOL: Final = 5e-7
 """Maximum relative difference between numbers of two compiled MuJoCo models that count as equal:

@@ -71,7 +71,8 @@ class Plan:
         playback: Status, reason, steps, seconds and errors of the playback; None without one.
         certificate: Certificate of the plan.
         attempts: Every explosion that was tried, the last one is the record.
-        smoothing: Changes by smoothing, see ``planner.robot.smoothed``; None of a recorded plan.
+        smoothing: Changes by smoothing, see ``planner.robot.smoothed_plan``; None of a recorded
+            plan.
     """
 
     chain: Chain

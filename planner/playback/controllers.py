@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from planner.parameters.playback import PlaybackParameters
 from planner.playback.reference_trajectory import ReferenceTrajectory
 from planner.playback.setpoints import Target
-from planner.simulation.model import Material
+from planner.simulation.mujoco_models import Material
+from planner.simulation.mujoco_tree import RateMotors, Servos, Tree
 from planner.simulation.robot import Robot
-from planner.simulation.tree import RateMotors, Servos, Tree
 
 Array = NDArray[np.float64]
 

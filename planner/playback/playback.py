@@ -18,10 +18,10 @@ from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.motion.motion import Angles, Motion
 from planner.motion.record import Record, save_npz
 from planner.parameters.playback import PlaybackParameters
-from planner.playback.kinematic import kinematic_frames
+from planner.playback.chain_run import PlaybackStatus
+from planner.playback.kinematic_playback import kinematic_frames
 from planner.playback.reference_trajectory import ReferenceTrajectory
 from planner.playback.robot_runs import simulate_robots
-from planner.playback.run import PlaybackStatus
 from planner.playback.unfolding import Unfolding
 from planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
 from planner.progress import Cancelled, Report, never, silent

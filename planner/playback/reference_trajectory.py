@@ -14,8 +14,8 @@ from planner.errors import InputError
 from planner.motion.motion import Phase
 from planner.motion.record import Record
 from planner.parameters.playback import PlaybackParameters
-from planner.playback.kinematic import root_folded
-from planner.playback.reference import Reference, clear_reference
+from planner.playback.kinematic_playback import root_folded
+from planner.playback.reference_curve import Reference, clear_reference
 from planner.playback.setpoints import (
     Backwards,
     DirectSetpoints,
@@ -32,7 +32,7 @@ from planner.playback.time_scaling import (
     torque_bounded_scaling,
 )
 from planner.playback.unfolding import Unfolding
-from planner.simulation.contacts import ContactFinder, robot_contacts
+from planner.simulation.contact_finder import ContactFinder, robot_contacts
 
 Array = NDArray[np.float64]
 SPEED_PACED_STEPS_SCALE: Final = 2

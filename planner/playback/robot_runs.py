@@ -8,10 +8,10 @@ from dataclasses import replace
 from threading import Event, Lock
 from typing import TypeVar
 
-from planner.cores import cores
+from planner.cpu_cores import cores
 from planner.motion.motion import Motion
+from planner.playback.chain_run import Run
 from planner.playback.reference_trajectory import ReferenceTrajectory
-from planner.playback.run import Run
 from planner.playback.window_run import WindowRun
 from planner.playback.window_trajectory import WindowTrajectory
 from planner.progress import Cancelled, Progress, Report

@@ -9,9 +9,9 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.dynamics import floating_torques
+from planner.chain.floating_torques import floating_torques
 from planner.chain.module import Module
-from planner.playback.reference import Reference
+from planner.playback.reference_curve import Reference
 from planner.playback.time_scaling import TimeScaling, smooth_scaling
 
 Array = NDArray[np.float64]

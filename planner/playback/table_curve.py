@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.cantilever_statics import hinge_frames
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
-from planner.chain.statics import hinge_frames
 from planner.kernels.statics import Hinges, torque_columns
 from planner.motion.motion import Motion
 from planner.playback.window_trajectory import WindowCurve

@@ -16,16 +16,16 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
-from planner.chain.statics import GRAVITY_M_S2
 from planner.errors import InputError, SimulationError
 from planner.motion.angle_encoding import snapped
 from planner.motion.motion import Motion
 from planner.parameters.playback import TablePlaybackParameters
+from planner.playback.chain_run import CANCEL_CHECK_STEPS, GOAL_TOLERANCE_PITCH, PlaybackStatus
 from planner.playback.playback import Playback
 from planner.playback.reference_trajectory import TRACKING_LOST_RAD
-from planner.playback.run import CANCEL_CHECK_STEPS, GOAL_TOLERANCE_PITCH, PlaybackStatus
 from planner.playback.table_trajectory import TableTrajectory
 from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report, never, silent
 from planner.simulation.table_body import TableBody

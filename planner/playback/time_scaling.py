@@ -9,10 +9,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from planner.chain.dynamics import floating_torques
+from planner.chain.floating_torques import floating_torques
 from planner.chain.module import Module
 from planner.kernels.speed_profiles import torque_passes
-from planner.playback.reference import Reference
+from planner.playback.reference_curve import Reference
 
 Array = NDArray[np.float64]
 MIN_PLAYBACK_STEPS: Final = 100

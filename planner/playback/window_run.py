@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from planner.errors import SimulationError
 from planner.motion.motion import Angles, Motion
+from planner.playback.chain_run import PlaybackRun, PlaybackStatus
 from planner.playback.reference_trajectory import TRACKING_LOST_RAD
-from planner.playback.run import PlaybackRun, PlaybackStatus
 from planner.playback.setpoints import SETTLE_STEPS
 from planner.playback.window_trajectory import WindowTrajectory
 from planner.progress import Cancelled, Report

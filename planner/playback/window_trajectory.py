@@ -16,11 +16,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.dynamics import floating_torques
+from planner.chain.floating_torques import floating_torques
 from planner.clearance.sweep import sweep
 from planner.motion.motion import Motion
 from planner.parameters.playback import PlaybackParameters
-from planner.playback.reference import (
+from planner.playback.reference_curve import (
     JOINT_LIMIT_MARGIN_RAD,
     REFERENCE_CLEARANCE_PITCH,
     frames_around,

@@ -11,8 +11,8 @@ from planner.chain.chain import Chain
 from planner.chain.module import Module, module_named
 from planner.chain.path import DEFAULT_PITCH_M, MAX_COORDINATE
 from planner.errors import InputError
-from planner.readers.json_text import number_field, refuse_unread_keys, text_field
 from planner.readers.limits import Source, quote, too_many
+from planner.readers.strict_json import number_field, refuse_unread_keys, text_field
 
 CHAIN_KEYS: Final = (
     *("format", "name", "module", "joint_angles_deg", "pitch_m"),

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.readers.json_text import parse
 from planner.readers.limits import Source, quote
+from planner.readers.strict_json import parse
 from planner.readers.trimesh_meshes import Triangles, incomplete, joined, placed
 from planner.shapes.polygons import fans
 from planner.shapes.solid import Solid, check_triangles

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
-from planner.readers.tables import Table, chunks, table, whole
+from planner.readers.number_tables import Table, chunks, table, whole
 from planner.readers.text import HASH_COMMENT
 from planner.shapes.polygons import fans
 from planner.shapes.solid import Solid, check_triangles

@@ -9,8 +9,8 @@ import numpy as np
 
 from planner.chain.path import DEFAULT_PITCH_M, Path
 from planner.errors import InputError
-from planner.readers.json_text import number_field, refuse_unread_keys, text_field
 from planner.readers.limits import Source, quote, too_many
+from planner.readers.strict_json import number_field, refuse_unread_keys, text_field
 from planner.readers.text import path_or_shape
 from planner.shapes.shape import Shape
 

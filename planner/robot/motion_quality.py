@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.plan.plan import Plan
-from planner.playback.reference import record_lengths
+from planner.playback.reference_curve import record_lengths
 from planner.robot.smoothing import DISTANCE_WEIGHT
 
 Array = NDArray[np.float64]
@@ -26,7 +26,8 @@ class Quality:
     Attributes:
         frames: Number of frames.
         fold_time_s: Time that it takes at the certificate's bound of joint speed.
-        length_rad: Arc length of the motion, see ``planner.playback.reference.record_lengths``.
+        length_rad: Arc length of the motion, see
+            ``planner.playback.reference_curve.record_lengths``.
         hinges_moving_mean, hinges_moving_most: Number of hinges that move at the same time.
         peak_speed_rad_s: Largest speed of a hinge.
         peak_torque_nm: Largest torque of a hinge, floating, without gravity.

@@ -8,12 +8,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.chain.chain import Chain
-from planner.chain.statics import GRAVITY_M_S2
 from planner.errors import InputError
 from planner.robot.trajectory import Trajectory
-from planner.simulation.model import Material
-from planner.simulation.tree import Tree
+from planner.simulation.mujoco_models import Material
+from planner.simulation.mujoco_tree import Tree
 
 Array = NDArray[np.float64]
 MAX_INTERVALS_PER_STEP: Final = 4

@@ -16,9 +16,9 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.statics import GRAVITY_M_S2
+from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.errors import InputError
-from planner.robot.casings import Casing
+from planner.robot.module_materials import Casing
 from planner.robot.servos import Servo, servos
 
 HINGES_PER_MODULE: Final = 2

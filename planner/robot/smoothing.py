@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
 from planner.chain.chain import Chain
-from planner.chain.dynamics import floating_torques
+from planner.chain.floating_torques import floating_torques
 from planner.clearance.sweep import Sweep, sweep
 from planner.errors import InputError
 from planner.kernels.smoothing import mark_blamed_hinges, write_displacements

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.chain.path import check_coordinates
 from planner.errors import InputError
-from planner.shapes.bodies import MIN_FILLED_SHARE, orient_bodies
+from planner.shapes.mesh_bodies import MIN_FILLED_SHARE, orient_bodies
 from planner.shapes.mesh_repair import closed_holes, edges_of, is_surface, welded
 
 MAX_TRIANGLES: Final = 2_000_000

@@ -31,8 +31,8 @@ from planner.kernels.contact_forces import (
 from planner.kernels.kinematics import chain_poses
 from planner.kernels.module import ChainModel, Lumps, ModuleStates
 from planner.kernels.velocities import chain_velocities
-from planner.simulation.model import Material
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.mujoco_models import Material
+from planner.simulation.reduced_state import Acceleration, State
 
 Array = NDArray[np.float64]
 LOCKED_ROTOR_INERTIA: Final = 1e12

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.kernels.module import Lumps
-from planner.simulation.contacts import ContactFinder
+from planner.simulation.contact_finder import ContactFinder
 from planner.simulation.engine import SpringChain, build_chain_model
-from planner.simulation.model import Material
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.mujoco_models import Material
+from planner.simulation.reduced_state import Acceleration, State
 
 Array = NDArray[np.float64]
 

@@ -19,8 +19,9 @@ from planner.errors import InputError, SimulationError
 from planner.kernels.kinematics import chain_poses
 from planner.kernels.module import ModuleStates
 from planner.kernels.velocities import chain_velocities
-from planner.simulation.contacts import boxes_around
-from planner.simulation.model import (
+from planner.simulation.contact_finder import boxes_around
+from planner.simulation.lazy_mujoco import mujoco
+from planner.simulation.mujoco_models import (
     SOLIMP,
     Material,
     add_next_body,
@@ -28,8 +29,7 @@ from planner.simulation.model import (
     base_spec,
     compiled,
 )
-from planner.simulation.mujoco import mujoco
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.reduced_state import Acceleration, State
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -30,9 +30,9 @@ from planner.kernels.servo_step import (
     servo_torques,
 )
 from planner.parameters.playback import RobotParameters
-from planner.simulation.contacts import ContactFinder
+from planner.simulation.contact_finder import ContactFinder
 from planner.simulation.engine import DetectedContacts, Engine, build_chain_model
-from planner.simulation.reduced import State
+from planner.simulation.reduced_state import State
 
 Array = NDArray[np.float64]
 MAX_SATURATION_ITERATIONS: Final = 8

@@ -23,15 +23,15 @@ from planner.kernels.clearance import least_separation
 from planner.kernels.module import ModuleStates
 from planner.kernels.segment_state import SegmentLayout, write_root_velocities, write_state
 from planner.simulation.engine import DetectedContacts, SpringChain, build_chain_model
-from planner.simulation.model import (
+from planner.simulation.lazy_mujoco import mujoco
+from planner.simulation.mujoco_models import (
     SEGMENT_MODULES,
     Material,
     compiled,
     segment_spec,
     segment_starts,
 )
-from planner.simulation.mujoco import mujoco
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.reduced_state import Acceleration, State
 
 Array = NDArray[np.float64]
 BIAS_STEP_S: Final = 1e-4

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.parameters.playback import TablePlaybackParameters
-from planner.simulation.model import (
+from planner.simulation.lazy_mujoco import mujoco
+from planner.simulation.mujoco_models import (
     SOLIMP,
     STIFF_SOLREF_SOLIMP,
     Material,
@@ -26,7 +27,6 @@ from planner.simulation.model import (
     exclude,
     set_inertia,
 )
-from planner.simulation.mujoco import mujoco
 
 Array = NDArray[np.float64]
 BAD_NUMBER_WARNINGS: Final = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
@@ -35,8 +35,9 @@ BAD_NUMBER_WARNINGS: Final = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQAC
 class TableBody:
     """Chain on a table.
 
-    Motors are constraints, as in ``planner.simulation.tree.RateMotors``: a hinge turns at the
-    wanted rate as long as its torque suffices, and yields beyond. No torque is above the limit.
+    Motors are constraints, as in ``planner.simulation.mujoco_tree.RateMotors``: a hinge turns
+    at the wanted rate as long as its torque suffices, and yields beyond. No torque is above the
+    limit.
 
     Args:
         chain: The chain; folded, it stands on the table, z up.

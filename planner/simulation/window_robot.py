@@ -16,9 +16,9 @@ from planner.kernels.contact_forces import PairContacts
 from planner.kernels.module import ChainModel, Lumps
 from planner.kernels.servo_step import ServoTarget
 from planner.parameters.playback import RobotParameters
-from planner.simulation.contacts import boxes_around, robot_contacts
+from planner.simulation.contact_finder import boxes_around, robot_contacts
 from planner.simulation.engine import DetectedContacts, Engine
-from planner.simulation.reduced import State
+from planner.simulation.reduced_state import State
 from planner.simulation.robot import RobotErrors, ServoChain
 
 Array = NDArray[np.float64]

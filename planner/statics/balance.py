@@ -20,9 +20,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.cantilever_statics import hinge_frames
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
-from planner.chain.statics import hinge_frames
 from planner.kernels.statics import EQUATIONS, Hinges, torque_columns
 from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
 from planner.statics.equilibrium_lp import Columns, Program

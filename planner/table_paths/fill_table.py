@@ -8,17 +8,17 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding import Cell
-from planner.pathfinding.blocks import halved
+from planner.pathfinding.block_merging import halved
 from planner.pathfinding.feasibility import Feasibility, Problem
 from planner.pathfinding.fill_cubes import BLOCK_CELLS, doubled
 from planner.pathfinding.filled_shape import FilledShape
-from planner.pathfinding.infeasibility import tuples
 from planner.pathfinding.knots import knot_of
-from planner.pathfinding.options import DEFAULT_MODULES, PathOptions
+from planner.pathfinding.no_path_proofs import tuples
+from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
 from planner.shapes.shape import Shape
 from planner.table_paths.base_sides import sides_of
-from planner.table_paths.infeasibility import NoPath, closest, most_telling, ruled_out
 from planner.table_paths.mending import added_words, cells_to_add, with_cells
+from planner.table_paths.no_table_path_proofs import NoPath, closest, most_telling, ruled_out
 from planner.table_paths.table_paths import paths_or_reasons
 
 SIDE_NAMES: dict[str, str] = {

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.pathfinding import Cell
-from planner.pathfinding.infeasibility import obstacles
 from planner.pathfinding.lattice import colours, parts
+from planner.pathfinding.no_path_proofs import obstacles
 from planner.shapes.shape import Shape
 from planner.table_paths.table_paths import paths_or_reasons
 

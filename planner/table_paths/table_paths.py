@@ -12,15 +12,15 @@ from planner.chain.path import MIN_CELLS
 from planner.errors import InputError
 from planner.shapes.shape import Shape
 from planner.table_paths.base_sides import Side, images, sides_of
-from planner.table_paths.infeasibility import (
+from planner.table_paths.layer import Work
+from planner.table_paths.layer_path_search import Climb
+from planner.table_paths.no_table_path_proofs import (
     FALLING_EFFORT,
     NoPath,
     falling,
     ruled_out,
     unsolved,
 )
-from planner.table_paths.layer import Work
-from planner.table_paths.layer_path_search import Climb
 from planner.table_paths.rules import FALLS, LAYERS, Rule
 from planner.table_paths.score import WEIGHTS, Parts, parts_of
 

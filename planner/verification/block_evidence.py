@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.motion.failure_schemas import BlockFigures
-from planner.plan.differences import Differences
+from planner.plan.value_differences import Differences
 
 Array = NDArray[np.float64]
 MAX_BLOCKED_TURN_RAD: Final = float(np.deg2rad(5.0))

@@ -13,13 +13,13 @@ from planner.clearance.exempt_pairs import Place
 from planner.clearance.sweep import clearance_at
 from planner.motion.motion import Motion
 from planner.motion.record import Record
-from planner.plan.differences import (
+from planner.plan.plan import Plan
+from planner.plan.value_differences import (
     FIGURES_ATOL,
     FIGURES_RTOL,
     Differences,
     value_differences,
 )
-from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 
 SAME_CLEARANCE_PITCH: Final = 1e-7

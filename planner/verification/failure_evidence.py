@@ -23,7 +23,7 @@ from planner.motion.failure_schemas import (
 )
 from planner.motion.record import Record
 from planner.parameters.explosion import PeelingParameters
-from planner.plan.differences import Differences
+from planner.plan.value_differences import Differences
 from planner.verification.block_evidence import blocks_differ
 from planner.verification.knot_evidence import knot_differs
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.motion.failure_schemas import KnotFigures
-from planner.plan.differences import Differences
+from planner.plan.value_differences import Differences
 from planner.verification.knot_invariants import (
     crossings_of,
     invariants_of,

@@ -12,8 +12,8 @@ import foldback_check_refusals
 from planner.explosion.diagnosis import Diagnosis, stuck_of
 from planner.file_names import PLAN, RECORD
 from planner.pipeline.workspace import Workspace
-from planner.plan.differences import Differences, value_differences
 from planner.plan.plan import Plan
+from planner.plan.value_differences import Differences, value_differences
 from planner.verification.failure_evidence import ReasonCheck, check_reason
 
 

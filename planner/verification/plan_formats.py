@@ -9,8 +9,13 @@ import numpy as np
 
 from planner.file_names import PLAN, PLAN_TEXT
 from planner.motion.record import Record
-from planner.plan.differences import Differences, array_difference, value_differences, versus_plan
 from planner.plan.plan import EARLIER_FORMATS, Plan
+from planner.plan.value_differences import (
+    Differences,
+    array_difference,
+    value_differences,
+    versus_plan,
+)
 from planner.playback.playback import Playback
 
 JSON_ROUNDING: Final = 1e-9

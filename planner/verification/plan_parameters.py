@@ -13,8 +13,8 @@ from planner.parameters.explosion import Base
 from planner.parameters.parameters import FLOATING, WORLD_CHOICES, Parameters, preset
 from planner.pipeline.preference import COMPUTING
 from planner.pipeline.workspace import Workspace
-from planner.plan.differences import Differences, value_differences, versus_plan
 from planner.plan.plan import Plan, versions
+from planner.plan.value_differences import Differences, value_differences, versus_plan
 
 
 def playback_number(plan: Plan, name: str) -> float:

@@ -12,7 +12,8 @@ import numpy as np
 
 from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.parameters.playback import TablePlaybackParameters
-from planner.plan.differences import (
+from planner.plan.plan import Plan
+from planner.plan.value_differences import (
     FIGURES_ATOL,
     FIGURES_RTOL,
     SINGLE_PRECISION_ATOL_RAD,
@@ -20,7 +21,6 @@ from planner.plan.differences import (
     array_difference,
     value_differences,
 )
-from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.playback.table_playback import time_unit_s
 from planner.verification.plan_parameters import (

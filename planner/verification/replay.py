@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.errors import InputError
 from planner.exports.mjcf import named_bodies
-from planner.plan.differences import Differences
 from planner.plan.plan import Plan
-from planner.simulation.mujoco import mujoco
+from planner.plan.value_differences import Differences
+from planner.simulation.lazy_mujoco import mujoco
 
 Array = NDArray[np.float64]
 POSITION_TOLERANCE_PITCH: Final = 1e-6

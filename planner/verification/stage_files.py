@@ -27,14 +27,14 @@ from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.motion.timeline import chain_attributes
 from planner.pipeline.workspace import Workspace
-from planner.plan.differences import (
+from planner.plan.plan import Plan
+from planner.plan.value_differences import (
     SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
     value_differences,
     versus_plan,
 )
-from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 
 

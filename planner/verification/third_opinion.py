@@ -32,7 +32,7 @@ from scipy.spatial import ConvexHull
 
 import foldback_check
 from planner.errors import InputError
-from planner.plan.differences import Differences
+from planner.plan.value_differences import Differences
 
 STEPS_PER_PART: Final = 4
 """Number of equal time steps of each piece of a motion in which the IPC Toolkit lets all corners of

@@ -22,9 +22,9 @@ from planner.file_names import MODEL, PLAN, PLAN_TEXT, TIMELINE
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.pipeline import manifest
-from planner.plan.differences import Differences
 from planner.plan.model_differences import model_differences
 from planner.plan.plan import EARLIER_FORMATS, Plan, read_values
+from planner.plan.value_differences import Differences
 from planner.playback.playback import Playback
 from planner.progress import Report, silent
 from planner.verification.certificate_figures import ToldFigures

@@ -19,7 +19,7 @@ from sqlalchemy.exc import IntegrityError
 
 from planner.files import settle
 from planner.pipeline.request import FoldRequest
-from planner.plan.packed import unpack
+from planner.plan.packed_fold import unpack
 from planner.readers.gallery import Gallery
 from server.api.source import Source
 from server.api.submit import Submission

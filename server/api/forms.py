@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeVar
 from fastapi import Form
 
 from planner.parameters.option import Option, options_of
-from planner.pathfinding.options import PathOptions
+from planner.pathfinding.path_options import PathOptions
 
 RequestT = TypeVar("RequestT", bound=PathOptions)
 

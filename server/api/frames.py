@@ -21,7 +21,7 @@ from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.fold_lookup import found_fold, viewing_of
-from server.api.own_values import values_of
+from server.api.module_values import values_of
 from server.api.tours import tour_of
 from server.http.client_address import address_of
 from server.http.compression import Asset

@@ -13,11 +13,11 @@ from typing import Annotated, Any, BinaryIO, Final
 from fastapi import File, Form, UploadFile
 
 from planner.chain.module import CUBE
+from planner.display_names import clean_name
 from planner.errors import InputError
 from planner.file_names import INPUT, PREPARED, REQUEST
 from planner.files import json_of
-from planner.names import clean_name
-from planner.pathfinding.options import PathOptions
+from planner.pathfinding.path_options import PathOptions
 from planner.pipeline.request import FoldRequest, PreviewRequest
 from planner.readers.limits import quote
 from planner.verification.integrity import check

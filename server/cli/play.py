@@ -28,7 +28,7 @@ from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.workspace import Workspace
-from planner.plan.own_values import values_in
+from planner.plan.module_values import values_in
 from server.api import frames as timelines
 from server.api.fold_lookup import Viewing
 from server.api.frame_waits import FrameWaits
@@ -134,6 +134,7 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
                 artifacts=artifacts,
                 settings=None,
                 estimates=None,
+                leases=None,
             )
             yield
             waits.close()

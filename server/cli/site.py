@@ -21,7 +21,7 @@ from cli.options import AsJson
 from planner.errors import InputError, PlannerError
 from planner.file_names import TIMELINE
 from planner.pipeline.fold_layout import result
-from planner.plan.packed import unpack
+from planner.plan.packed_fold import unpack
 from server.api.finished import FINISHED_FOLDS_DIR
 from server.cli.play import row_of
 from server.pages.site import write_site

@@ -10,7 +10,7 @@ from typing import Final
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
-from planner.pathfinding.options import MAX_TABLE_MODULES
+from planner.pathfinding.path_options import MAX_TABLE_MODULES
 from server.api.context import context_of
 from server.files.preview_reports import OPTIONS_KEY, cells_of_repair, read_report
 from server.http.client_address import address_of
@@ -43,7 +43,8 @@ async def preview_page(request: Request, preview_id: str) -> Response:
         "table_modules": MAX_TABLE_MODULES,
         "next_scripts": _next_scripts(),
     }
-    return page("preview.html", facts=facts, facts_json=script_json(facts))
+    preparing = await asyncio.to_thread(context.leases.preparing)
+    return page("preview.html", facts=facts, facts_json=script_json(facts), preparing=preparing)
 
 
 @cache

@@ -21,7 +21,7 @@ from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.fold_lookup import find_fold, found_fold, viewing_of
 from server.api.frames import view_page
-from server.api.own_values import values_of
+from server.api.module_values import values_of
 from server.api.tours import tour_of
 from server.errors import Conflict
 from server.http.client_address import address_of

@@ -18,7 +18,7 @@ from markupsafe import Markup
 from planner.file_names import TIMELINE
 from planner.files import write_whole
 from planner.pipeline.fold_layout import result
-from planner.plan.own_values import values_in
+from planner.plan.module_values import values_in
 from server.api.tours import draft_of
 from server.pages.facts import fold_facts
 from server.pages.fold import drawing_in

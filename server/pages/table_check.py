@@ -21,7 +21,7 @@ def ruled_out_on_table(chain: Path) -> bool:
     """
     # SciPy, which this needs, is not loaded before a page asks.
     from planner.table_paths.base_sides import sides_of
-    from planner.table_paths.infeasibility import ruled_out
+    from planner.table_paths.no_table_path_proofs import ruled_out
 
     try:
         positions = chain_from_attributes(json.loads(chain.read_bytes())).folded_poses.positions

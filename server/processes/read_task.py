@@ -65,7 +65,7 @@ def check(directory: Path) -> dict[str, Any]:
 
             check_for_table(found)
         return {"name": found.name, "module": found.module.name, "modules": len(found)}
-    from planner.pathfinding.options import DEFAULT_MODULES
+    from planner.pathfinding.path_options import DEFAULT_MODULES
     from planner.pipeline.prepare import filling_of
 
     options = request.path_options()
@@ -97,7 +97,7 @@ def _smoothed(directory: Path, request: FoldRequest) -> dict[str, Any]:
     """Return ``name``, ``module`` and ``modules`` of a plan to be smoothed."""
     from planner.file_names import RECORDED_PLAN
     from planner.plan.plan import Plan
-    from planner.robot.smoothed import check_smoothable
+    from planner.robot.smoothed_plan import check_smoothable
 
     request.check()
     plan = Plan.load(directory / RECORDED_PLAN)
@@ -113,7 +113,7 @@ def preview(directory: Path) -> dict[str, Any]:
         InputError: When the input above it can't be used.
     """
     from planner.pipeline.prepare import prepare_in_any_order
-    from planner.plan.prepared import key_of
+    from planner.plan.prepared_chains import key_of
 
     about = request_in(directory)
     request = PreviewRequest.from_json(about)

@@ -38,7 +38,7 @@ class FoldRow(Base):
     ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded;
     ``prefer`` tells which of several plans is wanted, see ``planner.pipeline.preference``;
     ``world`` is where it folds, see ``planner.parameters.parameters.WORLD_CHOICES``;
-    ``settings`` is what ``planner.parameters.settings.settings_text`` makes of those of its
+    ``settings`` is what ``planner.parameters.settings_text.settings_text`` makes of those of its
     preset.
 
     ``turn`` is its place in the queue, the least first, and ``cost_s`` what computing it is
@@ -225,7 +225,7 @@ class TourRow(Base):
 
 
 class ValuesRow(Base):
-    """The numbers that the owner of a fold has stored: ``planner.plan.own_values``."""
+    """The numbers that the owner of a fold has stored: ``planner.plan.module_values``."""
 
     __tablename__ = "own_values"
 

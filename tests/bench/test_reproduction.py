@@ -1,7 +1,5 @@
 """The paper's experiments: run once, stored with their pictures, and reported as they ended."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +17,7 @@ from bench.reproduction.reproduce import reproduce, tell
 from bench.reproduction.runs import stored_runs
 from planner.chain.path import Path as CellPath
 from planner.pipeline.request import FoldRequest
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from web.palette import STALLED_RGB
 
 pytestmark = pytest.mark.slow

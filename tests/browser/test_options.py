@@ -1,7 +1,5 @@
 """Options of a fold as a visitor sets them: published parameters, a table, an objective."""
 
-from __future__ import annotations
-
 import json
 import re
 
@@ -9,7 +7,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from planner.parameters.settings import SETTINGS
+from planner.parameters.settings_text import SETTINGS
 from tests.browser.conftest import (
     WIDTH,
     Visit,

@@ -1,7 +1,5 @@
 """`foldback site`: relative links, and pages that work from a folder."""
 
-from __future__ import annotations
-
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urldefrag
@@ -9,7 +7,7 @@ from urllib.parse import unquote, urldefrag
 import pytest
 from playwright.sync_api import Browser, expect
 
-from planner.plan.packed import unpack
+from planner.plan.packed_fold import unpack
 from server.api.finished import FINISHED_FOLDS_DIR
 from server.cli.site import site
 from tests.browser.conftest import MEDIA

@@ -3,8 +3,6 @@
 Together they use every strategy, module, preset, kind of playback and world.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +16,7 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain, write_path
+from planner.plan.shape_writers import write_chain, write_path
 from tests.planner.chains import COIL, SQUARE, coil
 
 SHAPES: Final = FilePath(__file__).parents[2] / "examples" / "shapes"

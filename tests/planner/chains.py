@@ -1,7 +1,5 @@
 """Chains and random configurations for tests."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np
@@ -13,7 +11,7 @@ from planner.chain.path import Path
 from planner.kernels.backbite import grow
 from planner.motion.motion import Motion, Phase
 from planner.pathfinding.lattice import neighbours
-from planner.simulation.reduced import State, turned
+from planner.simulation.reduced_state import State, turned
 
 Array = NDArray[np.float64]
 

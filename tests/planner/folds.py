@@ -1,7 +1,5 @@
 """Folds of short chains through all stages, and comparisons of their results."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -14,7 +12,7 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from tests.planner.chains import COIL
 
 

@@ -1,7 +1,5 @@
 """Accelerations of a chain as one MuJoCo tree."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mujoco
@@ -10,8 +8,8 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
-from planner.simulation.model import Material, tree_spec
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.mujoco_models import Material, tree_spec
+from planner.simulation.reduced_state import Acceleration, State
 
 Array = NDArray[np.float64]
 

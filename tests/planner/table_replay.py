@@ -8,8 +8,6 @@ modules touch where they carry load; others settle until they do.
 Units are natural: module mass, pitch and gravity are 1, time is in √(pitch / gravity).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -20,8 +18,8 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
 from planner.motion.motion import Motion
-from planner.simulation.model import STIFF_SOLREF_SOLIMP, Material, compiled, tree_spec
-from planner.simulation.mujoco import mujoco
+from planner.simulation.lazy_mujoco import mujoco
+from planner.simulation.mujoco_models import STIFF_SOLREF_SOLIMP, Material, compiled, tree_spec
 
 Array = NDArray[np.float64]
 BRAKE_TORQUE_RATIO: Final = 1.1

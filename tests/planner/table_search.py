@@ -1,13 +1,11 @@
 """Searches for a path on a table, for shapes with and without one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from planner.errors import InputError
-from planner.table_paths.infeasibility import NoPath, most_telling
+from planner.table_paths.no_table_path_proofs import NoPath, most_telling
 from planner.table_paths.table_paths import TablePath, paths_or_reasons
 
 

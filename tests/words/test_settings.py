@@ -1,12 +1,10 @@
 """Settings of the published method: how they are listed, entered and described."""
 
-from __future__ import annotations
-
 import json
 
 from typer.testing import CliRunner
 
-from planner.parameters.settings import SETTINGS
+from planner.parameters.settings_text import SETTINGS
 from server.cli.command_line import application
 from words.settings import PAPER_ROWS, SOURCE_LABELS, changed, in_a_line
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from planner.chain.module import Module
 from planner.chain.rotations import matrix_from_wxyz
-from planner.simulation.mujoco import mujoco
+from planner.simulation.lazy_mujoco import mujoco
 from web.palette import FIRST_MODULE_RGB, LAST_MODULE_RGB
 from web.pictures.camera import FIELD_OF_VIEW_RAD, View
 from web.pictures.ground_shadow import SHADOW_CELLS, ground_shadow

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable
@@ -13,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from planner.certificate.certificate import Certificate, certify
+from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.chain.chain import Chain
 from planner.chain.path import Path
-from planner.chain.statics import GRAVITY_M_S2
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.motion.record import Record

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path as FilePath
@@ -14,7 +12,7 @@ from planner.certificate.frame_metrics import clearances_of, write_figures
 from planner.certificate.metrics_store import CLEARANCE_REACH_PITCH, Curves, Figures
 from planner.certificate.plan_figures import torque_unit_nm
 from planner.chain.chain import Chain
-from planner.chain.dynamics import floating_torques, motion_of
+from planner.chain.floating_torques import floating_torques, motion_of
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import TETRAHEDRON
 from planner.clearance.sweep import pair_clearance, sweep

@@ -1,7 +1,5 @@
 """Changes in a fold's directory: each is reported with the name of the file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import Any
@@ -14,7 +12,7 @@ from planner.chain.path import Path
 from planner.errors import InputError, TimelineError
 from planner.pipeline.fold import refold, smooth_plan
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
+from planner.plan.shape_writers import write_chain
 from planner.verification import verify
 from tests.planner.folds import run_fold
 from tests.planner.peels import snake

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -23,7 +21,7 @@ from planner.parameters.playback import PlaybackParameters
 from planner.pipeline.manifest import write_manifest
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
+from planner.plan.shape_writers import write_chain
 from planner.verification.replay import replay
 from planner.verification.verify import verify
 from tests.golden.cases import HOOK

@@ -1,15 +1,13 @@
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest
 
+from planner.chain.cantilever_statics import static_torque
 from planner.chain.chain import Chain
-from planner.chain.dynamics import floating_torques, motion_of
+from planner.chain.floating_torques import floating_torques, motion_of
 from planner.chain.module import TETRAHEDRON
-from planner.chain.statics import static_torque
-from planner.simulation.model import Material, tree_spec
-from planner.simulation.tree import Tree
+from planner.simulation.mujoco_models import Material, tree_spec
+from planner.simulation.mujoco_tree import Tree
 from tests.planner.chains import coil, line, random_angles
 
 

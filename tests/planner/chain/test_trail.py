@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np
@@ -15,7 +13,7 @@ from planner.chain.module import TETRAHEDRON
 from planner.chain.trail import Trail, hinge_axes
 from planner.clearance.clearance import closest
 from planner.errors import InputError
-from planner.pathfinding.trails import circuit, free_cuts, opened
+from planner.pathfinding.eulerian_circuits import circuit, free_cuts, opened
 
 Ints = NDArray[np.int64]
 

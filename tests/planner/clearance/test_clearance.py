@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from itertools import product
 
 import mujoco
@@ -11,7 +9,7 @@ from numpy.typing import NDArray
 
 from planner.chain.module import CUBE
 from planner.kernels.clearance import pair_separation
-from planner.simulation.reduced import turned
+from planner.simulation.reduced_state import turned
 from tests.planner.chains import random_rotation
 
 Array = NDArray[np.float64]

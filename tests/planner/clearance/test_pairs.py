@@ -1,12 +1,10 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from planner.kernels import pairs as module
 from planner.kernels.pairs import PairLimits, max_inverse_step_limit, near_pairs
-from planner.simulation.model import Material
+from planner.simulation.mujoco_models import Material
 from planner.simulation.segments import Segments
 from tests.planner.chains import line, random_state
 

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 
 from planner.chain.chain import Chain
@@ -10,7 +8,7 @@ from planner.explosion.simultaneous import Simultaneous
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.assembly import assembly_path
 from planner.progress import never, silent
-from planner.simulation.model import Material
+from planner.simulation.mujoco_models import Material
 from planner.simulation.rigid_blocks import Blocks
 from planner.simulation.segments import Segments
 from tests.planner.chains import coil, folded_state

@@ -1,7 +1,5 @@
 """Engine of explosions: its accelerations are those of one MuJoCo tree of the same bodies."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -13,10 +11,10 @@ from planner.chain.module import TETRAHEDRON
 from planner.chain.rotations import wxyz_from_matrix
 from planner.kernels.articulated import Accelerations, Loads
 from planner.kernels.module import Lumps
-from planner.simulation.contacts import ContactFinder
+from planner.simulation.contact_finder import ContactFinder
 from planner.simulation.engine import Engine, build_chain_model
-from planner.simulation.model import Material, tree_spec
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.mujoco_models import Material, tree_spec
+from planner.simulation.reduced_state import Acceleration, State
 from tests.planner.chains import coil, line, random_rotation, random_state
 from tests.planner.mujoco_tree import accelerate, scale_masses, solve_exactly
 

@@ -1,7 +1,5 @@
 """Window of a peeling: it moves as one MuJoCo tree with the same boxes and tail."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Any
 
@@ -10,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.simulation.contacts import ContactFinder
+from planner.simulation.contact_finder import ContactFinder
 from planner.simulation.fixed_base_window import FixedBaseWindow
-from planner.simulation.model import (
+from planner.simulation.mujoco_models import (
     Material,
     add_module_geom,
     add_next_body,
@@ -20,7 +18,7 @@ from planner.simulation.model import (
     exclude,
     set_inertia,
 )
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.reduced_state import Acceleration, State
 from tests.planner.chains import line
 
 Array = NDArray[np.float64]

@@ -1,7 +1,5 @@
 """Peeling: straight, clear and reproducible results; buried chains are refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
@@ -16,8 +14,8 @@ from planner.explosion.explosion_loop import Watch, return_to_checkpoint, step
 from planner.explosion.peeling import floating_peeling, peel
 from planner.explosion.peeling_recorder import Proof
 from planner.explosion.peeling_run import Peeling
+from planner.explosion.peeling_window import WindowConfiguration
 from planner.explosion.step_control import ContactDepth
-from planner.explosion.window import WindowConfiguration
 from planner.kernels.folded_core import CoreCells
 from planner.kernels.module import ModuleStates
 from planner.kernels.pairs import PairLimits

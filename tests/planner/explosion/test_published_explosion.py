@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +7,7 @@ from numpy.typing import NDArray
 from planner.explosion import published_explosion
 from planner.explosion.published_explosion import explode_as_published
 from planner.parameters.published import PaperExplosionParameters
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.reduced_state import Acceleration, State
 from planner.simulation.segments import Segments
 from tests.planner.chains import coil
 

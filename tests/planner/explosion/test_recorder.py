@@ -1,11 +1,9 @@
-from __future__ import annotations
-
 import numpy as np
 
 from planner.chain.chain import Chain
 from planner.explosion.recorder import FrameRule, Recorder, Step
 from planner.motion.motion import Motion
-from planner.simulation.reduced import State
+from planner.simulation.reduced_state import State
 from tests.planner.chains import line
 
 

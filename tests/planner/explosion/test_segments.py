@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import product
 from typing import Any
@@ -10,8 +8,8 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
-from planner.simulation.model import Material, tree_spec
-from planner.simulation.reduced import Acceleration, State
+from planner.simulation.mujoco_models import Material, tree_spec
+from planner.simulation.reduced_state import Acceleration, State
 from planner.simulation.segments import Segments
 from tests.case import case
 from tests.planner.chains import coil, folded_state, line, near_pairs_of, random_state

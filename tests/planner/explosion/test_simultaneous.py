@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -13,7 +11,7 @@ from planner.explosion.simultaneous import explode
 from planner.explosion.whole_chain import WholeChain
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.knots import knot_of
-from planner.simulation.reduced import Acceleration
+from planner.simulation.reduced_state import Acceleration
 from tests.planner.chains import coil, knotted, line
 
 Array = NDArray[np.float64]

@@ -1,7 +1,5 @@
 """Explosions on a table: recorded frames are stable within the bound, refusals are reported."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from pathlib import Path as FilePath
@@ -12,10 +10,10 @@ import pytest
 from planner.certificate.table_certificate import table_certificate
 from planner.chain.chain import Chain
 from planner.chain.path import Path
+from planner.explosion.peeling_window import Peelable, WindowConfiguration
 from planner.explosion.recorder import Refusal
 from planner.explosion.table_explosion import explode_on_table
 from planner.explosion.table_guard import MAX_TABLE_PENETRATION_PITCH, Guard
-from planner.explosion.window import Peelable, WindowConfiguration
 from planner.motion.record import Record
 from planner.parameters.explosion import TableParameters
 from tests.planner.chains import line

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest
@@ -7,8 +5,8 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
 from planner.errors import SimulationError
-from planner.simulation.model import Material
-from planner.simulation.tree import Servos, Tree
+from planner.simulation.mujoco_models import Material
+from planner.simulation.mujoco_tree import Servos, Tree
 from tests.planner.chains import line, random_state
 
 SOFT = Material(geom_size=0.3)

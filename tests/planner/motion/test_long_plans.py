@@ -1,7 +1,5 @@
 """Plans of windows: all stages and exports keep their content."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace
@@ -15,7 +13,7 @@ import pytest
 from planner.certificate.certificate import certify
 from planner.certificate.metrics_store import Curves, Figures
 from planner.chain.chain import Chain
-from planner.chain.dynamics import floating_torques
+from planner.chain.floating_torques import floating_torques
 from planner.errors import InputError, TimelineError
 from planner.explosion.strategies import strategies_for
 from planner.exports.mjcf import keys_of, mjcf
@@ -28,7 +26,7 @@ from planner.parameters.parameters import Parameters, preset
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage, run_stages
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
+from planner.plan.shape_writers import write_chain
 from planner.playback.playback import Playback
 from planner.verification.replay import replay
 from planner.verification.verify import verify

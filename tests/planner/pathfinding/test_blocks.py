@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np
@@ -9,10 +7,17 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.pathfinding.blocks import FACES, Tree, block_cycle, block_path, halved, joint_options
+from planner.pathfinding.block_merging import (
+    FACES,
+    Tree,
+    block_cycle,
+    block_path,
+    halved,
+    joint_options,
+)
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import STEPS, spread, spreads_of_cuts, surface
-from planner.pathfinding.loose_blocks import block_corners, loose_block_path
+from planner.pathfinding.loose_block_merging import block_corners, loose_block_path
 from planner.shapes.shape import Shape
 from tests.conftest import examples
 

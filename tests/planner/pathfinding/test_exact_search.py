@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import os
 import signal
 import threading
@@ -16,8 +14,8 @@ from bench.paths import RESULTS, check_stored
 from planner.errors import InputError
 from planner.pathfinding.circuit_solver import CircuitSolver
 from planner.pathfinding.exact_search import exact_path
-from planner.pathfinding.infeasibility import obstacles
 from planner.pathfinding.lattice import neighbours, spread, surface
+from planner.pathfinding.no_path_proofs import obstacles
 from planner.pathfinding.sat_paths import circuit
 from planner.shapes.shape import Shape
 from tests.conftest import examples

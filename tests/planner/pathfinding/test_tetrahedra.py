@@ -1,7 +1,5 @@
 """Chains of tetrahedra from their angles to a verified plan, by the same code as cubes."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np
@@ -16,10 +14,10 @@ from planner.clearance.clearance import closest
 from planner.clearance.margins import largest_size
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
-from planner.pathfinding.options import PathOptions
-from planner.pathfinding.tetrahedra import find_trails
+from planner.pathfinding.path_options import PathOptions
+from planner.pathfinding.trail_search import find_trails
 from planner.pipeline.prepare import Preparation, prepare
-from planner.plan.shape_files import write_chain, write_path
+from planner.plan.shape_writers import write_chain, write_path
 from planner.readers import read
 from planner.readers.angle_strings import read_angle_string
 from planner.shapes.shape import Shape

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import json
 import os
 import sys
@@ -99,7 +97,7 @@ def test_plan_made_in_memory_is_the_same_for_any_number_of_workers(
     monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
 ) -> None:
     # Modules as large as their cells always touch, so that further attempts are made.
-    monkeypatch.setattr("planner.pipeline.search.MAX_REFUSED_EXPLOSIONS", 2)
+    monkeypatch.setattr("planner.pipeline.next_step.MAX_REFUSED_EXPLOSIONS", 2)
     too_large = partial(fold, CORNER, module_size=1.0, settings=ONE_ROBOT)
     plan = too_large()
     assert len(plan.attempts) > 1 and not plan.verified

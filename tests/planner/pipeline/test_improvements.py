@@ -1,7 +1,5 @@
 """Attempts after the first verified plan for a preference, and the choice of the best."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -10,16 +8,16 @@ import pytest
 from planner.errors import InputError
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.improvements import Improvements, best_of, expected_seconds_of
-from planner.pipeline.preference import PREFERENCES, PlanFigures, Preference
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import (
+from planner.pipeline.next_step import (
     REPEATED_PLAYBACK_REFINEMENT,
     Explode,
     count_plans,
     next_step,
     with_count,
 )
+from planner.pipeline.preference import PREFERENCES, PlanFigures, Preference
+from planner.pipeline.request import FoldRequest
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.progress import Progress
 
 ALL = ("simultaneous", "blocks", "peel")

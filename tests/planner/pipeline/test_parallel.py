@@ -1,7 +1,5 @@
 """Parallel attempts: the plan equals that of sequential ones, and no process is left behind."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -18,7 +16,7 @@ from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from planner.pipeline.attempt_pool import SPECULATION_PULSES, AttemptPool
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.stages import run_stage
-from planner.plan.shape_files import write_chain, write_path
+from planner.plan.shape_writers import write_chain, write_path
 from planner.progress import Progress, never, silent
 from tests.planner.chains import COIL, knotted
 from tests.planner.folds import write_request

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -10,14 +8,14 @@ import pytest
 
 from planner.errors import InputError
 from planner.file_names import CANDIDATES, PREPARED
-from planner.pathfinding.options import PathOptions
+from planner.pathfinding.path_options import PathOptions
 from planner.pipeline import reading
 from planner.pipeline.prepare import Preparation, prepare
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
-from planner.plan.prepared import PreparedChains, key_of
-from planner.plan.shape_files import write_chain
+from planner.plan.prepared_chains import PreparedChains, key_of
+from planner.plan.shape_writers import write_chain
 from tests.planner.chains import coil
 from tests.planner.conftest import SHAPES
 

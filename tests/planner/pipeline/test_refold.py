@@ -1,7 +1,5 @@
 """Refolds: from one shape over straight to another in one simulation and one certificate."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace
@@ -29,7 +27,7 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from planner.playback.playback import Playback, play_back
 from planner.playback.unfolding import check_fits
 from planner.verification.verify import verify

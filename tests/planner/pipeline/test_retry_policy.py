@@ -1,7 +1,5 @@
 """Order of attempts, and the failure that is shown of several."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,10 +27,7 @@ from planner.pipeline.attempt import (
     latest_playback,
 )
 from planner.pipeline.improvements import Improvements
-from planner.pipeline.preference import PlanFigures
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.search import (
+from planner.pipeline.next_step import (
     MAX_PLAYBACKS_BEFORE_VERIFIED,
     MAX_REFUSED_EXPLOSIONS,
     REPEATED_PLAYBACK_REFINEMENT,
@@ -45,9 +40,12 @@ from planner.pipeline.search import (
     next_step,
     with_choice,
 )
+from planner.pipeline.preference import PlanFigures
+from planner.pipeline.request import FoldRequest
+from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from tests.planner.chains import SQUARE, coil
 from tests.planner.folds import write_request
 from tests.planner.peels import snake

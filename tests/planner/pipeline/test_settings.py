@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from dataclasses import asdict, fields, replace
 from typing import Any
 
@@ -8,7 +6,7 @@ import pytest
 from planner.errors import InputError
 from planner.parameters.parameters import preset
 from planner.parameters.published import PaperExplosionParameters
-from planner.parameters.settings import (
+from planner.parameters.settings_text import (
     SETTINGS,
     read_settings,
     settings_text,

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import dataclass, replace
@@ -19,10 +17,10 @@ from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.fold_layout import result
 from planner.pipeline.stages import next_stage, run_stage
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from planner.playback.playback import Playback
 from planner.progress import STAGES, Progress
-from planner.simulation.reduced import Acceleration
+from planner.simulation.reduced_state import Acceleration
 from planner.simulation.segments import Segments
 from tests.planner.chains import SQUARE
 from tests.planner.folds import compare_motions, falsify, untimed, write_request

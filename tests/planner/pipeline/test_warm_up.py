@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -30,7 +28,7 @@ from planner.chain.path import Path
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.fold import smooth_plan
 from planner.pipeline.warm_up import warm_up
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from tests.planner.folds import run_fold
 """
 WORK = """

@@ -1,7 +1,5 @@
 """Workspace: the best of several refused plans is shown, even if later attempts are interrupted."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable, Sequence
@@ -26,7 +24,7 @@ from planner.pipeline.fold_layout import folder, numbers, result
 from planner.pipeline.stages import next_stage, run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_path
+from planner.plan.shape_writers import write_path
 from tests.planner.chains import COIL, SQUARE
 from tests.planner.folds import write_request
 from tests.planner.peels import snake

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -21,7 +19,7 @@ from planner.parameters.parameters import Parameters, preset
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
 from planner.progress import Progress
-from planner.simulation.tree import Tree
+from planner.simulation.mujoco_tree import Tree
 
 Array = NDArray[np.float64]
 
@@ -135,7 +133,7 @@ def test_playback_without_record_or_controller_is_refused(small: tuple[Chain, Re
 
 
 def test_sink_and_progress(small: tuple[Chain, Record], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.playback.run.PROGRESS_PERIOD_S", 0.0)
+    monkeypatch.setattr("planner.playback.chain_run.PROGRESS_PERIOD_S", 0.0)
     parts: list[Motion] = []
     reports: list[Progress] = []
     playback = play_back(*small, DEFAULT, sink=parts.append, progress=reports.append, start_s=7.0)

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -7,7 +5,7 @@ import numpy as np
 import pytest
 
 from planner.clearance.sweep import sweep
-from planner.playback.reference import Reference, record_lengths
+from planner.playback.reference_curve import Reference, record_lengths
 from tests.planner.chains import line
 
 

@@ -1,7 +1,5 @@
 """Robots with model errors: their properties, their folding, and their certificates."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -16,7 +14,7 @@ from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
-from planner.simulation.contacts import robot_contacts
+from planner.simulation.contact_finder import robot_contacts
 from planner.simulation.robot import Robot
 from tests.planner.chains import coil, line
 from tests.planner.mujoco_tree import tree_with

@@ -1,15 +1,13 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from planner.playback.reference import Reference
+from planner.playback.reference_curve import Reference
 from planner.playback.time_scaling import TimeScaling, smooth_scaling, torque_bounded_scaling
-from planner.simulation.model import Material
-from planner.simulation.tree import Tree
+from planner.simulation.mujoco_models import Material
+from planner.simulation.mujoco_tree import Tree
 
 
 def largest_torque(reference: Reference, tree: Tree, scaling: TimeScaling) -> float:

@@ -1,7 +1,5 @@
 """Robots that fold peeled chains: core and tail are rigid, the window is simulated."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.dynamics import floating_torques
+from planner.chain.floating_torques import floating_torques
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.playback import PlaybackParameters, RobotParameters

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +10,7 @@ from planner.exports.mjcf import mjcf
 from planner.robot.motors import Build, motor_table
 from planner.robot.retiming import retime, retimed
 from planner.robot.trajectory import Trajectory
-from planner.simulation.mujoco import mujoco
+from planner.simulation.lazy_mujoco import mujoco
 from tests.case import case
 from tests.planner.chains import line
 

@@ -1,7 +1,5 @@
 """Sizing: results worked out by hand, and consistency of the three questions."""
 
-from __future__ import annotations
-
 from itertools import permutations, product
 from math import inf
 
@@ -12,7 +10,7 @@ from hypothesis import strategies as st
 
 from planner.chain.module import CUBE
 from planner.errors import InputError
-from planner.robot.casings import CASINGS, Casing, casing_named
+from planner.robot.module_materials import CASINGS, Casing, casing_named
 from planner.robot.servos import Servo, servo_named, servos
 from planner.robot.sizing import (
     HINGES_PER_MODULE,

@@ -1,7 +1,5 @@
 """Smoothed plans, made from verified ones: shorter, quieter, certified again."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -17,9 +15,9 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
+from planner.plan.shape_writers import write_chain
 from planner.robot import SMOOTHED
-from planner.robot.smoothed import check_smoothable
+from planner.robot.smoothed_plan import check_smoothable
 from planner.verification.verify import verify
 from tests.planner.conftest import Folded
 from tests.planner.plans import with_values
@@ -87,7 +85,7 @@ def test_unsuitable_plans_are_not_smoothed(wrench: Folded, monkeypatch: pytest.M
         "smooth-no-torques": replace(certificate, peak_torque_nm=None),
     }
     plans = {code: with_values(plan, certificate=other) for code, other in unsuitable.items()}
-    monkeypatch.setattr("planner.robot.smoothed.MAX_SMOOTHED_ANGLES", 1000)
+    monkeypatch.setattr("planner.robot.smoothed_plan.MAX_SMOOTHED_ANGLES", 1000)
     more = {"smooth-refold": with_values(plan, start=wrench.chain), "smooth-too-long": plan}
     for code, other in {**plans, **more}.items():
         with pytest.raises(InputError) as refused:

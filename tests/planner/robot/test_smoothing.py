@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -8,7 +6,7 @@ from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.kernels.smoothing import mark_blamed_hinges
-from planner.playback.reference import record_lengths
+from planner.playback.reference_curve import record_lengths
 from planner.robot.motion_quality import Quality
 from planner.robot.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth
 from tests.planner.chains import coil, line, random_angles

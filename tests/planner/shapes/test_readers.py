@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Callable
@@ -13,9 +11,9 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON
 from planner.chain.path import Path
+from planner.display_names import MAX_NAME_LENGTH
 from planner.errors import InputError
-from planner.names import MAX_NAME_LENGTH
-from planner.plan.shape_files import write_chain, write_path
+from planner.plan.shape_writers import write_chain, write_path
 from planner.readers import read
 from planner.readers.angle_strings import read_angle_string
 from tests.case import case

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import random
 import struct
 from collections.abc import Sequence
@@ -11,7 +9,7 @@ import trimesh
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.plan.shape_files import write_chain, write_path, write_shape
+from planner.plan.shape_writers import write_chain, write_path, write_shape
 from planner.readers import read
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid

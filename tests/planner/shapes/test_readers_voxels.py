@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import io
 import json
 import struct
@@ -12,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from planner.chain.path import Path
-from planner.plan.shape_files import write_shape
+from planner.plan.shape_writers import write_shape
 from planner.readers import read
 from planner.shapes.shape import Shape
 from tests.planner.reading import refusal_of, shape_in

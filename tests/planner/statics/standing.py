@@ -1,15 +1,13 @@
 """Chains that stand on a floor, and their equilibrium by a second formulation."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from planner.chain.cantilever_statics import hinge_frames
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
 from planner.chain.path import Path
-from planner.chain.statics import hinge_frames
 from planner.statics.balance import Standing
 from planner.statics.contacts import Contacts
 

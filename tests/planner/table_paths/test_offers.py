@@ -1,14 +1,12 @@
 """Offers: similar shapes with a path, for shapes without one on a table."""
 
-from __future__ import annotations
-
 from typing import cast
 
 import numpy as np
 import trimesh
 
 from planner.pathfinding.fill_cubes import BLOCK_CELLS
-from planner.pathfinding.options import MAX_TABLE_MODULES, PathOptions
+from planner.pathfinding.path_options import MAX_TABLE_MODULES, PathOptions
 from planner.pipeline.prepare import prepare
 from planner.readers import read
 from planner.shapes.shape import Shape

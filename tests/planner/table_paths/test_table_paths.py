@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import json
 from itertools import product
 from pathlib import Path
@@ -12,7 +10,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.pathfinding.lattice import neighbours
 from planner.table_paths.base_sides import sides_of
-from planner.table_paths.infeasibility import ruled_out
+from planner.table_paths.no_table_path_proofs import ruled_out
 from planner.table_paths.rules import Rule, faults_of
 from planner.table_paths.table_paths import TablePath
 from tests.conftest import examples

@@ -1,7 +1,5 @@
 """Independent checker: it proves correct plans, and never a false one."""
 
-from __future__ import annotations
-
 import ast
 import json
 import sys
@@ -21,7 +19,7 @@ from planner.chain.module import CUBE, TETRAHEDRON
 from planner.clearance.sweep import sweep
 from planner.parameters.parameters import Parameters
 from planner.plan.claim import geometry_of
-from planner.plan.packed import unpack
+from planner.plan.packed_fold import unpack
 from planner.plan.plan import Plan
 from tests.case import case
 from tests.planner.chains import unvalidated

@@ -1,7 +1,5 @@
 """Independent checker: it confirms true reasons of failed folds, and never a forged one."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Callable, Iterable
@@ -27,7 +25,7 @@ from planner.pathfinding.knots import closed_polygons
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
-from planner.plan.shape_files import write_chain
+from planner.plan.shape_writers import write_chain
 from planner.verification.block_evidence import overlap
 from planner.verification.knot_invariants import invariants_of
 from planner.verification.plan_failure import reason_of

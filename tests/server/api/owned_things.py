@@ -1,7 +1,5 @@
 """Folds, movies and previews with an owner, and the actors that request their change."""
 
-from __future__ import annotations
-
 import base64
 import time
 from collections.abc import Callable
@@ -12,7 +10,7 @@ import sqlalchemy as sa
 
 from planner.file_names import TIMELINE
 from planner.files import write_json
-from planner.plan.own_values import VALUES_FORMAT
+from planner.plan.module_values import VALUES_FORMAT
 from planner.plan.tour import TOUR_FORMAT
 from server.store.folds import Store, new_id
 from server.store.owner import Owner, new_token

@@ -1,7 +1,5 @@
 """Finished folds that ship with the package."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from pathlib import Path
 
@@ -9,7 +7,7 @@ import pytest
 import sqlalchemy as sa
 
 from planner.pipeline import manifest
-from planner.plan.packed import unpack
+from planner.plan.packed_fold import unpack
 from planner.readers.gallery import Gallery
 from planner.verification.verify import verify
 from server.api.finished import FINISHED_FOLDS_DIR, import_finished

@@ -1,13 +1,11 @@
 """Tours and numbers over HTTP: drafts, stored ones, and refusals."""
 
-from __future__ import annotations
-
 import base64
 from typing import Any
 
 import pytest
 
-from planner.plan.own_values import VALUES_FORMAT
+from planner.plan.module_values import VALUES_FORMAT
 from planner.plan.tour import Tour
 from tests.server.service_process import Service, bearer
 from words.certificate import clearance, torque

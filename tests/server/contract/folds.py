@@ -1,14 +1,12 @@
 """Folds in every state, made without computing: rows, and files of the included folds."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from planner.files import settle
-from planner.plan.packed import unpack
+from planner.plan.packed_fold import unpack
 from server.api.finished import FINISHED_FOLDS_DIR
 from server.store.folds import Store
 from tests.server.rows import a_fold

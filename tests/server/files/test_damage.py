@@ -1,7 +1,5 @@
 """Damaged files of a finished fold: each route reports them, and none shows invented data."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -21,7 +19,7 @@ from websockets.sync.client import connect
 from planner.checked_zarr import CHECKSUMS, DIGEST
 from planner.errors import DamagedError
 from planner.files import zarr_group
-from planner.plan.packed import unpack
+from planner.plan.packed_fold import unpack
 from planner.verification.integrity import check
 from server.api.finished import FINISHED_FOLDS_DIR
 from server.app import ROUTERS

@@ -1,7 +1,5 @@
 """Trajectories: computed once for equal requests, limited in bytes, shared while in use."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os
@@ -15,7 +13,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import numpy as np
 import pytest
 
-from planner.plan.packed import unpack
+from planner.plan.packed_fold import unpack
 from planner.plan.plan import Plan
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.trajectory import FRAMES_FILE, REST_FILE

@@ -1,15 +1,13 @@
 """Names that show nothing or mislead are cleaned at every input."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 
 import httpx
 import pytest
 
+from planner.display_names import MAX_NAME_LENGTH, clean_name
 from planner.exports.export import export_name
-from planner.names import MAX_NAME_LENGTH, clean_name
 from server.api.source import clean_filename
 from tests.case import case
 from tests.server.service_process import SNAKE, Service, bearer

@@ -1,11 +1,9 @@
-from __future__ import annotations
-
 import json
 from typing import Any
 
 import numpy as np
 
-from planner.pathfinding.options import PathOptions
+from planner.pathfinding.path_options import PathOptions
 from planner.pipeline.prepare import prepare
 from web.pictures.isometric import isometric_svg
 from web.pictures.preview_drawing import MAX_DRAWN_CUBES, preview_svg

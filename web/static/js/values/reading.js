@@ -2,7 +2,7 @@
 
 export const MAX_FILE_BYTES = 20 * 2 ** 20;
 const FORMAT = "foldback-values/1";
-/** Maximum number of values that a service keeps with a fold, as planner/plan/own_values.py has it. */
+/** Maximum number of values that a service keeps with a fold, as planner/plan/module_values.py has it. */
 const MAX_KEPT = 45_000;
 const MAX_NAME = 80;
 const LEVELS = 254; // of a kept value, from the least to the largest; one more is none

@@ -1,0 +1,56 @@
+"""Cantilever statics: hinge torques under gravity of a chain that is held at its root alone."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.kinematics import Poses
+from planner.chain.rotations import matrix_from_wxyz
+
+Array = NDArray[np.float64]
+GRAVITY_M_S2: Final = 9.81
+"""Standard acceleration of gravity, rounded, in m/s²."""
+
+
+def static_torque(chain: Chain, angles_rad: Array) -> float:
+    """The largest hinge torque under gravity in its worst direction, in units of m g · pitch.
+
+    For a hinge with axis a and the modules beyond it at distances r from it, the torque is
+    m g |a × Σ r| when gravity points the worst way.
+
+    Args:
+        chain: The chain, held at its root.
+        angles_rad: (J,) configuration.
+    """
+    poses = chain.poses(angles_rad, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    axes, anchors = hinge_frames(chain, angles_rad, poses)
+    n = len(chain)
+    upto = np.concatenate([np.zeros((1, 3)), np.cumsum(poses.positions, axis=0)])
+    joints = chain.module.rigid_links + np.arange(len(anchors))
+    outer = (joints >= chain.root)[:, None]  # what hangs on it comes after the joint
+    count = joints[:, None] + 1
+    sums = np.where(outer, upto[n] - upto[joints + 1], upto[joints + 1])
+    beyond = sums - np.where(outer, n - count, count) * anchors
+    torques = np.linalg.norm(np.cross(axes, beyond[:, None]), axis=2)
+    return float(torques.max(initial=0.0))
+
+
+def hinge_frames(chain: Chain, angles_rad: Array, poses: Poses) -> tuple[Array, Array]:
+    """World axes (joints, hinges, 3) and anchors (joints, 3) of one configuration's hinges."""
+    module = chain.module
+    first = module.rigid_links
+    rotations = poses.rotations[first:-1]
+    anchors = poses.positions[first:-1] + rotations @ module.anchor
+    angles = angles_rad.reshape(-1, module.hinges_per_joint)
+    axes = np.empty((len(anchors), module.hinges_per_joint, 3))
+    frames = rotations
+    for k, axis in enumerate(module.axes):
+        axes[:, k] = frames @ axis
+        half = 0.5 * angles[:, k, None]
+        wxyz = np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
+        frames = frames @ matrix_from_wxyz(wxyz)
+    return axes, anchors

@@ -1,0 +1,97 @@
+"""Floating torques: the hinge torques that make a free chain move as it moved."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.module import Module
+from planner.cpu_cores import cores
+from planner.kernels.dynamics import many_floating_torques
+from planner.kernels.module import Lumps
+
+Array = NDArray[np.float64]
+MIN_ANGLES_PER_THREAD: Final = 20_000
+"""Minimum number of joint angles (hinges × frames) per thread that computes torques. Smaller values
+start threads that cost more than they save. Chosen."""
+MIN_SPLINE_TIMES: Final = 4
+"""Minimum number of different times in a motion for its hinge rates and accelerations to be
+computed: a cubic spline without given rates at its ends needs four. For shorter motions both are
+NaN."""
+
+
+def floating_torques(
+    module: Module,
+    angles_rad: Array,
+    rates: Array,
+    accelerations: Array,
+    lumps: Lumps | None = None,
+) -> Array:
+    """Compute hinge torques of a chain that floats freely, without gravity, momentum or contacts.
+
+    Args:
+        module: The kind of module.
+        angles_rad: (F, J) hinge angles.
+        rates: (F, J) hinge velocities in rad/s.
+        accelerations: (F, J) hinge accelerations in rad/s².
+        lumps: Rigid bodies at both ends of a stretch of a chain, in which all links have hinges;
+            None for a whole chain.
+
+    Returns:
+        (F, J) torques in units of module mass · pitch² / s². They are linear in the accelerations
+        and quadratic in the rates, so a motion k times slower takes 1/k² of them.
+    """
+    torques = np.empty(angles_rad.shape)
+    angles, velocities = np.ascontiguousarray(angles_rad), np.ascontiguousarray(rates)
+    changes = np.ascontiguousarray(accelerations)
+    joint = module.joint if lumps is None else module.joint._replace(rigid_links=0)
+    ends = Lumps.none() if lumps is None else lumps
+
+    def of(part: slice) -> None:
+        many_floating_torques(
+            angles[part],
+            velocities[part],
+            changes[part],
+            joint,
+            module.inertia,
+            ends,
+            torques[part],
+        )
+
+    parts = min(cores(), max(1, torques.size // MIN_ANGLES_PER_THREAD))
+    if parts == 1:
+        of(slice(None))
+        return torques
+    bounds = np.linspace(0, len(torques), parts + 1).astype(int).tolist()
+    with ThreadPoolExecutor(parts) as threads:
+        list(threads.map(of, map(slice, bounds[:-1], bounds[1:])))
+    return torques
+
+
+def motion_of(
+    time_s: Array, angles_rad: Array, at: NDArray[np.int64], *, from_rest: bool
+) -> tuple[Array, Array]:
+    """Return rates and accelerations along recorded angles, by the cubic spline through them.
+
+    Args:
+        time_s: (F,) times, not falling.
+        angles_rad: (F, J) hinge angles.
+        at: (K,) numbers of the wanted frames.
+        from_rest: True if nothing moves at the first time.
+
+    Returns:
+        (K, J) rates, rad/s, and (K, J) accelerations, rad/s²; NaN if there are too few times.
+    """
+    later = np.concatenate([[True], np.diff(time_s) > 0.0])
+    if later.sum() < MIN_SPLINE_TIMES:
+        nothing = np.full((len(at), angles_rad.shape[1]), np.nan)
+        return nothing, nothing
+    from scipy.interpolate import CubicSpline  # late: who reads a plan asks for no accelerations
+
+    start = (1, np.zeros(angles_rad.shape[1])) if from_rest else "not-a-knot"
+    ends: Any = (start, "not-a-knot")
+    curve = CubicSpline(time_s[later], angles_rad[later], bc_type=ends)
+    return curve(time_s[at], 1), curve(time_s[at], 2)

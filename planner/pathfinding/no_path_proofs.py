@@ -1,0 +1,235 @@
+"""No-path proofs: proofs in linear time that no path visits all cells of a shape."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.path import MIN_CELLS
+from planner.pathfinding import Cell
+from planner.pathfinding.lattice import colours, neighbours, parts
+
+Ints = NDArray[np.int64]
+
+MAX_NAMED_CELLS: Final = 200
+"""Maximum number of cells that the report of a shape without a path lists as the cause of one
+problem; further ones are left out. Larger values make larger reports. Chosen."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """Proof that there is no path.
+
+    Attributes:
+        code: ``too-few``, ``disconnected``, ``parity``, ``dead-ends``, ``cut-cells`` or
+            ``no-path``.
+        detail: One sentence: the observation and the need of a path.
+        cells: Affected cells, at most ``MAX_NAMED_CELLS``.
+        amount: Severity, roughly the cells by which a path is missed; larger is worse.
+    """
+
+    code: str
+    detail: str
+    cells: tuple[Cell, ...] = ()
+    amount: int = 1
+
+
+def obstacles(cells: Ints) -> tuple[Problem, ...]:
+    """Return proofs that no path visits all these cells; empty without one.
+
+    Args:
+        cells: (n, 3) distinct cells.
+    """
+    return tuple(_obstacles(cells))
+
+
+def _obstacles(cells: Ints) -> Iterator[Problem]:
+    n = len(cells)
+    if n < MIN_CELLS:
+        yield Problem(
+            code="too-few",
+            detail=f"got {n} cell{'s' * (n != 1)}, expected at least {MIN_CELLS}.",
+            cells=tuples(cells),
+            amount=MIN_CELLS - n,
+        )
+        return
+    count, labels = parts(cells)
+    if count > 1:
+        sizes = np.bincount(labels)
+        largest = int(np.argmax(sizes))
+        yield Problem(
+            code="disconnected",
+            detail=f"the cells are in {count} parts that share no face, the largest of "
+            f"{sizes[largest]} of {n} cells; a chain cannot jump.",
+            cells=tuples(cells[labels != largest]),
+            amount=1000 * (count - 1),
+        )
+        return
+    balance = 1 - 2 * colours(cells)
+    excess = abs(int(balance.sum()))
+    if excess > 1:
+        black = (n + excess) // 2
+        yield Problem(
+            code="parity",
+            detail=f"coloured like a chessboard, it has {black} black and {n - black} white cells; "
+            "a chain needs equal numbers, or one more of one colour.",
+            cells=tuples(cells[balance == np.sign(balance.sum())]),
+            amount=excess - 1,
+        )
+    near = neighbours(cells)
+    dead = np.flatnonzero((near >= 0).sum(axis=1) == 1)
+    if len(dead) > 2:
+        yield Problem(
+            code="dead-ends",
+            detail=f"{len(dead)} cells have only one neighbour; a path can start in one and end in "
+            "another, so at most two are possible.",
+            cells=tuples(cells[dead]),
+            amount=len(dead) - 2,
+        )
+    yield from _cut_cells(cells, near, balance)
+
+
+def tuples(cells: Ints) -> tuple[Cell, ...]:
+    """Return the first ``MAX_NAMED_CELLS`` cells as tuples."""
+    return tuple((int(x), int(y), int(z)) for x, y, z in cells[:MAX_NAMED_CELLS])
+
+
+def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
+    pieces = _pieces(near, balance)
+    split = [cell for cell, sums in pieces.sums.items() if len(sums) > 2]
+    if split:
+        most = max(len(pieces.sums[cell]) for cell in split)
+        yield Problem(
+            code="cut-cells",
+            detail=f"a single cell joins {most} parts; a path that leaves a part through this "
+            "cell cannot come back, so at most two parts are possible.",
+            cells=tuples(cells[sorted(split)]),
+            amount=sum(_beyond_two(pieces.sizes[cell]) for cell in split),
+        )
+    branching = {piece: cuts for piece, cuts in enumerate(pieces.cuts) if len(cuts) > 2}
+    if branching:
+        yield Problem(
+            code="cut-cells",
+            detail=f"a part has {max(map(len, branching.values()))} arms, each connected by a "
+            "single cell; a path can start in one arm and end in another, so at most two arms are "
+            "possible.",
+            cells=tuples(cells[sorted({cell for cuts in branching.values() for cell in cuts})]),
+            amount=sum(_beyond_two(pieces.arms[piece]) for piece in branching),
+        )
+    if split or branching:
+        return
+    # What lies on one side of a cut cell is visited in one go that begins next to the cut cell.
+    uneven = [
+        (cell, amount)
+        for cell, sums in pieces.sums.items()
+        if (amount := sum(max(s, -1 - s, 0) for s in (s * int(balance[cell]) for s in sums)))
+    ]
+    if uneven:
+        yield Problem(
+            code="parity",
+            detail="a part that is connected by a single cell has too many cells of one "
+            "chessboard colour; a path through it alternates between the colours.",
+            cells=tuples(cells[sorted(cell for cell, _ in uneven)]),
+            amount=max(amount for _, amount in uneven),
+        )
+
+
+def _beyond_two(sizes: list[int]) -> int:
+    """Return the number of cells besides the two largest parts."""
+    return sum(sorted(sizes)[:-2])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Pieces:
+    """Biconnected pieces of a shape and the parts around its cut cells.
+
+    Attributes:
+        sums: Balance of colours of every part around each cut cell.
+        sizes: Number of cells of every part around each cut cell.
+        cuts: Cut cells of each biconnected piece.
+        arms: Number of cells beyond each of these cut cells, seen from the piece.
+    """
+
+    sums: dict[int, list[int]]
+    sizes: dict[int, list[int]]
+    cuts: list[list[int]]
+    arms: list[list[int]]
+
+
+def _pieces(near: Ints, balance: Ints) -> _Pieces:
+    """Find the biconnected components of a connected graph (Hopcroft and Tarjan, 1973)."""
+    links = [[other for other in row if other >= 0] for row in near.tolist()]
+    weight = balance.tolist()
+    n = len(links)
+    number, low, below = [-1] * n, [0] * n, list(weight)
+    counts, next_link, parent = [1] * n, [0] * n, [-1] * n
+    number[0] = 0
+    stack, piece, counted = [0], [0], 1
+    members: list[list[int]] = []
+    hung: dict[int, list[int]] = {}  # the first cells of what hangs on a cell
+    while stack:
+        cell = stack[-1]
+        if next_link[cell] < len(links[cell]):
+            other = links[cell][next_link[cell]]
+            next_link[cell] += 1
+            if number[other] < 0:
+                parent[other] = cell
+                number[other] = low[other] = counted
+                counted += 1
+                stack.append(other)
+                piece.append(other)
+            elif other != parent[cell]:
+                low[cell] = min(low[cell], number[other])
+            continue
+        stack.pop()
+        if not stack:
+            break
+        above = parent[cell]
+        below[above] += below[cell]
+        counts[above] += counts[cell]
+        low[above] = min(low[above], low[cell])
+        if low[cell] >= number[above]:
+            hung.setdefault(above, []).append(cell)
+            at = _index(piece, cell)
+            members.append([above, *piece[at:]])
+            del piece[at:]
+    return _told(members, hung, weight, below, counts)
+
+
+def _told(
+    members: list[list[int]],
+    hung: dict[int, list[int]],
+    weight: list[int],
+    below: list[int],
+    counts: list[int],
+) -> _Pieces:
+    sums: dict[int, list[int]] = {}
+    sizes: dict[int, list[int]] = {}
+    for cell, firsts in hung.items():
+        if cell or len(firsts) > 1:
+            sums[cell] = [below[first] for first in firsts]
+            sizes[cell] = [counts[first] for first in firsts]
+        if cell:
+            sums[cell].append(below[0] - sum(sums[cell]) - weight[cell])
+            sizes[cell].append(counts[0] - sum(sizes[cell]) - 1)
+    cuts = [[cell for cell in piece if cell in sums] for piece in members]
+    arms: list[list[int]] = []
+    for piece, found in zip(members, cuts, strict=True):
+        # The piece lies below its own first cell and above what hangs on the others.
+        counts_of_cuts = [
+            counts[piece[1]] if cell == piece[0] else sizes[cell][-1] for cell in found
+        ]
+        arms.append([counts[0] - 1 - count for count in counts_of_cuts])
+    return _Pieces(sums=sums, sizes=sizes, cuts=cuts, arms=arms)
+
+
+def _index(piece: list[int], cell: int) -> int:
+    """Return the last index of a cell."""
+    at = len(piece) - 1
+    while piece[at] != cell:
+        at -= 1
+    return at

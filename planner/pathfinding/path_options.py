@@ -1,0 +1,153 @@
+"""Options of the conversion of a shape into a chain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any, Final, Self, cast
+
+from planner.chain.module import CUBE, TETRAHEDRON
+from planner.parameters.option import Choice, Choices, Option, option, options_of
+from planner.parameters.parameters import FLOATING, WORLD_CHOICES, World
+from planner.parameters.settings_text import TABLE_SETTINGS, names_with_units
+from planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
+from planner.pathfinding.start_cell import CELL_TEXT, cell_of
+
+DEFAULT_MODULES: Final = 160
+"""Number of modules into which a mesh is divided if the request states none. Larger values follow
+the mesh more closely, and fold more slowly. Chosen."""
+MODULE_COUNTS: Final = (8, 20_000)
+"""Minimum and maximum number of modules that a request may ask for; other numbers are refused.
+Chosen."""
+MAX_TABLE_MODULES: Final = 96
+"""Maximum number of modules of the variants of a shape that are offered for folding on a table;
+larger ones mostly get stuck. Measured: tori of 88 and 96 fold in six to eight minutes of processor
+time, one of 160 gets stuck (decision 0026)."""
+MODULE_CHOICES: Final[Choices] = {
+    CUBE.name: Choice(label="Cubes"),
+    TETRAHEDRON.name: Choice(label="Tetrahedra"),
+}
+"""Kinds of modules that a shape can be made of."""
+
+
+def table_warning(modules: int, world: World) -> str:
+    """Return what to know before a long chain folds on a table; empty if there is nothing."""
+    if world != "table" or modules <= MAX_TABLE_MODULES:
+        return ""
+    return f"Chains of more than {MAX_TABLE_MODULES} modules usually get stuck on a table."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathOptions:
+    """Options of the conversion of a shape into a chain: what a preview and a fold have in common.
+
+    Values are checked by ``check`` alone, with the same message for every interface.
+    """
+
+    module: str = option(
+        CUBE.name,
+        Option(
+            title="Module type",
+            help="Module type for meshes, voxels and cells. A chain file states its own.",
+            label="Modules are",
+            choices=MODULE_CHOICES,
+        ),
+    )
+    modules: int | None = option(
+        None,
+        Option(
+            title="Approximate number of modules, for a mesh",
+            noun="number of modules",
+            help=f"Approximate number of modules. Default for meshes: {DEFAULT_MODULES}.",
+            label="Modules",
+            range=MODULE_COUNTS,
+        ),
+    )
+    method: str = option(
+        "auto",
+        Option(
+            title="Path method",
+            help="Path method. `blocks` splits each voxel into 2×2×2 modules.",
+            label="Path",
+            choices=PATH_METHODS,
+        ),
+    )
+    repair: bool = option(False, Option(title="Add or remove cells if the shape has no path"))
+    ends: str = option(
+        "any",
+        Option(
+            title="Ends of the chain",
+            help="`surface` puts both ends of the chain on the outside.",
+            label="Ends of the chain",
+            choices=PATH_ENDS,
+        ),
+    )
+    as_voxels: bool = option(False, Option(title="Read a list of cells as a shape, not as a path"))
+    start: Cell | None = option(
+        None,
+        Option(
+            title="The cell where the chain starts",
+            help="The cell where the chain starts: `x,y,z`, one of the preview's `cells`.",
+            pattern=rf"^{CELL_TEXT}$",
+            metavar="X,Y,Z",
+            parse=cell_of,
+        ),
+    )
+    world: World = option(
+        FLOATING,
+        Option(
+            title="World",
+            help="World: `floating` has no gravity; on a `table` the chain is always supported and "
+            "needs as little torque as possible. Settings on a table: "
+            f"{names_with_units(TABLE_SETTINGS)}.",
+            label="Fold",
+            choices=WORLD_CHOICES,
+        ),
+    )
+
+    @classmethod
+    def of(cls, **given: Any) -> Self:
+        """Return a request of typed values: numbers and the cell may still be texts.
+
+        Raises:
+            InputError: When one of them cannot be read.
+        """
+        options = options_of(cls)
+        read = {name: options[name].read(given[name]) for name in given if name in options}
+        return cls(**{**given, **read})
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Self:
+        """Return the request that ``to_json`` wrote; what it lacks has its default."""
+        known = {each.name for each in fields(cls)}
+        given: dict[str, Any] = {
+            name: tuple(cast(list[int], value)) if isinstance(value, list) else value
+            for name, value in values.items()
+            if name in known
+        }
+        return cls(**given)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all values for a JSON file."""
+        return asdict(self)
+
+    def changed(self) -> dict[str, Any]:
+        """Return the options that differ from their defaults."""
+        return {
+            name: getattr(self, name)
+            for name, each in options_of(type(self)).items()
+            if getattr(self, name) != each.default
+        }
+
+    def path_options(self) -> PathOptions:
+        """Return only the options that turn a shape into a path."""
+        return PathOptions(**{each.name: getattr(self, each.name) for each in fields(PathOptions)})
+
+    def check(self) -> None:
+        """Refuse invalid options.
+
+        Raises:
+            InputError: An option is invalid; names it in ``where``.
+        """
+        for name, each in options_of(type(self)).items():
+            each.check(getattr(self, name))

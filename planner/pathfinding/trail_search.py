@@ -1,0 +1,119 @@
+"""Trail search: trails through the tetrahedra of cells, from circuits that are cut where best."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_pairs
+from planner.chain.trail import Trail
+from planner.errors import InputError
+from planner.pathfinding import Cell
+from planner.pathfinding.eulerian_circuits import circuit, free_cuts, opened
+from planner.pathfinding.knots import knot_of
+from planner.pathfinding.lattice import parts
+from planner.pathfinding.path_search import MAX_CHOICE_MODULES, MAX_KNOT_CELLS
+from planner.shapes.shape import Shape
+
+Ints = NDArray[np.int64]
+TRAILS_PER_SHAPE: Final = 4
+"""Number of trails (paths through tetrahedra) that are made for a shape, to choose the best. Larger
+values find better ones, more slowly. Chosen."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrailSearch:
+    """Trails through a shape's tetrahedra.
+
+    Attributes:
+        trails: Trails, the best first.
+        notes: Further messages.
+    """
+
+    trails: tuple[Trail, ...]
+    notes: tuple[str, ...] = ()
+
+
+def find_trails(
+    shape: Shape,
+    *,
+    ends: str = "any",
+    start: Cell | None = None,
+    seed: int = 0,
+) -> TrailSearch:
+    """Fill each cell with its ring of twelve tetrahedra and find trails through all.
+
+    Unknotted ones come first, then those with both ends free, then the plainest.
+
+    Args:
+        shape: Shape with face-connected cells.
+        ends: ``surface`` when no other module may use the hinge edges at the ends.
+        start: The cell in whose ring the chain begins, None for any.
+        seed: Seed of all random choices.
+
+    Raises:
+        InputError: ``no-trail`` when the cells are in several parts, ``not-a-cell`` for a start
+            that is not among them, ``no-start`` when no end of that ring is on the surface.
+    """
+    first = None if start is None else _index(shape.cells, start)
+    if parts(shape.cells)[0] > 1:
+        raise InputError(
+            "no-trail",
+            f"the cells are in {parts(shape.cells)[0]} parts, expected one: the trail passes from "
+            "cell to cell through their faces.",
+        )
+    pairs = ring_pairs(shape.cells)
+    made = TRAILS_PER_SHAPE if len(pairs) <= MAX_CHOICE_MODULES else 1
+    ranked_trails: dict[bytes, tuple[tuple[int, int, int], Trail]] = {}
+    for k in range(made):
+        # Merging along a direction gives a tidy tree; at random, the chain takes twice the steps.
+        along = np.random.default_rng((seed, k)).normal(size=3) if k else None
+        nodes = circuit(pairs, along)
+        free = free_cuts(nodes)
+        allowed = _cuts(nodes, pairs, free, first, ends)
+        cut = _best_cut(nodes, allowed)
+        trail = Trail.from_nodes(opened(nodes, cut), name=shape.name, pitch_m=0.5 * shape.pitch_m)
+        knotted = 0
+        if len(trail) <= MAX_KNOT_CELLS:
+            knotted = 0 if knot_of(trail.nodes).verdict == "unknot" else 1
+        rank = (knotted, int(not free[cut]), k)
+        ranked_trails[trail.nodes.tobytes()] = (rank, trail)
+    ranked = sorted(ranked_trails.values(), key=lambda entry: entry[0])
+    return TrailSearch(trails=tuple(trail for _, trail in ranked))
+
+
+def _index(cells: Ints, start: Cell) -> int:
+    at = np.flatnonzero((cells == np.array(start)).all(axis=1))
+    if not len(at):
+        raise InputError("not-a-cell", f"got the start {start}, expected one of the cells.")
+    return int(at[0])
+
+
+def _cuts(nodes: Ints, pairs: Ints, free: NDArray[np.bool_], first: int | None, ends: str) -> Ints:
+    """Return (k,) modules before which the circuit may be cut; free ones if there are any."""
+    allowed = np.ones(len(nodes) - 1, dtype=bool)
+    if first is not None:
+        own = pairs[TETRAHEDRA_PER_RING * first : TETRAHEDRA_PER_RING * (first + 1)].sum(axis=1)
+        sums = nodes[:-1] + nodes[1:]
+        allowed = (sums[:, None, :] == own[None]).all(axis=2).any(axis=1)
+    if (allowed & free).any():
+        allowed &= free
+    elif ends == "surface":
+        raise InputError(
+            "no-start",
+            "the chain cannot start in this cell, whose hinges are all shared; start elsewhere.",
+        )
+    return np.flatnonzero(allowed)
+
+
+def _best_cut(nodes: Ints, allowed: Ints) -> int:
+    """Return the cut farthest from the middle: the explosion then pulls on both ends first.
+
+    It halves the steps that a wrench takes, whereas a cut after which modules that meet lie closest
+    along the chain doubles them (``docs/decisions/0007-tetrahedra.md``).
+    """
+    off = nodes[:-1] - nodes[:-1].mean(axis=0)
+    return int(allowed[np.argmax((off[allowed] ** 2).sum(axis=1))])

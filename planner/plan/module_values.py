@@ -1,0 +1,80 @@
+"""Values that the owner of a fold stores with it, one for each module: docs/links.md."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, cast
+
+from planner.display_names import clean_name
+from planner.errors import InputError, unexpected
+from planner.file_names import OWN_VALUES
+from planner.files import json_of
+
+_bad: Final = partial(unexpected, "bad-values")
+VALUES_FORMAT: Final = "foldback-values/1"
+MAX_OWN_VALUES: Final = 45_000
+"""Maximum number of values of the owner's own, such as measurements, that can be stored with a fold
+to colour its modules: one for each module and each of several times. More times are refused, as
+they would not fit into the body of a request; one value per module is always accepted. Chosen: 300
+times for 150 modules."""
+MAX_VALUES_NAME_CHARACTERS: Final = 80
+"""Maximum number of characters of the name that the owner of a fold gives to the values by which
+its modules are coloured, and which a menu shows; a longer one is refused. Chosen."""
+MAX_UNIT_CHARACTERS: Final = 20
+"""Maximum number of characters of the unit of the values by which an owner colours a fold's
+modules, which stands beside the colour scale; a longer one is refused. Chosen."""
+FIELDS: Final = frozenset({"format", "name", "unit", "low", "high", "rows", "data"})
+
+
+def checked_values(values: object, modules: int) -> dict[str, Any]:
+    """Return numbers for modules as plain JSON values, with cleaned texts.
+
+    Args:
+        values: ``name`` and ``unit``; the scale from ``low`` to ``high``; ``rows``, and their bytes
+            in base64 as ``data``: for each module of each row a level of the scale from 0 to 254,
+            or 255 where there is no number. Several rows are spread evenly over the frames.
+        modules: Number of modules of the fold.
+
+    Raises:
+        InputError: ``bad-values``: saying what was found, what is expected, and where.
+    """
+    told = cast("Mapping[str, Any]", values) if isinstance(values, Mapping) else {}
+    if told.get("format") != VALUES_FORMAT:
+        raise _bad("format", told.get("format"), VALUES_FORMAT)
+    odd = [*sorted(told.keys() - FIELDS), *(f"no {name}" for name in sorted(FIELDS - told.keys()))]
+    if odd:
+        raise _bad("fields", odd[0], ", ".join(sorted(FIELDS)))
+    for name, most in (("name", MAX_VALUES_NAME_CHARACTERS), ("unit", MAX_UNIT_CHARACTERS)):
+        if not isinstance(told[name], str) or len(told[name]) > most:
+            raise _bad(name, told[name], f"a text of at most {most} characters")
+    low, high, rows, data = (told[key] for key in ("low", "high", "rows", "data"))
+    numbers = all(isinstance(x, int | float) and math.isfinite(x) for x in (low, high))
+    if not numbers or low > high:
+        raise _bad("low", f"{low} to {high}", "two finite numbers, 'low' not above 'high'")
+    most_rows = max(1, MAX_OWN_VALUES // modules)
+    if type(rows) is not int or not 1 <= rows <= most_rows:
+        raise _bad("rows", rows, f"1 to {most_rows}")
+    try:
+        levels = base64.b64decode(data, validate=True)
+    except (TypeError, ValueError):
+        raise _bad("data", data, "bytes in base64") from None
+    if len(levels) != rows * modules:
+        each = "one for each module of each row"
+        raise _bad("data", f"{len(levels)} bytes", f"{rows * modules}, {each}")
+    return {
+        **told,
+        "name": clean_name(told["name"], max_length=MAX_VALUES_NAME_CHARACTERS) or "Own numbers",
+        "unit": clean_name(told["unit"], max_length=MAX_UNIT_CHARACTERS),
+    }
+
+
+def values_in(directory: Path, modules: int) -> dict[str, Any] | None:
+    """Return the numbers in a fold's directory; None without any, or any that are right."""
+    try:
+        return checked_values(json_of(directory / OWN_VALUES), modules)
+    except InputError:
+        return None

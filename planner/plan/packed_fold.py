@@ -1,0 +1,274 @@
+"""Packed fold: a fold's directory as one small file, without loss, for folds that are shipped.
+
+Angles are whole steps (``planner.motion.angle_encoding``), of which differences over time are
+stored; what other files repeat is stored once. Nothing here needs compiled kernels or the physics,
+so that a service unpacks such a fold in a moment. ``examples/make_finished.py`` packs them.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import lzma
+from pathlib import Path as FilePath
+from typing import Any, Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.certificate.metrics_store import Curves, Figures, write
+from planner.errors import InputError
+from planner.file_names import (
+    ATTEMPTS,
+    CANDIDATES,
+    CERTIFICATE,
+    CHAIN,
+    FIGURES,
+    INPUT,
+    MANIFEST,
+    MODEL,
+    MOMENTS,
+    PLAN,
+    PLAN_TEXT,
+    PLAYBACK,
+    RECORD,
+    REQUEST,
+    START_CHAIN,
+    START_PLAN,
+    TIMELINE,
+)
+from planner.files import write_json, write_whole, zarr_group
+from planner.motion.angle_encoding import PLAN_STEP_RAD, byte_planes, whole_numbers, whole_steps
+from planner.motion.motion import Motion
+from planner.motion.record import save_npz
+from planner.motion.timeline import TimelineWriter, chain_from_attributes
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.signedinteger[Any]]
+Arrays = dict[str, NDArray[Any]]
+PACKED_FORMAT: Final = "foldback-packed/1"
+TEXT_FILES: Final = (
+    *(INPUT, REQUEST, CHAIN, START_CHAIN, CANDIDATES, ATTEMPTS),
+    *(CERTIFICATE, MANIFEST, MODEL, MOMENTS),
+)
+"""Files that a packed fold (a whole fold directory in one small file) holds unchanged, if the fold
+has them."""
+ARRAY_FILES: Final = (RECORD, PLAYBACK, PLAN, START_PLAN)
+"""Files whose arrays a packed fold (a whole fold directory in one small file) holds in compressed
+form, each by its name."""
+ROOT_STEPS: Final = {"root_position": 2.0**-20, "root_wxyz": 2.0**-30}
+"""Quantisation of the position (pitches) and quaternion of a chain's root in a packed fold. Larger
+steps make smaller and less exact files; the quaternion needs a finer one, as its errors grow along
+the chain. Chosen."""
+ROOT_ARRAYS: Final = tuple(ROOT_STEPS)
+CLEARANCE_STEP_PITCH: Final = 2.0**-10
+"""Step, in pitches, to multiples of which the distances between modules for plots are rounded in a
+packed fold (all files of a fold as one small file, as shipped with the program). A larger step
+makes smaller and less exact files. Chosen."""
+DIFFERENCE_ORDERS: Final = {"joint_angles_rad": 2, "reference_rad": 3}
+"""A packed fold stores each array of joint angles as differences between frames, which are small
+numbers. Order of the differences (1: from frame to frame; 2: differences of those) that makes the
+smallest file. Measured."""
+PLAN_FRAME_COLUMNS: Final = ("phase", "time_s", "joint_angles_rad", *ROOT_ARRAYS, "max_error_rad")
+"""Arrays of ``plan.json`` with one row for each frame, from which an unpacked fold's file is
+written."""
+
+
+def pack(directory: FilePath, about: dict[str, Any]) -> bytes:
+    """Return a fold's directory, and what else is to be known of it, as one file.
+
+    Raises:
+        InputError: ``not-packable`` for what is not in whole steps, such as a fold that
+            ``examples/make_finished.py`` has not rounded.
+    """
+    packer = _Packer()
+    texts = {
+        name: (directory / name).read_text(encoding="utf-8")
+        for name in TEXT_FILES
+        if (directory / name).exists()
+    }
+    for file in ARRAY_FILES:
+        if (directory / file).exists():
+            with np.load(directory / file, allow_pickle=False) as opened:
+                packer.add_npz(file, dict(opened))
+    timeline = zarr_group(directory / TIMELINE)
+    packer.add_figures(Figures.load(directory / FIGURES))
+    header = {
+        "format": PACKED_FORMAT,
+        "about": about,
+        "texts": texts,
+        "timeline": timeline.attrs["id"],
+        "coded": packer.coded,
+    }
+    file = io.BytesIO()
+    np.savez(file, header=np.array(json.dumps(header)), **cast("dict[str, Any]", packer.arrays))
+    return lzma.compress(file.getvalue(), preset=9 | lzma.PRESET_EXTREME)
+
+
+def unpack(data: bytes, directory: FilePath) -> dict[str, Any]:
+    """Write the files of a packed fold into a directory that is there; return what is about it."""
+    with np.load(io.BytesIO(lzma.decompress(data)), allow_pickle=False) as file:
+        arrays: Arrays = dict(file)
+    header = json.loads(str(arrays.pop("header")))
+    if header["format"] != PACKED_FORMAT:
+        raise InputError("not-packed", f"got {header['format']!r}, expected {PACKED_FORMAT!r}.")
+    found = _unpacked(arrays, header["coded"])
+    for name, text in header["texts"].items():
+        write_whole(directory / name, text.encode())
+    for file in ARRAY_FILES:
+        if any(name.startswith(f"{file}/") for name in found):
+            save_npz(directory / file, _of_file(found, file))
+    _write_plan_json(directory / PLAN_TEXT, _of_file(found, PLAN))
+    _write_timeline(directory, found, header["timeline"])
+    figures = Figures(**_of_file(found, "figures"))
+    write([figures], len(figures), str(directory / FIGURES))
+    return header["about"]
+
+
+class _Packer:
+    """Collects arrays, as they are or coded."""
+
+    def __init__(self) -> None:
+        self.arrays: Arrays = {}
+        self.coded: dict[str, dict[str, Any]] = {}
+
+    def add_npz(self, file: str, arrays: Arrays) -> None:
+        reference = arrays.get("reference_rad")
+        for name, array in arrays.items():
+            key = f"{file}/{name}"
+            if self._repeats(file, name, array):
+                continue
+            if name.endswith("_rad") and array.ndim > 1:
+                self._add_angles(key, name, array, reference)
+            elif name in ROOT_ARRAYS and file != START_PLAN:
+                step = ROOT_STEPS[name]
+                self._code(key, _whole(key, array / step), step, 2, array.dtype)
+            else:
+                self.arrays[key] = array
+
+    def _repeats(self, file: str, name: str, array: NDArray[Any]) -> bool:
+        """Return True if ``_unpacked`` finds an array in another one."""
+        if name == "joint_error_rad":
+            return True  # of a record it is NaN, of a playback the distance from the reference
+        if file != PLAN or name not in ("joint_angles_rad", *ROOT_ARRAYS):
+            return False
+        other = "reference_rad" if name == "joint_angles_rad" else name
+        known = _unpacked(dict(self.arrays), self.coded).get(f"playback.npz/{other}")
+        if known is None or not np.array_equal(known, array):
+            raise InputError("not-packable", f"{file}: {name} differs from the playback.")
+        return True
+
+    def _add_angles(self, key: str, name: str, array: Array, reference: Array | None) -> None:
+        steps = _steps(key, array)
+        if reference is None or name == "reference_rad":
+            order = DIFFERENCE_ORDERS["reference_rad" if "start" in key else name]
+            self._code(key, steps, PLAN_STEP_RAD, order, array.dtype)
+            return
+        errors = steps - _steps(key, reference)
+        self._code(key, errors, PLAN_STEP_RAD, 1, array.dtype)
+        self.coded[key]["from"] = "playback.npz/reference_rad"
+
+    def add_figures(self, figures: Figures) -> None:
+        for name in Curves.__dataclass_fields__:
+            self.arrays[f"figures/{name}"] = getattr(figures, name)
+        self._code("figures/nearest", figures.nearest, 1, 1, np.dtype(np.int32))
+        clearance = _whole("clearance", figures.clearance.astype(float) / CLEARANCE_STEP_PITCH)
+        self._code("figures/clearance", clearance, CLEARANCE_STEP_PITCH, 1, np.dtype(np.float32))
+        torque = figures.torque_nm.astype(float)
+        first = int(np.isnan(torque).all(axis=1).sum())  # the explosion's frames have none
+        step = torque_step(torque)
+        whole = _whole("torque_nm", np.nan_to_num(torque[first:]) / step)
+        self._code("figures/torque_nm", whole, step, 1, np.dtype(np.float32))
+        self.coded["figures/torque_nm"]["missing"] = first
+
+    def _code(self, key: str, values: Ints, step: float, order: int, dtype: Any) -> None:
+        """Store whole numbers as byte planes of their differences, column by column."""
+        shape = values.shape
+        scale = int(np.gcd.reduce(values, axis=None)) or 1
+        rest = values.astype(np.int64).reshape(-1, *shape[-2:]) // scale
+        for _ in range(order):
+            rest = np.diff(rest, axis=1, prepend=np.zeros_like(rest[:, :1]))
+        self.arrays[key] = byte_planes(rest.swapaxes(1, 2))
+        self.coded[key] = {
+            "shape": list(shape),
+            "step": step,
+            "scale": scale,
+            "order": order,
+            "dtype": np.dtype(dtype).str,
+        }
+
+
+def torque_step(torque_nm: Array) -> float:
+    """Return the step of the torques that plots show: between 1/64 and 1/128 of the largest one."""
+    return float(2.0 ** (np.floor(np.log2(np.nanmax(np.abs(torque_nm)) or 1.0)) - 6))
+
+
+def _steps(key: str, angles_rad: Array) -> Ints:
+    steps = whole_steps(angles_rad)
+    if steps is None or np.signbit(angles_rad[steps == 0]).any():  # −0 would come back as 0
+        raise InputError("not-packable", f"{key}: got angles that are not in whole steps.")
+    return steps
+
+
+def _whole(key: str, values: Array) -> Ints:
+    whole = np.rint(values)
+    if not np.array_equal(whole, values):
+        raise InputError("not-packable", f"{key}: got values that are not in whole steps.")
+    return whole.astype(np.int64)
+
+
+def _decoded(planes: NDArray[np.uint8], told: dict[str, Any]) -> Ints:
+    *_, rows, columns = shape = told["shape"]
+    values = whole_numbers(planes).reshape(-1, columns, rows)
+    for _ in range(told["order"]):
+        values = values.cumsum(axis=2)
+    return (values.swapaxes(1, 2) * told["scale"]).reshape(shape)
+
+
+def _unpacked(arrays: Arrays, coded: dict[str, dict[str, Any]]) -> Arrays:
+    """Return all arrays by file and name, those that are coded or repeat others as well."""
+    whole = {key: _decoded(arrays[key], told) for key, told in coded.items()}
+    found = dict(arrays)
+    for key, told in coded.items():
+        values = whole[key] + (whole[told["from"]] if "from" in told else 0)
+        array = (values * told["step"]).astype(told["dtype"])
+        if missing := told.get("missing", 0):
+            array = np.concatenate([np.full((missing, array.shape[1]), np.nan, array.dtype), array])
+        found[key] = array
+    if (record := found.get("record.npz/joint_angles_rad")) is not None:
+        found["record.npz/joint_error_rad"] = np.full_like(record, np.nan)
+    played, reference = (
+        found.get(f"playback.npz/{name}") for name in ("joint_angles_rad", "reference_rad")
+    )
+    if played is not None and reference is not None:
+        found["playback.npz/joint_error_rad"] = np.abs(played - reference)
+        found["plan.npz/joint_angles_rad"] = reference
+        for name in ROOT_ARRAYS:
+            found[f"plan.npz/{name}"] = found[f"playback.npz/{name}"]
+    return found
+
+
+def _of_file(arrays: Arrays, file: str) -> dict[str, Any]:
+    prefix = f"{file}/"
+    return {name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)}
+
+
+def _write_plan_json(path: FilePath, arrays: Arrays) -> None:
+    """Write what ``planner.plan.plan.Plan.save_json`` does of a plan that holds plain angles."""
+    values = json.loads(str(arrays["plan"]))
+    values["joint_names"] = arrays["joint_names"].tolist()
+    for name in PLAN_FRAME_COLUMNS:
+        rows = arrays[name]
+        missing = rows.ndim == 1 and rows.dtype.kind == "f" and bool(np.isnan(rows).any())
+        values[name] = [None if v != v else v for v in rows.tolist()] if missing else rows.tolist()
+    write_json(path, values)
+
+
+def _write_timeline(directory: FilePath, arrays: Arrays, timeline_id: str) -> None:
+    """Write the timeline: the explosion, unless the fold is a refold, and the playback."""
+    path = directory / TIMELINE
+    chain = chain_from_attributes(json.loads((directory / CHAIN).read_bytes()))
+    refold = (directory / START_CHAIN).exists()
+    with TimelineWriter.create(path, chain, timeline_id=timeline_id) as writer:
+        for file in (PLAYBACK,) if refold else (RECORD, PLAYBACK):
+            writer.append(Motion.from_columns(_of_file(arrays, file)))

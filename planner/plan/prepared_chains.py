@@ -1,0 +1,77 @@
+"""Prepared chains: a path search's result in a file, so that a fold need not repeat its preview's.
+
+The file holds the digest of the input and of all options. Chains of another input, of other options
+or of another version are not used.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path as FilePath
+from typing import Any, Self
+
+from planner.chain.chain import Chain
+from planner.errors import UNREADABLE
+from planner.file_names import PREPARED
+from planner.files import write_json
+from planner.motion.timeline import chain_attributes, chain_from_attributes
+from planner.pathfinding.path_options import PathOptions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PreparedChains:
+    """Chains through the shape in an input.
+
+    Attributes:
+        kind, method, notes: Same as for ``planner.pipeline.prepare.Preparation``.
+        knot: Verdict on the first chain; None without one.
+        chains: Candidates, best first; at least one.
+    """
+
+    kind: str
+    method: str
+    notes: tuple[str, ...]
+    knot: str | None
+    chains: tuple[Chain, ...]
+
+    @classmethod
+    def load(cls, directory: FilePath, key: str) -> Self | None:
+        """Return the stored chains; None if there are none with this key."""
+        try:
+            values: Any = json.loads((directory / PREPARED).read_bytes())
+            if values["key"] != key:
+                return None
+            return cls(
+                kind=values["kind"],
+                method=values["method"],
+                notes=tuple(values["notes"]),
+                knot=values["knot"],
+                chains=tuple(chain_from_attributes(each) for each in values["chains"]),
+            )
+        except UNREADABLE:
+            return None
+
+    def save(self, directory: FilePath, key: str) -> None:
+        """Write the file that ``load`` reads."""
+        values = {
+            "key": key,
+            "kind": self.kind,
+            "method": self.method,
+            "notes": self.notes,
+            "knot": self.knot,
+            "chains": [chain_attributes(chain) for chain in self.chains],
+        }
+        write_json(directory / PREPARED, values)
+
+
+def key_of(data: bytes, filename: str | None, options: PathOptions, seed: int) -> str:
+    """Return the digest of all that a path search depends on."""
+    try:
+        made_by = version("foldback")
+    except PackageNotFoundError:
+        made_by = ""
+    given = [made_by, sha256(data).hexdigest(), filename, asdict(options), seed]
+    return sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()

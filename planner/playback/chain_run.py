@@ -1,0 +1,278 @@
+"""Chain run: one robot, or the ideal chain, that folds along a trajectory, step by step."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.chain.chain import Chain
+from planner.chain.rotations import aligned_distances
+from planner.errors import SimulationError
+from planner.motion.angle_encoding import snapped
+from planner.motion.motion import Motion, Phase
+from planner.playback.controllers import build_plant
+from planner.playback.reference_trajectory import ReferenceTrajectory
+from planner.playback.setpoints import Setpoints, Target
+from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
+
+Array = NDArray[np.float64]
+PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
+FRAME_TURN_RAD: Final = 0.01
+"""Turn of a hinge, or of its target angle, since the last frame, rad, at which a simulated playback
+records the next frame. Larger values make smaller plans with a coarser motion between frames, whose
+clearance is harder to prove. Chosen."""
+FRAME_MOVE_PITCH: Final = 0.2
+"""Displacement of a module since the last frame, relative to the mean of all modules, pitches, at
+which a simulated playback records the next frame: the ends of a nearly straight chain go far while
+its hinges hardly turn. Larger values record fewer frames. Chosen."""
+MAX_FRAME_STEPS: Final = 12
+"""Maximum number of simulation steps between two recorded frames of a playback; a frame is then
+recorded even if the chain hardly moves. Larger values make smaller plans with a coarser record of
+slow motion. Chosen."""
+GOAL_TOLERANCE_PITCH: Final = 0.1
+"""Maximum position error at the end of a simulated playback that counts as folded: RMS distance of
+the modules from the goal shape, pitches, aligned with it if the chain is free. Larger values accept
+less exact results. Chosen."""
+CANCEL_CHECK_STEPS: Final = 25
+"""Number of simulation steps of a playback between two checks for cancellation and for a due
+progress report. Larger values react later to a cancellation, smaller ones slow the simulation down.
+Chosen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Kept:
+    """State of the last kept frame."""
+
+    step: int
+    target: Target
+    angles: Array
+    centres: Array
+
+
+class PlaybackRun:
+    """Simulated playback in progress: figures that dense and windowed runs share.
+
+    Attributes:
+        steps: Number of steps so far.
+        largest_error: Largest joint error so far, rad.
+        peak_torque: Largest hinge torque so far, module mass · pitch² / s².
+        square_torque: Sum over the steps of the square of the largest hinge torque.
+        status, reason: Result; ``cancelled`` until the run has ended.
+
+    Args:
+        chain: The chain.
+        step_s: Time step, s.
+    """
+
+    def __init__(self, chain: Chain, step_s: float) -> None:
+        self.chain = chain
+        self.step_s = step_s
+        self.steps = 0
+        self.largest_error = 0.0
+        self.peak_torque = 0.0
+        self.square_torque = 0.0
+        self.status: PlaybackStatus = "cancelled"
+        self.reason = ""
+        self._reported = time.perf_counter(), 0
+
+    def count_step(self, torques: Array) -> None:
+        """Count a step with (H,) hinge torques."""
+        torque = float(np.abs(torques).max())
+        self.peak_torque = max(self.peak_torque, torque)
+        self.square_torque += torque * torque
+        self.steps += 1
+
+    def check(self, progress: Report, cancelled: Cancelled, fraction: float, message: str) -> bool:
+        """Return False if the run is cancelled; report its progress. Most steps do neither."""
+        if self.steps % CANCEL_CHECK_STEPS:
+            return True
+        if cancelled():
+            return False
+        now, (reported, steps) = time.perf_counter(), self._reported
+        if now - reported >= PROGRESS_PERIOD_S:
+            progress(
+                Progress(
+                    stage="play_back",
+                    fraction=min(fraction, 0.99),
+                    steps=self.steps,
+                    steps_per_second=(self.steps - steps) / (now - reported),
+                    simulated_s=self.steps * self.step_s,
+                    message=message,
+                )
+            )
+            self._reported = now, self.steps
+        return True
+
+    def lost(self, first: int, errors: Array, fraction: float) -> str:
+        """Describe the hinge that a robot has lost.
+
+        Args:
+            first: Number of the first simulated hinge.
+            errors: (H,) joint errors, rad.
+            fraction: Progress of the playback, 0 to 1.
+        """
+        worst = int(errors.argmax())
+        return (
+            f"a robot lost its target: {self.chain.joint_names[first + worst]} is off by "
+            f"{errors[worst]:.2g} rad, more than its motor can correct, {100.0 * fraction:.0f} % "
+            "into the fold."
+        )
+
+    def distance_to_goal(self, angles: Array) -> float:
+        """Return the RMS distance of the modules from the folded shape, pitches, aligned."""
+        poses = self.chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        distances = aligned_distances(poses.positions, self.chain.folded_poses.positions)
+        return float(np.sqrt((distances**2).mean()))
+
+
+class Run(PlaybackRun):
+    """Simulation of one robot, or of the ideal chain, that folds.
+
+    Args:
+        trajectory: Reference and time scalings.
+        seed: Seed of the robot's model errors.
+    """
+
+    def __init__(self, trajectory: ReferenceTrajectory, seed: list[int]) -> None:
+        super().__init__(trajectory.chain, trajectory.step_s)
+        self.trajectory = trajectory
+        self.finer = trajectory.finer
+        self.kept: list[Motion] = []
+        self.references: list[Array] = []
+        self.plant, self.drive = build_plant(trajectory, seed)
+        self.plant.place(*trajectory.begins)
+        self.at_rest = trajectory.unfolding is not None or trajectory.parameters.controller in (
+            "robot",
+            "computed-torque",
+        )
+        """True if momentum that integration adds is removed: large steps add some."""
+        self._last: _Kept | None = None
+
+    @property
+    def frames(self) -> Motion:
+        """Recorded frames."""
+        return Motion.joined(self.kept)
+
+    @property
+    def reference_rad(self) -> Array:
+        """(F, J) planned angles at the recorded frames, in whole steps."""
+        return snapped(np.array(self.references))
+
+    def simulate(
+        self, sink: Callable[[Motion], None] | None, progress: Report, cancelled: Cancelled
+    ) -> None:
+        """Fold; set ``status`` and ``reason`` to the result."""
+        self.status, self.reason = self._simulated(sink, progress, cancelled)
+        error = self.final_error()
+        if self.status == "folded" and error > GOAL_TOLERANCE_PITCH:
+            self.status = "missed"
+            self.reason = (
+                f"the chain ended {error:.2g} pitches (RMS) from its target; "
+                f"{self.bent_wrong()} of {len(self.chain.folded_rad)} hinges are off by more than "
+                "0.1 rad."
+            )
+
+    def _simulated(
+        self, sink: Callable[[Motion], None] | None, progress: Report, cancelled: Cancelled
+    ) -> tuple[PlaybackStatus, str]:
+        plant = self.plant
+        parts: list[tuple[Phase, Setpoints]] = [(p, make()) for p, make in self.trajectory.parts]
+        most_steps = self.trajectory.parameters.max_steps
+        target = None
+        part, begun = 0, 0
+        try:
+            while self.steps - begun < most_steps:
+                plant.begin_step()
+                angles = plant.angles
+                phase, setpoints = parts[part]
+                following = setpoints.target(angles, plant.rates)
+                if following is None:
+                    assert target is not None
+                    if part + 1 < len(parts):
+                        # The first frame of the next part is here, where this one has ended.
+                        part, begun = part + 1, self.steps
+                        self._last = None
+                        continue
+                    self._keep(phase, angles, target, sink)
+                    return "folded", ""
+                target = following
+                errors = np.abs(target.angles - angles)
+                self.largest_error = max(self.largest_error, float(errors.max()))
+                if self.largest_error > self.trajectory.lost_rad:
+                    self._keep(phase, angles, target, sink)
+                    return "missed", self.lost(0, errors, target.fraction)
+                if self._is_due(angles, target):
+                    self._keep(phase, angles, target, sink)
+                self.drive(target)
+                plant.end_step()
+                if self.at_rest:
+                    plant.stop_drifting()
+                self.count_step(plant.motor_torques)
+                fraction = (part + target.fraction) / len(parts)
+                message = "folding" if phase == "playback" else phase
+                if not self.check(progress, cancelled, fraction, message):
+                    return "cancelled", "the playback was cancelled."
+        except SimulationError as broken:
+            return "diverged", f"the simulation failed: {broken}"
+        return "timeout", (
+            f"the chain was not at rest in its folded shape after {most_steps} "
+            f"steps: it is {self.final_error():.2g} pitches (RMS) away, and "
+            f"{self.bent_wrong()} of {len(self.chain.folded_rad)} hinges are off by more than "
+            "0.1 rad."
+        )
+
+    def _is_due(self, angles: Array, target: Target) -> bool:
+        """Return True if a frame is due: the target has moved far enough, or the chain has.
+
+        With several robots the target alone decides: all keep frames at the same steps.
+        """
+        last, turn, way = self._last, FRAME_TURN_RAD / self.finer, FRAME_MOVE_PITCH / self.finer
+        if last is None or self.steps - last.step >= MAX_FRAME_STEPS:
+            return True
+        if np.abs(target.angles - last.target.angles).max() >= turn:
+            return True
+        if self.trajectory.robots > 1:
+            gone = abs(target.gone_rad - last.target.gone_rad)
+            return gone >= way * self.trajectory.parameters.distance_weight
+        moved = self.plant.centres - last.centres
+        return bool(np.abs(angles - last.angles).max() >= turn) or bool(
+            (moved**2).sum(axis=1).max() >= way * way
+        )
+
+    def _keep(
+        self,
+        phase: Phase,
+        angles: Array,
+        target: Target,
+        sink: Callable[[Motion], None] | None,
+    ) -> None:
+        frame = Motion.from_frames(
+            phase=phase,
+            time_s=np.array([self.trajectory.start_s + self.steps * self.step_s]),
+            joint_angles_rad=angles[None],
+            root_position=self.plant.root_position[None],
+            root_wxyz=self.plant.root_wxyz[None],
+            joint_error_rad=np.abs(target.angles - angles)[None],
+        )
+        self.kept.append(frame)
+        self._last = _Kept(self.steps, target, angles, self.plant.centres)
+        self.references.append(target.angles.copy())
+        if sink is not None:
+            sink(frame)
+
+    def final_error(self) -> float:
+        """Return the RMS distance of the modules from the folded shape, pitches, aligned."""
+        # A simulation that broke off leaves no numbers; its last sound frame counts.
+        angles = self.plant.angles
+        if not np.isfinite(angles).all():
+            angles = self.kept[-1].joint_angles_rad[-1]
+        return self.distance_to_goal(angles)
+
+    def bent_wrong(self) -> int:
+        """Return the number of hinges more than 0.1 rad from their folded angle."""
+        return int((np.abs(self.plant.angles - self.chain.folded_rad) > 0.1).sum())

@@ -1,0 +1,131 @@
+"""Choice of the reader of a file, and the formats that can be read.
+
+The content decides which reader takes a file; its name only names the shape, and hints where a
+damaged file could be of several kinds. Nothing outside of the bytes is ever read or fetched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.display_names import clean_name
+from planner.errors import InputError
+from planner.files import MAX_FILE_BYTES
+from planner.readers.angle_strings import is_angle_string, read_angle_string, refuse_digits
+from planner.readers.binvox import is_binvox, read_binvox
+from planner.readers.csv_cells import is_csv, read_csv
+from planner.readers.gltf import is_glb, read_glb
+from planner.readers.json_formats import is_json, read_json
+from planner.readers.limits import (
+    MAX_CELLS,
+    Source,
+    check_bytes,
+    check_size,
+)
+from planner.readers.npy import is_npy, read_npy
+from planner.readers.obj import is_obj, read_obj
+from planner.readers.off import is_off, read_off
+from planner.readers.ply import is_ply, read_ply
+from planner.readers.refused_formats import refuse_other_kinds, unknown_kind
+from planner.readers.stl import is_binary, is_stl, read_stl
+from planner.readers.text import decode, refuse_binary, refuse_prose, to_utf8
+from planner.readers.threemf import is_zip, read_threemf
+from planner.readers.vox import is_vox, read_vox
+from planner.readers.xyz import is_xyz, read_xyz
+from planner.shapes.shape import Shape
+from planner.shapes.solid import MAX_TRIANGLES, Solid
+
+READABLE_FORMATS: Final = (
+    "a mesh (STL, OBJ, PLY, OFF, GLB, glTF, 3MF), voxels (.vox, .binvox, .npy, "
+    "foldback-voxels/1), or cells (foldback-path/1 or foldback-chain/1 JSON, a JSON list, CSV, "
+    "XYZ, .npy, a string of angles like 0 - - +)"
+)
+
+Kind = tuple[Callable[[bytes], bool], Callable[[bytes, Source], Path | Shape | Solid]]
+BINARY_KINDS: Final[tuple[Kind, ...]] = (
+    (is_npy, read_npy),
+    (is_vox, read_vox),
+    (is_binvox, read_binvox),
+    (is_glb, read_glb),
+    (is_ply, read_ply),
+    (is_zip, read_threemf),
+    (is_off, read_off),
+)
+
+
+def read(
+    data: bytes,
+    *,
+    filename: str | None = None,
+    as_voxels: bool = False,
+    most_cells: int = MAX_CELLS,
+    most_triangles: int = MAX_TRIANGLES,
+    most_bytes: int = MAX_FILE_BYTES,
+) -> Path | Chain | Shape | Solid:
+    """Read a path, chain, shape or solid from a file.
+
+    Args:
+        data: The whole file.
+        filename: Name of the file; it names the shape where the content does not.
+        as_voxels: True to read lists of cells as voxels in no order, not as a path.
+        most_cells: Maximum number of cells; larger files are refused before they take much memory.
+        most_triangles: Maximum number of triangles of a mesh.
+        most_bytes: Maximum file size, bytes.
+
+    Returns:
+        A ``Path`` for lists of cells, a ``Chain`` for ``foldback-chain/1``, a ``Shape`` for voxels,
+        a ``Solid`` for meshes.
+
+    Raises:
+        InputError: The content cannot be read; says what was found and expected, and what to do.
+    """
+    source = Source(
+        name=clean_name(_stem(filename)),
+        most_cells=most_cells,
+        most_triangles=most_triangles,
+        as_voxels=as_voxels,
+    )
+    check_bytes(data, most_bytes)
+    if not is_binary(data, hinted=False):
+        data = to_utf8(data)
+    for belongs, reader in BINARY_KINDS:
+        if belongs(data):
+            return reader(data, source)
+    if is_stl(data, hinted=False):
+        return read_stl(data, source, hinted=False)
+    refuse_other_kinds(data, READABLE_FORMATS)
+    called_stl = (filename or "").lower().endswith(".stl")
+    if called_stl and is_stl(data, hinted=True):
+        return read_stl(data, source, hinted=True)
+    if is_obj(data):
+        return read_obj(data, source)
+    refuse_binary(data, READABLE_FORMATS)
+    if not _looks_like_gltf(data):
+        check_size(data, most_cells)
+    text = decode(data, READABLE_FORMATS)
+    if not text.strip():
+        raise InputError("empty", f"got a file with only white space, expected {READABLE_FORMATS}.")
+    if is_json(text):
+        return read_json(text, source)
+    if is_angle_string(text):
+        return read_angle_string(text, name=source.name or "chain", most_modules=most_cells)
+    refuse_digits(text)
+    refuse_prose(text, READABLE_FORMATS)
+    if is_csv(text):
+        return read_csv(text, source)
+    if is_xyz(text):
+        return read_xyz(text, source)
+    raise unknown_kind(text, READABLE_FORMATS)
+
+
+def _looks_like_gltf(data: bytes) -> bool:
+    return data[:64].lstrip()[:1] == b"{" and b'"accessors"' in data
+
+
+def _stem(filename: str | None) -> str:
+    base = (filename or "").replace("\\", "/").rpartition("/")[2]
+    stem, dot, _ = base.rpartition(".")
+    return stem if dot and stem else base

@@ -1,0 +1,131 @@
+"""Strict JSON: parsing that refuses duplicate and unread keys, bounded before it begins."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Collection
+from typing import Any, Final
+
+from planner.display_names import clean_name
+from planner.errors import InputError
+from planner.readers.limits import MAX_CELLS, quote, too_many
+
+MAX_INTEGER_DIGITS: Final = 18
+"""Maximum number of characters of a JSON integer that is parsed exactly. Longer ones become a
+float, because exact parsing takes time by the square of the length."""
+HUGE_NUMBER: Final = 1e300
+"""Magnitude to which JSON integers that are too long for exact parsing are clipped, so that they
+stay finite; every later check of a range refuses it."""
+SPARE_VALUES: Final = 1000
+"""Number of lists, and of values, that a JSON file may have beyond those of its cells; a file with
+more is refused before it is parsed. Larger values take more memory. Chosen."""
+KEYS_OF_FORM: Final = re.compile(
+    r"(?:unit|pitch|scale|ax[ei]s|order|origin|offset|rotat|transform|mirror|joint|angle|cell|closed|module\b)"
+)
+"""Matches the beginnings of JSON keys that probably change a shape's form, size or place; an
+unknown key that matches is refused rather than ignored."""
+
+
+def _check_amount(text: str, most_cells: int) -> None:
+    """Refuse text whose parsing would take too much memory."""
+    lists = text.count("[") + text.count("{")
+    if lists > most_cells + SPARE_VALUES:
+        raise too_many(lists, most_cells, "lists")
+    values = text.count(",")
+    if values > 4 * most_cells + SPARE_VALUES:
+        raise too_many(values, 4 * most_cells, "values")
+
+
+def parse(text: str, most_cells: int = MAX_CELLS) -> object:
+    """Parse strict JSON.
+
+    Raises:
+        InputError: The text is no JSON (names line and column), or has too many values.
+    """
+    _check_amount(text, most_cells)
+    try:
+        return json.loads(
+            text,
+            parse_int=_integer,
+            object_pairs_hook=_no_duplicates,
+        )
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        if error.pos >= len(text.rstrip()) or error.msg.startswith("Unterminated string"):
+            raise InputError(
+                "truncated",
+                "the file ends in the middle of its JSON; save or send it again.",
+                where=where,
+            ) from error
+        raise InputError(
+            "bad-json", f"this is not JSON ({error.msg}); expected strict JSON.", where=where
+        ) from error
+    except RecursionError as error:
+        raise InputError(
+            "too-deep", "got lists nested too deeply, expected a list of cells."
+        ) from error
+
+
+def _integer(digits: str) -> int | float:
+    """Parse an integer; clip very long ones to a float that later checks refuse."""
+    if len(digits) <= MAX_INTEGER_DIGITS:
+        return int(digits)
+    return max(-HUGE_NUMBER, min(HUGE_NUMBER, float(digits)))
+
+
+def _no_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    result: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in result:
+            raise InputError(
+                "duplicate-key",
+                f"the key {quote(key)!r} occurs twice; remove one of them.",
+                where=f"key {quote(key)!r}",
+            )
+        result[key] = value
+    return result
+
+
+def refuse_unread_keys(document: dict[str, Any], known: Collection[str]) -> None:
+    """Refuse keys that would change the form, place or size of a shape; others say nothing of it.
+
+    Args:
+        document: An object of one of foldback's formats.
+        known: Keys of the format.
+
+    Raises:
+        InputError: ``unknown-key``.
+    """
+    for key in document:
+        if key not in known and KEYS_OF_FORM.match(key.casefold()):
+            raise InputError(
+                "unknown-key",
+                f"got the key {quote(key)!r}, which is unknown, expected {', '.join(known)}; "
+                "convert the values, or remove the key.",
+                where=quote(key),
+            )
+
+
+def text_field(document: dict[str, Any], key: str) -> str:
+    """Return a text, cleaned for display; empty if it is missing.
+
+    Raises:
+        InputError: ``wrong-type`` when it is something else.
+    """
+    value = document.get(key, "")
+    if not isinstance(value, str):
+        raise InputError("wrong-type", f"got {quote(value)}, expected text.", where=key)
+    return clean_name(value)
+
+
+def number_field(document: dict[str, Any], key: str, default: float) -> float:
+    """Return a number, or ``default`` if it is missing.
+
+    Raises:
+        InputError: ``wrong-type`` when it is something else.
+    """
+    value = document.get(key, default)
+    if type(value) is not int and type(value) is not float:
+        raise InputError("wrong-type", f"got {quote(value)}, expected a number.", where=key)
+    return float(value)

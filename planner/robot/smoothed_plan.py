@@ -1,0 +1,144 @@
+"""Smoothed plan: made from a verified one, with a shorter and quieter motion.
+
+Its record is a smoothed motion in place of an explosion. The next stages are those of any fold: it
+is played back along a smooth curve, and the certificate judges that.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.clearance.sweep import sweep
+from planner.errors import InputError
+from planner.motion.motion import Motion
+from planner.motion.record import Record
+from planner.plan.plan import Plan
+from planner.playback.reference_curve import record_lengths
+from planner.progress import Cancelled, never
+from planner.robot import MAX_SMOOTHED_ANGLES, RECORDED, SMOOTHED
+from planner.robot.motion_quality import Quality
+from planner.robot.smoothing import DISTANCE_WEIGHT, MAX_EVALUATIONS, smooth, spacing_of
+
+Array = NDArray[np.float64]
+SOFTENED_EVALUATIONS: Final = MAX_EVALUATIONS // 4
+"""Maximum number of configurations whose clearance a slight smoothing checks, which is tried if the
+full one fails certification. Larger values smooth more, and fail more often. Chosen."""
+
+
+def check_smoothable(plan: Plan) -> None:
+    """Refuse a plan that cannot be smoothed.
+
+    Raises:
+        InputError: ``smooth-refold``, ``smooth-not-verified``, ``smooth-no-motion``,
+            ``smooth-no-torques`` or ``smooth-too-long``.
+    """
+    name = plan.chain.name
+    if plan.start is not None:
+        raise InputError(
+            "smooth-refold",
+            f"got the refold {name}, expected a fold that starts straight; only such folds can be "
+            "smoothed.",
+        )
+    if not plan.verified:
+        raise InputError(
+            "smooth-not-verified",
+            f"got a plan of {name} that is not verified, expected a verified plan; fold it again "
+            "with another seed or preset.",
+        )
+    if not plan.certificate.fold_time_s:
+        raise InputError(
+            "smooth-no-motion", f"got a plan of {name} in which nothing moves, expected a motion."
+        )
+    if plan.certificate.peak_torque_nm is None:
+        raise InputError(
+            "smooth-no-torques",
+            f"got a plan of {name} without torques, from an earlier version; fold it again.",
+        )
+    hinges, frames = len(plan.chain.folded_rad), len(plan.motion)
+    if frames * hinges <= MAX_SMOOTHED_ANGLES:
+        length = record_lengths(plan.chain, plan.joint_angles_rad, DISTANCE_WEIGHT)[-1]
+        frames = max(frames, int(length / spacing_of(length)))
+    if frames * hinges > MAX_SMOOTHED_ANGLES:
+        raise InputError(
+            "smooth-too-long",
+            f"got a motion of {frames} frames with {frames * hinges} hinge angles in all, "
+            f"expected at most {MAX_SMOOTHED_ANGLES}; it is too long to be smoothed, but "
+            "`foldback retime` can limit its speed.",
+        )
+
+
+def smoothed_record(
+    plan: Plan,
+    way: str,
+    *,
+    size: float,
+    seed: int,
+    told: Callable[[float], None] | None = None,
+    cancelled: Cancelled = never,
+) -> Record:
+    """Return a plan's motion smoothed, from folded to straight, in place of an explosion.
+
+    Args:
+        plan: A plan that may be smoothed.
+        way: One of ``WAYS``.
+        size: Module size that it is to be verified at, as a fraction of the pitch.
+        seed: Seed of all random numbers.
+        told: Receives the fraction that is done, after each part.
+        cancelled: Returns True to stop; the motion found so far is then taken.
+    """
+    begun = time.perf_counter()
+    whole = plan.whole()
+    angles = whole.joint_angles_rad
+    if way != RECORDED:
+        looks = MAX_EVALUATIONS if way == SMOOTHED else SOFTENED_EVALUATIONS
+        angles = smooth(
+            plan.chain, angles, size=size, seed=seed, looks=looks, told=told, cancelled=cancelled
+        ).angles
+    count = len(angles)
+    stopped = cancelled()
+    return Record(
+        status="cancelled" if stopped else "straight",
+        reason="smoothing was cancelled" if stopped else "",
+        frames=Motion.from_frames(
+            phase="explosion",
+            time_s=np.linspace(0.0, float(whole.time_s[-1]), count),
+            joint_angles_rad=angles[::-1],
+            root_position=np.repeat(whole.root_position[:1], count, axis=0),
+            root_wxyz=np.repeat(whole.root_wxyz[:1], count, axis=0),
+        ),
+        steps=0,
+        seconds=time.perf_counter() - begun,
+        strategy=way,
+    )
+
+
+def before_and_after(recorded: Plan, smoothed: Plan) -> dict[str, Any]:
+    """Compare the plans before and after smoothing, both in the recorded one's time; plain values.
+
+    Args:
+        recorded: The plan that was smoothed.
+        smoothed: The resulting plan; without a playback its figures are None.
+    """
+    seconds = recorded.certificate.fold_time_s
+    assert seconds is not None
+    after = None
+    if smoothed.certificate.peak_torque_nm is not None:
+        after = Quality.of(smoothed, seconds).as_dict()
+    # Clearances are comparable at one module size only.
+    size = smoothed.certificate.module_size
+    before = Quality.of(recorded, seconds)
+    if recorded.certificate.module_size != size:
+        clearance = sweep(recorded.chain, recorded.motion, size=size).clearance
+        before = replace(before, clearance=clearance)
+    return {
+        "way": (smoothed.explosion or {}).get("strategy"),
+        "seconds": seconds,
+        "before": before.as_dict(),
+        "after": after,
+    }

@@ -1,0 +1,382 @@
+"""Mesh bodies: the closed surfaces of a mesh, each oriented by itself.
+
+A body that lies inside another bounds a cavity, and one inside a cavity is solid again. So a body
+inside an odd number of others faces inwards, and every other body faces outwards, however the file
+has them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+MIN_FILLED_SHARE: Final = 1e-9
+"""Minimum enclosed volume of a mesh's body, as a fraction of its bounding box; a body with less is
+a flat sheet that encloses nothing, up to rounding. Chosen."""
+MAX_PROBES: Final = 64
+"""Maximum number of points of a body (connected part of a mesh) that are tested for lying inside
+another one, to tell cavities from solids. Larger values are slower and misjudge fewer bodies.
+Chosen."""
+PROBE_WEIGHTS: Final = np.array([0.4142, 0.3183, 0.2675])
+"""Weights of a triangle's three corners in the point at which the triangle is tested for lying
+inside another body: irregular, so that a ray from the point meets no edge of a regular mesh.
+Chosen."""
+PROBE_DEPTH_SHARE: Final = 1e-7
+"""Depth below a triangle of the point at which it is tested for lying inside another body, as a
+fraction of the mesh's size, so that touching walls are told apart. Larger values miss thin walls.
+Chosen."""
+MAX_CONTAINERS: Final = 1000
+"""Maximum number of a mesh's bodies, the largest first, that are tested for containing others, to
+find cavities. Larger values find more cavities in meshes of many bodies, more slowly. Chosen."""
+MAX_POINT_TESTS: Final = 10_000_000
+"""Maximum number of tests of a point against a triangle when cavities of a mesh are searched, about
+two seconds. Beyond it bodies keep the orientation in the file, so larger values find more cavities,
+more slowly. Chosen."""
+TESTS_AT_ONCE: Final = 1 << 20
+"""Number of tests of a point against a triangle in one NumPy call when cavities of a mesh are
+searched. Larger values take more memory; the result is the same. Chosen."""
+MAX_GRID_COLUMNS: Final = 512
+"""Maximum number of columns along each side of the grid that finds a mesh's triangles above and
+below a point. Larger values make searches in fine meshes faster and take more memory. Chosen."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Oriented:
+    """Consistently oriented triangles.
+
+    Attributes:
+        faces: (F, 3) triangles, counter-clockwise seen from outside.
+        volume: Volume that the bodies enclose, cavities taken off.
+        notes: Messages about corrected orientations.
+    """
+
+    faces: Ints
+    volume: float
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Bodies:
+    """A mesh in bodies.
+
+    Attributes:
+        points: (V, 3) vertices.
+        faces: (F, 3) triangles that agree within each body.
+        order: (F,) triangles, one body after the other.
+        begins: (B + 1,) index in ``order`` of the first triangle of each body.
+        volumes: (B,) signed volumes.
+        low, high: (B, 3) corners of the bodies' boxes.
+        filled: (B,) True for bodies with an inside.
+    """
+
+    points: Floats
+    faces: Ints
+    order: Ints
+    begins: Ints
+    volumes: Floats
+    low: Floats
+    high: Floats
+    filled: Bools
+
+    @classmethod
+    def from_surfaces(cls, points: Floats, faces: Ints, body: Ints) -> _Bodies:
+        order = np.argsort(body, kind="stable")
+        begins = np.searchsorted(body[order], np.arange(int(body.max()) + 2))
+        corners = points[faces[order]]
+        low = np.minimum.reduceat(corners.min(axis=1), begins[:-1], axis=0)
+        high = np.maximum.reduceat(corners.max(axis=1), begins[:-1], axis=0)
+        a, b, c = (corners - points.mean(axis=0)).transpose(1, 0, 2)
+        parts = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+        volumes = np.add.reduceat(parts, begins[:-1])
+        return cls(
+            points=points,
+            faces=faces,
+            order=order,
+            begins=begins,
+            volumes=volumes,
+            low=low,
+            high=high,
+            filled=np.abs(volumes) > MIN_FILLED_SHARE * np.prod(high - low, axis=1),
+        )
+
+    def rows(self, body: int) -> Ints:
+        """Return the triangles of a body."""
+        return self.order[self.begins[body] : self.begins[body + 1]]
+
+
+def orient_bodies(points: Floats, faces: Ints) -> Oriented | None:
+    """Turn each body of a closed mesh so that its triangles face out of the solid.
+
+    Args:
+        points: (V, 3) vertices.
+        faces: (F, 3) triangles; an even number shares each edge.
+
+    Returns:
+        The triangles, or None for a surface that has no inside, such as a Klein bottle.
+    """
+    surfaces = _surfaces(points, faces)
+    if surfaces is None:
+        return None
+    body, flips = surfaces
+    mesh = _Bodies.from_surfaces(points, _turned(faces, flips), body)
+    sizes = np.diff(mesh.begins)
+    flipped = np.bincount(body, weights=flips, minlength=len(sizes))
+    # A body faces as most of its triangles do in the file.
+    said = np.sign(mesh.volumes) * np.where(2 * flipped > sizes, -1, 1)
+    wanted = np.where(_containers(mesh, said) % 2 == 1, -1, 1)
+    wrong = mesh.filled & (np.sign(mesh.volumes) != wanted)
+    return Oriented(
+        faces=_turned(mesh.faces, wrong[body]),
+        volume=float((np.abs(mesh.volumes) * wanted)[mesh.filled].sum()),
+        notes=tuple(
+            _notes(
+                wanted[mesh.filled & (said != wanted)],
+                bodies=int(mesh.filled.sum()),
+                triangles=int(np.minimum(flipped, sizes - flipped).sum()),
+            )
+        ),
+    )
+
+
+def _turned(faces: Ints, which: Bools) -> Ints:
+    if not which.any():
+        return faces
+    return np.where(which[:, None], faces[:, ::-1], faces)
+
+
+def _notes(changed: Ints, *, bodies: int, triangles: int) -> list[str]:
+    """Return what was turned: bodies to 1 (outwards) or −1 (inwards), and single triangles."""
+    notes: list[str] = []
+    if triangles:
+        word = "triangle was" if triangles == 1 else "triangles were"
+        notes.append(f"{triangles} {word} flipped to match the neighbours.")
+    outwards, inwards = (int((changed == sign).sum()) for sign in (1, -1))
+    if outwards and outwards + inwards == bodies:
+        notes.append("the mesh was inside out and was corrected.")
+        return notes
+    if outwards:
+        was = "was" if outwards == 1 else "were"
+        notes.append(f"{outwards} of {bodies} bodies {was} inside out and corrected.")
+    if inwards:
+        word = "body inside another was" if inwards == 1 else "bodies inside others were"
+        notes.append(f"{inwards} {word} read as {'a cavity' if inwards == 1 else 'cavities'}.")
+    return notes
+
+
+def _surfaces(points: Floats, faces: Ints) -> tuple[Ints, Bools] | None:
+    """Return (F,) the body of each triangle, and whether it must be turned to agree with it.
+
+    Triangles are connected if two of them share an edge. Where more do, bodies touch: what is
+    not closed without such an edge goes on there with the next triangle around the edge.
+    """
+    count = len(faces)
+    runs = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    forward = runs[:, 0] < runs[:, 1]
+    keys = runs.min(axis=1) * (int(faces.max()) + 1) + runs.max(axis=1)
+    order = np.argsort(keys, kind="stable")
+    begins = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0]))
+    shared = np.diff(np.append(begins, len(keys)))
+    pairs = order[begins[shared == 2][:, None] + np.arange(2)]
+    surfaces = _consistent(count, pairs, forward)
+    crowded = np.repeat(shared > 2, shared)
+    if surfaces is None or not crowded.any():
+        return surfaces
+    body, flips = surfaces
+    half = order[crowded]
+    edge = np.repeat(np.arange(len(shared)), shared)[crowded]
+    run = np.where(forward[half] ^ flips[half // 3], 1.0, -1.0)
+    _, kind = np.unique(edge * count + body[half // 3], return_inverse=True)
+    loose = np.bincount(kind, weights=run) != 0.0
+    rest = np.zeros(int(body.max()) + 1, dtype=np.bool_)
+    rest[body[half // 3][loose[kind]]] = True
+    of_rest = rest[body[half // 3]]
+    if not of_rest.any():
+        return surfaces
+    half, edge = half[of_rest], edge[of_rest]
+    angles = _angles(points, faces, half, forward[half])
+    around = np.lexsort((angles, edge))
+    half, angles, edge = half[around], angles[around], edge[around]
+    # Of walls that lie on each other, the one that agrees with the triangle before comes first.
+    odd = np.arange(1, len(half) - 1, 2)
+    swapped = odd[
+        (edge[odd] == edge[odd + 1])
+        & (angles[odd] == angles[odd + 1])
+        & (forward[half[odd]] == forward[half[odd - 1]])
+        & (forward[half[odd + 1]] != forward[half[odd - 1]])
+    ]
+    half[swapped], half[swapped + 1] = half[swapped + 1], half[swapped]
+    return _consistent(count, np.concatenate([pairs, half.reshape(-1, 2)]), forward)
+
+
+def _angles(points: Floats, faces: Ints, half: Ints, forward: Bools) -> Floats:
+    """Return the angles of triangles around one of their edges, rad.
+
+    Args:
+        points, faces: The mesh.
+        half: (H,) edges: three times the triangle, and 0 to 2 for the corner that it begins at.
+        forward: (H,) True if the edge runs to the vertex of the larger number.
+    """
+    row, corner = half // 3, half % 3
+    start, end, third = (points[faces[row, (corner + k) % 3]] for k in range(3))
+    along = np.where(forward[:, None], end - start, start - end)
+    side = np.cross(along, np.eye(3)[np.argmin(np.abs(along), axis=1)])
+    side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), np.finfo(float).tiny)
+    up = np.cross(along, side)
+    up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), np.finfo(float).tiny)
+    apart = third - start
+    angles = np.arctan2(np.einsum("ij,ij->i", apart, up), np.einsum("ij,ij->i", apart, side))
+    return np.round(angles, 9)
+
+
+def _consistent(count: int, pairs: Ints, forward: Bools) -> tuple[Ints, Bools] | None:
+    """Return the body of each triangle and which to turn; None where a body has no two sides.
+
+    Args:
+        count: Number of triangles.
+        pairs: (P, 2) edges at which two triangles are connected.
+        forward: (3 F,) True if an edge runs to the vertex of the larger number.
+    """
+    first, second = pairs.T // 3
+    against = forward[pairs[:, 0]] == forward[pairs[:, 1]]
+    if not against.any():
+        return _components(count, first, second), np.zeros(count, dtype=np.bool_)
+    # Each triangle stands there twice, as it is and turned over: a body with two sides falls into
+    # two parts that mirror each other.
+    other = np.where(against, second + count, second)
+    back = np.where(against, second, second + count)
+    part = _components(
+        2 * count, np.concatenate([first, first + count]), np.concatenate([other, back])
+    )
+    if (part[:count] == part[count:]).any():
+        return None
+    chosen = np.minimum(part[:count], part[count:])
+    return np.unique(chosen, return_inverse=True)[1].reshape(-1), part[:count] != chosen
+
+
+def _components(count: int, first: Ints, second: Ints) -> Ints:
+    """Return (count,) the part of a graph that each of its nodes belongs to."""
+    from scipy import sparse  # not before a mesh is read: importing it takes a while
+
+    ones = np.ones(len(first), dtype=np.bool_)
+    links: Any = sparse.coo_matrix((ones, (first, second)), shape=(count, count))
+    connected: Any = sparse.csgraph.connected_components
+    return connected(links, directed=False)[1].astype(np.int64)
+
+
+def _containers(mesh: _Bodies, said: Floats) -> Ints:
+    """Return (B,) the number of bodies that each body lies inside of.
+
+    Args:
+        mesh: The bodies.
+        said: (B,) 1 or −1, what the file says: it counts where comparing would take too long.
+    """
+    inside = np.zeros(len(mesh.volumes), dtype=np.int64)
+    sizes = np.abs(mesh.volumes)
+    tests = MAX_POINT_TESTS
+    for outer in np.argsort(-sizes, kind="stable")[:MAX_CONTAINERS].tolist():
+        within = (mesh.low >= mesh.low[outer]).all(axis=1)
+        within &= (mesh.high <= mesh.high[outer]).all(axis=1)
+        within &= mesh.filled & (sizes < sizes[outer])
+        if not mesh.filled[outer] or not within.any():
+            continue
+        bodies = np.flatnonzero(within)
+        own = mesh.points[mesh.faces[mesh.rows(outer)]]
+        # The probes and the triangles are gone through once, whatever they are tested against.
+        tests -= len(own) + int(np.minimum(np.diff(mesh.begins)[bodies], MAX_PROBES).sum())
+        owners, probes = _probes(mesh, bodies if tests > 0 else bodies[:0])
+        crossings = _crossings(own, probes, tests) if len(probes) else None
+        if crossings is None:
+            tests = 0
+            inside[bodies] += said[bodies] != said[outer]
+            continue
+        odd, spent = crossings
+        tests -= spent
+        outside = np.bincount(owners[~odd], minlength=len(sizes))
+        inside[bodies] += outside[bodies] == 0
+    return inside
+
+
+def _probes(mesh: _Bodies, bodies: Ints) -> tuple[Ints, Floats]:
+    """Return (P,) bodies and (P, 3) points of theirs, a little below the surface."""
+    counts = mesh.begins[bodies + 1] - mesh.begins[bodies]
+    taken = np.minimum(counts, MAX_PROBES)
+    owners = np.repeat(bodies, taken)
+    number = np.arange(len(owners)) - np.repeat(np.cumsum(taken) - taken, taken)
+    steps = (number * np.repeat(counts, taken)) // np.repeat(taken, taken)
+    corners = mesh.points[mesh.faces[mesh.order[mesh.begins[owners] + steps]]]
+    a, b, c = corners.transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a) * np.sign(mesh.volumes[owners])[:, None]
+    lengths = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)
+    depth = PROBE_DEPTH_SHARE * float(np.ptp(mesh.points, axis=0).max())
+    return owners, np.einsum("k,pki->pi", PROBE_WEIGHTS, corners) - depth * normals / lengths[
+        :, None
+    ]
+
+
+def _crossings(triangles: Floats, probes: Floats, most: int) -> tuple[Bools, int] | None:
+    """Count the triangles above each probe.
+
+    Args:
+        triangles: (F, 3, 3) corners of a closed surface.
+        probes: (P, 3) points.
+        most: Tests of a probe against a triangle, at most.
+
+    Returns:
+        (P,) True for an odd number, and the tests done; None where they would be too many.
+    """
+    flat = triangles[:, :, :2]
+    low, high = flat.min(axis=1), flat.max(axis=1)
+    corner = low.min(axis=0)
+    extent = np.maximum(high.max(axis=0) - corner, np.finfo(float).tiny)
+    side = int(np.clip(np.sqrt(len(flat)), 1, MAX_GRID_COLUMNS))
+    while True:
+        first, last = (
+            np.clip(((places - corner) / extent * side).astype(np.int64), 0, side - 1)
+            for places in (low, high)
+        )
+        wide = last - first + 1
+        covered = wide.prod(axis=1)
+        if side == 1 or covered.sum() <= 4 * len(flat) + 4096:
+            break
+        side //= 2
+    face = np.repeat(np.arange(len(flat)), covered)
+    number = np.arange(len(face)) - np.repeat(np.cumsum(covered) - covered, covered)
+    column, row = np.divmod(number, wide[face, 1])
+    cell = (first[face, 0] + column) * side + first[face, 1] + row
+    face = face[np.argsort(cell, kind="stable")]
+    begins = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=side * side))])
+    at = np.clip(((probes[:, :2] - corner) / extent * side).astype(np.int64), 0, side - 1)
+    key = at[:, 0] * side + at[:, 1]
+    counts = begins[key + 1] - begins[key]
+    ends = np.cumsum(counts)
+    if int(ends[-1]) > most:
+        return None
+    odd = np.zeros(len(probes), dtype=np.bool_)
+    start = 0
+    while start < len(probes):
+        done = int(ends[start - 1]) if start else 0
+        stop = max(start + 1, int(np.searchsorted(ends, done + TESTS_AT_ONCE)))
+        some = counts[start:stop]
+        probe = np.repeat(np.arange(start, stop), some)
+        step = np.arange(len(probe)) - np.repeat(np.cumsum(some) - some, some)
+        above = _is_above(triangles[face[begins[key[probe]] + step]], probes[probe])
+        odd[start:stop] = np.bincount(probe[above] - start, minlength=stop - start) % 2 == 1
+        start = stop
+    return odd, int(ends[-1])
+
+
+def _is_above(triangles: Floats, points: Floats) -> Bools:
+    """Return (N,) True where a ray upwards from a point goes through its triangle."""
+    a, b, c = (triangles[:, i] - points for i in range(3))
+    ab, bc, ca = (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] for u, v in ((a, b), (b, c), (c, a)))
+    through = ((ab > 0) & (bc > 0) & (ca > 0)) | ((ab < 0) & (bc < 0) & (ca < 0))
+    total = ab + bc + ca
+    height = (bc * a[:, 2] + ca * b[:, 2] + ab * c[:, 2]) * np.sign(total)
+    return through & (height > 0)

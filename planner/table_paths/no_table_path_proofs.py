@@ -1,0 +1,213 @@
+"""No-path proofs: proofs and reasons that a shape has no path for a table on a side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.pathfinding import Cell
+from planner.pathfinding.lattice import parts
+from planner.pathfinding.no_path_proofs import obstacles, tuples
+from planner.table_paths.ascending_sat_paths import climbed
+from planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, Side, stands
+from planner.table_paths.rules import FALLS, faults_of
+
+Ints = NDArray[np.int64]
+Code = Literal["overhang", "parts", "hairpins-only", "not-stable", "no-path"]
+
+REASON_RANKS: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}
+"""A shape that has no path for a table on any of its sides may have another reason on each side.
+Rank of each reason by its code (others: 1); the report states the reason with the lowest rank, that
+of the side which comes closest to having a path."""
+FALLING_EFFORT: Final = 1.5
+"""Solver budget, in deterministic time units of about one second, for table paths that may go down,
+tried if no path was found that never goes down; shared among the shape's orientations on the table.
+Larger values find more paths, more slowly. Chosen."""
+NO_TABLE_PATH_REMEDY: Final = (
+    "Add the missing cells, fold a part of the shape, or fold it in zero gravity."
+)
+LAY: Final = "Lay it on another side, or give it a wider foot."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoPath:
+    """Reason why a shape has no path on one side.
+
+    Attributes:
+        down: Side that is down, see ``TablePath.down``.
+        code: ``overhang``: cells that nothing bears join what stands apart; ``parts``: a layer
+            falls into parts, which a path that never goes down cannot all visit;
+            ``hairpins-only``: all paths turn back above themselves; ``not-stable``: it tips over;
+            ``no-path``.
+        detail: One sentence: the observation and the need of a chain.
+        remedy: Advice.
+        cells: Affected cells, as the shape lies on that side.
+        may_fall: True if a descending path may still exist.
+        cause: Code of the ``Problem`` behind ``no-path``, empty without one.
+    """
+
+    down: str
+    code: Code
+    detail: str
+    remedy: str = NO_TABLE_PATH_REMEDY
+    cells: tuple[Cell, ...] = ()
+    may_fall: bool = False
+    cause: str = ""
+
+    @property
+    def text(self) -> str:
+        """Text of side, detail and remedy."""
+        side = "as it stands" if self.down == "-z" else f"with its {self.down} side down"
+        return f"{side}: {self.detail} {self.remedy}"
+
+
+def ruled_out(side: Side) -> NoPath | None:
+    """Return a proof in linear time that a side has no path, or None."""
+    cells = side.cells
+    problems = obstacles(cells)
+    if problems:
+        problem = problems[0]
+        reason = _no_path(side, "no-path", problem.detail, problem.cells)
+        return replace(reason, cause=problem.code)
+    floor = cells[cells[:, 2] == 0]
+    if len(floor) == 1:
+        detail = "only one cell touches the floor, but the first two modules must lie on it."
+        return _no_path(side, "no-path", detail, tuples(floor), remedy=LAY)
+    margin = stands(cells)
+    if margin < MIN_BALANCE_MARGIN_PITCH:
+        return _tipping(side, margin, "the shape", floor)
+    for height in range(int(cells[:, 2].max()) + 1):
+        layer = cells[cells[:, 2] == height]
+        reason = _of_layer(side, layer, height)
+        if reason is not None:
+            return reason
+        margin = stands(cells[cells[:, 2] <= height])
+        if margin < MIN_BALANCE_MARGIN_PITCH:
+            return _tipping(side, margin, f"the part up to layer {height}", layer)
+    return None
+
+
+def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
+    """Search a side's path with the solver: indices of its cells, or a reason."""
+    found = climbed(side.cells, seed=seed)
+    if found.order is not None:
+        faults = faults_of(side.cells[found.order])
+        if not faults:
+            return found.order, None
+        detail = f"no path was found that stays balanced throughout: {faults[0].detail}"
+        return None, _no_path(side, "not-stable", detail, faults[0].cells)
+    if found.status == "undecided":
+        detail = "no path from the floor up was found, but one may exist."
+        return None, _no_path(side, "no-path", detail, may_fall=True)
+    free = climbed(side.cells, seed=seed, hairpins_allowed=True)
+    if free.status == "found":
+        return None, _hairpins_only(side, "every path from the floor up")
+    proved = "proved that no path exists" if free.status == "infeasible" else "found no path"
+    detail = f"the search {proved} from the floor up."
+    return None, _no_path(side, "no-path", detail, may_fall=True)
+
+
+def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPath | None]:
+    """Search for a path with few descents that keeps all other rules.
+
+    Args:
+        side: Side to search.
+        seed: Seed of the solver.
+        effort: Deterministic effort of the solver, about seconds.
+
+    Returns:
+        The path as indices of the side's cells, and a reason if more is known now.
+    """
+    result = climbed(side.cells, seed=seed, downs=True, effort=effort)
+    if result.order is not None:
+        if not faults_of(side.cells[result.order], rule=FALLS):
+            return result.order, None
+    elif result.status == "infeasible":
+        free = climbed(side.cells, seed=seed, downs=True, hairpins_allowed=True, effort=effort)
+        if free.status == "found":
+            return None, _hairpins_only(
+                side, "every path that starts flat on the floor, even one that goes down,"
+            )
+    return None, None
+
+
+def closest(reasons: tuple[NoPath, ...]) -> NoPath:
+    """Return the reason of the side that comes closest to a path."""
+    return min(reasons, key=lambda reason: REASON_RANKS.get(reason.code, 1))
+
+
+def most_telling(reasons: tuple[NoPath, ...]) -> tuple[str, str]:
+    """Return code and detail without any path: of the closest side, and codes of the rest."""
+    first = closest(reasons)
+    others = [f"{reason.down} {reason.code}" for reason in reasons if reason is not first]
+    rest = f" On other sides: {', '.join(others)}." if others else ""
+    return first.code, f"got a shape without a path for a table; {first.text}{rest}"
+
+
+def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
+    count, _ = parts(layer)
+    if count == 1:
+        problems = obstacles(layer) if len(layer) > 2 else ()
+        if not problems:
+            return None
+        detail = f"layer {height}: {problems[0].detail}"
+        reason = _no_path(side, "no-path", detail, problems[0].cells, may_fall=True)
+        return replace(reason, cause=problems[0].code)
+    cells = side.cells
+    joined, _ = parts(cells[cells[:, 2] <= height])
+    if joined > 1:
+        hanging = _borne_by_nothing(cells)
+        detail = (
+            f"{len(hanging)} cell{'s' * (len(hanging) != 1)} with nothing below "
+            f"join{'s' * (len(hanging) == 1)} {joined} separate parts; a chain that only climbs "
+            "cannot fold them."
+        )
+        return _no_path(side, "overhang", detail, tuples(hanging), may_fall=True)
+    detail = (
+        f"layer {height} is in {count} separate parts; a chain that only climbs visits a layer in "
+        "one go."
+    )
+    return _no_path(side, "parts", detail, tuples(layer), may_fall=True)
+
+
+def _hairpins_only(side: Side, which: str) -> NoPath:
+    detail = (
+        f"{which} turns back directly above itself somewhere, and a chain cannot fold such a turn "
+        "on a table."
+    )
+    return _no_path(side, "hairpins-only", detail, may_fall=True)
+
+
+def _borne_by_nothing(cells: Ints) -> Ints:
+    """Return the (k, 3) cells above the floor without a cell under them."""
+    known = {tuple(cell) for cell in cells.tolist()}
+    hanging = [z > 0 and (x, y, z - 1) not in known for x, y, z in cells.tolist()]
+    return cells[np.array(hanging, dtype=np.bool_)]
+
+
+def _tipping(side: Side, margin: float, what: str, cells: Ints) -> NoPath:
+    detail = (
+        f"{what} would tip over: its centre of mass is {-margin:.2g} module widths "
+        "outside its base."
+        if margin < 0
+        else f"{what} would hardly stand: its centre of mass is {margin:.2g} module widths "
+        f"inside the rim of its base, expected at least {MIN_BALANCE_MARGIN_PITCH:g}."
+    )
+    return _no_path(side, "not-stable", detail, tuples(cells), remedy=LAY)
+
+
+def _no_path(
+    side: Side,
+    code: Code,
+    detail: str,
+    cells: tuple[Cell, ...] = (),
+    *,
+    may_fall: bool = False,
+    remedy: str = NO_TABLE_PATH_REMEDY,
+) -> NoPath:
+    return NoPath(
+        down=side.down, code=code, detail=detail, remedy=remedy, cells=cells, may_fall=may_fall
+    )

@@ -1,0 +1,98 @@
+"""Routes of an owner's numbers for the modules of a fold, which colours show."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter
+from fastapi.responses import JSONResponse, Response
+from pydantic import ConfigDict
+
+from planner.errors import InputError
+from planner.plan.module_values import checked_values
+from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, problems
+from server.api.owners import RequiredOwner, not_owner
+from server.api.schemas import Body
+from server.api.tours import check_private, frames_of_own
+from server.errors import NotFound, Unusable
+from server.store.fold_source import FoldSource, Found
+from server.store.folds import NoSuchFoldError
+from server.store.tables import ValuesRow
+from server.store.tours import write_beside
+
+router = APIRouter(prefix="/api/folds/{fold_id}/values", tags=["values"])
+
+
+class ValuesBody(Body):
+    """Numbers for modules in the format `foldback-values/1`."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    format: str
+    """`foldback-values/1`"""
+    name: str
+    """Name of the quantity; at most 80 characters."""
+    unit: str
+    """Unit of the numbers; at most 20 characters."""
+    low: float
+    """Least number."""
+    high: float
+    """Largest number."""
+    rows: int
+    """Number of rows, which are spread evenly over the frames."""
+    data: str
+    """Base64 of a byte for each module of each row: 0 to 254 from `low` to `high`, 255 for none."""
+
+
+@router.get(
+    "",
+    summary="Get the numbers kept with a fold",
+    responses={200: {"model": ValuesBody}, **problems(404)},
+)
+def get_values(fold_id: str, context: Here) -> JSONResponse:
+    """Return the numbers for modules that the owner has stored; 404 without any."""
+    found = context.store.find(fold_id)
+    if found is None:
+        raise NoSuchFoldError(fold_id)
+    values = values_of(context.store, found)
+    if values is None:
+        raise NotFound("no-values", "Nobody has stored numbers with this fold.")
+    return JSONResponse(values, headers={"Cache-Control": "private, no-cache"})
+
+
+@router.put(
+    "",
+    summary="Store numbers with a fold",
+    responses=problems(401, 403, 404, 409, 413, 422),
+)
+def put_values(
+    fold: ExistingFold, context: Here, owner: RequiredOwner, body: ValuesBody
+) -> ValuesBody:
+    """Store a number for each module, or for each module of several frames, to colour by them."""
+    frames_of_own(fold, context, owner)
+    try:
+        told = checked_values(body.model_dump(), fold.modules)
+    except InputError as error:
+        raise Unusable.of(error) from None
+    if not write_beside(context.store, fold.id, owner, ValuesRow, told):
+        raise not_owner(NOT_FOLD_OWNER)
+    return ValuesBody.model_validate(told)
+
+
+@router.delete(
+    "",
+    status_code=204,
+    summary="Delete the numbers kept with a fold",
+    responses=problems(401, 403, 404),
+)
+def delete_values(fold: ExistingFold, context: Here, owner: RequiredOwner) -> Response:
+    """Delete the stored numbers."""
+    check_private(fold)
+    if not write_beside(context.store, fold.id, owner, ValuesRow, None):
+        raise not_owner(NOT_FOLD_OWNER)
+    return Response(status_code=204)
+
+
+def values_of(store: FoldSource, found: Found) -> dict[str, Any] | None:
+    """Return the numbers that are stored with a fold as plain values; None without any."""
+    return None if found.alternative_to else store.values(found.row.id)
