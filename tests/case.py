@@ -1,7 +1,5 @@
 """Cases of a loop within one test; a failure names its case, as with parametrisation."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """Kernels that are compiled after a warm-up, found in a process that has compiled nothing else."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Fixtures and settings of all tests."""
 
-from __future__ import annotations
-
 import gc
 import os
 import shutil
@@ -64,10 +62,24 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before tests are selected by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests that start programs: ``make test-fast`` leaves them out."""
+    """Mark tests that start programs, which ``make test-fast`` leaves out, and those of a group."""
     for item in items:
-        if PROCESSES & set(getattr(item, "fixturenames", ())):
+        fixtures = set(getattr(item, "fixturenames", ()))
+        if PROCESSES & fixtures:
             item.add_marker("processes")
+        item.add_marker(pytest.mark.xdist_group(_group(item, fixtures)))
+
+
+def _group(item: pytest.Item, fixtures: set[str]) -> str:
+    """Return the name of the tests that run in the same process as a test, to share its fixtures.
+
+    Each service and each fork server takes some ten seconds of the processor to start.
+    """
+    if "service" in fixtures:
+        return "service"
+    if {"idle", "service_with"} & fixtures or hasattr(getattr(item, "module", None), "FORKS"):
+        return "forks"
+    return item.path.stem
 
 
 @pytest.hookimpl(wrapper=True)

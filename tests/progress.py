@@ -1,8 +1,8 @@
 """Progress of a run on several processes: a line for each tenth, and failures at once."""
 
-from __future__ import annotations
-
+import re
 import time
+from collections.abc import Generator
 
 import pytest
 
@@ -27,9 +27,11 @@ class Progress:
             return "failed" if report.when == "call" else "error", "", ""
         return ("passed", "", "") if report.passed and report.when == "call" else None
 
-    @pytest.hookimpl(trylast=True)
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Count a finished test and print failures and progress."""
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> Generator[None]:
+        """Name a finished test without its group, count it, and print failures and progress."""
+        report.nodeid = re.sub(r"@\w+$", "", report.nodeid)
+        yield
         terminal = self._config.pluginmanager.get_plugin("terminalreporter")
         if report.failed:
             self._failed += 1

@@ -1,7 +1,5 @@
 """Architecture: components of 5 to 25 files, each of which imports from lower layers only."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Page that follows a fold through its functions: its signatures are those of the code."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

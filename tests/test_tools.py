@@ -1,7 +1,5 @@
 """Message before the first test if Chromium or PostgreSQL is missing."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

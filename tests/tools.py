@@ -6,8 +6,6 @@ install. As root on a Debian it installs packages; Chromium may also be Playwrig
 PostgreSQL's programs. Tests whose program is missing fail: none is ever skipped.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Short form of `make load`: checks that nothing fails, not how fast it is."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The paper's experiments: run once, stored with their pictures, and reported as they ended."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

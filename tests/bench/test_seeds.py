@@ -1,7 +1,5 @@
 """Folds with several seeds: run once each, and grouped by how they were verified."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from bench.success_map.seeds import SEEDS_PER_SHAPE, cases, section_of

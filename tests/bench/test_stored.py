@@ -1,7 +1,5 @@
 """Stored runs, tables and seeds of benchmarks."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The success map: its cases and its picture. test_stored.py checks that no case is run twice."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The 3D view of a fold: its colours, its rest, and the path in it."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """axe-core reports nothing on the pages, in light and dark, on a phone and a laptop."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

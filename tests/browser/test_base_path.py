@@ -1,7 +1,5 @@
 """A service below a path of a host: its pages and scripts request nothing outside that path."""
 
-from __future__ import annotations
-
 import re
 
 import httpx

@@ -1,7 +1,5 @@
 """Fold pages: proof of the clearance in the visitor's browser, and changes that break it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

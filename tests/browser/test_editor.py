@@ -1,7 +1,5 @@
 """Editor: painting, moving, opening files, drawing a path, and folding, as visitors do."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """Folds that are shown to others: in a kiosk, and to a class that follows its leader."""
 
-from __future__ import annotations
-
 import re
 
 from playwright.sync_api import Page, WebSocketRoute, expect

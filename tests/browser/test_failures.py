@@ -1,7 +1,5 @@
 """Failed folds: the reason in words, the frame of the failure, and where the chain is stuck."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

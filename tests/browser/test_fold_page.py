@@ -1,7 +1,5 @@
 """The pages as a visitor meets them: a real service, a real browser."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

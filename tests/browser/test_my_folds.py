@@ -1,7 +1,5 @@
 """My folds as an owner uses them: renaming, transfer to another browser, deletion, forgetting."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Options of a fold as a visitor sets them: published parameters, a table, an objective."""
 
-from __future__ import annotations
-
 import json
 import re
 

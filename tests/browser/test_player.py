@@ -1,7 +1,5 @@
 """Playing a fold by keyboard and by numbers: one page for most of it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 

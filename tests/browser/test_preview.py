@@ -1,7 +1,5 @@
 """From a file, or from an empty grid, to a preview and a fold."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

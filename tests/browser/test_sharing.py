@@ -1,7 +1,5 @@
 """Sharing a fold: links, frames, one file, comparison, refolding, downloads."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A fold in a viser server of its own, in a real browser."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`foldback site`: relative links, and pages that work from a folder."""
 
-from __future__ import annotations
-
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urldefrag

@@ -1,7 +1,5 @@
 """The gallery, the paper and the API, and pages without scripts."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

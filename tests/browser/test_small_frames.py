@@ -1,7 +1,5 @@
 """Small frames, touch screens and the keyboard: what stays visible and reachable."""
 
-from __future__ import annotations
-
 import pytest
 from playwright.sync_api import expect
 

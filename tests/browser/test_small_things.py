@@ -1,7 +1,5 @@
 """Details: keys, messages and covers."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Path of a visitor: the animation of the first page, a fold while it is computed, its menu."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

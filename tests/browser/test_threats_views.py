@@ -1,7 +1,5 @@
 """Scripts of attackers in the 3D view, a third-party program in a frame of our pages."""
 
-from __future__ import annotations
-
 import base64
 import re
 from pathlib import Path

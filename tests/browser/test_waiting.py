@@ -1,7 +1,5 @@
 """Waiting: remaining time of a fold, and uploads and movies that are stopped."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

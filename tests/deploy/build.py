@@ -5,8 +5,6 @@ image is made by debootstrap instead of being fetched from a registry: Debian's 
 nothing else. buildah runs every step; the service is then started as the image's user.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """Files of deploy/: paths, settings that they name, and compose.yaml with its variables."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Caddy with deploy/Caddyfile and a certificate of its own, for tests."""
 
-from __future__ import annotations
-
 import os
 import socket
 import ssl

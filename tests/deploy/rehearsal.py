@@ -7,8 +7,6 @@ replaces the S3 store, a hosts file Docker's name server. Nothing of it is visib
 namespaces end with this process.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import secrets

@@ -1,7 +1,5 @@
 """deploy/compose.yaml: valid by the compose specification, and set up as intended."""
 
-from __future__ import annotations
-
 import ipaddress
 import re
 from typing import Any

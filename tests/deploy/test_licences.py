@@ -1,7 +1,5 @@
 """Page of licences: every package that an installation brings, in its tested version."""
 
-from __future__ import annotations
-
 from packaging.utils import canonicalize_name
 
 from docs.make_licences import PAGE, ROOT, installed, rows

@@ -1,7 +1,5 @@
 """deploy/Caddyfile in a real Caddy, in front of two web processes that share their folds."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 from collections.abc import Iterator

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from examples import make_tetrahedra
 from examples.make_gallery import drawings
 from examples.make_shapes import DRAWINGS, SHAPES, make, merged_blocks, snake

@@ -1,7 +1,5 @@
 """Example of the README, and the reference made of docstrings."""
 
-from __future__ import annotations
-
 import inspect
 from importlib import import_module
 from pathlib import Path

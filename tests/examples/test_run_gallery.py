@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 
 from examples.run_gallery import SHAPES, digest, known, suited

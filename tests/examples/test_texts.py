@@ -1,7 +1,5 @@
 """List of all texts: the texts for people that each kind of file holds."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

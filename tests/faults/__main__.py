@@ -5,8 +5,6 @@ that should find it, then, with ``--all``, the whole suite. The test that failed
 without the fault, where it must pass.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import signal

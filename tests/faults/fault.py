@@ -4,8 +4,6 @@ They are listed in ``planner.toml``, ``server.toml`` and ``web.toml``. A change 
 also updates ``file``, one that edits it ``old``; ``test_faults.py`` reports the outdated ones.
 """
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Copy of the checkout in which one fault after the other is made."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

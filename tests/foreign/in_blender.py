@@ -1,7 +1,5 @@
 """Import a GLB into Blender and write every module's world matrix at the last frame as JSON."""
 
-from __future__ import annotations
-
 import json
 import sys
 

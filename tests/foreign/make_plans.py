@@ -1,7 +1,5 @@
 """Fold five plans, export each, and write the poses that other programs must agree with."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """MCAP, read by rosbags without the service's own definitions."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """URDF, SRDF and MJCF: poses agree, and self-collision finds nothing in a verified fold."""
 
-from __future__ import annotations
-
 from typing import Any
 from xml.etree import ElementTree
 

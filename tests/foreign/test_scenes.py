@@ -1,7 +1,5 @@
 """GLB: accepted by the validator, and folded in Blender as in the plan."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Motion of plans by ipctk: verified folds are clear, and contacts between frames are found."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

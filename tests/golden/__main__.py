@@ -4,8 +4,6 @@ With ``--store``, the results become the expected ones of this machine. Store th
 whose change of results is intended, and say in its message which parts change and why.
 """
 
-from __future__ import annotations
-
 import argparse
 
 from tests.golden.cases import CASES

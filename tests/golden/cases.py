@@ -3,8 +3,6 @@
 Together they use every strategy, module, preset, kind of playback and world.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass

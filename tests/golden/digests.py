@@ -3,8 +3,6 @@
 Wall times and versions are left out, since they change from run to run or between releases.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from hashlib import sha256

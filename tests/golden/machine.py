@@ -1,7 +1,5 @@
 """Machine fingerprint: the hardware and libraries that floating-point results depend on."""
 
-from __future__ import annotations
-
 import platform
 from hashlib import sha256
 from importlib.metadata import version

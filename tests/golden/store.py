@@ -1,7 +1,5 @@
 """Store of golden digests: one file for each machine, named by the machine's key."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
@@ -30,7 +28,7 @@ class Result:
     digests: Digests
 
     @classmethod
-    def from_directory(cls, directory: FilePath) -> Result:
+    def from_directory(cls, directory: FilePath) -> "Result":
         """Return the result of a fold in a directory."""
         return cls(summary=summary(directory), digests=digests(directory))
 

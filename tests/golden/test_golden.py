@@ -1,7 +1,5 @@
 """Results of small folds: equal to the stored bits on the same machine, similar on others."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path as FilePath

@@ -1,7 +1,5 @@
 """Chains and random configurations for tests."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

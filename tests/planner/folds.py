@@ -1,7 +1,5 @@
 """Folds of short chains through all stages, and comparisons of their results."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any

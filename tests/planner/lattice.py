@@ -1,7 +1,5 @@
 """Random walks on the lattice and its rotations, for property tests."""
 
-from __future__ import annotations
-
 from itertools import permutations, product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Accelerations of a chain as one MuJoCo tree."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mujoco

@@ -1,7 +1,5 @@
 """Long motions as windows, made by kinematics alone, without collision checks."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Plans that tests change."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

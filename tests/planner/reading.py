@@ -1,7 +1,5 @@
 """Files that are read as a kind of shape, or refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

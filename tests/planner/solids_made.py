@@ -1,7 +1,5 @@
 """Meshes and voxel files for tests, made and written by third-party code."""
 
-from __future__ import annotations
-
 import io
 import struct
 import zipfile

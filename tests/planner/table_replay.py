@@ -8,8 +8,6 @@ modules touch where they carry load; others settle until they do.
 Units are natural: module mass, pitch and gravity are 1, time is in √(pitch / gravity).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final

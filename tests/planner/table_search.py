@@ -1,7 +1,5 @@
 """Searches for a path on a table, for shapes with and without one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from numpy.typing import ArrayLike

@@ -1,7 +1,5 @@
 """Random changes of a value in all files of a fold, digests included, undone afterwards."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Iterator

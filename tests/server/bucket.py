@@ -1,7 +1,5 @@
 """S3-compatible server for tests, moto's, in a process of its own on a free port."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys
@@ -50,7 +48,7 @@ class Bucket:
             "AWS_ALLOW_HTTP": "true",
         }
 
-    def start(self) -> Bucket:
+    def start(self) -> "Bucket":
         """Start the server, on its earlier port if it had one."""
         self.port = self.port or free_port()
         with open(self._log or "/dev/null", "ab") as log:

@@ -1,8 +1,6 @@
 """Several hosts on this machine, each with a directory of its own. They share only a real
 PostgreSQL and a real S3 server."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """PostgreSQL for tests: a cluster of its own in a temporary directory, on a free port."""
 
-from __future__ import annotations
-
 import os
 import pwd
 import shutil
@@ -54,7 +52,7 @@ class Postgres:
     def _cluster(self) -> Path:
         return self._directory / "cluster"
 
-    def start(self) -> Postgres:
+    def start(self) -> "Postgres":
         """Start the cluster, on its earlier port if it had one."""
         self.port = self.port or free_port()
         with open(self.log, "ab") as log:

@@ -1,7 +1,5 @@
 """Relay between a client and a service, which causes failures on request."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import threading

@@ -1,7 +1,5 @@
 """Rows for tests that need some without a service."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Generator

@@ -1,7 +1,5 @@
 """A real service for tests, in a process of its own: `foldback serve` with its workers."""
 
-from __future__ import annotations
-
 import json
 import os
 import queue
@@ -68,7 +66,7 @@ class Service:
         self.process: subprocess.Popen[str] | None = None
         self.http = httpx.Client()
 
-    def start(self, *arguments: str) -> Service:
+    def start(self, *arguments: str) -> "Service":
         with open(self.log, "a") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "server.cli.command_line", "serve", *arguments],

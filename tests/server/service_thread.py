@@ -1,7 +1,5 @@
 """A real service for tests, in a thread of their own process, where it starts faster."""
 
-from __future__ import annotations
-
 import atexit
 import faulthandler
 import logging
@@ -56,7 +54,7 @@ class ServiceThread(Service):
     of others in this process.
     """
 
-    def start(self, *arguments: str) -> ServiceThread:
+    def start(self, *arguments: str) -> "ServiceThread":
         assert arguments[:1] in ((), ("--first-shape",)), "others are for a process: take a Service"
         given = {
             name.removeprefix(VARIABLE_PREFIX).lower(): value
@@ -118,7 +116,7 @@ class ServiceThread(Service):
         self._handler.close()
         return int(self._thread.is_alive())
 
-    def __enter__(self) -> ServiceThread:
+    def __enter__(self) -> "ServiceThread":
         return self
 
     def __exit__(self, *_: object) -> None:

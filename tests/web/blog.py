@@ -1,7 +1,5 @@
 """Blog: a site of another origin, which may show folds of the service that tests share."""
 
-from __future__ import annotations
-
 import functools
 import http.server
 import threading

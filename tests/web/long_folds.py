@@ -1,7 +1,5 @@
 """Timelines of long folds for pages: windows made by kinematics, uneven as real ones are."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

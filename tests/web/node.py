@@ -1,7 +1,5 @@
 """Node.js, which runs the scripts of pages, and the pages' checker in one process of it."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -28,7 +26,7 @@ class JavaScriptChecker:
             [NODE, VERDICTS, mode], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
 
-    def __enter__(self) -> JavaScriptChecker:
+    def __enter__(self) -> "JavaScriptChecker":
         return self
 
     def __exit__(self, *_: object) -> None:

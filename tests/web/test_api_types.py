@@ -1,7 +1,5 @@
 """Types of the API's answers, with which the pages' scripts are checked."""
 
-from __future__ import annotations
-
 import pytest
 
 from docs.make_api_types import FILE, type_of, types

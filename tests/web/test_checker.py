@@ -1,7 +1,5 @@
 """Pages' checker: it proves what ``foldback_check.py`` proves, and no forged plan."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any

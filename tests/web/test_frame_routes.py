@@ -1,7 +1,5 @@
 """Frames, files and embeds of a fold through a real service."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from planner.motion.timeline import Timeline

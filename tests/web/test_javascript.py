@@ -4,8 +4,6 @@ The tests themselves are in ``js/``, one file for a script or two. Python's valu
 them in a JSON file; arrays in it are messages of ``web.timeline.columns``, as pages get them.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import os

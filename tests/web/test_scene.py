@@ -1,7 +1,5 @@
 """Scene of a fold: in a viser server, and as a browser gets it; test_show.py compares poses."""
 
-from __future__ import annotations
-
 import re
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A fold in a viser server of its own."""
 
-from __future__ import annotations
-
 import socket
 import threading
 import time

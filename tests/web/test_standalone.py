@@ -1,7 +1,5 @@
 """A fold in one HTML file: the parts of the plan that it holds and uses."""
 
-from __future__ import annotations
-
 import base64
 import json
 from pathlib import Path

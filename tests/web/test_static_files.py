@@ -1,7 +1,5 @@
 """Scripts as browsers get them: without comments, and only those that a page needs at once."""
 
-from __future__ import annotations
-
 import re
 from difflib import SequenceMatcher
 

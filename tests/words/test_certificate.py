@@ -1,7 +1,5 @@
 """Texts of a certificate claim no more than it proves."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from planner.certificate.table_certificate import table_certificate

@@ -1,7 +1,5 @@
 """Table of the plans for a preference: one row per plan, with gain and cost."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Location of a stall and list of attempts on the fold's page."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

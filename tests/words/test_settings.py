@@ -1,7 +1,5 @@
 """Settings of the published method: how they are listed, entered and described."""
 
-from __future__ import annotations
-
 import json
 
 from typer.testing import CliRunner

@@ -1,7 +1,5 @@
 """Tours: which ones are accepted, and the draft for a fold."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Moments of a fold: stored at their frames, which independent computations find again."""
 
-from __future__ import annotations
-
 import json
 from itertools import combinations
 from pathlib import Path as FilePath

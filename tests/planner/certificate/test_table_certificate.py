@@ -1,7 +1,5 @@
 """Table certificate: known torques, verdicts, and the figures that it reports with them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

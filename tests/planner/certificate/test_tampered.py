@@ -1,7 +1,5 @@
 """Changes in a fold's directory: each is reported with the name of the file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import Any

@@ -1,7 +1,5 @@
 """Motion derivatives and their bounds: compared with numerical differences of the motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

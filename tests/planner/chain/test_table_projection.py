@@ -1,7 +1,5 @@
 """Chain seen from above: headings are counted past full turns, and loops are detected."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -7,8 +7,6 @@ given in the frame of the root module, which is fixed. An interval is |s| ≤ h 
 # Capital letters are bounds, as in the lemmas.
 # pyright: reportConstantRedefinition=false
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Margins: disturbed motions within them are proved clear, and the lemmas hold in NumPy."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

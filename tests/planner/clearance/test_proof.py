@@ -1,7 +1,5 @@
 """Compiled proof of clearance, compared with its plain reference: decision 0012."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

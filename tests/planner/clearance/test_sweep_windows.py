@@ -1,7 +1,5 @@
 """Sweeps of windows: they agree with those of dense frames, also with swinging tails."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

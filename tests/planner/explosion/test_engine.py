@@ -1,7 +1,5 @@
 """Engine of explosions: its accelerations are those of one MuJoCo tree of the same bodies."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

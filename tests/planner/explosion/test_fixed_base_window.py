@@ -1,7 +1,5 @@
 """Window of a peeling: it moves as one MuJoCo tree with the same boxes and tail."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Peeling: straight, clear and reproducible results; buried chains are refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

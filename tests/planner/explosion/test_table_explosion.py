@@ -1,7 +1,5 @@
 """Explosions on a table: recorded frames are stable within the bound, refusals are reported."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from pathlib import Path as FilePath

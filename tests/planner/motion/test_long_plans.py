@@ -1,7 +1,5 @@
 """Plans of windows: all stages and exports keep their content."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Windowed motions: they hold the values of dense ones, and neither copies without need."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Paths in assembly order: they visit every cell once and can be peeled from their far end."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

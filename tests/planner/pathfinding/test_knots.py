@@ -1,7 +1,5 @@
 """Knots: known ones are recognised, and the result is invariant under changes that keep a knot."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

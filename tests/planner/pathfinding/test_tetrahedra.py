@@ -1,7 +1,5 @@
 """Chains of tetrahedra from their angles to a verified plan, by the same code as cubes."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lock of the compilation, and kernels that Python must not call."""
 
-from __future__ import annotations
-
 import ast
 import gc
 import importlib

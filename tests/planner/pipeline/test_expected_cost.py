@@ -1,7 +1,5 @@
 """Expected cost of folds of all kinds, compared with measurements."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from planner.pipeline.expected_cost import MAX_EXPECTED_S, expected_cost

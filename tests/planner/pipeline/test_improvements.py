@@ -1,7 +1,5 @@
 """Attempts after the first verified plan for a preference, and the choice of the best."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Parallel attempts: the plan equals that of sequential ones, and no process is left behind."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Refolds: from one shape over straight to another in one simulation and one certificate."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

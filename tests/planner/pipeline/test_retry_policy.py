@@ -1,7 +1,5 @@
 """Order of attempts, and the failure that is shown of several."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import replace

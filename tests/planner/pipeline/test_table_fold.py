@@ -1,7 +1,5 @@
 """Folds on a table: from cells to a plan that is simulated and certified to be stable there."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Workspace: the best of several refused plans is shown, even if later attempts are interrupted."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Robots with model errors: their properties, their folding, and their certificates."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

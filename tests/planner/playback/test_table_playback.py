@@ -1,7 +1,5 @@
 """Playback on a table: loads that limited motors hold or not, and a box that folds there."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Robots that fold peeled chains: core and tail are rigid, the window is simulated."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Exports: third-party programs read them with the plan's poses."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io

@@ -1,7 +1,5 @@
 """Servos: their figures are plausible, have sources, and match the makers' documents."""
 
-from __future__ import annotations
-
 from math import pi
 from urllib.parse import urlsplit
 

@@ -1,7 +1,5 @@
 """Sizing: results worked out by hand, and consistency of the three questions."""
 
-from __future__ import annotations
-
 from itertools import permutations, product
 from math import inf
 

@@ -1,7 +1,5 @@
 """Smoothed plans, made from verified ones: shorter, quieter, certified again."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path as FilePath

@@ -1,7 +1,5 @@
 """Small files, one for each kind that was once read wrongly."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

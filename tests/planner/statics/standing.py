@@ -1,7 +1,5 @@
 """Chains that stand on a floor, and their equilibrium by a second formulation."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog

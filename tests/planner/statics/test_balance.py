@@ -1,7 +1,5 @@
 """Minimal largest torque: known values, and agreement with a second formulation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Contacts of modules with the floor and with each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Friction with the floor: known results for a dragged tail, with the base clamped and free."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

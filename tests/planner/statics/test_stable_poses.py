@@ -1,7 +1,5 @@
 """Stable poses of a rigid configuration on a floor."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Offers: similar shapes with a path, for shapes without one on a table."""
 
-from __future__ import annotations
-
 from typing import cast
 
 import numpy as np

@@ -5,8 +5,6 @@ clearance; only an exact distance shows whether the result is false, as
 ``bench.clearance.forgeries`` computes. This file needs only NumPy and ``foldback_check.py``.
 """
 
-from __future__ import annotations
-
 import copy
 import json
 from collections.abc import Callable, Mapping

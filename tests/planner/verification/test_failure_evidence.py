@@ -1,7 +1,5 @@
 """Reasons of refusals: reported reasons hold, and falsified ones are refuted."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path as FilePath

@@ -1,7 +1,5 @@
 """Independent checker: it proves correct plans, and never a false one."""
 
-from __future__ import annotations
-
 import ast
 import json
 import sys

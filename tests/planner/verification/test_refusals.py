@@ -1,7 +1,5 @@
 """Independent checker: it confirms true reasons of failed folds, and never a forged one."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """Motion of a plan as linear motion of triangles: mesh, exempt pairs, subdivision; and no ipctk."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path as FilePath
 

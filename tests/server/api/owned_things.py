@@ -1,7 +1,5 @@
 """Folds, movies and previews with an owner, and the actors that request their change."""
 
-from __future__ import annotations
-
 import base64
 import time
 from collections.abc import Callable

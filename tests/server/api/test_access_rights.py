@@ -1,7 +1,5 @@
 """Access rights: a table of actions, things and actors, with the status of each answer."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from functools import partial

@@ -1,7 +1,5 @@
 """Python client with the real service, also through a relay that causes failures."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Finished folds that ship with the package."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A fold from the upload to its files, through HTTP, with a real worker."""
 
-from __future__ import annotations
-
 import io
 import json
 import time

@@ -1,7 +1,5 @@
 """Live classes: followers see the view of a leader, and receive nothing else."""
 
-from __future__ import annotations
-
 import json
 import socket
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Folds of an owner token: lists, names and transfers."""
 
-from __future__ import annotations
-
 import json
 import time
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Options of a fold: each is described once, and all interfaces derive it from there."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """Folds that choose among verified plans, and the plans that were not chosen."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """Refolds through HTTP, with a real worker, and on the command line."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

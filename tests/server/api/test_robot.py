@@ -1,7 +1,5 @@
 """Robot API: trajectories, torques and motions in real time."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import subprocess

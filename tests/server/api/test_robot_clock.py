@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 
 from server.api.robot_clock import MAX_CLOCK_STEP_S, RobotClock

@@ -1,7 +1,5 @@
 """Smoothed folds through HTTP, with a real worker, and on the command line."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Sources: completion of a fold's request by its input, without a service."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Folds on a table: requested over HTTP, reported in their JSON and on their pages."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from io import BytesIO
 from typing import Any

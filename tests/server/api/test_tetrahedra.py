@@ -1,7 +1,5 @@
 """Chains of tetrahedra over HTTP and on the command line."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

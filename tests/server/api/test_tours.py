@@ -1,7 +1,5 @@
 """Tours and numbers over HTTP: drafts, stored ones, and refusals."""
 
-from __future__ import annotations
-
 import base64
 from typing import Any
 

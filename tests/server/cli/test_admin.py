@@ -1,7 +1,5 @@
 """Administration: an operator lists, deletes, pins and requeues folds, without side effects."""
 
-from __future__ import annotations
-
 import json
 import time
 from contextlib import closing

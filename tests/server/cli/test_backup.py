@@ -1,7 +1,5 @@
 """Backups of real databases and files: their content, and refusals to restore."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

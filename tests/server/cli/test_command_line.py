@@ -1,7 +1,5 @@
 """Command line: its commands, and a start without unneeded imports."""
 
-from __future__ import annotations
-
 import json
 import socket
 import subprocess

@@ -1,7 +1,5 @@
 """Doctor: each thing that it checks is broken for real, and must be reported with a remedy."""
 
-from __future__ import annotations
-
 import json
 import os
 import resource

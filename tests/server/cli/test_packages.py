@@ -1,7 +1,5 @@
 """Packages: imports in one direction only, and complete installation."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

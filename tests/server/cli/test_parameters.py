@@ -1,7 +1,5 @@
 """Parameters over HTTP and on the command line: one check, the same messages."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

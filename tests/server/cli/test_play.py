@@ -1,7 +1,5 @@
 """`foldback play` for directories without a verified plan, and with viser."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import re

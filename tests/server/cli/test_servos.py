@@ -1,7 +1,5 @@
 """``foldback servos``: a table, the same values as JSON, and refusals."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Settings: how they are read, and the errors of invalid ones."""
 
-from __future__ import annotations
-
 import logging
 import os
 from pathlib import Path

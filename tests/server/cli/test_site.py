@@ -1,7 +1,5 @@
 """Refusals of `foldback site`; tests/browser/test_site_files.py opens the files that it writes."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``foldback table``: its output, files and exit status."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

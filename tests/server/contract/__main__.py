@@ -4,8 +4,6 @@ With ``--store`` the current texts become the expected ones. Store them only at 
 change is intended.
 """
 
-from __future__ import annotations
-
 import argparse
 import difflib
 import tempfile

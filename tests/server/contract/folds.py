@@ -1,7 +1,5 @@
 """Folds in every state, made without computing: rows, and files of the included folds."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Descriptions of the service for programs and for the command line, as text."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from importlib.metadata import version

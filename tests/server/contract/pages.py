@@ -1,7 +1,5 @@
 """Visible texts of pages: shown or read aloud by a browser, or passed to scripts for display."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from html.parser import HTMLParser

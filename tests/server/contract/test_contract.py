@@ -1,7 +1,5 @@
 """Texts that others rely on: the description of the API, help texts, and pages."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """All texts of the contract by the names of their files, stored beside this module."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Damaged files of a finished fold: each route reports them, and none shows invented data."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Files made of a finished fold: exports by HTTP and by the command line, and their storage."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os

@@ -1,7 +1,5 @@
 """Previews: answers, refusals, storage, and the same options as folds."""
 
-from __future__ import annotations
-
 import json
 import struct
 import time

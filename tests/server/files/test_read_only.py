@@ -1,7 +1,5 @@
 """Data on a read-only disk: stored folds are shown, and all else is refused in one sentence."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sqlite3

@@ -1,7 +1,5 @@
 """Trajectories: computed once for equal requests, limited in bytes, shared while in use."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os

@@ -1,7 +1,5 @@
 """Addresses of a service below a path; tests/browser/test_base_path.py opens its pages."""
 
-from __future__ import annotations
-
 import httpx
 import pytest
 from fastapi import FastAPI

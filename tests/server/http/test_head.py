@@ -1,7 +1,5 @@
 """HEAD wherever there is GET, and files that other programs request at fixed addresses."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from tests.server.http.test_threats_answers import ROUTES, fill_in

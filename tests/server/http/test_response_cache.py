@@ -1,7 +1,5 @@
 """Response cache: responses are reused for one second, and only marked ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """Responses for errors of the service, and names of downloaded files in all scripts."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

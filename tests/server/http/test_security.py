@@ -1,7 +1,5 @@
 """Security headers of all responses, and the origins that may call the service."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Awaitable, Callable
 from functools import partial

@@ -1,7 +1,5 @@
 """Rates that include every route, and answers to bad input without internal words."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from itertools import product

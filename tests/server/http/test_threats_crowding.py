@@ -1,7 +1,5 @@
 """Requests of a few addresses do not delay those of others: limits for one visitor."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import socket

@@ -1,7 +1,5 @@
 """Attacks on the key of a browser, and by names that owners set."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Names that show nothing or mislead are cleaned at every input."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

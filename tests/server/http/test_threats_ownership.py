@@ -1,7 +1,5 @@
 """Attacks on the ownership of a fold: by its link, by the same file, by the same shape."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from server.store.owner import new_token

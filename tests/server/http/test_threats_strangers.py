@@ -1,7 +1,5 @@
 """Attacks by strangers: folds of others, hostile names, forged addresses, invalid queries."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Attacks by uploads: too large, too slow, too many at once, and false sizes."""
 
-from __future__ import annotations
-
 import io
 import json
 import socket

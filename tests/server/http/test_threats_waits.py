@@ -1,7 +1,5 @@
 """Requests that wait for frames or follow a fold: limited, and without threads of their own."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 import time

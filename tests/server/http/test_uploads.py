@@ -1,7 +1,5 @@
 """Uploads: accepted and refused files, and the messages of refusals."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 

@@ -3,8 +3,6 @@
 tests/bench/test_load.py kills processes at random moments.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Estimated remaining time of folds: one source for previews, comparisons and the folds."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Housekeeping: removal of expired folds and leftover files."""
 
-from __future__ import annotations
-
 import os
 import time
 from contextlib import closing

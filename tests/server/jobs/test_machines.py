@@ -3,8 +3,6 @@
 tests/bench/test_load.py checks that outages of each, and of what they share, are survived.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Iterator

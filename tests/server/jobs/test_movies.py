@@ -1,7 +1,5 @@
 """Movies by HTTP and by the command line; ../store/test_movie_rows.py tests their limits."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import time

@@ -1,7 +1,5 @@
 """Queue: assignment of jobs, contents of checkpoints, and costs of a lost worker."""
 
-from __future__ import annotations
-
 import random
 import threading
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Concurrency quotas: few costly computations at once; no visitor takes all slots or the queue."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor

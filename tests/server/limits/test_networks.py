@@ -1,7 +1,5 @@
 """Networks: none can exhaust a quota or a rate by spreading over its addresses."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 

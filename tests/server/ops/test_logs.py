@@ -1,7 +1,5 @@
 """Logs: one line per event, whatever visitors send, with its context as fields."""
 
-from __future__ import annotations
-
 import io
 import json
 import logging

@@ -1,7 +1,5 @@
 """Metrics for operators: correct, bounded in number, and readable only with permission."""
 
-from __future__ import annotations
-
 import time
 import uuid
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Page for operators: its settings, metrics and commands exist."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Readiness: refused, with the reason, as soon as something that folds need is missing."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager

@@ -1,7 +1,5 @@
 """Messages when the service cannot start, with a remedy."""
 
-from __future__ import annotations
-
 import os
 from itertools import product
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Traces of folds: sent to the configured receiver, and to nothing by default."""
 
-from __future__ import annotations
-
 import http.server
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Cards of the gallery: their selection by address, and the status of shapes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from planner.readers.gallery import Gallery

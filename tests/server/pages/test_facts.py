@@ -1,7 +1,5 @@
 """Figures and texts of a fold's page."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import shutil

@@ -1,7 +1,5 @@
 """Pages about several folds or none: benchmarks, the paper's experiments, scripts."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import random

@@ -1,7 +1,5 @@
 """Pictures of folds that accompany links to them."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os

@@ -1,7 +1,5 @@
 """Retention and visibility of folds: the pages agree with the settings."""
 
-from __future__ import annotations
-
 import re
 from types import SimpleNamespace
 

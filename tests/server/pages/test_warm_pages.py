@@ -1,7 +1,5 @@
 """Pages without a compiler: the web process answers although numba cannot be imported."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

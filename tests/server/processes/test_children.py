@@ -1,7 +1,5 @@
 """Processes that compute: results, errors, limits, and their end with their parent."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Fork server: its children, their independence, and its end."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -4,8 +4,6 @@ Each kind of child runs code of the attacker instead of its work. The objects th
 exist: a database, another fold, listeners.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import socket

@@ -1,7 +1,5 @@
 """Attacks by circumstances: a database that fails, and a disk that is full."""
 
-from __future__ import annotations
-
 import json
 import resource
 import sqlite3

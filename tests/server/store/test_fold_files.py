@@ -1,7 +1,5 @@
 """Files of folds on two machines that share a storage: one stores them, the other shows them."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

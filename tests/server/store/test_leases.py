@@ -1,7 +1,5 @@
 """Liveness of workers: by counted heartbeats instead of dates, and by locks on their names."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

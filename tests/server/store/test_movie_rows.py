@@ -1,7 +1,5 @@
 """Rows of movies: requested by many processes, made once, and consistent after failures."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections.abc import Callable, Iterator

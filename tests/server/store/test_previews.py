@@ -1,7 +1,5 @@
 """Previews: their limits, sweeps and copies in an object store, on both databases."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress

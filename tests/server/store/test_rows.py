@@ -1,7 +1,5 @@
 """Rows of folds: permission to end them, and finality of their end."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial

@@ -1,7 +1,5 @@
 """Tables: migrations lead from the first schema to that of the code, and lose nothing."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator
 from contextlib import closing, contextmanager

@@ -1,7 +1,5 @@
 """Cameras of single pictures, and along a movie."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Isometric drawings of cells and of chains."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ElementTree
 from itertools import product

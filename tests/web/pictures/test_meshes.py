@@ -1,7 +1,5 @@
 """Meshes of modules, of their drawn hull and of the table: closed and oriented outwards."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Social pictures: the shape, the moment and camera of a link, and the caption."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Stills: modules at any position, without a background."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
