@@ -98,7 +98,8 @@ async def post_preview(
         if owner is not None:
             context.previews.note_view(known, owner, viewed(options, report))
         times = ExpectedTimes.of(report, options.world, context.estimates.total_s)
-        return Preview.of(known, options.key, report, times, full=full)
+        preparing = context.leases.preparing()
+        return Preview.of(known, options.key, report, times, preparing=preparing, full=full)
 
     async with asking(request, context) as asker:
         return await run_in_threadpool(reported, asker)

@@ -134,6 +134,7 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
                 artifacts=artifacts,
                 settings=None,
                 estimates=None,
+                leases=None,
             )
             yield
             waits.close()

@@ -43,7 +43,8 @@ async def preview_page(request: Request, preview_id: str) -> Response:
         "table_modules": MAX_TABLE_MODULES,
         "next_scripts": _next_scripts(),
     }
-    return page("preview.html", facts=facts, facts_json=script_json(facts))
+    preparing = await asyncio.to_thread(context.leases.preparing)
+    return page("preview.html", facts=facts, facts_json=script_json(facts), preparing=preparing)
 
 
 @cache

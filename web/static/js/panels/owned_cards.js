@@ -36,11 +36,12 @@ const way = (text, of, press) => button("way", text, press, { "aria-label": `${t
 
 // What has come of a fold, and how that is coloured; its page tells why.
 /** @param {Api.Fold} fold */
-function verdictOf({ status, stage, progress, summary }) {
+export function verdictOf({ status, stage, progress, summary }) {
   const { certificate } = /** @type {{ certificate?: { verdict?: string } }} */ (summary);
   if (status === "verified") return { tone: "verified", text: sentence(certificate?.verdict ?? "verified") };
   if (status === "failed") return { tone: "failed", text: "Not verified" };
   if (status === "cancelled") return { tone: "off", text: "Cancelled" };
+  if (progress.preparing) return { tone: "running", text: `Preparing the solvers ${Math.floor(100 * progress.preparing.fraction)} %` };
   if (status === "queued") return { tone: "running", text: "In the queue" };
   return { tone: "running", text: `${STAGES[stage ?? ""] ?? "Computing"} ${Math.floor(100 * (progress.fraction ?? 0))} %` };
 }
