@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from planner.pipeline.preference import Preference
-from words.choice import PREFERENCE_WORDS
+from words.plan_choice import PREFERENCE_WORDS
 
 
 class Button(NamedTuple):

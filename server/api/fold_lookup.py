@@ -17,7 +17,7 @@ from server.store.estimates import Estimates
 from server.store.fold_files import NoSuchFoldError
 from server.store.fold_source import FoldSource, Found, id_of_fold
 from server.store.leases import Leases
-from web.timeline.views import TimelineViews
+from web.timeline.shared_views import TimelineViews
 
 ADDRESS_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 

@@ -17,8 +17,8 @@ from planner.file_names import PREPARED, REQUEST
 from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.request import FoldRequest
 from server.api.context import Context
+from server.api.fold_inputs import Origin, Source, open_source
 from server.api.parent_folds import ParentFold
-from server.api.source import Origin, Source, open_source
 from server.errors import Conflict, Unavailable, Unusable, not_stored
 from server.files.uploads import Upload
 from server.limits.concurrency_quota import BUSY_RETRY_S

@@ -35,9 +35,9 @@ from server.store.fold_source import Found
 from server.store.tables import FoldRow, request_of
 from words import certificate as certificate_words
 from words.certificate import TableWords
-from words.choice import Choice, choice_of
 from words.failures import AttemptWords, Failure, attempts, failure
 from words.fold import RUNNING_STATUSES, ShownFold, has_motion
+from words.plan_choice import Choice, choice_of
 from words.properties import Properties, properties
 from words.smoothing import BeforeAfter, smoothing_note, smoothing_rows
 from words.suggestions import (

@@ -30,7 +30,7 @@ from web.pictures.isometric import isometric_svg
 from web.pictures.isometric_modules import chain_svg
 from web.pictures.picture_view import PictureView
 from words.fold import RUNNING_STATUSES
-from words.missing import NO_FOLD
+from words.missing_pages import NO_FOLD
 from words.suggestions import ONCE_READY, about
 
 router = APIRouter(include_in_schema=False)

@@ -20,7 +20,7 @@ from server.pages.problem_page import not_found_page
 from server.store.previews import NoSuchPreviewError, Previews
 from web.pictures.preview_drawing import preview_svg
 from words.fold import shown_name
-from words.missing import NO_PREVIEW
+from words.missing_pages import NO_PREVIEW
 
 router = APIRouter(include_in_schema=False)
 

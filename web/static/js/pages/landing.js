@@ -11,7 +11,7 @@ const player = playHero(hero, get("sketch"), { calm });
 
 const asking = later(() => import("../lib/fold_request.js"), (text) => say(text, "bad"));
 const uploading = later(async () => {
-  const [{ Sending }, upload, api] = await Promise.all([import("../panels/sending.js"), import("../lib/upload.js"), import("../lib/api.js")]);
+  const [{ Sending }, upload, api] = await Promise.all([import("../panels/upload_progress.js"), import("../lib/upload.js"), import("../lib/api.js")]);
   return { sending: new Sending(get("sending")), ...upload, ...api };
 }, (text) => say(text, "bad"));
 const NO_PATH = "repeated-cell"; // a code of the API

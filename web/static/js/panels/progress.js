@@ -1,6 +1,6 @@
 // A fold while it is computed: stage, share, steps a second, place in the queue.
 import { Refusal, ask, tokenOf } from "../lib/api.js";
-import { Advance, queueWords } from "./advance.js";
+import { OverallProgress, queueWords } from "./overall_progress.js";
 import { preparingWords, remaining, showPreparing } from "./preparing.js";
 import { at, get, whole } from "../lib/text.js";
 import { toast } from "./toast.js";
@@ -26,7 +26,7 @@ export class Progress {
     this.onDone = onDone;
     this.onProgress = onProgress;
     this.token = tokenOf(facts.id);
-    this.advance = new Advance();
+    this.advance = new OverallProgress();
     this.cancelling = false;
     /** @type {EventSource | null} */
     this.events = null;
