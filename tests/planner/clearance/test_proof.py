@@ -23,7 +23,9 @@ TOLERANCE = 1e-9
 
 
 def _unit(vectors: Array) -> Array:
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    units = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    units.setflags(write=False)  # as in other modules: else all kernels are compiled anew
+    return units
 
 
 _RNG = np.random.default_rng(0)
