@@ -51,6 +51,8 @@ PROCESSES = {
     *("postgres", "bucket", "browser", "backend"),
 }
 """Fixtures that start programs."""
+LOCAL_SERVERS = {"FORKS", "ServiceThread", "Postgres", "Bucket"}
+"""Names that modules import for servers that tests of one process share."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -73,12 +75,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def _group(item: pytest.Item, fixtures: set[str]) -> str:
     """Return the name of the tests that run in the same process as a test, to share its fixtures.
 
-    Each service and each fork server takes some ten seconds of the processor to start.
+    Each service and each fork server takes some ten seconds of the processor to start, a database
+    or a bucket some three.
     """
     if "service" in fixtures:
         return "service"
-    if {"idle", "service_with"} & fixtures or hasattr(getattr(item, "module", None), "FORKS"):
-        return "forks"
+    named = vars(item.module) if isinstance(item, pytest.Function) else ()
+    if {"idle", "service_with", "each_settings", *LOCAL_SERVERS} & {*fixtures, *named}:
+        return "local-servers"
     return item.path.stem
 
 
