@@ -1,18 +1,23 @@
 """Fixtures and settings of all tests."""
 
+import asyncio
 import gc
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from httpx._transports import default as http_transports
 from hypothesis import settings
+from zarr.codecs import blosc
+from zarr.storage import _local as local_store
 
 from tests import progress
 from tests.server.service_process import Service
@@ -25,6 +30,15 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Each HTTP client would read the certificates of all authorities, which takes 34 ms of the
 # processor.
 http_transports.create_ssl_context = cache(http_transports.create_ssl_context)
+
+
+async def _call(function: Callable[..., Any], *given: Any, **named: Any) -> Any:
+    return function(*given, **named)
+
+
+# zarr passes each chunk and each file to another thread, which takes a quarter of the processor
+# time of tests that fold. Programs that tests start keep these threads.
+local_store.asyncio = blosc.asyncio = SimpleNamespace(**{**vars(asyncio), "to_thread": _call})
 # Tests write and remove some ten thousand files, many of them durably. A file system in memory
 # takes a third less time, but Docker's default is too small.
 MEMORY = Path("/dev/shm")
