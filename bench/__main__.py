@@ -8,28 +8,29 @@ from pathlib import Path
 from bench.baselines import direct, paper
 from bench.clearance.checking import checking
 from bench.clearance.sweeps import sweeps
-from bench.first import first
+from bench.first_minutes import first_minutes
 from bench.folds import folds, gallery
-from bench.hard import hard
+from bench.hard_paths import hard_paths
 from bench.long_folds import long_folds
 from bench.machine import machine
+from bench.measured_tables import write_sections
 from bench.meshes import meshes
-from bench.page import page
+from bench.page_speed import page_speed
 from bench.paths import paths
 from bench.peeling import peeling
 from bench.plan_files import plan_files
 from bench.portfolio import portfolio
 from bench.scaling import scaling
-from bench.service.checked import checked
+from bench.service.browser_check import browser_check
 from bench.service.compiling import compiling
-from bench.service.dropped import dropped
+from bench.service.dropped_mesh import dropped_mesh
 from bench.service.kiosk import kiosk
+from bench.service.link_views import link_views
 from bench.service.movies import movies
-from bench.service.remaining import remaining
+from bench.service.page_weights import page_weights
+from bench.service.remaining_time import remaining_time
 from bench.service.sites import sites
 from bench.service.tours import tours
-from bench.service.views import views
-from bench.service.weights import weights
 from bench.smoothing import smoothing
 from bench.speed import speed
 from bench.success_map.published import published
@@ -40,11 +41,10 @@ from bench.table.paths import table_path_section
 from bench.table.playback import table_playback
 from bench.table.statics import statics
 from bench.table.tetrahedra import table_tetrahedra
-from bench.tables import write_sections
 from bench.tetrahedra import tetrahedra
 
 SECTIONS = {
-    "first": first,
+    "first": first_minutes,
     "folds": folds,
     "gallery": gallery,
     "seeds": seeds,
@@ -54,7 +54,7 @@ SECTIONS = {
     "scaling": scaling,
     "speed": speed,
     "portfolio": portfolio,
-    "hard": hard,
+    "hard": hard_paths,
     "sweeps": sweeps,
     "checking": checking,
     "table-folds": table_folds,
@@ -67,18 +67,18 @@ SECTIONS = {
     "smoothing": smoothing,
     "statics": statics,
     "plan-files": plan_files,
-    "page": page,
+    "page": page_speed,
     "long-folds": long_folds,
-    "checked": checked,
+    "checked": browser_check,
     "compiling": compiling,
-    "dropped": dropped,
+    "dropped": dropped_mesh,
     "kiosk": kiosk,
     "movies": movies,
-    "remaining": remaining,
+    "remaining": remaining_time,
     "sites": sites,
     "tours": tours,
-    "weights": weights,
-    "views": views,
+    "weights": page_weights,
+    "views": link_views,
     "direct": direct,
     "paper": paper,
     "published": published,

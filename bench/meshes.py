@@ -16,7 +16,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from bench.command import watched
-from bench.tables import Section
+from bench.measured_tables import Section
 from planner.shapes.solid import Solid
 from planner.shapes.voxelise import voxelise
 
@@ -151,7 +151,7 @@ MESHES: dict[str, Callable[[], Mesh]] = {
 
 def meshes(reference_seconds: float) -> Section:
     """Voxelise twenty meshes to 1000 cells, by cells and by 2×2×2 blocks, and a large mesh."""
-    from bench.held_out import HELD_OUT
+    from bench.held_out_meshes import HELD_OUT
 
     del reference_seconds
     section = Section(name="meshes")

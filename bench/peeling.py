@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from bench.tables import Section
+from bench.measured_tables import Section
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep

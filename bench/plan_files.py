@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from bench.tables import Section
+from bench.measured_tables import Section
 from planner.motion.angle_encoding import snapped
 from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters

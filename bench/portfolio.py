@@ -16,7 +16,7 @@ from typing import Any
 import trimesh
 from rich.console import Console
 
-from bench.tables import Section
+from bench.measured_tables import Section
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up

@@ -18,7 +18,7 @@ from rich.console import Console
 
 from bench.command import fold
 from bench.machine import machine
-from bench.tables import Section
+from bench.measured_tables import Section
 from planner.chain.path import Path
 from planner.pathfinding.assembly import layered_snake
 from planner.pipeline.warm_up import warm_up

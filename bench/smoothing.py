@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from bench.tables import Section
+from bench.measured_tables import Section
 from examples.run_gallery import SHAPES
 from planner.pipeline.fold import smooth_plan
 from planner.pipeline.request import FoldRequest

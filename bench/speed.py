@@ -19,10 +19,10 @@ from rich.console import Console
 
 from bench.command import Run, fold
 from bench.machine import machine
+from bench.measured_tables import Section
 from bench.scaling import CASES, LONGER
 from bench.scaling import Case as Command
 from bench.success_map.__main__ import path_of
-from bench.tables import Section
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.explosion.blocks_first import explode_blocks_first

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bench.command import Run, fold
-from bench.tables import Section
+from bench.measured_tables import Section
 from planner.chain.chain import Chain
 from planner.chain.honeycomb import ring_pairs
 from planner.clearance.margins import largest_size

@@ -18,7 +18,7 @@ from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.progress import STAGES
-from words.choice import choice_of
+from words.plan_choice import choice_of
 
 
 @takes()

@@ -52,7 +52,7 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
                     bars.update(bar, note=_steps(progress))
 
             def compiles(progress: StageProgress) -> None:
-                bars.update(bar, note=f"{progress.message}(once on each machine)")
+                bars.update(bar, note=f"{progress.message} (once on each machine)")
 
             with Compiling(compiles):
                 yield report

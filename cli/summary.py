@@ -13,7 +13,7 @@ from rich.table import Table
 
 from planner.chain.module import module_named
 from words import certificate as certificate_words
-from words.choice import PLAN_COLUMNS, Choice
+from words.plan_choice import PLAN_COLUMNS, Choice
 from words.quantities import sentence
 
 

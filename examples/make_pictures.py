@@ -13,7 +13,7 @@ from planner.chain.chain import Chain
 from planner.readers.gallery import GalleryShape, gallery
 from server.pages.shape_drawings import chain_of
 from web.pictures.isometric_modules import chain_svg
-from web.pictures.shipped import ARCHIVE
+from web.pictures.shipped_pictures import ARCHIVE
 from web.pictures.social_picture import social_picture
 from web.viser.scene_bundle import bundle_of
 

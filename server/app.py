@@ -15,21 +15,21 @@ from fastapi import FastAPI
 
 from planner.readers.gallery import Gallery
 from server.api import (
-    artifacts,
     folds,
-    frames,
     health,
     mine,
     module_values,
     movies,
+    player_data,
+    results,
     robot,
     shapes,
     tours,
 )
 from server.api.context import Context
-from server.api.finished import import_finished
 from server.api.fold_states import FoldStates
 from server.api.frame_waits import FrameWaits
+from server.api.shipped_folds import import_shipped_folds
 from server.files.artifacts import Artifacts
 from server.files.exports import Exports
 from server.files.pictures import Pictures
@@ -47,13 +47,18 @@ from server.http.request_rate import RequestRate
 from server.http.response_cache import ResponseCache
 from server.http.security import (
     AllowedHosts,
-    BodyLimit,
     PrintingAddresses,
     SameOrigin,
     SecurityHeaders,
     hosts_of,
 )
-from server.http.uploads import MAX_FORM_FIELD_BYTES, MAX_FORM_FIELDS, MAX_FORM_FILES, UploadsAtOnce
+from server.http.upload_limits import (
+    MAX_FORM_FIELD_BYTES,
+    MAX_FORM_FIELDS,
+    MAX_FORM_FILES,
+    BodyLimit,
+    UploadsAtOnce,
+)
 from server.jobs.eta import EtaEstimator
 from server.jobs.movies import Movies
 from server.limits.concurrency_quota import Quota
@@ -89,7 +94,7 @@ from server.store.folds import Store
 from server.store.leases import Leases
 from server.store.previews import Previews
 from server.store.stats import Stats
-from web.timeline.views import TimelineViews
+from web.timeline.shared_views import TimelineViews
 
 WARM_UP_DELAY_S: Final = 1.5
 """Time between the start of the web process and the preparation of its landing page, in s, so that
@@ -102,7 +107,7 @@ log = logging.getLogger("foldback.web")
 
 ROUTERS: Final = (
     folds,
-    artifacts,
+    results,
     tours,
     module_values,
     movies,
@@ -117,7 +122,7 @@ ROUTERS: Final = (
     paper,
     gallery,
     kiosk,
-    frames,
+    player_data,
     share,
     oembed,
     pictures,
@@ -235,7 +240,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     remaining = EtaEstimator(store, leases, estimates)
     gallery = Gallery()
     if settings.finished_folds and not settings.read_only:
-        import_finished(settings, store, gallery)
+        import_shipped_folds(settings, store, gallery)
     if not settings.read_only:
         previews.start_sweeping()
     return Context(

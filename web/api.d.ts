@@ -165,6 +165,7 @@ declare namespace Api {
     expected_s: number;
     expected_as_published_s: number;
     expected_preferred_s: number;
+    preparing: PreparingBody | null;
     positions: number[][] | null;
     wxyzs: number[][] | null;
     line: number[][] | null;

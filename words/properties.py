@@ -28,9 +28,9 @@ from planner.pipeline.fold_layout import result
 from planner.pipeline.preference import COMPUTING, preference_named
 from planner.verification.integrity import damaged_among
 from words import certificate as certificate_words
-from words.choice import PREFERENCE_WORDS
 from words.failures import reason_for_people
 from words.fold import RUNNING_STATUSES, ShownFold
+from words.plan_choice import PREFERENCE_WORDS
 from words.quantities import (
     PRESET_LABELS,
     STRATEGY_LABELS,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from planner.pipeline.preference import Preference
-from words.choice import PREFERENCE_WORDS
+from words.plan_choice import PREFERENCE_WORDS
 
 
 class Button(NamedTuple):
@@ -32,6 +32,8 @@ OTHER_PRESETS: Final = {
     ),
 }
 """Presets, besides the published one, that a fold may be compared with."""
+ONCE_READY: Final = ", once the solvers are ready"
+"""End of the words for a time that does not count the solvers' compilation, which goes first."""
 
 
 def another_seed(seed: int) -> Button:
@@ -39,19 +41,19 @@ def another_seed(seed: int) -> Button:
     return Button("Another seed", f"Seed {seed}")
 
 
-def on_a_table(seconds: float) -> Button:
-    """Return the button for a fold on a table that takes so many seconds."""
-    return Button("On a table", f"With gravity, takes {about(seconds)}")
+def on_a_table(time: str) -> Button:
+    """Return the button for a fold on a table that takes a time in words."""
+    return Button("On a table", f"With gravity, takes {time}")
 
 
-def preferring(preference: Preference, seconds: float) -> Button:
-    """Return the button for a fold with another preference that takes so many seconds."""
-    return Button(PREFERENCE_WORDS[preference], f"Takes {about(seconds)}")
+def preferring(preference: Preference, time: str) -> Button:
+    """Return the button for a fold with another preference that takes a time in words."""
+    return Button(PREFERENCE_WORDS[preference], f"Takes {time}")
 
 
-def published(seconds: float) -> Button:
-    """Return the button for a fold by the published method that takes so many seconds."""
-    return Button("Published method", f"Takes {about(seconds)}")
+def published(time: str) -> Button:
+    """Return the button for a fold by the published method that takes a time in words."""
+    return Button("Published method", f"Takes {time}")
 
 
 def about(seconds: float) -> str:

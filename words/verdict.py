@@ -9,10 +9,10 @@ from planner.certificate.figures import CertificateFigures, Fault, FoldSummary
 from planner.parameters.parameters import FLOATING
 from planner.progress import STAGES
 from words import certificate as certificate_words
-from words.choice import Choice, superlative
 from words.failures import count_from_one, reason_for_people
 from words.fold import ShownFold
 from words.messages import message_for_people
+from words.plan_choice import Choice, superlative
 from words.quantities import PRESET_LABELS, sentence
 from words.settings import in_a_line
 

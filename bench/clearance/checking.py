@@ -21,8 +21,8 @@ from rich.console import Console
 import foldback_check
 from bench.command import fold
 from bench.machine import machine
+from bench.measured_tables import Section
 from bench.scaling import CASES
-from bench.tables import Section
 from examples.run_gallery import PROCESSES, SHAPES
 from planner.file_names import PLAN
 from planner.pipeline.request import FoldRequest

@@ -24,7 +24,7 @@ from rich.console import Console
 from scipy.optimize import nnls
 
 import foldback_check
-from bench.tables import Section
+from bench.measured_tables import Section
 from examples.run_gallery import PROCESSES, SHAPES
 from planner.clearance.sweep import sweep
 from planner.errors import InputError

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.tables import Section
+from bench.measured_tables import Section
 from examples.run_gallery import SHAPES
 from planner.chain.chain import Chain
 from planner.clearance.sweep import Sweep, sweep

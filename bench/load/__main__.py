@@ -10,15 +10,15 @@ from pathlib import Path
 from bench.load.classes import classes
 from bench.load.disks import inside
 from bench.load.faults import FAULTS, FAULTS_SEED, faults, signals
-from bench.load.mutated import mutated_uploads
+from bench.load.mutated_files import mutated_uploads
 from bench.load.scrubbing import scrubbing
-from bench.load.several import several
+from bench.load.several_machines import several_machines
 from bench.load.strangers import strangers
 from bench.load.uploads import uploads
 from bench.load.viewers import viewers
 from bench.load.workers import workers
 from bench.machine import machine
-from bench.tables import Section, write_sections
+from bench.measured_tables import Section, write_sections
 
 SHORT_FAULTS = ("worker killed", "server killed", "disk full")
 """Faults of a run with ``--short``."""
@@ -30,7 +30,7 @@ def _faults(short: bool, rounds: int | None, seed: int, only: list[str]) -> Sect
 
 
 def _several(short: bool, rounds: int | None, seed: int, only: list[str]) -> Section:
-    return several(rounds or (3 if short else 120), seed=seed, only=tuple(only))
+    return several_machines(rounds or (3 if short else 120), seed=seed, only=tuple(only))
 
 
 FAULTY = {"faults": _faults, "several": _several}

@@ -13,8 +13,8 @@ from typing import Final
 import psutil
 from playwright.sync_api import CDPSession, Error, Page
 
+from bench.measured_tables import Section
 from bench.service.browsing import service_and_browser
-from bench.tables import Section
 
 CLOCK_SPEED: Final = 8
 """Factor by which clocks and timers run faster in the pages of the exhibition mode (kiosk). A

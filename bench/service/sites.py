@@ -16,10 +16,10 @@ import numpy as np
 from playwright.sync_api import Browser, sync_playwright
 
 from bench.command import fold
-from bench.page import MOVING
-from bench.tables import Section
+from bench.measured_tables import Section
+from bench.page_speed import MOVING
 from planner.readers.gallery import Gallery
-from server.api.finished import FINISHED_FOLDS_DIR
+from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from server.cli.site import site
 from tests.browser.conftest import FLAGS
 from tests.tools import CHROMIUM
@@ -46,7 +46,7 @@ def sites(reference_seconds: float) -> Section:
     section = Section(name="sites")
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as place:
         out = Path(place) / "host" / "x" / "y"
-        for shape in _shapes(SITE_FOLDS - len(list(FINISHED_FOLDS_DIR.glob("*.fold")))):
+        for shape in _shapes(SITE_FOLDS - len(list(SHIPPED_FOLDS_DIR.glob("*.fold")))):
             fold(shape, out=Path(place) / "folds" / shape)
         begun = time.perf_counter()
         site(out, [Path(place) / "folds"])

@@ -24,7 +24,7 @@ from rich.console import Console
 from scipy.optimize import LinearConstraint, linprog, minimize
 
 from bench.machine import machine
-from bench.tables import Section
+from bench.measured_tables import Section
 from cli.tour import drafted
 from examples.run_gallery import PROCESSES, SHAPES
 from planner.chain.chain import Chain

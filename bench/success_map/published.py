@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
+from bench.measured_tables import Section
 from bench.success_map.stored import run_missing, version_of
-from bench.tables import Section
 from planner.chain.path import Path as CellPath
 from planner.pathfinding.block_merging import block_path
 from planner.pathfinding.lattice import STEPS

@@ -17,9 +17,9 @@ from typing import Any, Final
 
 from rich.console import Console
 
+from bench.measured_tables import Section
 from bench.meshes import MESHES
 from bench.success_map.stored import judge, run_missing, version_of
-from bench.tables import Section
 from examples.run_gallery import SHAPES
 from planner.errors import InputError
 from planner.pipeline.request import FoldRequest

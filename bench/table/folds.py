@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.measured_tables import Section
 from bench.table.paths import gallery_cells
-from bench.tables import Section
 from planner.certificate.table_certificate import table_certificate
 from planner.chain.chain import Chain
 from planner.chain.path import Path

@@ -14,7 +14,7 @@ from typing import Any, Final, cast
 import trimesh
 
 from bench.command import fold
-from bench.tables import Section
+from bench.measured_tables import Section
 from planner.pathfinding.path_options import PathOptions
 from planner.pipeline.prepare import prepare
 from planner.readers import read

@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
+from bench.measured_tables import Section
 from bench.table.folds import SMALL_BOXES
 from bench.table.paths import SHAPES
-from bench.tables import Section
 from planner.certificate.table_figures import FRICTIONLESS
 from planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
 from planner.pipeline.request import FoldRequest

@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.tables import Section
+from bench.measured_tables import Section
 from planner.certificate.table_certificate import table_certificate
 from planner.certificate.table_figures import FRICTIONLESS
 from planner.chain.cantilever_statics import static_torque

@@ -42,6 +42,9 @@ FRAMES_PER_TASK: Final = 64
 """Number of intervals between frames that a thread checks for collisions before it takes the next
 ones. Smaller values cost more calls; larger ones leave threads idle at the end of a motion.
 Chosen."""
+FRAMES_PER_TRIAL_TASK: Final = 8
+"""The same when it is proved that a motion tolerates errors. Smaller, so that the end of a motion,
+at which most trials fail, is shared by several threads. Chosen."""
 MAX_THREADS: Final = 4
 """Maximum number of threads that check one motion for collisions. Larger values check faster and
 take processors from other folds. Chosen."""
@@ -136,7 +139,13 @@ def disturbed_sweep(
         size: Module size as a fraction of the pitch.
         cancelled: Polled between tasks; a cancelled sweep covers the tasks that were done.
     """
-    query = _Query(size=size, share=0.0, enough=ALLOWANCE_CAP, tolerance=tolerance)
+    query = _Query(
+        size=size,
+        share=0.0,
+        enough=ALLOWANCE_CAP,
+        tolerance=tolerance,
+        frames_per_task=FRAMES_PER_TRIAL_TASK,
+    )
     return _swept(chain, motion, query, cancelled)
 
 
@@ -154,12 +163,14 @@ class _Query:
         share: Fraction (0…1) of the least clearance seen that the bound should reach.
         enough: Cutoff in pitches: clearances of this and more are not told apart.
         tolerance: Errors of hinges whose effect is taken off.
+        frames_per_task: Number of frames that a thread takes at a time.
     """
 
     size: float
     share: float
     enough: float
     tolerance: Tolerance
+    frames_per_task: int = FRAMES_PER_TASK
 
 
 def _swept(chain: Chain, motion: Motion, query: _Query, cancelled: Cancelled) -> Sweep:
@@ -179,7 +190,7 @@ def _swept(chain: Chain, motion: Motion, query: _Query, cancelled: Cancelled) ->
     per_frame = np.full(frames, enough)
 
     def part(start: int) -> SweepResult:
-        stop = min(start + FRAMES_PER_TASK, frames)
+        stop = min(start + query.frames_per_task, frames)
         begins, ends = int(offsets[start]), int(offsets[min(stop + 1, frames)])
         # A copy: a read-only array would be another type, for which all is compiled anew.
         values = motion.angles_rad[begins:ends].astype(np.float64)
@@ -188,7 +199,7 @@ def _swept(chain: Chain, motion: Motion, query: _Query, cancelled: Cancelled) ->
 
     best, bound, unbounded, in_betweens = enough, enough, -1.0, 0
     where, modules = 0.0, (-1, -1)
-    for found in _in_turn(part, range(0, frames, FRAMES_PER_TASK), cancelled):
+    for found in _in_turn(part, range(0, frames, query.frames_per_task), cancelled):
         bound = min(bound, found.lower_bound)
         in_betweens += found.midpoints
         if unbounded < 0.0:

@@ -281,7 +281,25 @@ def allowance(tolerance: Tolerance, lever: Levers, joints: float, hinges: float)
 
 
 @njit(**INNER)
-def largest_allowance(tolerance: Tolerance, lever: float, joints: float, hinges: float) -> float:
-    """Return the allowance of a pair of which each lever is at most ``lever``."""
-    each = Levers(lever, joints * lever, joints * lever * lever)
-    return allowance(tolerance, each, joints, hinges)
+def write_largest_allowances(
+    tolerance: Tolerance, extent: float, arm: float, hinges: float, out: Array
+) -> None:
+    """Write the largest allowance of any two modules k links apart to ``out[k]``, in pitches.
+
+    Neighbouring centres are at most one pitch apart, so that the c-th joint from a module is at
+    most c away from its centre, and at most ``extent``.
+
+    Args:
+        tolerance: The errors.
+        extent: Largest distance of the centres of two modules, in pitches.
+        arm: As for ``levers``.
+        hinges: Number of hinges of a joint.
+        out: (n,) written.
+    """
+    total = squares = 0.0
+    for k in range(out.shape[0]):
+        longest = min(extent, float(k // 2)) + arm
+        out[k] = allowance(tolerance, Levers(longest, total, squares), float(k), hinges)
+        lever = min(extent, float(k + 1)) + arm
+        total += lever
+        squares += lever * lever

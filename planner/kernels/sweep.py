@@ -21,9 +21,9 @@ from planner.kernels.clearance_bounds import (
     Tolerance,
     allowance,
     directional_motion_bound,
-    largest_allowance,
     levers,
     relative_motion_bound,
+    write_largest_allowances,
 )
 from planner.kernels.kinematics import copy_vector
 from planner.kernels.module import Hull, Joint
@@ -177,6 +177,8 @@ class Scratch(NamedTuple):
         relative: (RELATIVE_COLUMNS,) motion of a pair.
         tail: (BODY_COLUMNS,) a module of the tail.
         rotation: (3, 3).
+        allowances: (2, n) largest allowance of a pair by the number of links between: of the
+            folded and the moving modules, and of a pair with the tail.
     """
 
     bodies: Array
@@ -184,6 +186,7 @@ class Scratch(NamedTuple):
     relative: Array
     tail: Array
     rotation: Array
+    allowances: Array
 
 
 class PairList(NamedTuple):
@@ -358,16 +361,19 @@ def _stretch_pairs(
     max_displacement = 0.0
     for k in range(bodies.shape[0]):
         max_displacement = max(max_displacement, bodies[k, DISPLACEMENT_BOUND])
+    allowances, gap = work.allowances[0], shape.min_checked_gap
+    most = reach + allowances[bodies.shape[0] - 1]
     if max_displacement > LARGE_MOTION:
-        return _pairs_along(bodies, max_displacement, half, low, reach, shape.min_checked_gap, near)
+        return _pairs_along(bodies, max_displacement, half, low, most, gap, near)
     pairs, count = near
-    candidates = near_pairs(points, reach + 2.0 * max_displacement, shape.min_checked_gap)
+    candidates = near_pairs(points, most + 2.0 * max_displacement, gap)
     for p in range(candidates.shape[0]):
         i, j = candidates[p, 0], candidates[p, 1]
         dx = points[j, 0] - points[i, 0]
         dy = points[j, 1] - points[i, 1]
         dz = points[j, 2] - points[i, 2]
-        nearing = reach + bodies[i, DISPLACEMENT_BOUND] + bodies[j, DISPLACEMENT_BOUND]
+        nearing = reach + allowances[j - i]
+        nearing += bodies[i, DISPLACEMENT_BOUND] + bodies[j, DISPLACEMENT_BOUND]
         if dx * dx + dy * dy + dz * dz < nearing * nearing:
             pairs = append_pair(pairs, count, low + i, low + j)
             count += 1
@@ -377,14 +383,14 @@ def _stretch_pairs(
 @njit(**INNER)
 def _box_of_others(shape: Shape, part: Stretch, work: Scratch) -> Array:
     """Return the corners (6,) of a box that all centres but those of the tail stay in."""
-    bodies, points, low = work.bodies, work.points, part.low
+    bodies, low = work.bodies, part.low
     box = np.empty(6)
     for r in range(3):
-        box[r] = points[0, r]
-        box[3 + r] = points[0, r]
+        box[r] = bodies[0, r]
+        box[3 + r] = bodies[0, r]
         for k in range(bodies.shape[0]):
-            box[r] = min(box[r], points[k, r] - bodies[k, DISPLACEMENT_BOUND])
-            box[3 + r] = max(box[3 + r], points[k, r] + bodies[k, DISPLACEMENT_BOUND])
+            box[r] = min(box[r], bodies[k, r] - bodies[k, DISPLACEMENT_BOUND])
+            box[3 + r] = max(box[3 + r], bodies[k, r] + bodies[k, DISPLACEMENT_BOUND])
         if low > 0:
             box[r] = min(box[r], shape.boxes[low - 1, r])
             box[3 + r] = max(box[3 + r], shape.boxes[low - 1, 3 + r])
@@ -392,15 +398,18 @@ def _box_of_others(shape: Shape, part: Stretch, work: Scratch) -> Array:
 
 
 @njit(**INNER)
-def _reach_of_errors(shape: Shape, part: Stretch, work: Scratch, tail: int) -> float:
-    """Return a bound of the allowance of all pairs up to a module of the tail, in pitches."""
+def _write_allowances(shape: Shape, part: Stretch, work: Scratch) -> None:
+    """Write the largest allowances of pairs in an interval; none for a motion without errors."""
     if shape.tolerance.spare == 0.0:
-        return 0.0
+        return
     box = _box_of_others(shape, part, work)
-    links = part.high + tail
-    lever = length(box[3] - box[0], box[4] - box[1], box[5] - box[2]) + tail
-    lever = min(lever, float(links)) + _arm(shape)
-    return largest_allowance(shape.tolerance, lever, float(links), float(shape.joint.axes.shape[0]))
+    extent = length(box[3] - box[0], box[4] - box[1], box[5] - box[2])
+    tail = shape.core.shape[0] - 1 - part.high
+    hinges = float(shape.joint.axes.shape[0])
+    for row in range(2 if tail > 0 else 1):
+        write_largest_allowances(
+            shape.tolerance, extent + row * tail, _arm(shape), hinges, work.allowances[row]
+        )
 
 
 @njit(**INNER)
@@ -486,17 +495,40 @@ def _broad_phase(
     points, bodies = work.points, work.bodies
     for k in range(bodies.shape[0]):
         copy_vector(bodies[k, :3], points[k])
-    own = reach + _reach_of_errors(shape, part, work, ZERO)
-    near, too_large = _stretch_pairs(shape, part, work, half, own, PairList(room, ZERO))
+    near, too_large = _stretch_pairs(shape, part, work, half, reach, PairList(room, ZERO))
     if too_large or shape.root >= 0:
         return near, too_large
     for k in range(1, bodies.shape[0]):
         body = bodies[k]
-        nearing = own + body[DISPLACEMENT_BOUND]
+        nearing = reach + work.allowances[0, part.low + k] + body[DISPLACEMENT_BOUND]
         near = _append_core_pairs(shape, body, part.low + k, part.low, nearing, near)
-    tail = shape.core.shape[0] - 1 - part.high
-    reach += _reach_of_errors(shape, part, work, tail)
+    reach += work.allowances[1, shape.core.shape[0] - 1]
     return _append_tail_pairs(shape, part, work, half, reach, near)
+
+
+@njit(**INNER)
+def _pair_allowance(
+    shape: Shape,
+    work: Scratch,
+    a: Array,
+    b: Array,
+    joints: tuple[int, int, int],
+    half: float,
+    share: float,
+) -> float:
+    """Return the allowance of two modules in an interval, in pitches: lemmas 11 and 12.
+
+    Args:
+        shape, work: The chain, and its bodies in this interval.
+        a, b: (BODY_COLUMNS,) the two modules.
+        joints: Their numbers, and that of the first moving module.
+        half: h.
+        share: 1 for the interval, 0 for s = 0.
+    """
+    rows, tail = work.bodies, shape.tail_positions
+    lever = levers(a, b, joints, shape.core, rows, tail, _arm(shape), half, share)
+    links, hinges = float(joints[1] - joints[0]), float(shape.joint.axes.shape[0])
+    return allowance(shape.tolerance, lever, links, hinges)
 
 
 @njit(**INNER)
@@ -527,10 +559,7 @@ def _check_pairs(
     waiting, count = unresolved
     low, high, bodies, relative = part.low, part.high, work.bodies, work.relative
     positions, rotations, last = shape.tail_positions, shape.tail_rotations, bodies[high - low]
-    within, beyond = _reach_of_errors(shape, part, work, ZERO), 0.0
-    if high + 1 < shape.core.shape[0]:
-        beyond = _reach_of_errors(shape, part, work, shape.core.shape[0] - 1 - high)
-    hinges, exact, arm = float(shape.joint.axes.shape[0]), within == 0.0, _arm(shape)
+    erring = shape.tolerance.one_hinge_rad > 0.0 or shape.tolerance.each_hinge_rad > 0.0
     for p in range(pairs.shape[0]):
         i, j = pairs[p, 0], pairs[p, 1]
         a = shape.core[i] if i < low else bodies[i - low]
@@ -546,7 +575,7 @@ def _check_pairs(
         else:
             distance = length(b[0] - a[0], b[1] - a[1], b[2] - a[2])
         # Lemmas 11 and 12: a bound that costs nothing first.
-        error = 0.0 if exact else within if j <= high else beyond
+        error = work.allowances[0 if j <= high else 1, j - i]
         balls = distance - 2.0 * radius - error
         if balls >= best and balls - max_loss >= bound:
             continue
@@ -562,12 +591,11 @@ def _check_pairs(
             axis,
         )
         nearing = error
-        if not exact and separation - error < max(best, bound + max_loss):
+        if erring and separation - error < max(best, bound + max_loss):
             joints = (i, j, low)
-            lever = levers(a, b, joints, shape.core, bodies, positions, arm, half, 0.0)
-            nearing = min(error, allowance(shape.tolerance, lever, float(j - i), hinges))
-            lever = levers(a, b, joints, shape.core, bodies, positions, arm, half, 1.0)
-            error = min(error, allowance(shape.tolerance, lever, float(j - i), hinges))
+            error = nearing = min(error, _pair_allowance(shape, work, a, b, joints, half, 1.0))
+            if half > 0.0 and separation - error < best:
+                nearing = min(error, _pair_allowance(shape, work, a, b, joints, half, 0.0))
         if separation - nearing < best:
             best, first, second = separation - nearing, i, j
         separation -= error
@@ -623,10 +651,11 @@ def rigid_clearances(
 
 
 @njit(**INNER)
-def _move(part: Stretch, middle: float, half: float, work: Scratch) -> None:
+def _move(shape: Shape, part: Stretch, middle: float, half: float, work: Scratch) -> None:
     """Write the bodies of a stretch for the interval of width 2 ``half`` about ``middle``."""
     angles = part.start + middle * part.rates
     move_bodies(angles, part.rates, half, part.joint, part.root, work.bodies)
+    _write_allowances(shape, part, work)
 
 
 @njit(**INNER)
@@ -662,7 +691,7 @@ def _check_interval(
         middle, half = interval_stack[depth, MIDDLE], interval_stack[depth, HALF_WIDTH]
         begin, end = pair_range_stack[depth, FIRST_PAIR], pair_range_stack[depth, END_PAIR]
         bisections = pair_range_stack[depth, BISECTIONS]
-        _move(part, middle, half, work)
+        _move(shape, part, middle, half, work)
         midpoints += 1
         too_large = False
         pairs = unresolved.pairs[begin:end]
@@ -670,7 +699,7 @@ def _check_interval(
             near, too_large = _broad_phase(shape, part, work, half, reach + cutoff, room)
             if too_large:
                 # Only collisions at the middle can be found: a pair's motion is not bounded.
-                _move(part, middle, 0.0, work)
+                _move(shape, part, middle, 0.0, work)
                 near, _ = _broad_phase(shape, part, work, 0.0, reach, near.pairs)
             room = near.pairs
             pairs = room[: near.filled]
@@ -731,6 +760,7 @@ def sweep_frames(
     none = PairList(np.empty((1, 2), dtype=np.int64), ZERO)
     bodies, points = np.empty((modules, BODY_COLUMNS)), np.empty((modules, 3))
     relative, tail, rotation = np.empty(RELATIVE_COLUMNS), np.empty(BODY_COLUMNS), np.empty((3, 3))
+    allowances = np.zeros((2, modules))
     frames = angles.first.shape[0]
     for k in range(start, stop):
         # Of disturbed motions, only bounds count, and intervals contain their frames.
@@ -738,10 +768,10 @@ def sweep_frames(
         for to in range(k + 1 if skipped else k, min(k + 2, frames)):
             part = _stretch(shape, angles, k, to)
             m = part.high - part.low + 1
-            work = Scratch(bodies[:m], points[:m], relative, tail, rotation)
+            work = Scratch(bodies[:m], points[:m], relative, tail, rotation, allowances)
             copy_vector(shape.core[part.low + part.root], bodies[part.root])
             if to == k:
-                _move(part, 0.0, 0.0, work)
+                _move(shape, part, 0.0, 0.0, work)
                 cap = min(cutoff, rigid[k])
                 near, _ = _broad_phase(shape, part, work, 0.0, reach + cap, room)
                 room = near.pairs

@@ -2,7 +2,7 @@
 
 Angles are whole steps (``planner.motion.angle_encoding``), of which differences over time are
 stored; what other files repeat is stored once. Nothing here needs compiled kernels or the physics,
-so that a service unpacks such a fold in a moment. ``examples/make_finished.py`` packs them.
+so that a service unpacks such a fold in a moment. ``examples/make_shipped_folds.py`` packs them.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def pack(directory: FilePath, about: dict[str, Any]) -> bytes:
 
     Raises:
         InputError: ``not-packable`` for what is not in whole steps, such as a fold that
-            ``examples/make_finished.py`` has not rounded.
+            ``examples/make_shipped_folds.py`` has not rounded.
     """
     packer = _Packer()
     texts = {

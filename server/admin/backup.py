@@ -14,9 +14,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 from planner.files import settle
+from server.admin.backup_manifest import MANIFEST, BackupFile, Manifest
 from server.admin.database import Database
 from server.admin.errors import AdminError
-from server.admin.manifest import MANIFEST, BackupFile, Manifest
 from server.admin.migration import schema_of
 from server.admin.stored_files import StoredFiles, at_once, open_inside, stored_files
 from server.settings import Settings

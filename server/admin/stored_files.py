@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from planner.files import temporary_path
-from server.admin.manifest import is_file_name
+from server.admin.backup_manifest import is_file_name
 from server.settings import Settings
 from server.store.object_store import TRANSFERS_AT_ONCE, Storage, open_storage
 

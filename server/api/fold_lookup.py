@@ -16,7 +16,8 @@ from server.settings import Settings
 from server.store.estimates import Estimates
 from server.store.fold_files import NoSuchFoldError
 from server.store.fold_source import FoldSource, Found, id_of_fold
-from web.timeline.views import TimelineViews
+from server.store.leases import Leases
+from web.timeline.shared_views import TimelineViews
 
 ADDRESS_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
@@ -32,6 +33,7 @@ class Viewing:
         artifacts: Files that are made on request.
         settings: None where nothing is computed.
         estimates: As ``settings``.
+        leases: As ``settings``.
     """
 
     store: FoldSource
@@ -40,6 +42,7 @@ class Viewing:
     artifacts: Artifacts
     settings: Settings | None
     estimates: Estimates | None
+    leases: Leases | None
 
 
 def viewing_of(request: Request) -> Viewing:

@@ -13,8 +13,9 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from planner.display_names import clean_name
 from planner.pipeline.request import FoldRequest
 from server.api.context import Context, context_of, in_list_rate
+from server.api.fold_inputs import Origin, origin_in_form, validate
 from server.api.forms import form_of
-from server.api.owners import AnyClaim, OptionalOwner, RequiredOwner, not_owner
+from server.api.owner_tokens import AnyClaim, OptionalOwner, RequiredOwner, not_owner
 from server.api.schemas import (
     MAX_FOLD_NAME,
     Accepted,
@@ -26,13 +27,12 @@ from server.api.schemas import (
     Shape,
     Shapes,
 )
-from server.api.source import Origin, origin_in_form, validate
 from server.api.submit import fold_origin
 from server.errors import Forbidden, Unusable
 from server.http.client_address import address_of
 from server.http.response_cache import mark
 from server.jobs.housekeeping import limit_cancelled
-from server.store.owned import change_fold
+from server.store.owned_items import change_fold
 from server.store.owner import Owner
 from server.store.tables import FoldRow
 

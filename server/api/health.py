@@ -13,7 +13,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from server.api.context import Context
 from server.api.folds import Here, problems
-from server.api.owners import Bearer
+from server.api.owner_tokens import Bearer
 from server.api.schemas import Body, PreparingBody
 from server.errors import Forbidden
 from server.ops.metrics import METRICS_MEDIA_TYPE

@@ -11,7 +11,7 @@ from fastapi.responses import Response
 
 from server.api.folds import Here, problems
 from server.api.movies import MovieBody
-from server.api.owners import RequiredOwner, not_owner
+from server.api.owner_tokens import RequiredOwner, not_owner
 from server.api.schemas import (
     Body,
     Fold,
@@ -23,7 +23,7 @@ from server.api.schemas import (
     moment,
 )
 from server.errors import Malformed
-from server.store.owned import folds_made, hand_over_all
+from server.store.owned_items import folds_made, hand_over_all
 from server.store.owner import Claim, Owner
 from words.fold import ShownFold, shown_name
 

@@ -11,7 +11,7 @@ from pydantic import ConfigDict
 from planner.errors import InputError
 from planner.plan.module_values import checked_values
 from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, problems
-from server.api.owners import RequiredOwner, not_owner
+from server.api.owner_tokens import RequiredOwner, not_owner
 from server.api.schemas import Body
 from server.api.tours import check_private, frames_of_own
 from server.errors import NotFound, Unusable

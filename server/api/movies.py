@@ -12,7 +12,7 @@ from planner.errors import InputError
 from planner.file_names import TIMELINE
 from planner.verification.integrity import check
 from server.api.folds import Here, file_or_problems, problems
-from server.api.owners import AnyClaim, OptionalOwner, not_owner
+from server.api.owner_tokens import AnyClaim, OptionalOwner, not_owner
 from server.api.schemas import Body, Fault
 from server.api.tours import tour_of
 from server.errors import Conflict, Unusable

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from planner.errors import DamagedError, InputError
 from planner.file_names import PLAN
 from planner.verification.integrity import check
-from server.api.artifacts import not_there
 from server.api.context import Context
 from server.api.fold_lookup import ADDRESS_ID
 from server.api.folds import Here, file_or_problems
+from server.api.results import not_there
 from server.api.robot_clock import MAX_CLOCK_STEP_S, Reason, RobotClock
 from server.api.robot_messages import (
     DECODER,

@@ -196,12 +196,14 @@ class Progress(Body):
     frames: int
     """Number of frames available so far."""
     wait_s: float | None
-    """Estimated waiting time, s; null if it is not waiting or no worker runs."""
+    """Estimated waiting time, s, including what is left of `preparing`; null if it is not waiting,
+    no worker runs, or the time is not known yet."""
     remaining_s: int | None
     """Estimated remaining time, s, including the wait, based on similar folds; 0 if this fold takes
     longer than those; null if unknown or finished."""
     preparing: PreparingBody | None
-    """Progress of compiling the solvers, while no worker can compute yet."""
+    """Progress of compiling the solvers, while no worker can compute yet or a fold compiles some
+    that it needs."""
 
 
 class Fault(Body):
@@ -474,11 +476,14 @@ class Preview(Body):
     not_started: str
     """Reason why no path starts in that cell; the path then starts elsewhere. Empty if one does."""
     expected_s: float
-    """Estimated time of the fold, s."""
+    """Estimated time of the fold, s, without waiting."""
     expected_as_published_s: float
     """Estimated time with the preset `paper`, s."""
     expected_preferred_s: float
     """Estimated time if the plan is optimised for time, torque or clearance, s."""
+    preparing: PreparingBody | None
+    """Progress of compiling the solvers, which a fold waits for before its estimated time begins;
+    null once a worker is ready to compute."""
     positions: list[list[float]] | None
     """Positions of the folded chain's modules; null without a chain."""
     wxyzs: list[list[float]] | None
@@ -491,7 +496,14 @@ class Preview(Body):
 
     @classmethod
     def of(
-        cls, preview_id: str, key: str, report: dict[str, Any], times: ExpectedTimes, *, full: bool
+        cls,
+        preview_id: str,
+        key: str,
+        report: dict[str, Any],
+        times: ExpectedTimes,
+        *,
+        preparing: Preparing | None,
+        full: bool,
     ) -> Preview:
         """Return the report of a preview; without what is large unless ``full``."""
         without = {"cells": [], "mesh": None, "positions": None, "wxyzs": None, "line": None}
@@ -500,6 +512,7 @@ class Preview(Body):
             "id": preview_id,
             "key": key,
             **asdict(times),
+            "preparing": PreparingBody.of(preparing),
             "links": PreviewLinks(page=f"/previews/{preview_id}", folds="/api/folds"),
         }
         return cls.model_validate({**report, **large, **more})

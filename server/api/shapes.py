@@ -17,11 +17,11 @@ from fastapi.responses import Response
 from planner.parameters.option import options_of
 from planner.pipeline.request import FoldRequest, PreviewRequest
 from server.api.context import Context
+from server.api.fold_inputs import GalleryShape, Origin, Uploaded, id_field, open_source, validate
 from server.api.folds import Here, problems
 from server.api.forms import field, form_of
-from server.api.owners import OptionalOwner
+from server.api.owner_tokens import OptionalOwner
 from server.api.schemas import MAX_FOLD_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
-from server.api.source import GalleryShape, Origin, Uploaded, id_field, open_source, validate
 from server.errors import NotFound, Unusable
 from server.files.preview_reports import Asker
 from server.store.previews import PreviewView
@@ -98,7 +98,8 @@ async def post_preview(
         if owner is not None:
             context.previews.note_view(known, owner, viewed(options, report))
         times = ExpectedTimes.of(report, options.world, context.estimates.total_s)
-        return Preview.of(known, options.key, report, times, full=full)
+        preparing = context.leases.preparing()
+        return Preview.of(known, options.key, report, times, preparing=preparing, full=full)
 
     async with asking(request, context) as asker:
         return await run_in_threadpool(reported, asker)

@@ -17,10 +17,11 @@ from planner.file_names import PREPARED, REQUEST
 from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.request import FoldRequest
 from server.api.context import Context
+from server.api.fold_inputs import Origin, Source, open_source
 from server.api.parent_folds import ParentFold
-from server.api.source import Origin, Source, open_source
 from server.errors import Conflict, Unavailable, Unusable, not_stored
 from server.files.uploads import Upload
+from server.limits.concurrency_quota import BUSY_RETRY_S
 from server.limits.disk_space import check_space
 from server.limits.queue_room import Waiting, check_room
 from server.processes.children import ChildError
@@ -252,7 +253,7 @@ def _read(context: Context, directory: Path, parent: ParentFold | None, visitor:
             error = context.gallery.advised(error, parent.module, parent.modules)
         raise Unusable.of(error) from None
     except ChildError as error:
-        raise Unavailable(error.code, error.detail) from None
+        raise Unavailable(error.code, error.detail, retry_after_s=BUSY_RETRY_S) from None
     modules = int(found["modules"])
     if modules > context.settings.max_modules:
         raise Unusable(

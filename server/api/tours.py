@@ -11,9 +11,9 @@ from pydantic import ConfigDict, Field
 from planner.errors import InputError
 from planner.pipeline.fold_layout import stored_moments
 from planner.plan.tour import Tour
-from server.api.artifacts import not_there
 from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, problems
-from server.api.owners import RequiredOwner, not_owner
+from server.api.owner_tokens import RequiredOwner, not_owner
+from server.api.results import not_there
 from server.api.schemas import Body
 from server.errors import Conflict, Forbidden, Unusable
 from server.store.fold_files import frames_promised

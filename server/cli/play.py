@@ -29,14 +29,14 @@ from planner.pipeline.fold_layout import result
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.workspace import Workspace
 from planner.plan.module_values import values_in
-from server.api import frames as timelines
+from server.api import player_data as timelines
 from server.api.fold_lookup import Viewing
 from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from server.pages import fold, share, static
 from server.store.fold_source import Found
-from web.timeline.views import TimelineViews
+from web.timeline.shared_views import TimelineViews
 from words.fold import ShownFold
 
 PLAYED_FOLD_ID: Final = "fold"
@@ -134,6 +134,7 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
                 artifacts=artifacts,
                 settings=None,
                 estimates=None,
+                leases=None,
             )
             yield
             waits.close()

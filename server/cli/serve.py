@@ -162,8 +162,8 @@ def _allow_files(count: int) -> None:
 
 def _fold_first(context: Context, name: str) -> str:
     from planner.pipeline.request import FoldRequest
-    from server.api.finished import SERVICE_VISITOR
-    from server.api.source import Origin
+    from server.api.fold_inputs import Origin
+    from server.api.shipped_folds import SERVICE_VISITOR
     from server.api.submit import fold_origin
     from server.errors import Unusable
     from server.store.owner import Claim

@@ -22,7 +22,7 @@ from planner.errors import InputError, PlannerError
 from planner.file_names import TIMELINE
 from planner.pipeline.fold_layout import result
 from planner.plan.packed_fold import unpack
-from server.api.finished import FINISHED_FOLDS_DIR
+from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from server.cli.play import row_of
 from server.pages.site import write_site
 from server.store.fold_source import Found
@@ -91,7 +91,7 @@ def _shipped(finished: bool) -> Generator[list[Found]]:
     """Unpack the finished folds that come with the package, while they are needed."""
     with tempfile.TemporaryDirectory(prefix="foldback-site-") as place:
         folds: list[Found] = []
-        for path in sorted(FINISHED_FOLDS_DIR.glob("*.fold")) if finished else ():
+        for path in sorted(SHIPPED_FOLDS_DIR.glob("*.fold")) if finished else ():
             directory = Path(place) / path.stem
             directory.mkdir()
             about = unpack(path.read_bytes(), directory)

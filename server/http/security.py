@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 from collections.abc import Iterable
 from typing import Final
 from urllib.parse import unquote, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from planner.readers.limits import megabytes
 from server.errors import Forbidden, Malformed, ServiceError
 from server.http.problems import Guard
 
@@ -47,19 +44,6 @@ them; all other answers forbid it."""
 CONTROL_CHARACTERS: Final = re.compile(r"[\x00-\x1f\x7f]")
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
-FORM_OVERHEAD_BYTES: Final = 64 * 1024
-"""Number of bytes by which an upload request may exceed the limit of an uploaded file, for the
-other fields of its form. A smaller value could refuse files of permitted size. Chosen."""
-MAX_SMALL_BODY_BYTES: Final = 64 * 1024
-"""Maximum size of a request body other than a form with a file, in bytes. Such bodies are held in
-memory, so a larger value lets requests take more of it. Chosen."""
-MAX_DRAINED_BYTES: Final = 64 * 2**20
-"""Maximum number of bytes of a refused upload that are read and discarded before the connection is
-closed, so that the client gets the answer. A larger value takes more traffic. Chosen."""
-MAX_DRAIN_S: Final = 10.0
-"""Maximum time for which the body of a refused upload is read and discarded before the connection
-is closed, in s, so that slow clients get the answer as well. A larger value occupies connections
-for longer. Chosen."""
 
 
 class SecurityHeaders:
@@ -188,89 +172,3 @@ class SameOrigin(Guard):
         except ValueError:
             return False
         return found.scheme in ("http", "https") and bool(host) and found.netloc.lower() == host
-
-
-class BodyLimit:
-    """Middleware that refuses bodies above a limit before they fill memory or disk.
-
-    Args:
-        app: Inner ASGI application.
-        most_bytes: Maximum size of an upload.
-        seconds: Maximum duration of an upload, s.
-        idle_s: Maximum time without data, s.
-    """
-
-    def __init__(
-        self, app: ASGIApp, *, most_bytes: int, seconds: float = 120.0, idle_s: float = 15.0
-    ) -> None:
-        self._app = app
-        self._most_bytes = most_bytes
-        self._seconds = seconds
-        self._idle_s = idle_s
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handle one request."""
-        if scope["type"] != "http" or scope["method"] in SAFE_METHODS:
-            await self._app(scope, receive, send)
-            return
-        headers = Headers(scope=scope)
-        upload = headers.get("content-type", "").lower().startswith("multipart/form-data")
-        most = self._most_bytes if upload else min(self._most_bytes, MAX_SMALL_BODY_BYTES)
-        words = (
-            f"the upload is larger than {megabytes(most)}, the limit; use a coarser or shorter "
-            "file."
-        )
-        told = announced(headers)
-        got = 0
-        more = True
-        loop = asyncio.get_running_loop()
-        deadline = loop.time() + self._seconds
-
-        async def receive_counted() -> Message:
-            nonlocal got, more
-            if not more:  # what comes after the body is only the end of the connection
-                return await receive()
-            left = min(self._idle_s, deadline - loop.time())
-            message = await asyncio.wait_for(receive(), max(0.0, left))
-            if message["type"] == "http.request":
-                got += len(message.get("body", b""))
-                more = message.get("more_body", False)
-            return message
-
-        async def receive_bounded() -> Message:
-            try:
-                message = await receive_counted()
-                # What is said to come counts at once: a parser that meets its own limit
-                # in the first part of it would give another answer.
-                if max(got, told) > most + FORM_OVERHEAD_BYTES:
-                    if more:
-                        await forget(receive)
-                    raise HTTPException(413, words)
-            except TimeoutError:
-                raise HTTPException(408, "the upload took too long; try again.") from None
-            return message
-
-        await self._app(scope, receive_bounded, send)
-
-
-def announced(headers: Headers) -> int:
-    """Return the content length that a request states, or 0."""
-    length = headers.get("content-length", "")
-    return int(length) if length.isascii() and length.isdigit() and len(length) < 21 else 0
-
-
-async def forget(receive: Receive) -> None:
-    """Read the rest of a refused body, within limits.
-
-    Clients read the answer only when they could send.
-    """
-    got = 0
-    try:
-        async with asyncio.timeout(MAX_DRAIN_S):
-            while got <= MAX_DRAINED_BYTES:
-                message = await receive()
-                got += len(message.get("body", b""))
-                if not message.get("more_body", False):
-                    return
-    except TimeoutError:
-        return

@@ -19,7 +19,7 @@ from planner.pipeline.preference import COMPUTING
 from server.jobs.progress import REPEATED_STAGES, STAGES
 from server.limits.fair_queue import wait_s
 from server.store.estimates import Estimates
-from server.store.folds import Store
+from server.store.folds import Store, compiled_fraction
 from server.store.leases import Leases, Preparing
 from server.store.tables import FoldRow
 
@@ -61,11 +61,13 @@ class QueueEstimate:
     Attributes:
         place: Position in the queue, 1 for the next; 0 if it does not wait.
         running: Number of folds that are computed now in its lane, while it waits.
-        wait_s: About how long it waits; None when it does not, or when nobody computes.
+        wait_s: About how long it waits, with what is left of ``preparing``; None when it does not
+            wait, when nobody computes, or when that is not known.
         remaining_s: About how long until it is over, with the wait; 0 when it takes longer than
-            usual, None while its modules are not counted or nobody computes.
-        preparing: Progress of the workers while none of them can compute yet, or of the compiling
-            fold that it waits for; None otherwise.
+            usual, None while its modules are not counted, nobody computes, or nobody knows how
+            long ``preparing`` lasts.
+        preparing: Progress of the workers while none of them can compute yet, or of the fold that
+            compiles kernels: this one, or one that it waits for; None otherwise.
     """
 
     place: int
@@ -106,18 +108,19 @@ class EtaEstimator:
         """Return the estimate for a fold."""
         place, running, wait = 0, 0, None
         preparing = None if row.over else self._leases.preparing()
-        prepared_s = preparing.remaining_s or 0.0 if preparing is not None else 0.0
+        compiling = compiled_fraction(row.progress) if row.status == "running" else None
         if row.status == "queued":
             ahead = self._store.ahead(row)
-            place, running = ahead.place, ahead.running
+            place, running, compiling = ahead.place, ahead.running, ahead.compiling
             wait = wait_s(
                 ahead_s=ahead.ahead_s, running_s=ahead.running_s, at_once=self._leases.at_once()
             )
-            if preparing is None and ahead.compiling is not None:
-                preparing = Preparing(fraction=ahead.compiling, remaining_s=None)
-            wait = None if wait is None else round(wait + prepared_s, 1)
-        left = None if row.over else self._left_s(row, wait)
-        if left and row.status == "running":
+        if preparing is None and compiling is not None:
+            preparing = Preparing(fraction=compiling, remaining_s=None)
+        prepared_s = 0.0 if preparing is None else preparing.remaining_s
+        wait = None if wait is None or prepared_s is None else round(wait + prepared_s, 1)
+        left = None if row.over or prepared_s is None else self._left_s(row, wait)
+        if left and prepared_s and row.status == "running":
             left += prepared_s
         return QueueEstimate(
             place=place,

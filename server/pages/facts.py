@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, NotRequired, TypedDict, cast
@@ -28,15 +29,15 @@ from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
 from server.errors import MOTION_FILES, damage_words
 from server.pages.table_check import ruled_out_on_table
-from server.store.estimates import Expected, expected_of_cost, plain_fold
+from server.store.estimates import expected_of_cost, plain_fold
 from server.store.fold_files import frames_promised
 from server.store.fold_source import Found
-from server.store.tables import request_of
+from server.store.tables import FoldRow, request_of
 from words import certificate as certificate_words
 from words.certificate import TableWords
-from words.choice import Choice, choice_of
 from words.failures import AttemptWords, Failure, attempts, failure
 from words.fold import RUNNING_STATUSES, ShownFold, has_motion
+from words.plan_choice import Choice, choice_of
 from words.properties import Properties, properties
 from words.smoothing import BeforeAfter, smoothing_note, smoothing_rows
 from words.suggestions import (
@@ -46,6 +47,7 @@ from words.suggestions import (
     PUBLISHED_CHANGED,
     RECORDED,
     Button,
+    about,
     another_seed,
     on_a_table,
     preferring,
@@ -134,13 +136,18 @@ class FoldFacts(TypedDict):
     downloads_hint: str
 
 
+def takes_by_cost(row: FoldRow) -> str:
+    """Return the time of a fold in words, by the planner's expected cost."""
+    return about(expected_of_cost(row))
+
+
 def fold_facts(
     found: Found,
     *,
     api: bool = True,
     embed: bool = False,
     kept: str | None = None,
-    expected: Expected = expected_of_cost,
+    takes: Callable[[FoldRow], str] = takes_by_cost,
 ) -> FoldFacts:
     """Return all that the page shows besides the timeline, as JSON values.
 
@@ -149,7 +156,7 @@ def fold_facts(
         api: True if the service's API is available for downloads and events.
         embed: True if other sites may embed folds in a frame.
         kept: Visibility and expiry of the fold in words.
-        expected: Estimates the seconds of other folds that are offered.
+        takes: Returns the estimated time of another fold that is offered, in words.
     """
     row, directory = found.row, found.directory
     api = api and found.alternative_to is None
@@ -181,7 +188,7 @@ def fold_facts(
         "smoothing": _smoothing(found if api else None, summary),
         "comparable": api and not running,
         "alternative_to": found.alternative_to,
-        "compare": _compare(found, expected) if api and not running else [],
+        "compare": _compare(found, takes) if api and not running else [],
         "embed": f"/embed/{row.id}" if embed else None,
         "kept": kept,
         "made": origin_of(summary),
@@ -271,7 +278,7 @@ def _next_seed(row: ShownFold) -> int:
     return (row.seed + 1) % (MAX_SEED + 1)
 
 
-def _compare(found: Found, expected: Expected) -> list[Suggestion]:
+def _compare(found: Found, takes: Callable[[FoldRow], str]) -> list[Suggestion]:
     """Return the label and the form of the buttons that fold the same with another method."""
     row = found.row
     plain = FoldRequest(seed=row.seed, module_size=row.module_size)
@@ -285,10 +292,12 @@ def _compare(found: Found, expected: Expected) -> list[Suggestion]:
     if row.world != FLOATING:
         floating = replace(plain, settings=_floating_settings(row.settings))
         return [_suggestion(FLOATING_FOLD, _form(row, floating, "settings")), another]
-    return [*_other_methods(found, plain, expected), another]
+    return [*_other_methods(found, plain, takes), another]
 
 
-def _other_methods(found: Found, plain: FoldRequest, expected: Expected) -> list[Suggestion]:
+def _other_methods(
+    found: Found, plain: FoldRequest, takes: Callable[[FoldRow], str]
+) -> list[Suggestion]:
     """Return the suggestions for a fold without a table: table, preference and presets.
 
     ``settable`` states that settings of the published method may be sent with it, or must.
@@ -296,22 +305,22 @@ def _other_methods(found: Found, plain: FoldRequest, expected: Expected) -> list
     row = found.row
     cube = FoldRequest(module=row.module)
 
-    def takes_s(request: FoldRequest) -> float:
-        return expected(plain_fold(row.modules, request))
+    def time(request: FoldRequest) -> str:
+        return takes(plain_fold(row.modules, request))
 
     others: list[Suggestion] = []
     if _may_rest(row) and not ruled_out_on_table(result(found.directory, CHAIN)):
-        button = on_a_table(takes_s(FoldRequest(world="table")))
+        button = on_a_table(time(FoldRequest(world="table")))
         others.append(_suggestion(button, _form(row, replace(plain, world="table"))))
     if row.preset == plain.preset:
         unlike: Preference = "time" if row.prefer == COMPUTING else COMPUTING
-        button = preferring(unlike, takes_s(replace(cube, prefer=unlike)))
+        button = preferring(unlike, time(replace(cube, prefer=unlike)))
         others.append(_suggestion(button, _form(row, replace(plain, prefer=unlike), "prefer")))
     for preset, button in OTHER_PRESETS.items():
         if (preset, "") != (row.preset, row.settings):
             others.append(_suggestion(button, _form(row, replace(plain, preset=preset), "preset")))
     by_paper = (row.preset, row.settings) == ("paper", "")
-    button = PUBLISHED_CHANGED if by_paper else published(takes_s(replace(cube, preset="paper")))
+    button = PUBLISHED_CHANGED if by_paper else published(time(replace(cube, preset="paper")))
     last = _suggestion(button, _form(row, replace(plain, preset="paper")))
     return [*others, {**last, "settable": "must" if by_paper else "may"}]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
@@ -17,19 +18,20 @@ from planner.file_names import CHAIN
 from planner.motion.timeline import chain_from_attributes
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import damaged_among
-from server.api.fold_lookup import find_now, viewing_of
+from server.api.fold_lookup import Viewing, find_now, viewing_of
 from server.http.response_cache import mark
-from server.pages.facts import FoldFacts, fold_facts
+from server.pages.facts import FoldFacts, fold_facts, takes_by_cost
 from server.pages.page import origin_of, page, script_json
 from server.pages.privacy import visibility
 from server.pages.problem_page import no_such_page
-from server.store.estimates import expected_of_cost
 from server.store.fold_source import Found
+from server.store.tables import FoldRow
 from web.pictures.isometric import isometric_svg
 from web.pictures.isometric_modules import chain_svg
 from web.pictures.picture_view import PictureView
 from words.fold import RUNNING_STATUSES
-from words.missing import NO_FOLD
+from words.missing_pages import NO_FOLD
+from words.suggestions import ONCE_READY, about
 
 router = APIRouter(include_in_schema=False)
 
@@ -111,11 +113,19 @@ def _facts(request: Request, found: Found) -> FoldFacts:
     settings = viewing.settings
     embed = settings is not None and bool(settings.embed_origins)
     kept = None if settings is None else visibility(settings, found.row)
-    estimates = viewing.estimates
     return fold_facts(
         found,
         api=viewing.settings is not None,
         embed=embed,
         kept=kept,
-        expected=expected_of_cost if estimates is None else estimates.total_s,
+        takes=takes(viewing),
     )
+
+
+def takes(viewing: Viewing) -> Callable[[FoldRow], str]:
+    """Return what tells the time of a fold that somebody may request now."""
+    estimates, leases = viewing.estimates, viewing.leases
+    if estimates is None or leases is None:
+        return takes_by_cost
+    after = ONCE_READY if leases.preparing() else ""
+    return lambda row: about(estimates.total_s(row)) + after

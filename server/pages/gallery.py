@@ -10,8 +10,8 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from planner.parameters.parameters import World
 from planner.pipeline.request import FoldRequest
 from server.api.context import context_of, in_list_rate
+from server.api.fold_inputs import Origin
 from server.api.folds import post_fold
-from server.api.source import Origin
 from server.errors import ServiceError
 from server.http.problems import Problem
 from server.pages.cards import (

@@ -15,7 +15,7 @@ from server.pages.cards import included_folds
 from server.pages.page import page, script_json
 from server.pages.problem_page import not_found_page
 from words.fold import ShownFold
-from words.missing import NO_FOLD
+from words.missing_pages import NO_FOLD
 
 router = APIRouter(include_in_schema=False)
 CHOSEN_FOLDS: Final = r"^([A-Za-z0-9_-]{1,64}(,[A-Za-z0-9_-]{1,64}){0,49})?$"

@@ -22,7 +22,7 @@ from server.pages.problem_page import DRAWN_CELLS
 from server.pages.shape_drawings import chain_of, drawing_of
 from server.store.folds import Store
 from web.pictures.isometric import isometric_svg
-from web.pictures.shipped import shipped_pictures
+from web.pictures.shipped_pictures import shipped_pictures
 from web.static_files import STATIC
 from web.viser.scene_bundle import bundle_of
 

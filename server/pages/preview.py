@@ -20,7 +20,7 @@ from server.pages.problem_page import not_found_page
 from server.store.previews import NoSuchPreviewError, Previews
 from web.pictures.preview_drawing import preview_svg
 from words.fold import shown_name
-from words.missing import NO_PREVIEW
+from words.missing_pages import NO_PREVIEW
 
 router = APIRouter(include_in_schema=False)
 
@@ -43,7 +43,8 @@ async def preview_page(request: Request, preview_id: str) -> Response:
         "table_modules": MAX_TABLE_MODULES,
         "next_scripts": _next_scripts(),
     }
-    return page("preview.html", facts=facts, facts_json=script_json(facts))
+    preparing = await asyncio.to_thread(context.leases.preparing)
+    return page("preview.html", facts=facts, facts_json=script_json(facts), preparing=preparing)
 
 
 @cache

@@ -17,7 +17,7 @@ from server.api.context import context_of
 from server.http.security import INDEXED_HEADERS
 from server.pages.page import drawing
 from web.pictures.isometric_modules import chain_svg
-from web.pictures.shipped import shipped_pictures
+from web.pictures.shipped_pictures import shipped_pictures
 
 router = APIRouter(include_in_schema=False)
 

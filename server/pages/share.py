@@ -20,8 +20,8 @@ from planner.parameters.parameters import FLOATING
 from planner.pipeline.fold_layout import result
 from planner.verification.integrity import check
 from server.api.fold_lookup import find_fold, found_fold, viewing_of
-from server.api.frames import view_page
 from server.api.module_values import values_of
+from server.api.player_data import view_page
 from server.api.tours import tour_of
 from server.errors import Conflict
 from server.http.client_address import address_of
@@ -32,13 +32,13 @@ from server.pages.problem_page import no_such_page
 from server.store.fold_source import FoldSource, Found
 from web.pictures.table_top import TableTop
 from web.timeline.metrics import FIGURES, curves_of, table_forces
+from web.timeline.shared_views import unless_replaced
 from web.timeline.view import TimelineView
-from web.timeline.views import unless_replaced
 from web.viser.client import client
 from web.viser.recording import recording_of
 from web.viser.standalone import Render, standalone_html, standalone_scripts
 from words.fold import RUNNING_STATUSES
-from words.missing import NO_FOLD, NO_PAIR
+from words.missing_pages import NO_FOLD, NO_PAIR
 
 router = APIRouter(include_in_schema=False)
 SHARED_FOLD_ID: Final = r"^[A-Za-z0-9_-]{1,64}$"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import secrets
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar, TypeVarTuple
@@ -288,17 +288,13 @@ class Store:
                 room_s = slice_s(cost_s, pauses, self._first_slice_s, for_cheaper=cheaper) - spent_s
                 expected_s = max(0.2 * factor * cost_s, factor * cost_s - spent_s)
                 left += min(expected_s, max(SLICE_END_S, room_s))
-        compiled = [
-            float(told["fraction"])
-            for *_, told in computed
-            if told.get("message") == COMPILING and "fraction" in told
-        ]
+        compiled = [compiled_fraction(told) for *_, told in computed]
         return Ahead(
             place=count + 1,
             ahead_s=factor * float(ahead_s),
             running_s=left,
             running=len(computed),
-            compiling=max(compiled, default=None),
+            compiling=max((f for f in compiled if f is not None), default=None),
         )
 
     @staticmethod
@@ -622,6 +618,11 @@ class Store:
 def cost_of(row: FoldRow, modules: int | None = None) -> ExpectedCost:
     """Return what computing a fold is expected to cost, or one like it of so many modules."""
     return expected_cost(row.modules if modules is None else modules, request_of(row))
+
+
+def compiled_fraction(told: Mapping[str, Any]) -> float | None:
+    """Return the compiled fraction of the solvers that a running fold reports, None if ready."""
+    return told.get("fraction") if told.get("message") == COMPILING else None
 
 
 def in_lane(*, quick: bool) -> sa.ColumnElement[bool]:

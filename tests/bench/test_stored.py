@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from bench.measured_tables import Section
 from bench.success_map.stored import run_missing, stored, version_of
-from bench.tables import Section
 from planner.progress import Progress
 
 # Any frozen dataclass is suitable.

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from planner.plan.packed_fold import unpack
-from server.api.finished import FINISHED_FOLDS_DIR
+from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from server.cli.site import site
 from tests.browser.conftest import MEDIA
 
@@ -23,7 +23,7 @@ def site_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("a wrench & a mallet", "cube"):
         (place / "folds" / name).mkdir(parents=True)
         packed = "wrench-80-to-mallet-80" if "wrench" in name else "tetra-cube-2"
-        unpack((FINISHED_FOLDS_DIR / f"{packed}.fold").read_bytes(), place / "folds" / name)
+        unpack((SHIPPED_FOLDS_DIR / f"{packed}.fold").read_bytes(), place / "folds" / name)
     out = place / "x" / "y"
     site(out, [place / "folds"], finished=False, service=SERVICE)
     return out

@@ -5,7 +5,7 @@ import pytest
 
 from docs.make_drawings import PICTURES, draw_shape
 from examples.make_pictures import pictures
-from web.pictures.shipped import shipped_pictures
+from web.pictures.shipped_pictures import shipped_pictures
 from web.timeline.columns import decode
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -361,7 +361,7 @@ def test_every_script_is_used() -> None:
     }
     assert scripts == {*used, *named_alone, *scripts_of("js/check/worker.js")}
     templates = "".join(path.read_text() for path in (ROOT / "web" / "templates").rglob("*.html"))
-    named = {*re.findall(r'entry\("(\w+)"\)', templates), "api", "films", "standalone"}
+    named = {*re.findall(r'entry\("(\w+)"\)', templates), "api", "static_paper", "standalone"}
     assert pages == {f"js/pages/{name}.js" for name in named}
 
 

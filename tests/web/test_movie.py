@@ -21,7 +21,7 @@ from web.movies.encoding import (
 )
 from web.movies.make_movie import make_movie, schedule
 from web.movies.movie import Movie
-from web.movies.renderer import NoGLError, Stage
+from web.movies.renderer import MovieRenderer, NoGLError
 from web.pictures.caption import caption_strip
 from web.pictures.lighting import TABLE_THEMES, THEMES
 from web.timeline.view import TimelineView
@@ -187,7 +187,9 @@ def test_formats_have_default_sizes_and_the_same_options_the_same_key() -> None:
 
 def test_missing_opengl_is_an_error(chain: Chain) -> None:
     with pytest.raises(NoGLError, match="glide"):
-        Stage(chain.module, len(chain), width=64, height=64, theme=THEMES["light"], backend="glide")
+        MovieRenderer(
+            chain.module, len(chain), width=64, height=64, theme=THEMES["light"], backend="glide"
+        )
 
 
 def test_failed_encoder_is_an_error(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from cli.summary import show_choice
 from planner.pipeline.preference import PREFERENCES, Preference
-from words.choice import PLAN_COLUMNS, PREFERENCE_WORDS, choice_of, superlative
+from words.plan_choice import PLAN_COLUMNS, PREFERENCE_WORDS, choice_of, superlative
 
 FIGURES = {"frames": 100, "seconds": 3.0}
 SLOW = {"fold_time_s": 100.0, "peak_torque_nm": 0.0001, "clearance_bound": 0.04}

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from web.movies.encoding import find_ffmpeg, open_encoder
 from web.movies.movie import Movie, MovieStop
-from web.movies.renderer import Shot, Stage
+from web.movies.renderer import MovieRenderer, Shot
 from web.palette import SELECTED_RGB, error_colours
 from web.pictures.camera import few_points
 from web.pictures.camera_path import CameraPath, camera_path
 from web.pictures.lighting import TABLE_THEMES, THEMES
-from web.pictures.visible import MAX_FULLY_DRAWN_MODULES, visible_modules
+from web.pictures.visible_modules import MAX_FULLY_DRAWN_MODULES, visible_modules
 from web.timeline.view import Snapshot, TimelineView
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def make_movie(
     timeline = TimelineView(directory)
     frames, stops = schedule(timeline, movie)
     strips: dict[str, Image.Image] = {}
-    with Stage(
+    with MovieRenderer(
         timeline.chain.module,
         min(len(timeline.chain), MAX_FULLY_DRAWN_MODULES),
         width=movie.width,

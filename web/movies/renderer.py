@@ -1,4 +1,4 @@
-"""Stage: a chain drawn offscreen by MuJoCo's renderer, in the look of the page.
+"""Renderer of movies: a chain drawn offscreen by MuJoCo, in the look of the page.
 
 Nothing is simulated: the modules are put into MuJoCo's scene where the timeline says they are.
 """
@@ -64,7 +64,7 @@ class Shot:
     ground: float
 
 
-class Stage:
+class MovieRenderer:
     """OpenGL context with the drawn chain; use it in one thread and close it there."""
 
     def __init__(
@@ -105,7 +105,7 @@ class Stage:
         self._before = self._scene.ngeom
         self._faces = [[self._mesh(k) for k in range(len(self._pieces))] for _ in range(modules)]
 
-    def __enter__(self) -> Stage:
+    def __enter__(self) -> MovieRenderer:
         return self
 
     def __exit__(self, *of: object) -> None:

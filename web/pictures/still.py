@@ -17,7 +17,7 @@ from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, V
 from web.pictures.lighting import THEMES, UPWARD, Theme, fill_light, key_light, share_left, unit
 from web.pictures.module_faces import module_faces
 from web.pictures.rasteriser import draw_triangles
-from web.pictures.visible import visible_modules
+from web.pictures.visible_modules import visible_modules
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]

@@ -1,4 +1,4 @@
-"""Batch: a stretch of a timeline as one message, for a browser that computes the poses itself.
+"""Frame batch: a stretch of a timeline as one message, for a browser that computes the poses.
 
 A message (``web.timeline.columns``) tells in its header which timeline it is of (``id``), its
 ``status`` (``growing``, ``complete`` or ``failed``), how many frames there are in ``total``, the

@@ -1,4 +1,4 @@
-"""Measured: the figures of a fold as messages for a browser, curves first, then stretch by stretch.
+"""Metrics: the figures of a fold as messages for a browser, curves first, then stretch by stretch.
 
 Messages are those of ``web.timeline.columns``. The curves' header tells ``frames``, how many
 ``rows`` a stretch has and the ``largest`` torque and position error; a stretch holds the

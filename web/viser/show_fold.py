@@ -13,8 +13,8 @@ from planner.pipeline.fold_layout import result
 from planner.plan.plan import Plan
 from planner.progress import STAGES, Progress
 from web.timeline.motion_source import MotionMoments, MotionSource
+from web.timeline.shared_views import TimelineViews
 from web.timeline.view import TimelineView
-from web.timeline.views import TimelineViews
 from web.viser.viewer import Shown
 
 DEFAULT_HOST: Final = "127.0.0.1"

@@ -36,7 +36,7 @@ from web.viser.client import client
 from web.viser.scene_bundle import bundle_of
 
 ENTRY_SCRIPT: Final = "js/pages/standalone.js"
-FILMS_SCRIPT: Final = "js/pages/films.js"
+FILMS_SCRIPT: Final = "js/pages/static_paper.js"
 """Entry script of the page of the paper's experiments in a static website."""
 KIOSK_SCRIPT: Final = "js/pages/kiosk.js"
 """Entry script of the kiosk in a static website."""

@@ -29,7 +29,7 @@ from tests.planner.plans import unverified
 from tests.planner.verification.forged_plans import FALSE, SIZE, forge, rewrite, save
 
 Array = NDArray[np.float64]
-FINISHED: Final = FilePath(__file__).parents[3] / "server" / "finished"
+FINISHED: Final = FilePath(__file__).parents[3] / "server" / "shipped_folds"
 PRISM: Final = {
     # A hexagonal prism along x, whose joint is at the centre of its face and turns about y.
     "corners": [

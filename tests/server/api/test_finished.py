@@ -10,13 +10,13 @@ from planner.pipeline import manifest
 from planner.plan.packed_fold import unpack
 from planner.readers.gallery import Gallery
 from planner.verification.verify import verify
-from server.api.finished import FINISHED_FOLDS_DIR, import_finished
+from server.api.shipped_folds import SHIPPED_FOLDS_DIR, import_shipped_folds
 from server.pages.cards import included_folds
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.tables import CounterRow
 
-NAMES = sorted(path.stem for path in FINISHED_FOLDS_DIR.glob("*.fold"))
+NAMES = sorted(path.stem for path in SHIPPED_FOLDS_DIR.glob("*.fold"))
 SMALL, REFOLD = "tetra-cube-2", "wrench-80-to-mallet-80"
 
 
@@ -25,16 +25,16 @@ def test_finished_folds_are_imported_once_and_unchanged(
 ) -> None:
     """Two of the five, since it takes long to verify all."""
     assert len(NAMES) == 5
-    assert sum(path.stat().st_size for path in FINISHED_FOLDS_DIR.glob("*.fold")) < 1_600_000
+    assert sum(path.stat().st_size for path in SHIPPED_FOLDS_DIR.glob("*.fold")) < 1_600_000
     folder = tmp_path / "finished"
     folder.mkdir()
     for name in (SMALL, REFOLD):
-        (folder / f"{name}.fold").symlink_to(FINISHED_FOLDS_DIR / f"{name}.fold")
+        (folder / f"{name}.fold").symlink_to(SHIPPED_FOLDS_DIR / f"{name}.fold")
     (folder / "broken.fold").write_bytes(b"no archive")
-    monkeypatch.setattr("server.api.finished.FINISHED_FOLDS_DIR", folder)
+    monkeypatch.setattr("server.api.shipped_folds.SHIPPED_FOLDS_DIR", folder)
     settings = Settings(data_dir=tmp_path / "data")
     with closing(Store(settings)) as store:
-        assert import_finished(settings, store, Gallery()) == [SMALL, REFOLD]
+        assert import_shipped_folds(settings, store, Gallery()) == [SMALL, REFOLD]
         assert "the finished fold broken could not be imported" in caplog.text
         rows = {row.module: row for row in store.list_public()}
         assert [rows[module].refold for module in ("cube", "tetrahedron")] == ["wrench-80", None]
@@ -46,7 +46,7 @@ def test_finished_folds_are_imported_once_and_unchanged(
         assert store.delete(rows["cube"].id)
         with store.changing() as session:
             session.execute(sa.delete(CounterRow).where(CounterRow.name == f"finished {SMALL}"))
-        assert import_finished(settings, store, Gallery()) == []
+        assert import_shipped_folds(settings, store, Gallery()) == []
         assert len(included_folds(store)) == 1
         names = {path.name for path in settings.folds_dir.iterdir()}
         assert names == {row.id for row in rows.values()}  # the sweep removes the deleted one
@@ -55,6 +55,6 @@ def test_finished_folds_are_imported_once_and_unchanged(
 @pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_finished_fold_verifies_again(name: str, tmp_path: Path) -> None:
-    unpack((FINISHED_FOLDS_DIR / f"{name}.fold").read_bytes(), tmp_path)
+    unpack((SHIPPED_FOLDS_DIR / f"{name}.fold").read_bytes(), tmp_path)
     found = verify(tmp_path)
     assert (found.problems, found.notes) == ((), ())

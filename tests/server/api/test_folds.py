@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 from typing import Any
+from unittest.mock import MagicMock
 
 import httpx
 import numpy as np
@@ -14,8 +15,11 @@ import pytest
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.motion.timeline import Timeline
+from server.limits.concurrency_quota import BUSY_RETRY_S
+from server.processes.children import BUSY, ChildError, Reader
 from server.settings import Settings
 from server.store.folds import Store
+from server.store.leases import Leases, Preparing
 from tests.server.service_process import SNAKE, STAIRS, Service, owner
 from tests.server.service_thread import ServiceThread
 
@@ -167,3 +171,28 @@ def test_settings_that_change_something_make_another_fold(idle: Service) -> None
     # By its id, too; derived folds take the requested settings.
     again = idle.fold(fold=first["id"], **options, settings="radial_gain=0.2")
     assert (again["id"], idle.fold(fold=first["id"], **options)["id"]) == (first["id"], plain["id"])
+
+
+def test_previews_report_the_compilation(idle: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    def previewed() -> dict[str, Any]:
+        files = {"file": ("path.json", json.dumps(SNAKE))}
+        return idle.http.post("/api/shapes/preview", files=files).json()
+
+    before = previewed()
+    assert before["preparing"] is None
+    monkeypatch.setattr(
+        Leases, "preparing", MagicMock(return_value=Preparing(fraction=0.42, remaining_s=69.2))
+    )
+    assert previewed()["preparing"] == {"fraction": 0.42, "remaining_s": 70}
+    page = idle.http.get(before["links"]["page"]).text
+    assert "preparing the solvers, 42 % done" in page
+
+
+def test_busy_reader_says_when_to_try_again(idle: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    def busy(*_: object, **__: object) -> None:
+        raise ChildError(BUSY, "the machine is too busy; try again in a minute.")
+
+    monkeypatch.setattr(Reader, "check", busy)
+    files = {"file": ("path.json", json.dumps(STAIRS))}
+    answer = idle.http.post("/api/folds", files=files, data={"seed": "77"})
+    assert (answer.status_code, answer.headers["Retry-After"]) == (503, str(BUSY_RETRY_S))

@@ -10,7 +10,7 @@ import pytest
 from foldback_client import Client, Problem
 from server.settings import Settings
 from server.store.folds import Store
-from server.store.owned import change_fold, folds_made
+from server.store.owned_items import change_fold, folds_made
 from server.store.owner import Owner, new_token
 from tests.server.rows import SOMEBODY, a_fold
 from tests.server.service_process import SNAKE, Service, bearer

@@ -11,7 +11,7 @@ from planner.pipeline.expected_cost import expected_cost
 from planner.pipeline.request import FoldRequest
 from planner.plan.plan import Plan
 from tests.server.service_process import STAIRS, Service
-from words.choice import choice_of
+from words.plan_choice import choice_of
 
 PLAIN, CHOOSING = FoldRequest(), FoldRequest(prefer="time")
 

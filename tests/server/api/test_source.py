@@ -12,11 +12,11 @@ import pytest
 
 from planner.pipeline.request import FoldRequest
 from planner.readers.gallery import Gallery
-from server.api import source as source_module
+from server.api import fold_inputs as source_module
 from server.api.context import Context
+from server.api.fold_inputs import Origin, Source, open_source, origin_in_form
 from server.api.folds import post_fold
 from server.api.parent_folds import ParentFold
-from server.api.source import Origin, Source, open_source, origin_in_form
 from server.errors import Unusable
 from server.store.tables import FoldRow
 from tests.case import case

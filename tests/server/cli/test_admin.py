@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from planner.readers.gallery import Gallery
 from server.admin.fold_tasks import AdminTasks
-from server.api.finished import import_finished
+from server.api.shipped_folds import import_shipped_folds
 from server.cli.admin import admin
 from server.jobs.housekeeping import Housekeeping
 from server.settings import Settings
@@ -177,7 +177,7 @@ def test_workers_are_listed_and_bad_databases_reported(
 
 @pytest.mark.long
 def test_damaged_lists_folds_with_changed_files(tmp_path: Path, store: Store) -> None:
-    import_finished(Settings(data_dir=tmp_path), store, Gallery())
+    import_shipped_folds(Settings(data_dir=tmp_path), store, Gallery())
     assert run(tmp_path, "damaged").exit_code == 0
     fold_id = store.list_public()[0].id
     (store.directory(fold_id) / "plan.json").write_text("{}")

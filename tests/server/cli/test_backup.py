@@ -16,9 +16,9 @@ from alembic import command
 from click.testing import Result
 from typer.testing import CliRunner
 
+from server.admin.backup_manifest import MANIFEST, BackupFile, Manifest
 from server.admin.database import Database
 from server.admin.errors import AdminError
-from server.admin.manifest import MANIFEST, BackupFile, Manifest
 from server.cli.admin import admin
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store

@@ -69,7 +69,7 @@ def test_compiling_is_reported_while_it_lasts(
     monkeypatch.setattr(stages, "run_stage", report_compiling)
     monkeypatch.setattr(stages, "next_stage", MagicMock(return_value=None))
     assert compute(tmp_path, 1) == {}
-    assert "compiling(once on each machine)" in capsys.readouterr().err
+    assert "compiling (once on each machine)" in capsys.readouterr().err
 
 
 def test_unknown_names_folders_and_commands_are_refused_with_advice(tmp_path: Path) -> None:

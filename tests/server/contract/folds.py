@@ -7,7 +7,7 @@ from typing import Any
 
 from planner.files import settle
 from planner.plan.packed_fold import unpack
-from server.api.finished import FINISHED_FOLDS_DIR
+from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from server.store.folds import Store
 from tests.server.rows import a_fold
 from tests.server.service_process import SNAKE
@@ -88,7 +88,7 @@ def add_folds(store: Store) -> None:
     for fold_id, name in INCLUDED.items():
         directory = store.directory(fold_id)
         directory.mkdir(parents=True)
-        about = unpack((FINISHED_FOLDS_DIR / f"{name}.fold").read_bytes(), directory)
+        about = unpack((SHIPPED_FOLDS_DIR / f"{name}.fold").read_bytes(), directory)
         settle(directory)
         summary = about["summary"]
         known = {key: summary[key] for key in ("module", "modules", "preset", "seed")}

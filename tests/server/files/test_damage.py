@@ -21,13 +21,13 @@ from planner.errors import DamagedError
 from planner.files import zarr_group
 from planner.plan.packed_fold import unpack
 from planner.verification.integrity import check
-from server.api.finished import FINISHED_FOLDS_DIR
+from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from server.app import ROUTERS
 from server.pages.pictures import file_of
 from tests.server.service_process import SNAKE, Service
 from tests.server.service_thread import ServiceThread
 
-SMALL = FINISHED_FOLDS_DIR / "tetra-cube-2.fold"
+SMALL = SHIPPED_FOLDS_DIR / "tetra-cube-2.fold"
 MOTION = "The stored motion of this fold is damaged"
 ROUTES = (
     *("/folds/{id}", "/folds/{id}/facts", "/folds/{id}/bundle", "/folds/{id}/batch"),
@@ -178,7 +178,7 @@ def service_with_shipped_fold(place: Path) -> Iterator[ServiceThread]:
     """Yield a service that came with one finished fold."""
     shutil.copy(SMALL, place)
     with (
-        patch("server.api.finished.FINISHED_FOLDS_DIR", place),
+        patch("server.api.shipped_folds.SHIPPED_FOLDS_DIR", place),
         ServiceThread(place / "data", finished_folds=True).start() as service,
     ):
         yield service

@@ -5,7 +5,7 @@ from typing import Any
 
 from server.settings import Settings
 from server.store.folds import Store
-from server.store.owned import change_fold, folds_made
+from server.store.owned_items import change_fold, folds_made
 from server.store.owner import Owner, new_token
 from server.store.previews import Previews
 from tests.server.rows import new_owner, statements

@@ -8,7 +8,7 @@ import pytest
 
 from planner.display_names import MAX_NAME_LENGTH, clean_name
 from planner.exports.export import export_name
-from server.api.source import clean_filename
+from server.api.fold_inputs import clean_filename
 from tests.case import case
 from tests.server.service_process import SNAKE, Service, bearer
 

@@ -134,7 +134,7 @@ def _wait_until(what: Callable[[], bool]) -> None:
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """Service with short timeouts."""
     patience = pytest.MonkeyPatch()
-    patience.setattr("server.http.security.MAX_DRAIN_S", 0.5)
+    patience.setattr("server.http.upload_limits.MAX_DRAIN_S", 0.5)
     service = ServiceThread(
         tmp_path_factory.mktemp("hasty") / "data",
         upload_idle_s=0.5,

@@ -14,7 +14,7 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import TimelineWriter
 from server.api import fold_states
-from server.api import frames as frame_routes
+from server.api import player_data as frame_routes
 from server.jobs.eta import EtaEstimator
 from server.store.tables import FoldRow
 from tests.server.http.test_threats_crowding import from_address

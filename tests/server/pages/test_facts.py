@@ -4,7 +4,11 @@ import dataclasses
 import json
 import shutil
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
+from unittest.mock import MagicMock
+
+import pytest
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
@@ -13,13 +17,16 @@ from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import PRESETS, preset
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.parameters.published import PaperExplosionParameters
+from server.api.fold_lookup import Viewing
 from server.api.schemas import Fold
 from server.jobs.eta import EtaEstimator
 from server.pages.facts import fold_facts
+from server.pages.fold import takes
 from server.settings import Settings
+from server.store.estimates import Estimates
 from server.store.fold_source import Found
 from server.store.folds import Store
-from server.store.leases import Leases
+from server.store.leases import Leases, Preparing
 from server.store.worker_identity import WorkerIdentities
 from tests.case import case
 from tests.server.rows import SOMEBODY, a_fold
@@ -129,6 +136,24 @@ def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
     plain = fold_facts(failed_fold(tmp_path, 0, status="verified", preset="paper"))["compare"]
     settable = {way["text"]: way["settable"] for way in plain if "settable" in way}
     assert settable == {"Published method, changed": "must"}
+
+
+def test_times_of_offered_folds_name_the_compilation(
+    tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = failed_fold(tmp_path, 0, status="verified")
+    leases = Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), 1000.0)
+    viewing = cast(Viewing, SimpleNamespace(estimates=Estimates(store), leases=leases))
+
+    def hints() -> set[str]:
+        offers = fold_facts(found, takes=takes(viewing))["compare"]
+        return {offer.get("hint", "") for offer in offers}
+
+    assert "Takes less than a minute" in hints()
+    monkeypatch.setattr(
+        Leases, "preparing", MagicMock(return_value=Preparing(fraction=0.4, remaining_s=60.0))
+    )
+    assert "Takes less than a minute, once the solvers are ready" in hints()
 
 
 def test_running_fold_shows_the_verdict_of_a_checked_plan(tmp_path: Path) -> None:

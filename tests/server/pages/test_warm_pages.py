@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from planner.readers.gallery import Gallery
-from server.api.finished import FINISHED_FOLDS_DIR
+from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from server.pages import landing
 
 PROGRAM = """
@@ -22,13 +22,13 @@ class Refused:
 sys.meta_path.insert(0, Refused())
 from fastapi.testclient import TestClient
 from planner.may_compile import forbid_compiling
-from server.api import finished
+from server.api import shipped_folds
 from server.app import create_app
 from server.cli.serve import _fold_first
 from server.settings import Settings
 
 forbid_compiling()
-finished.FINISHED_FOLDS_DIR = Path(sys.argv[2])
+shipped_folds.SHIPPED_FOLDS_DIR = Path(sys.argv[2])
 app = create_app(Settings(data_dir=sys.argv[1], workers=0, prewarm=False))
 with TestClient(app, base_url="http://127.0.0.1:8000") as client:
     context = app.state.context
@@ -61,6 +61,6 @@ def test_pages_are_answered_without_a_compiler(tmp_path: Path) -> None:
     folds = tmp_path / "finished"
     folds.mkdir()
     for name in ("tetra-cube-2", "wrench-160", "wrench-80-to-mallet-80"):  # one of each kind
-        (folds / f"{name}.fold").symlink_to(FINISHED_FOLDS_DIR / f"{name}.fold")
+        (folds / f"{name}.fold").symlink_to(SHIPPED_FOLDS_DIR / f"{name}.fold")
     command = [sys.executable, "-W", "ignore", "-c", PROGRAM, str(tmp_path / "data"), str(folds)]
     subprocess.run(command, check=True)

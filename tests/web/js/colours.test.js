@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { radians } from "../../../web/static/js/lib/text.js";
 import { colouring, colouringsOf, ramped, roundUp } from "../../../web/static/js/player/colours.js";
-import { keptRows, packed, readValues, unpacked, valuesAt } from "../../../web/static/js/values/reading.js";
+import { keptRows, packed, readValues, unpacked, valuesAt } from "../../../web/static/js/module_values/reading.js";
 import { close, recorded, unpack, vectors } from "./vectors.js";
 
 // Figures with the same values for every frame.

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Advance, queueWords } from "../../../web/static/js/panels/advance.js";
+import { OverallProgress, queueWords } from "../../../web/static/js/panels/overall_progress.js";
 import { Progress } from "../../../web/static/js/panels/progress.js";
 import { announcementOf, awaitOutcome, headingOf, titleOf } from "../../../web/static/js/panels/outcome.js";
 
@@ -28,7 +28,7 @@ test("only a verified fold is announced", () => {
 
 /** @param {[string, number, number][]} reports */
 function after(reports) {
-  const advance = new Advance();
+  const advance = new OverallProgress();
   return reports.map(([stage, fraction, simulated_s]) => {
     advance.note({ stage, fraction, simulated_s });
     return [advance.fraction, advance.simulatedS, advance.attempt];
@@ -55,7 +55,7 @@ test("a fold that waits gives its reason", () => {
 });
 
 test("a fold with a preference says how many plans there are", () => {
-  const advance = new Advance();
+  const advance = new OverallProgress();
   advance.note({ stage: "explode", fraction: 0.1, plan: 1, plans: 10 });
   assert.equal(advance.words(), " · plan 1 of about 10");
   advance.note({ stage: "certify", fraction: 1, plan: 3, plans: 9 });
@@ -66,7 +66,7 @@ test("a fold with a preference says how many plans there are", () => {
 });
 
 test("a plan that is being smoothed is never called exploding", () => {
-  const advance = new Advance();
+  const advance = new OverallProgress();
   const names = [["explode", "smoothing"], ["explode", "done"], ["play_back", ""], ["explode", ""]].map(([stage, message]) => {
     advance.note({ stage, message });
     return advance.name();

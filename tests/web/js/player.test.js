@@ -3,7 +3,7 @@ import { beforeEach, mock, test } from "node:test";
 import { distanceNeeded } from "../../../web/static/js/viewer/camera.js";
 import { clearestSight } from "../../../web/static/js/viewer/viewpoint.js";
 import { Rows } from "../../../web/static/js/player/frames.js";
-import { Pair } from "../../../web/static/js/player/pair.js";
+import { Pair } from "../../../web/static/js/player/paired_playback.js";
 import { Player } from "../../../web/static/js/player/player.js";
 import { PlayerState } from "../../../web/static/js/player/player_state.js";
 import { Playhead } from "../../../web/static/js/player/playhead.js";

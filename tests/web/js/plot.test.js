@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { linePath, scaleOf, ticks } from "../../../web/static/js/lib/plot.js";
-import { labels, layout } from "../../../web/static/js/panels/choice.js";
+import { labels, layout } from "../../../web/static/js/panels/plan_choice.js";
 import { axes, csv } from "../../../web/static/js/panels/plots.js";
 import { frameIn } from "../../../web/static/js/player/bar.js";
 

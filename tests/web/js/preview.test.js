@@ -7,7 +7,8 @@ const FACTS = { id: "abc", most_modules: 12_000, table_modules: 64, next_scripts
 const opened = (query = "") => new Preview(FACTS, CHOICES, new URLSearchParams(query));
 const report = (more = {}) => ({
   kind: "mesh", key: "k", name: "brick", module: "cube", modules: 64, asked: null, below: null, above: null, iou: null, has_path: true, as_voxels: false,
-  not_started: "", candidates: 3, expected_s: 5, expected_as_published_s: 300, expected_preferred_s: 50, knot: null, feasibility: null, notes: [], added: [], cells: [], ...more,
+  not_started: "", candidates: 3, expected_s: 5, expected_as_published_s: 300, expected_preferred_s: 50, knot: null, feasibility: null, notes: [], added: [],
+  cells: [], preparing: null, ...more,
 });
 
 test("the address holds changed options, and invalid ones are ignored", () => {
@@ -57,6 +58,16 @@ test("the expected time depends on the preset and the preference", () => {
   assert.deepEqual([expected("default", "computing"), expected("default", "torque"), expected("paper", "torque")], ["about 5 s", "about 50 s", "about 5 min"]);
   preview.refuse();
   assert.equal(preview.expected, "–");
+});
+
+test("the expected time counts the solvers that are compiled first", () => {
+  const preview = opened();
+  preview.take(report({ preparing: { fraction: 0.4, remaining_s: 62 } }));
+  assert.equal(preview.expected, "about 70 s");
+  preview.preparing = { fraction: 0, remaining_s: null };
+  assert.equal(preview.expected, "–", "nobody knows yet");
+  preview.preparing = null;
+  assert.equal(preview.expected, "about 5 s");
 });
 
 test("the module that was clicked can become the first, which can be undone", () => {

@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { countFromOne, refusalWords } from "../../../web/static/js/lib/api.js";
+import { verdictOf } from "../../../web/static/js/panels/owned_cards.js";
 import { preparingWords, remaining } from "../../../web/static/js/panels/preparing.js";
 import { duration, newtonMetres, number, radians, si, whole } from "../../../web/static/js/lib/text.js";
 import { degrees } from "../../../web/static/js/panels/module_panel.js";
@@ -71,5 +72,6 @@ test("the judgement of a motor is a sentence", () => {
 
 test("while the share is unknown, the text does not mention a first start", () => {
   assert.equal(preparingWords({ fraction: 0, remaining_s: null }), "Starting the solvers…");
+  assert.equal(verdictOf({ status: "queued", stage: null, summary: {}, progress: { preparing: { fraction: 0.42, remaining_s: 25 } } }).text, "Preparing the solvers 42 %");
   assert.match(preparingWords({ fraction: 0.42, remaining_s: 25 }), /^First start: .*, 42 % done\. .* · about 25 s left$/);
 });

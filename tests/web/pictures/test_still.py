@@ -7,7 +7,7 @@ from planner.chain.module import CUBE, MODULES, TETRAHEDRON, Module
 from web.palette import MAX_ERROR_RGB, NO_ERROR_RGB, STALLED_RGB
 from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD
 from web.pictures.still import still
-from web.pictures.visible import MAX_FULLY_DRAWN_MODULES, visible_modules
+from web.pictures.visible_modules import MAX_FULLY_DRAWN_MODULES, visible_modules
 
 POSITIONS = np.array([(x, 0.0, 0.0) for x in range(6)])
 UPRIGHT = np.tile([1.0, 0.0, 0.0, 0.0], (6, 1))

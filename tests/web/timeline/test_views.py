@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from web.timeline import views
+from web.timeline import shared_views
 from web.timeline.cache import Cache
+from web.timeline.shared_views import TimelineViews
 from web.timeline.view import TimelineView
-from web.timeline.views import TimelineViews
 
 
 def copies(timeline: Path, place: Path, count: int) -> list[Path]:
@@ -23,9 +23,9 @@ def test_views_stay_open_within_the_memory_limit(
         opened.append(Path(path).stem)
         return TimelineView(path)
 
-    monkeypatch.setattr(views, "TimelineView", counting)
+    monkeypatch.setattr(shared_views, "TimelineView", counting)
     shared, paths = TimelineViews(), copies(timeline_path, tmp_path, 3)
-    monkeypatch.setattr(views, "MAX_VIEW_CACHE_BYTES", 2 * TimelineView(paths[0]).nbytes)
+    monkeypatch.setattr(shared_views, "MAX_VIEW_CACHE_BYTES", 2 * TimelineView(paths[0]).nbytes)
     for path in (*paths, paths[2], paths[1], paths[0]):
         timeline = shared.get(path)
         assert timeline and timeline.path == str(path)
@@ -46,7 +46,7 @@ def test_slow_timeline_does_not_delay_another(
             assert may_end.wait(30.0)
         return TimelineView(path)
 
-    monkeypatch.setattr(views, "TimelineView", slow)
+    monkeypatch.setattr(shared_views, "TimelineView", slow)
     both = [threading.Thread(target=shared.get, args=(paths[0],)) for _ in range(2)]
     other = threading.Thread(target=shared.get, args=(paths[1],))
     for thread in both:

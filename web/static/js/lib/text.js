@@ -17,6 +17,7 @@ const SI_PREFIXES = { [-12]: "p", [-9]: "n", [-6]: "µ", [-3]: "m", 0: "", 3: "k
 const [MIN_POWER, MAX_POWER] = [-12, 3];
 const DIGITS = 2;
 const WHOLE_BELOW = 1e6;
+const COARSE_S = 10; // steps of a time that counts the solvers, so that it does not change each second
 
 // A quantity with an SI prefix: 34 µN·m, 0 rad, < 1 pN·m.
 /**
@@ -67,6 +68,17 @@ export function duration(value) {
   if (value < 90) return `about ${Math.max(1, Math.round(value))} s`;
   if (value < 5400) return `about ${Math.round(value / 60)} min`;
   return `about ${Math.round(value / 3600)} h`;
+}
+
+// What a fold takes that is requested now, in words; null while nobody knows how long the solvers take.
+/**
+ * @param {number} value of the fold alone, in seconds
+ * @param {Api.PreparingBody | null} preparing
+ */
+export function wholeTime(value, preparing) {
+  if (!preparing) return duration(value);
+  const left = preparing.remaining_s;
+  return left === null ? null : duration(COARSE_S * Math.ceil((value + left) / COARSE_S));
 }
 
 /** @param {number} value */

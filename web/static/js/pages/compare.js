@@ -4,7 +4,7 @@ import { Keys } from "../player/keys.js";
 import { COLOURINGS, MEASURED, colouring } from "../player/colours.js";
 import { Timeline, Source } from "../player/timeline.js";
 import { Place, viewOf } from "../player/address.js";
-import { Pair } from "../player/pair.js";
+import { Pair } from "../player/paired_playback.js";
 import { offerSides, pathButton, playerOn, showScale } from "../viewer/controls.js";
 import { hasWebGL, load } from "../viewer/scene.js";
 import { at as hrefOf, checkable, copyText, element, get, later, radians } from "../lib/text.js";
@@ -39,7 +39,7 @@ async function follow(id, verdict, player) {
   player.timeline.finish();
 }
 
-const checking = later(() => import("../panels/checking.js"), (text) => say(text));
+const checking = later(() => import("../panels/plan_check.js"), (text) => say(text));
 const sides = facts.map((fold, k) => {
   const { id, running } = fold;
   const side = get(`side-${k}`);

@@ -3,7 +3,7 @@ import { SIZES } from "../editor/painting.js";
 import { imported } from "../editor/shape_tools.js";
 import { Editor, MIN_MODULES } from "../editor/state.js";
 import { Sheet, all, say, showControls, showDraft, showTool } from "../editor/view.js";
-import { at, duration, element, get, later, whole, wordsOf } from "../lib/text.js";
+import { at, duration, element, get, later, whole, wholeTime, wordsOf } from "../lib/text.js";
 
 /** @typedef {import("../editor/state.js").Tool} Tool */
 /** @typedef {0 | 1 | 2} Axis */
@@ -79,9 +79,9 @@ function check(ready) {
   const { state } = painting;
   timer = setTimeout(async () => {
     const words = await exchanging(({ report, pathFile }) => report({ file: pathFile(editor.name, state), full: false }).then(
-      ({ knot, expected_s: s }) => (knot?.verdict === "knotted"
+      ({ knot, expected_s: s, preparing }) => (knot?.verdict === "knotted"
         ? { text: "The path is knotted, so the chain cannot be pulled straight.", tone: "bad" }
-        : { text: `Folds in ${duration(s)}.`, tone: "" }),
+        : { text: `Folds in ${wholeTime(s, preparing) ?? `${duration(s)}, once the solvers are ready`}.`, tone: "" }),
       (error) => ({ text: wordsOf(error), tone: "bad" }),
     ));
     if (path === checkedPath && words) say("checked", words.text, words.tone);

@@ -23,6 +23,6 @@ const yieldScrolling = () => stage.yieldScrolling(window.parent !== window && !d
 document.addEventListener("fullscreenchange", yieldScrolling);
 yieldScrolling();
 if (!facts.running) figures.begin();
-const checking = later(() => import("../panels/checking.js"), (text) => toast((part) => part.toast(text)));
+const checking = later(() => import("../panels/plan_check.js"), (text) => toast((part) => part.toast(text)));
 get("check-here").hidden = !checkable(facts);
 get("check-here").onclick = () => checking(({ checkInDialog }) => checkInDialog(player, facts));

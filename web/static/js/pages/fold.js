@@ -25,8 +25,8 @@ const { timeline, player, place, bar } = view({
 
 // Parts that most visitors do not use.
 const asking = later(() => import("../lib/fold_request.js"), toast);
-const checking = later(() => import("../panels/checking.js").then(({ Checking, planOf }) => new Checking(drawer.check, player, planOf(facts.id))), toast);
-const choosing = later(() => import("../panels/choice.js"), toast);
+const checking = later(() => import("../panels/plan_check.js").then(({ Checking, planOf }) => new Checking(drawer.check, player, planOf(facts.id))), toast);
+const choosing = later(() => import("../panels/plan_choice.js"), toast);
 const companions = later(() => import("../panels/compare_refold.js"), toast);
 const downloads = later(() => import("../panels/downloads.js"), toast);
 const failing = later(() => import("../panels/failure.js").then(({ Failure }) => new Failure({ player, bar, drawer })), toast);

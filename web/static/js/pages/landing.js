@@ -11,7 +11,7 @@ const player = playHero(hero, get("sketch"), { calm });
 
 const asking = later(() => import("../lib/fold_request.js"), (text) => say(text, "bad"));
 const uploading = later(async () => {
-  const [{ Sending }, upload, api] = await Promise.all([import("../panels/sending.js"), import("../lib/upload.js"), import("../lib/api.js")]);
+  const [{ Sending }, upload, api] = await Promise.all([import("../panels/upload_progress.js"), import("../lib/upload.js"), import("../lib/api.js")]);
   return { sending: new Sending(get("sending")), ...upload, ...api };
 }, (text) => say(text, "bad"));
 const NO_PATH = "repeated-cell"; // a code of the API
@@ -80,21 +80,7 @@ function offer(file) {
   button.onclick = () => { if (file) send(file, true); };
 }
 
-// While the solvers are compiled, which the page said when it came.
-const ASK_MS = 1000;
-async function prepare() {
-  const [{ showPreparing }, { ask }] = await Promise.all([import("../panels/preparing.js"), import("../lib/api.js")]);
-  for (;;) {
-    try {
-      /** @type {Api.PreparingState} */
-      const { preparing } = await ask("/api/preparing");
-      showPreparing(preparing);
-      if (!preparing) return;
-    } catch { /* asked again */ }
-    await new Promise((again) => { setTimeout(again, ASK_MS); });
-  }
-}
-if (!get("preparing").hidden) prepare();
+if (!get("preparing").hidden) import("../panels/preparing.js").then(({ followPreparing }) => followPreparing());
 follow(get("preset"));
 drop.addEventListener("submit", (event) => event.preventDefault());
 get("file").addEventListener("change", () => {

@@ -1,6 +1,6 @@
 // Films that play where they stand: one at a time is loaded and drawn.
 import { PHASES } from "../player/timeline.js";
-import { Pair } from "../player/pair.js";
+import { Pair } from "../player/paired_playback.js";
 import { playerIn } from "../player/player.js";
 import { element, later, radians, seconds } from "../lib/text.js";
 

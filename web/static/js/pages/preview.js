@@ -150,3 +150,9 @@ get("fold").onclick = async () => {
 addEventListener("pageshow", (event) => { if (event.persisted) { picture.release(); busy(false); } });
 showOptions(preview);
 look();
+if (!get("preparing").hidden) {
+  import("../panels/preparing.js").then(({ followPreparing }) => followPreparing((preparing) => {
+    preview.preparing = preparing;
+    showOptions(preview);
+  }));
+}

@@ -1,6 +1,6 @@
 // A whole fold in one file: everything that the page needs is in the page.
 import { decode } from "../lib/columns.js";
-import { Checking } from "../panels/checking.js";
+import { Checking } from "../panels/plan_check.js";
 import { Drawer } from "../panels/drawer.js";
 import { ModulePanel } from "../panels/module_panel.js";
 import { Plan } from "../check/plan.js";

@@ -2,8 +2,8 @@
 import { ask } from "../lib/api.js";
 import { openFold, requestFold } from "../lib/fold_request.js";
 import { changed, open, refused } from "./paper_settings.js";
-import { Sending } from "./sending.js";
-import { addStyle } from "../lib/style.js";
+import { Sending } from "./upload_progress.js";
+import { addStyle } from "../lib/lazy_styles.js";
 import { at, element, get, wordsOf } from "../lib/text.js";
 import { toast } from "./toast.js";
 

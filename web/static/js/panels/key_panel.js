@@ -2,7 +2,7 @@
 import { MOST_KEYS, Refusal, ask, bring, broughtKeys, dropKey, forgetKeys, isKey, keysHere, newKey, ownKey, replaceOwn, useKey } from "../lib/api.js";
 import { deleteMade } from "../lib/owned_items.js";
 import { button, copyText, element, get, wordsOf } from "../lib/text.js";
-import { confirmed } from "./questions.js";
+import { confirmed } from "./dialogs.js";
 import { toast } from "./toast.js";
 
 const SHOWN = 6;

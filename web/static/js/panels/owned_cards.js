@@ -1,7 +1,7 @@
 // Cards of what this browser has made: folds, shapes that were looked at, movies.
 import { Refusal, ask, remove } from "../lib/api.js";
 import { STAGES, at, button, copyText, element, sentence, whole, wordsOf } from "../lib/text.js";
-import { confirmed, renameForm } from "./questions.js";
+import { confirmed, renameForm } from "./dialogs.js";
 import { toast } from "./toast.js";
 
 const S = 1000;
@@ -36,11 +36,12 @@ const way = (text, of, press) => button("way", text, press, { "aria-label": `${t
 
 // What has come of a fold, and how that is coloured; its page tells why.
 /** @param {Api.Fold} fold */
-function verdictOf({ status, stage, progress, summary }) {
+export function verdictOf({ status, stage, progress, summary }) {
   const { certificate } = /** @type {{ certificate?: { verdict?: string } }} */ (summary);
   if (status === "verified") return { tone: "verified", text: sentence(certificate?.verdict ?? "verified") };
   if (status === "failed") return { tone: "failed", text: "Not verified" };
   if (status === "cancelled") return { tone: "off", text: "Cancelled" };
+  if (progress.preparing) return { tone: "running", text: `Preparing the solvers ${Math.floor(100 * progress.preparing.fraction)} %` };
   if (status === "queued") return { tone: "running", text: "In the queue" };
   return { tone: "running", text: `${STAGES[stage ?? ""] ?? "Computing"} ${Math.floor(100 * (progress.fraction ?? 0))} %` };
 }

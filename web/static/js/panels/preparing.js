@@ -1,7 +1,9 @@
 // How far the solvers are compiled, which happens once on a machine: words and a bar.
+import { ask } from "../lib/api.js";
 import { duration, get } from "../lib/text.js";
 
 const FEW_S = 5;
+const ASK_MS = 1000;
 
 // What is left of something, as the service estimates it.
 /** @param {number} value in seconds; 0 when it takes longer than usual */
@@ -28,4 +30,19 @@ export function showPreparing(preparing) {
   text.textContent = preparingWords(preparing);
   bar.setAttribute("aria-valuenow", String(Math.floor(100 * preparing.fraction)));
   /** @type {HTMLElement} */ (bar.firstElementChild).style.width = `${100 * preparing.fraction}%`;
+}
+
+// Shows it until it is over, on a page that came with it.
+/** @param {(preparing: Api.PreparingBody | null) => void} tell */
+export async function followPreparing(tell = () => {}) {
+  for (;;) {
+    try {
+      /** @type {Api.PreparingState} */
+      const { preparing } = await ask("/api/preparing");
+      showPreparing(preparing);
+      tell(preparing);
+      if (!preparing) return;
+    } catch { /* asked again */ }
+    await new Promise((again) => { setTimeout(again, ASK_MS); });
+  }
 }

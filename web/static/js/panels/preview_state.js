@@ -1,5 +1,5 @@
 // State of a preview's page, without the page: the options, the report on them, and what follows for both.
-import { duration, sentence, whole } from "../lib/text.js";
+import { sentence, whole, wholeTime } from "../lib/text.js";
 
 /** Modules below which the service folds nothing. */
 const MIN_MODULES = 8;
@@ -49,6 +49,8 @@ export class Preview {
     this.prefer = "computing";
     /** @type {Api.Preview | null} */
     this.report = null;
+    /** @type {Api.PreparingBody | null} */
+    this.preparing = null; // how far the solvers are that a fold waits for
     /** @type {{ module: number, cell: number[] | null } | null} */
     this.picked = null;
     /** @type {Api.TableOffer[]} versions of the shape that were checked to fold on a table */
@@ -123,6 +125,7 @@ export class Preview {
     this.picked = null;
     this.offers = [];
     this.report = report;
+    this.preparing = report.preparing;
     if (report.not_started) this.options.start = null; // another path is shown, which is folded unless something else is chosen
     if (report.kind === "mesh" && this.options.modules === null) this.bounded(report.modules);
   }
@@ -144,10 +147,10 @@ export class Preview {
   get count() { return this.options.modules ?? (this.report?.kind === "mesh" ? this.report.modules : null); }
 
   get expected() {
-    const { report, preset, prefer } = this;
+    const { report, preset, prefer, preparing } = this;
     if (!report?.has_path) return "–";
-    if (preset === "paper") return duration(report.expected_as_published_s);
-    return duration(prefer === "computing" ? report.expected_s : report.expected_preferred_s);
+    const usual = prefer === "computing" ? report.expected_s : report.expected_preferred_s;
+    return wholeTime(preset === "paper" ? report.expected_as_published_s : usual, preparing) ?? "–";
   }
 
   // What to know before a long chain folds on a table.

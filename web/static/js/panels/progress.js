@@ -1,6 +1,6 @@
 // A fold while it is computed: stage, share, steps a second, place in the queue.
 import { Refusal, ask, tokenOf } from "../lib/api.js";
-import { Advance, queueWords } from "./advance.js";
+import { OverallProgress, queueWords } from "./overall_progress.js";
 import { preparingWords, remaining, showPreparing } from "./preparing.js";
 import { at, get, whole } from "../lib/text.js";
 import { toast } from "./toast.js";
@@ -12,7 +12,6 @@ const LOST = 404;
 const FORBIDDEN = 403;
 const CANCEL_MS = 10000;
 const READY = "getting ready";
-const COMPILING = "compiling"; // as planner/progress.py says
 const NARROW = "(max-width: 640px)"; // there all of it would take a second line
 const WRITING = "export"; // the stage after the check of a plan
 const OVER = ["verified", "failed", "cancelled"];
@@ -27,7 +26,7 @@ export class Progress {
     this.onDone = onDone;
     this.onProgress = onProgress;
     this.token = tokenOf(facts.id);
-    this.advance = new Advance();
+    this.advance = new OverallProgress();
     this.cancelling = false;
     /** @type {EventSource | null} */
     this.events = null;
@@ -83,9 +82,8 @@ export class Progress {
     if (now.status === "running" && now.stage === WRITING) this.checked();
     else this.verdict = null;
     this.offer();
-    const compiling = now.message === COMPILING ? { fraction: now.fraction ?? 0, remaining_s: null } : null;
-    const preparing = now.preparing ?? compiling;
-    this.onProgress({ ...now, preparing, ...(now.status === "running" && { fraction: advance.fraction }) }, advance.name());
+    const { preparing } = now;
+    this.onProgress({ ...now, ...(now.status === "running" && { fraction: advance.fraction }) }, advance.name());
     const queue = now.queue_position ?? 0;
     let text = advance.name();
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;

@@ -1,7 +1,7 @@
 // Renaming of a fold by its owner.
 import { ask, tokenOf } from "../lib/api.js";
 import { get } from "../lib/text.js";
-import { renameForm } from "./questions.js";
+import { renameForm } from "./dialogs.js";
 
 // Offer the owner of the page's fold to rename it.
 /**

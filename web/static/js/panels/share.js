@@ -1,6 +1,6 @@
 // Sharing: a link to what is seen now, a frame for other pages, one file that plays by itself.
 import { file } from "./downloads.js";
-import { offerPicture } from "./picture.js";
+import { offerPicture } from "./screenshot.js";
 import { toast } from "./toast.js";
 import { tokenOf } from "../lib/api.js";
 import { at, copyText, element, get } from "../lib/text.js";

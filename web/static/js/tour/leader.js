@@ -1,6 +1,6 @@
 // The leader of a class: others see live what this page shows. See server/pages/class_connections.py.
 import { at, button, copyText, element, get } from "../lib/text.js";
-import { addStyle } from "../lib/style.js";
+import { addStyle } from "../lib/lazy_styles.js";
 import { hashOf } from "../player/address.js";
 
 const SEND_MS = 100; // between two looks at what is shown

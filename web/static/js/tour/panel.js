@@ -1,7 +1,7 @@
 // The tour of a fold over its view: captions with previous, play and next, and the list for editing.
 import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { button, element, get, wordsOf } from "../lib/text.js";
-import { addStyle } from "../lib/style.js";
+import { addStyle } from "../lib/lazy_styles.js";
 import { cameraText } from "../player/address.js";
 import { Flight } from "./flight.js";
 import { MAX_CAPTION, TourState } from "./state.js";

@@ -62,7 +62,7 @@ export function view({ source, figures, load, over = true, details = null, play 
   standIn.onOpen = () => get("cover").classList.add("gone");
   const plots = details && new details.Plots(get("panel-plots"), player, figures);
   const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
-  const own = later(() => import("../values/panel.js").then(({ OwnPanel }) => new OwnPanel({ player, legend, load: kept.values, id: kept.id })), kept.toast);
+  const own = later(() => import("../module_values/panel.js").then(({ OwnPanel }) => new OwnPanel({ player, legend, load: kept.values, id: kept.id })), kept.toast);
   const legend = new Legend(player, figures, (how) => own((panel) => panel[how]()));
   takeFiles((file) => own((panel) => panel.take(file)));
   const panel = details && new details.ModulePanel(get("panel-module"), player, figures, () => details.drawer.openAt("module"));

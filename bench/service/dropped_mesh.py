@@ -10,8 +10,8 @@ import numpy as np
 import trimesh
 from playwright.sync_api import Browser, ViewportSize
 
+from bench.measured_tables import Section
 from bench.service.browsing import service_and_browser
-from bench.tables import Section
 
 DROPPED_MESHES: Final = 4
 """Number of slightly different meshes that are uploaded and folded, none of which is known to the
@@ -38,7 +38,7 @@ MAX_AFTER_FOLD_S: Final = {"first motion": 1.0, "verified": 5.0}
 """Maximum seconds after *Fold*, on two cores that do nothing else. Chosen."""
 
 
-def dropped(reference_seconds: float) -> Section:
+def dropped_mesh(reference_seconds: float) -> Section:
     """Drop each mesh and press *Fold*; times in seconds and in reference runs."""
     section = Section(name="dropped")
     with service_and_browser() as (service, browser, folder):

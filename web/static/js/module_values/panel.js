@@ -1,7 +1,7 @@
 // A visitor's own numbers as colours: from a file that is dropped or chosen, or kept with the fold.
 import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { button, element, get, number, wordsOf } from "../lib/text.js";
-import { addStyle } from "../lib/style.js";
+import { addStyle } from "../lib/lazy_styles.js";
 import { Colouring } from "../player/colours.js";
 import { MAX_FILE_BYTES, keptRows, packed, readValues, unpacked, valuesAt } from "./reading.js";
 

@@ -17,8 +17,8 @@ import httpx
 import psutil
 from playwright.sync_api import Page, sync_playwright
 
-from bench.page import HERO, MOVING
-from bench.tables import Section
+from bench.measured_tables import Section
+from bench.page_speed import HERO, MOVING
 from tests.browser.conftest import FLAGS
 from tests.tools import CHROMIUM
 
@@ -62,7 +62,7 @@ class _Watch:
         return time.monotonic() - self._began, sum(self._spent.values())
 
 
-def first(reference_seconds: float) -> Section:
+def first_minutes(reference_seconds: float) -> Section:
     """Clone, install, start the service, open its pages, and fold 24 cubes."""
     del reference_seconds
     section = Section(name="first")

@@ -1,9 +1,9 @@
 """Disturbed robots: whether they touch within the margins of their plan.
 
-``python -m bench.clearance.disturbed [N]`` follows each of ten plans N times (1000) with one hinge
-off by its margin, and N times with random errors of all hinges. The clearance of every such motion
-is proved over its whole duration. Errors of three and ten times the margin show how much more a
-robot tolerates than is proved.
+``python -m bench.clearance.disturbed_robots [N]`` follows each of ten plans N times (1000) with one
+hinge off by its margin, and N times with random errors of all hinges. The clearance of every such
+motion is proved over its whole duration. Errors of three and ten times the margin show how much
+more a robot tolerates than is proved.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from bench.machine import machine
-from bench.tables import Section
+from bench.measured_tables import Section
 from examples.run_gallery import SHAPES
 from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep

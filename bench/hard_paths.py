@@ -1,8 +1,8 @@
 """Hard paths: which of them fold, how long that takes, and how long a robot takes for them.
 
-``python -m bench.hard`` runs what is missing in ``out/hard-….jsonl``, a file for each version of
-the planner. It can be stopped at any time and continues where it stopped. Each fold runs to its end
-and writes its files, with one explosion per core.
+``python -m bench.hard_paths`` runs what is missing in ``out/hard-….jsonl``, a file for each version
+of the planner. It can be stopped at any time and continues where it stopped. Each fold runs to its
+end and writes its files, with one explosion per core.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from typing import Any, Final
 import numpy as np
 from rich.console import Console
 
-from bench.held_out import HELD_OUT, tube
+from bench.held_out_meshes import HELD_OUT, tube
+from bench.measured_tables import Section
 from bench.meshes import Mesh
 from bench.success_map.__main__ import path_of
 from bench.success_map.stored import run_missing, version_of
-from bench.tables import Section
 from planner.chain.path import Path as CellPath
 from planner.errors import InputError
 from planner.pipeline.request import FoldRequest
@@ -210,7 +210,7 @@ def runs() -> Path:
     return OUT / f"hard-{version_of('planner')}.jsonl"
 
 
-def hard(reference_seconds: float) -> Section:
+def hard_paths(reference_seconds: float) -> Section:
     """Run all cases and compare them with their bars."""
     warm_up()
     return section_of(run_missing(runs(), cases(), run), reference_seconds)

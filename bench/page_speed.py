@@ -1,4 +1,4 @@
-"""The page: seconds until a fold moves, until a scrubbed frame is drawn, and frame rates."""
+"""Page speed: seconds until a fold moves, until a scrubbed frame is drawn, and frame rates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from bench.command import playing
-from bench.tables import Section
+from bench.measured_tables import Section
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.motion import Motion
@@ -146,7 +146,7 @@ class _Times:
     uploads: list[tuple[float, float]]
 
 
-def page(reference_seconds: float) -> Section:
+def page_speed(reference_seconds: float) -> Section:
     """Open the pages in Chromium with software OpenGL, and use them."""
     del reference_seconds
     section = Section(name="page")

@@ -1,4 +1,4 @@
-"""Frames: what a browser shows of a fold, taken from its timeline.
+"""Player data: what a browser shows of a fold, taken from its timeline.
 
 ``/view`` is viser's client, the same for every fold, so that a browser keeps it. The page that
 frames it hands it the fold's bundle (``web.viser.scene_bundle``) and, frame by frame, what is in
@@ -30,8 +30,8 @@ from server.http.response_cache import mark
 from server.store.fold_source import FoldSource, Found
 from web.timeline.frame_batch import cached_batch
 from web.timeline.metrics import FIGURES, cached_figures
+from web.timeline.shared_views import unless_replaced
 from web.timeline.view import TimelineView
-from web.timeline.views import unless_replaced
 from web.viser.client import client
 from web.viser.scene_bundle import bundle_of
 from words.fold import RUNNING_STATUSES, ShownFold

@@ -7,12 +7,12 @@ from contextlib import contextmanager
 
 from bench.load.faults import FAULTS, faults
 from bench.load.site import Setup
-from bench.tables import Section
+from bench.measured_tables import Section
 from tests.server.bucket import Bucket
 from tests.server.postgres import Postgres
 
 
-def several(rounds: int, *, seed: int, only: tuple[str, ...] = ()) -> Section:
+def several_machines(rounds: int, *, seed: int, only: tuple[str, ...] = ()) -> Section:
     """Harm a service on several machines, its database and its storage, once per round."""
     postgres, bucket = Postgres().start(), Bucket().start()
 

@@ -1,4 +1,4 @@
-"""Owned: the folds, previews and movies of an owner, and changes to them."""
+"""Owned items: the folds, previews and movies of an owner, and changes to them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-// How far an upload is, and a button that stops it, for what takes longer than a moment.
+// Upload progress: how far an upload is, and a button that stops it, for what takes longer than a moment.
 import { button, element } from "../lib/text.js";
 
 const SOON_MS = 500;

@@ -1,4 +1,4 @@
-// The check of a plan by this browser: a worker goes through the motion, and the page says how far it is and what came out.
+// Plan check: a worker of this browser goes through the motion, and the page says how far it is and what came out.
 import { at as hrefOf, button, element, number, svg, whole } from "../lib/text.js";
 
 /** @typedef {import("../check/worker.js").Asked} Asked */

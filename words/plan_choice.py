@@ -1,4 +1,4 @@
-"""Choice in words: the plans of a fold that was asked for the best of several, gain and cost."""
+"""Plan choice: the plans of a fold that was asked for the best of several, gain and cost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Timeline views: open ones by path, shared while they are in use."""
+"""Shared views: open timeline views by path, shared while they are in use."""
 
 from __future__ import annotations
 

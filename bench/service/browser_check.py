@@ -7,9 +7,9 @@ from typing import Any, Final
 
 from playwright.sync_api import Browser, ViewportSize
 
+from bench.measured_tables import Section
 from bench.scaling import CASES
 from bench.service.browsing import service_and_browser
-from bench.tables import Section
 from tests.server.service_process import Service
 
 MAX_PROOF_S: Final = {"wrench-160": 1.0, "simultaneous-512": 30.0, "ball-1000": 15.0}
@@ -28,7 +28,7 @@ PAUSED: Final = "foldback.player.send({ do: 'pause' })"
 """Pauses the playback."""
 
 
-def checked(reference_seconds: float) -> Section:
+def browser_check(reference_seconds: float) -> Section:
     """Fold each case in a service, then let its page check it."""
     section = Section(name="checked")
     with service_and_browser(max_modules=1000) as (service, browser, _):

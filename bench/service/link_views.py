@@ -12,8 +12,8 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Browser, Page, ViewportSize
 
+from bench.measured_tables import Section
 from bench.service.browsing import service_and_browser
-from bench.tables import Section
 from tests.browser.conftest import NO_VIEW, WAIT_FOR_REST
 from tests.browser.test_small_frames import MIN_PICTURE_SHARE, PICTURE_SHARE
 from tests.server.service_process import Service
@@ -114,7 +114,7 @@ class Shown:
     picture: np.ndarray
 
 
-def views(reference_seconds: float) -> Section:
+def link_views(reference_seconds: float) -> Section:
     """Turn each fold by hand, open the page's address elsewhere, and compare the pictures."""
     del reference_seconds
     section = Section(name="views")

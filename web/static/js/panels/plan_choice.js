@@ -1,4 +1,4 @@
-// The plans that a fold with a wish had to choose from: a scatter plot, and the same as a table.
+// Plan choice: the plans of a fold that was asked for the best of several, as a scatter plot and as a table.
 import { round, rule, scaleOf, ticks } from "../lib/plot.js";
 import { button, element, get, newtonMetres, svg } from "../lib/text.js";
 import { table } from "./drawer.js";

@@ -1,4 +1,4 @@
-"""Sources: inputs of folds, and how each of them completes the request."""
+"""Fold inputs: sources of folds, and how each of them completes the request."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any, Final
 
-from bench.tables import Section
+from bench.measured_tables import Section
 from tests.server.service_process import Service
 
 KNOWN_SHAPES: Final = (
@@ -30,7 +30,7 @@ than this, as a fraction of the fold's duration. At or above it the target is re
 Chosen."""
 
 
-def remaining(reference_seconds: float) -> Section:
+def remaining_time(reference_seconds: float) -> Section:
     """Fold the known shapes, then the others, and compare predictions with their ends."""
     del reference_seconds
     section = Section(name="remaining")

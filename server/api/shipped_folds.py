@@ -1,7 +1,7 @@
-"""Finished folds: a few that come with the package, so that a new service has something to show.
+"""Shipped folds: a few finished ones in the package, so that a new service has something to show.
 
-``examples/make_finished.py`` makes them. Each is imported once into a database: an operator who
-deletes one does not get it again. They belong to nobody and count for no quota.
+``examples/make_shipped_folds.py`` makes them. Each is imported once into a database: an operator
+who deletes one does not get it again. They belong to nobody and count for no quota.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from planner.files import settle
 from planner.pipeline.request import FoldRequest
 from planner.plan.packed_fold import unpack
 from planner.readers.gallery import Gallery
-from server.api.source import Source
+from server.api.fold_inputs import Source
 from server.api.submit import Submission
 from server.files.uploads import Upload
 from server.processes.scratch import Scratch
@@ -30,19 +30,19 @@ from server.store.folds import Store, new_id
 from server.store.owner import Owner
 from server.store.tables import CounterRow, FoldRow
 
-FINISHED_FOLDS_DIR: Final = Path(str(files("server"))) / "finished"
+SHIPPED_FOLDS_DIR: Final = Path(str(files("server"))) / "shipped_folds"
 SERVICE_VISITOR: Final = "the service itself"
 log = logging.getLogger("foldback.web")
 
 
-def import_finished(settings: Settings, store: Store, gallery: Gallery) -> Sequence[str]:
+def import_shipped_folds(settings: Settings, store: Store, gallery: Gallery) -> Sequence[str]:
     """Import the finished folds that this database has not had yet; return their names.
 
     One that cannot be imported, as on a full disk, is left for the next start.
     """
     names: list[str] = []
     scratch = Scratch(settings.scratch_dir)
-    for path in sorted(FINISHED_FOLDS_DIR.glob("*.fold")):
+    for path in sorted(SHIPPED_FOLDS_DIR.glob("*.fold")):
         try:
             if _import(path, store, gallery, scratch):
                 names.append(path.stem)

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from playwright.sync_api import Browser, Page, Request, ViewportSize
 
+from bench.measured_tables import Section
 from bench.service.browsing import service_and_browser
-from bench.tables import Section
 from tests.server.service_process import Service
 
 SHAPES: Final = ("wrench-24", "wrench-80")
@@ -47,7 +47,7 @@ MAX_REQUESTS_AND_KB: Final = {
 """Requests and kB of pages at commit 346fd94, which are the bars; other pages did not exist."""
 
 
-def weights(reference_seconds: float) -> Section:
+def page_weights(reference_seconds: float) -> Section:
     """Open each page in a browser without a cache."""
     del reference_seconds
     section = Section(name="weights")

@@ -1,4 +1,4 @@
-// Questions: before something that cannot be undone, and for a new name.
+// Dialogs: a question before something that cannot be undone, and one for a new name.
 import { element, get, wordsOf } from "../lib/text.js";
 import { toast } from "./toast.js";
 

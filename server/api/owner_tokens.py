@@ -1,4 +1,4 @@
-"""Dependencies that read the owner token of a request once; only its digest goes further."""
+"""Owner tokens: each is read once from a request, and only its digest goes further."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Make the finished folds that ship with the package: server/finished/*.fold.
+"""Make the finished folds that ship with the package: server/shipped_folds/*.fold.
 
-python examples/make_finished.py [NAME …]
+python examples/make_shipped_folds.py [NAME …]
 
 Each is folded by the product. Its record and its simulated errors are then rounded to make the file
 small; the plan itself is not. The rounded motions are certified again, as they are shipped.
@@ -30,7 +30,7 @@ from planner.plan.packed_fold import CLEARANCE_STEP_PITCH, ROOT_STEPS, pack, tor
 from planner.plan.plan import Plan
 from planner.playback.playback import Playback
 from planner.readers.gallery import Gallery
-from server.api.finished import FINISHED_FOLDS_DIR
+from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 
 SHAPES = Path(__file__).parent / "shapes"
 FOLDS: tuple[tuple[str, str | None], ...] = (
@@ -157,7 +157,7 @@ def row_values(directory: Path, shape: str, start: str | None) -> dict[str, Any]
 
 def main() -> None:
     """Make all of them, or those that are named."""
-    FINISHED_FOLDS_DIR.mkdir(exist_ok=True)
+    SHIPPED_FOLDS_DIR.mkdir(exist_ok=True)
     for shape, start in FOLDS:
         name = shape if start is None else f"{start}-to-{shape}"
         if sys.argv[1:] and name not in sys.argv[1:]:
@@ -168,7 +168,7 @@ def main() -> None:
             data = pack(Path(place), row_values(Path(place), shape, start))
             unpack(data, Path(again))
             assert manifest.changed_fields(Path(again)) == []
-        (FINISHED_FOLDS_DIR / f"{name}.fold").write_bytes(data)
+        (SHIPPED_FOLDS_DIR / f"{name}.fold").write_bytes(data)
         print(f"{name}: {len(data) / 1e3:.0f} kB", flush=True)
 
 

@@ -1,10 +1,10 @@
-// Progress of a fold that never runs backwards: attempts and several robots are combined.
+// Overall progress of a fold, which never runs backwards: attempts and several robots are combined.
 import { STAGES } from "../lib/text.js";
 
 const SMOOTHING = "smoothing"; // the message then, as server/api/schemas.py says
 const ORDER = Object.keys(STAGES);
 
-export class Advance {
+export class OverallProgress {
   stage = "";
   attempt = 1;
   plans = 0; // about how many there are; 0 where that is not known

@@ -1,4 +1,4 @@
-// Picture of the view: a PNG to download or to paste, drawn by the page itself.
+// Screenshot: a PNG of the view to download or to paste, drawn by the page itself.
 import { element, get } from "../lib/text.js";
 import { toast } from "./toast.js";
 

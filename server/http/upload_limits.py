@@ -1,0 +1,174 @@
+"""Upload limits: bytes and time of a body, parts of a form, and uploads at once."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Final
+
+from starlette.datastructures import Headers
+from starlette.exceptions import HTTPException
+from starlette.requests import HTTPConnection
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from planner.readers.limits import megabytes
+from server.errors import ServiceError, not_stored
+from server.http.client_address import address_of
+from server.http.problems import response_of
+from server.http.security import SAFE_METHODS
+from server.limits.concurrency_quota import Quota
+from server.limits.disk_space import check_space
+from server.settings import Settings
+
+FORM_MEDIA_TYPES: Final = ("multipart/form-data", "application/x-www-form-urlencoded")
+MAX_FORM_FILES: Final = 2
+"""Maximum number of files in an uploaded form; a form with more is refused. A larger value lets a
+request take more disk space. Chosen."""
+MAX_FORM_FIELDS: Final = 32
+"""Maximum number of fields in an uploaded form, besides files; a form with more is refused. A
+larger value lets a request take more processor time. Chosen."""
+MAX_FORM_FIELD_BYTES: Final = 16 * 1024
+"""Maximum size of one field of an uploaded form that is not a file, in bytes; a form with a larger
+one is refused. Fields are held in memory. Chosen."""
+FORM_OVERHEAD_BYTES: Final = 64 * 1024
+"""Number of bytes by which an upload request may exceed the limit of an uploaded file, for the
+other fields of its form. A smaller value could refuse files of permitted size. Chosen."""
+MAX_SMALL_BODY_BYTES: Final = 64 * 1024
+"""Maximum size of a request body other than a form with a file, in bytes. Such bodies are held in
+memory, so a larger value lets requests take more of it. Chosen."""
+MAX_DRAINED_BYTES: Final = 64 * 2**20
+"""Maximum number of bytes of a refused upload that are read and discarded before the connection is
+closed, so that the client gets the answer. A larger value takes more traffic. Chosen."""
+MAX_DRAIN_S: Final = 10.0
+"""Maximum time for which the body of a refused upload is read and discarded before the connection
+is closed, in s, so that slow clients get the answer as well. A larger value occupies connections
+for longer. Chosen."""
+
+
+class BodyLimit:
+    """Middleware that refuses bodies above a limit before they fill memory or disk.
+
+    Args:
+        app: Inner ASGI application.
+        most_bytes: Maximum size of an upload.
+        seconds: Maximum duration of an upload, s.
+        idle_s: Maximum time without data, s.
+    """
+
+    def __init__(
+        self, app: ASGIApp, *, most_bytes: int, seconds: float = 120.0, idle_s: float = 15.0
+    ) -> None:
+        self._app = app
+        self._most_bytes = most_bytes
+        self._seconds = seconds
+        self._idle_s = idle_s
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle one request."""
+        if scope["type"] != "http" or scope["method"] in SAFE_METHODS:
+            await self._app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        upload = headers.get("content-type", "").lower().startswith("multipart/form-data")
+        most = self._most_bytes if upload else min(self._most_bytes, MAX_SMALL_BODY_BYTES)
+        words = (
+            f"the upload is larger than {megabytes(most)}, the limit; use a coarser or shorter "
+            "file."
+        )
+        told = announced(headers)
+        got = 0
+        more = True
+        loop = asyncio.get_running_loop()
+        deadline = loop.time() + self._seconds
+
+        async def receive_counted() -> Message:
+            nonlocal got, more
+            if not more:  # what comes after the body is only the end of the connection
+                return await receive()
+            left = min(self._idle_s, deadline - loop.time())
+            message = await asyncio.wait_for(receive(), max(0.0, left))
+            if message["type"] == "http.request":
+                got += len(message.get("body", b""))
+                more = message.get("more_body", False)
+            return message
+
+        async def receive_bounded() -> Message:
+            try:
+                message = await receive_counted()
+                # What is said to come counts at once: a parser that meets its own limit
+                # in the first part of it would give another answer.
+                if max(got, told) > most + FORM_OVERHEAD_BYTES:
+                    if more:
+                        await forget(receive)
+                    raise HTTPException(413, words)
+            except TimeoutError:
+                raise HTTPException(408, "the upload took too long; try again.") from None
+            return message
+
+        await self._app(scope, receive_bounded, send)
+
+
+def announced(headers: Headers) -> int:
+    """Return the content length that a request states, or 0."""
+    length = headers.get("content-length", "")
+    return int(length) if length.isascii() and length.isdigit() and len(length) < 21 else 0
+
+
+async def forget(receive: Receive) -> None:
+    """Read the rest of a refused body, within limits.
+
+    Clients read the answer only when they could send.
+    """
+    got = 0
+    try:
+        async with asyncio.timeout(MAX_DRAIN_S):
+            while got <= MAX_DRAINED_BYTES:
+                message = await receive()
+                got += len(message.get("body", b""))
+                if not message.get("more_body", False):
+                    return
+    except TimeoutError:
+        return
+
+
+class UploadsAtOnce:
+    """Bounds how many forms come in and are worked on at once, in all and of one visitor.
+
+    Args:
+        app: Inner ASGI application.
+        settings: They say how many.
+    """
+
+    def __init__(self, app: ASGIApp, *, settings: Settings) -> None:
+        self._app = app
+        self._settings = settings
+        self._open = Quota(
+            "uploads", total=settings.max_uploads, per_visitor=settings.max_uploads_of_visitor
+        )
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle one request."""
+        if scope["type"] != "http" or not _is_form(scope):
+            await self._app(scope, receive, send)
+            return
+        try:
+            with self._open.enter(address_of(HTTPConnection(scope))):
+                self._check_room(scope)
+                await self._app(scope, receive, send)
+        except ServiceError as refusal:
+            if "expect" not in Headers(scope=scope):  # who waits for a word sends nothing yet
+                await forget(receive)
+            await response_of(refusal)(scope, receive, send)
+
+    def _check_room(self, scope: Scope) -> None:
+        """Refuse an upload that would not fit on the disk before any of it is read."""
+        settings = self._settings
+        needed = min(announced(Headers(scope=scope)), settings.max_upload_bytes)
+        try:
+            check_space(settings.uploads_dir, settings.min_free_disk_bytes, needed=needed)
+        except OSError as error:
+            raise not_stored("upload", error) from error
+
+
+def _is_form(scope: Scope) -> bool:
+    kind = Headers(scope=scope).get("content-type", "").partition(";")[0].strip().lower()
+    return scope["method"] not in SAFE_METHODS and kind in FORM_MEDIA_TYPES
