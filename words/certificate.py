@@ -253,9 +253,16 @@ def _torque(torque_wp: float | None, unit_nm: float, friction: str) -> str | Non
     """Return a torque and its friction in words, rounded up."""
     if torque_wp is None:
         return None
-    upwards = 10.0 ** (2 - math.floor(math.log10(torque_wp))) if torque_wp > 0.0 else 1.0
-    most = math.ceil(torque_wp * upwards - ROUNDING_PITCH) / upwards
-    return f"{most:.3g} w·p ({quantity(torque_wp * unit_nm, 'N·m')}), {friction}"
+    in_nm = quantity(_rounded_up(torque_wp * unit_nm), "N·m")
+    return f"{in_nm} ({_rounded_up(torque_wp):.3g} w·p), {friction}"
+
+
+def _rounded_up(value: float) -> float:
+    """Return a number rounded up to three digits."""
+    if value <= 0.0:
+        return 0.0
+    digit = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return math.ceil(value / digit - ROUNDING_PITCH) * digit
 
 
 def _lowest(clearance: float) -> str:
