@@ -19,6 +19,7 @@ from planner.file_names import PLAN
 from planner.files import write_whole
 from planner.parameters.explosion import Base
 from planner.plan.plan import Plan
+from words.messages import verdict_for_people
 
 TABLE_FILE = "table.json"
 MM_PER_M = 1000.0
@@ -124,7 +125,8 @@ def _show(found: TableCertificate, written: Path) -> None:
     console = Console(highlight=False)
     told = found.told_friction
     facts = Table(box=None, show_header=False, pad_edge=False)
-    facts.add_row("Verdict", "stays on the table" if found.rests else found.verdict)
+    verdict = "stays on the table" if found.rests else verdict_for_people(found.verdict)
+    facts.add_row("Verdict", verdict)
     if found.torque is not None and found.torque_nm is not None:
         facts.add_row("Largest torque", f"{found.torque:.3g} w·p, {told}, in frame {found.frame}")
         facts.add_row("", f"{found.torque_nm:.3g} N·m, {told}")

@@ -67,7 +67,7 @@ class Settings(BaseSettings):
     """Disk space for local copies of files from the object store."""
     storage_bytes: int | None = Field(default=None, ge=MIB_BYTES)
     """Storage for all folds. When it is full, files that can be recreated are deleted first, then
-    the folds that have gone unviewed for longest."""
+    the folds that were viewed longest ago."""
     storage_of_visitor_bytes: int | None = Field(default=None, ge=MIB_BYTES)
     """Storage for the folds of one visitor, waiting folds included. Exports, pictures and movies do
     not count."""

@@ -1,18 +1,23 @@
 """Fixtures and settings of all tests."""
 
+import asyncio
 import gc
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from httpx._transports import default as http_transports
 from hypothesis import settings
+from zarr.codecs import blosc
+from zarr.storage import _local as local_store
 
 from tests import progress
 from tests.server.service_process import Service
@@ -25,6 +30,15 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Each HTTP client would read the certificates of all authorities, which takes 34 ms of the
 # processor.
 http_transports.create_ssl_context = cache(http_transports.create_ssl_context)
+
+
+async def _call(function: Callable[..., Any], *given: Any, **named: Any) -> Any:
+    return function(*given, **named)
+
+
+# zarr passes each chunk and each file to another thread, which takes a quarter of the processor
+# time of tests that fold. Programs that tests start keep these threads.
+local_store.asyncio = blosc.asyncio = SimpleNamespace(**{**vars(asyncio), "to_thread": _call})
 # Tests write and remove some ten thousand files, many of them durably. A file system in memory
 # takes a third less time, but Docker's default is too small.
 MEMORY = Path("/dev/shm")
@@ -51,6 +65,8 @@ PROCESSES = {
     *("postgres", "bucket", "browser", "backend"),
 }
 """Fixtures that start programs."""
+LOCAL_SERVERS = {"FORKS", "ServiceThread", "Postgres", "Bucket"}
+"""Names that modules import for servers that tests of one process share."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -73,12 +89,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def _group(item: pytest.Item, fixtures: set[str]) -> str:
     """Return the name of the tests that run in the same process as a test, to share its fixtures.
 
-    Each service and each fork server takes some ten seconds of the processor to start.
+    Each service and each fork server takes some ten seconds of the processor to start, a database
+    or a bucket some three.
     """
     if "service" in fixtures:
         return "service"
-    if {"idle", "service_with"} & fixtures or hasattr(getattr(item, "module", None), "FORKS"):
-        return "forks"
+    named = vars(item.module) if isinstance(item, pytest.Function) else ()
+    if {"idle", "service_with", "each_settings", *LOCAL_SERVERS} & {*fixtures, *named}:
+        return "local-servers"
     return item.path.stem
 
 

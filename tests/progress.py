@@ -30,7 +30,7 @@ class Progress:
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> Generator[None]:
         """Name a finished test without its group, count it, and print failures and progress."""
-        report.nodeid = re.sub(r"@\w+$", "", report.nodeid)
+        report.nodeid = re.sub(r"@[\w-]+$", "", report.nodeid)
         yield
         terminal = self._config.pluginmanager.get_plugin("terminalreporter")
         if report.failed:

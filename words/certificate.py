@@ -15,6 +15,7 @@ from planner.parameters.parameters import BASELINE
 from planner.robot.module_materials import CASINGS
 from planner.robot.servos import Servo, servos
 from planner.robot.sizing import at_which_pitch, who_would_do
+from words.messages import verdict_for_people
 from words.quantities import STRATEGY_LABELS, length_m, quantity, sentence
 
 CERTIFICATE_DIGITS: Final = 2
@@ -40,7 +41,7 @@ tolerance. A larger value hides real overlaps. Chosen."""
 
 def headline(certificate: CertificateFigures) -> str:
     """Return the verdict, with the proved and the seen clearance of a verified plan."""
-    verdict = str(certificate.get("verdict") or "")
+    verdict = verdict_for_people(str(certificate.get("verdict") or ""))
     told = clearance(certificate)
     return f"{verdict}: {told}" if told and verdict.startswith("verified") else verdict
 
@@ -172,7 +173,8 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
     largest = _torque(table.torque, table.unit_nm, friction)
     needs = f"at most {largest}" if table.torque else f"no holding torque, {friction}"
     rests = f"stays on the table and needs {needs}"
-    text = sentence(rests if table.rests else table.verdict.removeprefix("failed: "))
+    fails = verdict_for_people(table.verdict.removeprefix("failed: "))
+    text = sentence(rests if table.rests else fails)
     rows: list[tuple[str, str | None]] = [
         ("Frame with the highest torque", None if table.frame is None else str(table.frame + 1)),
         ("1 w·p (module weight × pitch)", quantity(table.unit_nm, "N·m")),
@@ -251,9 +253,16 @@ def _torque(torque_wp: float | None, unit_nm: float, friction: str) -> str | Non
     """Return a torque and its friction in words, rounded up."""
     if torque_wp is None:
         return None
-    upwards = 10.0 ** (2 - math.floor(math.log10(torque_wp))) if torque_wp > 0.0 else 1.0
-    most = math.ceil(torque_wp * upwards - ROUNDING_PITCH) / upwards
-    return f"{most:.3g} w·p ({quantity(torque_wp * unit_nm, 'N·m')}), {friction}"
+    in_nm = quantity(_rounded_up(torque_wp * unit_nm), "N·m")
+    return f"{in_nm} ({_rounded_up(torque_wp):.3g} w·p), {friction}"
+
+
+def _rounded_up(value: float) -> float:
+    """Return a number rounded up to three digits."""
+    if value <= 0.0:
+        return 0.0
+    digit = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return math.ceil(value / digit - ROUNDING_PITCH) * digit
 
 
 def _lowest(clearance: float) -> str:

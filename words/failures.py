@@ -23,6 +23,7 @@ from planner.motion.failure_schemas import BlockFigures, EvidenceFigures
 from planner.verification.integrity import check
 from web.pictures.knot_drawing import KnotDrawing, drawing_of
 from words.fold import ShownFold
+from words.messages import verdict_for_people
 from words.quantities import STRATEGY_LABELS, quantity, sentence
 
 FAILURE_HEADINGS: Final = {
@@ -165,7 +166,10 @@ def exploding(summary: FoldSummary) -> int | None:
 
 
 def reason_for_people(reason: str, summary: FoldSummary) -> str:
-    """Return a reason that counts modules and, along the whole timeline, frames from 1."""
+    """Return a verdict, or its reason, in words for people, which count modules and frames from 1.
+
+    Frames count along the whole timeline.
+    """
     explosion = exploding(summary)
 
     def on_the_timeline(found: re.Match[str]) -> str:
@@ -174,9 +178,8 @@ def reason_for_people(reason: str, summary: FoldSummary) -> str:
         # Rounded as the page rounds the frame that it shows: half a frame counts up.
         return f" (frame {math.floor(explosion + float(found[1]) + 0.5) + 1})"
 
-    return count_from_one(
-        re.sub(r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)", on_the_timeline, reason)
-    )
+    frame = r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)"
+    return count_from_one(verdict_for_people(re.sub(frame, on_the_timeline, reason)))
 
 
 def count_from_one(text: str) -> str:
@@ -260,7 +263,7 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
         end, tone = verdict, "good"
     elif verdict:
         reason = verdict.removeprefix("failed: ").partition(" (frame ")[0]
-        end, tone = count_from_one(reason), "bad"
+        end, tone = count_from_one(verdict_for_people(reason)), "bad"
     else:
         end = "unfolded, not checked"
     return {

@@ -22,8 +22,7 @@ def kept_words(keep_days: float | None, *, limited: bool) -> str:
         return f"Stored for {time_words(86400.0 * keep_days)} after it was last viewed."
     if limited:
         return (
-            "Stored while there is space; the folds that have gone unviewed for longest are "
-            "deleted first."
+            "Stored while there is space. The folds that were viewed longest ago are deleted first."
         )
     return "Stored until you delete it."
 

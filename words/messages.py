@@ -1,4 +1,4 @@
-"""Messages for people: a program's error text, "got X, expected Y; do Z", as plain sentences."""
+"""Messages for people: error texts, "got X, expected Y; do Z", and verdicts as plain sentences."""
 
 from __future__ import annotations
 
@@ -24,6 +24,28 @@ MESSAGES: Final = (
 )
 """Messages for people for the most frequent input errors: a pattern that matches the whole error
 text, and the message that replaces it."""
+VERDICT_PHRASES: Final = (
+    (
+        re.compile(
+            r"\bthe (?:explosion|playback) (?:stalled|missed|diverged|cancelled|timeout): (?=\S)"
+        ),
+        "",
+    ),
+    (re.compile(r"\brests on a table within "), "stays on the table and needs at most "),
+    (
+        re.compile(r"\bthe chain floats and does not rest on a table; laid down in each frame, it"),
+        "the chain floats, so a table does not support it. Laid down in each frame, it",
+    ),
+)
+"""Patterns in verdicts, and the words that replace them for people. Plans store the verdicts, and
+``foldback verify`` compares them, so the verdicts themselves keep their text."""
+
+
+def verdict_for_people(verdict: str) -> str:
+    """Return a stored verdict, or its reason, in the words that people read."""
+    for pattern, words in VERDICT_PHRASES:
+        verdict = pattern.sub(words, verdict)
+    return verdict
 
 
 def message_for_people(detail: str) -> str:

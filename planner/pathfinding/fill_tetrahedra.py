@@ -82,8 +82,8 @@ class Tetrahedra:
             why = " ".join(problem.detail for problem in state.problems)
             raise InputError(
                 "no-path",
-                f"got cells without a trail through them. {why} Expected connected cells; "
-                f"fold it with 'repair' ({state.repairs[0].detail})",
+                f"got cells that no chain of tetrahedra can fill. {why} Expected connected cells; "
+                f"fold them with 'repair' ({state.repairs[0].detail})",
             )
 
 

@@ -59,7 +59,7 @@ def read_binvox(data: bytes, source: Source) -> Shape:
         code = "truncated" if total < expected else "damaged"
         raise InputError(
             code,
-            f"the header announces {expected} voxels and the runs hold {total}; save the file "
+            f"the header declares {expected} voxels and the runs hold {total}; save the file "
             "again.",
         )
     if (values > 1).any():

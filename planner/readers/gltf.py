@@ -134,7 +134,7 @@ def _chunks(data: bytes) -> dict[int, bytes]:
     if length > len(data):
         raise InputError(
             "truncated",
-            f"the header announces {length} bytes and the file has {len(data)}; save or send it "
+            f"the header declares {length} bytes and the file has {len(data)}; save or send it "
             "again.",
         )
     chunks: dict[int, bytes] = {}
@@ -388,7 +388,7 @@ class _Scene:
         if end > len(buffer) or end > start - inner + int(view["byteLength"]):
             raise InputError(
                 "truncated",
-                f"an accessor announces {count} values, but its buffer has fewer; export the "
+                f"an accessor declares {count} values, but its buffer has fewer; export the "
                 "scene again.",
                 where=f"accessors[{index}]",
             )

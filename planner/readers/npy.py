@@ -63,7 +63,7 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
         code, word = ("truncated", "fewer") if data_size < expected else ("damaged", "more")
         raise InputError(
             code,
-            f"got {data_size} bytes of data, {word} than the {expected} that its header announces; "
+            f"got {data_size} bytes of data, {word} than the {expected} that its header declares; "
             "save the file again.",
         )
     flat = np.frombuffer(data, dtype=dtype, offset=start)

@@ -376,6 +376,6 @@ class _Binary:
 def _truncated(element: _Element) -> InputError:
     return InputError(
         "truncated",
-        f"the header announces {element.count} of the element {quote(element.name)!r} and the file "
+        f"the header declares {element.count} of the element {quote(element.name)!r} and the file "
         "holds fewer; save or send it again.",
     )

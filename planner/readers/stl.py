@@ -120,13 +120,13 @@ def _binary(data: bytes, source: Source) -> Solid:
         held = (len(data) - HEADER_BYTES) // TRIANGLE_BYTES
         raise InputError(
             "truncated",
-            f"the header announces {count} triangles and the file holds {held}; save or send it "
+            f"the header declares {count} triangles and the file holds {held}; save or send it "
             "again.",
         )
     if len(data) > expected + (MAX_TAIL_BYTES if count else 0):
         raise InputError(
             "damaged",
-            f"the header announces {count} triangles, but {len(data) - expected} bytes follow "
+            f"the header declares {count} triangles, but {len(data) - expected} bytes follow "
             "them; save the file again.",
         )
     notes = () if len(data) == expected else (TAIL_IGNORED,)

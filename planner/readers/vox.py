@@ -121,7 +121,7 @@ def _chunks(data: bytes) -> _File:
         if start + size > len(data):
             raise InputError(
                 "truncated",
-                f"a chunk {quote(kind.decode('latin-1'))!r} announces {size} bytes, but the file "
+                f"a chunk {quote(kind.decode('latin-1'))!r} declares {size} bytes, but the file "
                 f"ends after {len(data) - start}.",
             )
         _take(kind, _Reader(data[start : start + size]), content)
@@ -140,7 +140,7 @@ def _take(kind: bytes, reader: _Reader, content: _File) -> None:
         case b"XYZI":
             count = reader.number()
             if count < 0 or 4 * count != reader.left:
-                raise _damaged(f"a model announces {count} voxels but has {reader.left // 4}")
+                raise _damaged(f"a model declares {count} voxels but has {reader.left // 4}")
             cells, colours = reader.voxels(count)
             content.models.append(cells[colours > 0])
             if len(content.sizes) < len(content.models):
@@ -226,7 +226,7 @@ class _Reader:
         """Read a number of items of at least ``least`` bytes each."""
         count = self.number()
         if count < 0 or count * least > self.left:
-            raise _damaged(f"a chunk announces {count} items but has fewer")
+            raise _damaged(f"a chunk declares {count} items but has fewer")
         return count
 
     def numbers(self) -> list[int]:

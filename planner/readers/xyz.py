@@ -74,7 +74,7 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
         code = "truncated" if len(rows) < promised else "wrong-count"
         raise InputError(
             code,
-            f"got {len(rows)} cells after a first line that announces {promised}; "
+            f"got {len(rows)} cells after a first line that declares {promised}; "
             "the file is cut off, or has more than one frame.",
             where=f"line {first + 1}",
         )

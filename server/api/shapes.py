@@ -117,10 +117,11 @@ async def post_offers(
     preview: Annotated[str, id_field("The id of an earlier preview.")],
     seed: Seed = 0,
 ) -> TableOffers:
-    """Search for a repair, 2×2×2 modules for each voxel and nearby numbers of modules.
+    """Search for similar shapes: repaired ones, doubled ones and other numbers of modules.
 
-    Send the same options as for the preview that found no path on a table. The search may take
-    as long as a preview, counts as one, and ends if the client disconnects.
+    A doubled shape has 2×2×2 modules for each voxel. Send the options of the preview that found
+    no path on a table. The search may take as long as a preview, and counts as one. It ends if
+    the client disconnects.
     """
     options = replace(options, seed=seed)
     bounded(options, context.settings.max_modules)

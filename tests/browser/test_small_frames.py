@@ -104,5 +104,5 @@ def test_embed_zooms_after_a_click_and_accepts_dropped_files(
     view.dispatch_event("dragenter")
     expect(frame.locator("main.dropping")).to_be_visible()
     frame.evaluate(DROP)
-    expect(frame.locator(".own-values [role=alert]")).to_contain_text("Got 2 rows with 1 number")
+    expect(frame.locator(".own-values [role=alert]")).to_contain_text("has 2 rows with 1 number")
     expect(frame.locator("main.dropping")).to_have_count(0)

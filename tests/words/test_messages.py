@@ -3,7 +3,8 @@
 from planner.errors import InputError
 from server.errors import Unusable
 from server.http.problems import Problem
-from words.messages import message_for_people
+from words.certificate import headline
+from words.messages import message_for_people, verdict_for_people
 
 MESSAGES = {
     "got 0 angles, expected a positive multiple of 1, one for each hinge.": (
@@ -20,11 +21,33 @@ MESSAGES = {
     ),
     "The database does not answer.": "The database does not answer.",
 }
+VERDICTS = {
+    "rests on a table within 3.2 w·p in frame 4 (without friction)": (
+        "stays on the table and needs at most 3.2 w·p in frame 4 (without friction)"
+    ),
+    "failed: the playback missed: the chain ended 0.2 pitches (RMS) from its target.": (
+        "failed: the chain ended 0.2 pitches (RMS) from its target."
+    ),
+    "failed: the explosion stalled: modules 1 and 2 block each other": (
+        "failed: modules 1 and 2 block each other"
+    ),
+    "failed: the chain floats and does not rest on a table; laid down in each frame, it": (
+        "failed: the chain floats, so a table does not support it. Laid down in each frame, it"
+    ),
+    "failed: the explosion stalled: ": "failed: the explosion stalled: ",
+    "verified (simulated)": "verified (simulated)",
+}
 
 
 def test_message_for_people_reads_as_sentences() -> None:
     for detail, message in MESSAGES.items():
         assert message_for_people(detail) == message
+
+
+def test_stored_verdicts_read_as_sentences() -> None:
+    for verdict, words in VERDICTS.items():
+        assert verdict_for_people(verdict) == words
+    assert headline({"verdict": "failed: the playback timeout: it is late"}) == "failed: it is late"
 
 
 def test_problem_body_has_a_message_beside_the_detail() -> None:

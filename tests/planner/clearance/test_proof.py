@@ -23,9 +23,9 @@ TOLERANCE = 1e-9
 
 
 def _unit(vectors: Array) -> Array:
-    units = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    units.setflags(write=False)  # as in other modules: else all kernels are compiled anew
-    return units
+    unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    unit.flags.writeable = False  # as in all modules: otherwise the kernels are compiled again
+    return unit
 
 
 _RNG = np.random.default_rng(0)

@@ -51,7 +51,7 @@ def test_fold_page_shows_its_visibility_and_retention() -> None:
     assert visibility(settings, pinned) == f"Stored permanently. {who}"
     for bound in ("storage_bytes", "storage_of_visitor_bytes"):
         text = visibility(Settings.model_validate({bound: MIB_BYTES}))
-        assert text.startswith("Stored while there is space;")
+        assert text.startswith("Stored while there is space.")
 
 
 def test_times_are_shown_in_their_largest_unit() -> None:

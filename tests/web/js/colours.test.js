@@ -100,17 +100,17 @@ test("numbers are read from files in many formats", () => {
 });
 
 const REFUSED = [
-  ["1\n2\n3", /Got 3 rows with 1 number each, expected 4 numbers, one for each module, or 3 rows with 4 each/],
-  ["1,2,3,4\n5,6,7", /Line 2: got 3 values, expected 4/],
-  ["1\n2\nthree\n4", /Line 3: got "three", expected a number/],
-  ["1,1\n9,2", /Line 2: got module 9, expected one from 1 to 4/],
-  ["1,1\n1,2", /Line 2: got module 1 a second time/],
-  ["\n\n", /expected 4 numbers/],
-  ["nan\nnan\nnan\nnan", /Got no number/],
-  ['{"a": 1}', /expected such a list/],
+  ["1\n2\n3", /This file has 3 rows with 1 number each. This fold needs 4 numbers, one for each module, or 3 rows of 4,/],
+  ["1,2,3,4\n5,6,7", /Line 2: this line has 3 values, but the lines before have 4/],
+  ["1\n2\nthree\n4", /Line 3: "three" is not a number/],
+  ["1,1\n9,2", /Line 2: there is no module 9. Modules count from 1 to 4/],
+  ["1,1\n1,2", /Line 2: module 1 appears twice/],
+  ["\n\n", /This fold needs 4 numbers/],
+  ["nan\nnan\nnan\nnan", /contains no number/],
+  ['{"a": 1}', /has no list of numbers/],
   ["[1, 2", /The file is not valid JSON/],
-  ['[1, 2, 3, {"a": 1}]', /Value 4: got {"a":1}, expected a number or null/],
-  ['{"format": "foldback-values/1", "rows": 1, "low": 0, "high": 1, "data": "AAA="}', /values of another fold/],
+  ['[1, 2, 3, {"a": 1}]', /Value 4: {"a":1} is not a number/],
+  ['{"format": "foldback-values/1", "rows": 1, "low": 0, "high": 1, "data": "AAA="}', /the values of another fold/],
 ];
 
 test("unsuitable numbers are refused with a message", () => {

@@ -47,7 +47,7 @@ function cellsOf(text) {
     const row = cells.map(read);
     const wrong = row.indexOf(null);
     if (line.startsWith("#") || (wrong >= 0 && !found.rows.length)) { found.header = line.startsWith("#") ? [line.replace(/^#\s*/, "")] : cells; return; }
-    if (wrong >= 0) throw new Error(`Line ${k + 1}: got "${cells[wrong].slice(0, 40)}", expected a number or nothing.`);
+    if (wrong >= 0) throw new Error(`Line ${k + 1}: "${cells[wrong].slice(0, 40)}" is not a number. Leave the field empty if there is none.`);
     found.rows.push(/** @type {number[]} */ (row));
     found.places.push(k + 1);
   });
@@ -66,13 +66,13 @@ function jsonOf(text) {
   } catch (error) { throw new Error(`The file is not valid JSON: ${/** @type {Error} */ (error).message}.`, { cause: error }); }
   if (Array.isArray(told)) told = { values: told };
   const { values } = told;
-  if (told.format !== FORMAT && !Array.isArray(values)) throw new Error('Got JSON without a list of numbers, expected such a list, or an object with "values", "name" and "unit".');
+  if (told.format !== FORMAT && !Array.isArray(values)) throw new Error('This JSON file has no list of numbers. Use a list, or an object with "values", "name" and "unit".');
   const rows = (Array.isArray(values) ? (Array.isArray(values[0]) ? values : [values]) : []).map((row, k) => {
-    if (!Array.isArray(row)) throw new Error(`Value ${k + 1}: got ${JSON.stringify(row)?.slice(0, 40)}, expected a list of numbers like the first one.`);
+    if (!Array.isArray(row)) throw new Error(`Value ${k + 1}: ${JSON.stringify(row)?.slice(0, 40)} is not a list of numbers, as the first value is.`);
     return row.map((/** @type {unknown} */ value, /** @type {number} */ i) => {
       if (typeof value === "number") return value;
       if (value === null || (typeof value === "string" && NOTHING.test(value))) return NaN;
-      throw new Error(`Value ${i + 1}: got ${JSON.stringify(value).slice(0, 40)}, expected a number or null.`);
+      throw new Error(`Value ${i + 1}: ${JSON.stringify(value).slice(0, 40)} is not a number. Use null if there is none.`);
     });
   });
   return { told, cells: { rows, header: [], places: rows.map((_, k) => k + 1) } };
@@ -91,8 +91,8 @@ function byNumber({ rows, places }, modules) {
   const row = new Array(modules).fill(NaN);
   const seen = new Set();
   rows.forEach(([module, value], k) => {
-    if (!Number.isInteger(module) || module < from || module >= modules + from) throw new Error(`Line ${places[k]}: got module ${module}, expected one from ${from} to ${modules + from - 1}.`);
-    if (seen.has(module)) throw new Error(`Line ${places[k]}: got module ${module} a second time, expected each module once. Decimal places need a point, not a comma.`);
+    if (!Number.isInteger(module) || module < from || module >= modules + from) throw new Error(`Line ${places[k]}: there is no module ${module}. Modules count from ${from} to ${modules + from - 1}.`);
+    if (seen.has(module)) throw new Error(`Line ${places[k]}: module ${module} appears twice. List each module once. Decimal places need a point, not a comma.`);
     seen.add(module);
     row[module - from] = value;
   });
@@ -108,7 +108,7 @@ function arranged(cells, { modules, frames }) {
   let { rows } = cells;
   const width = rows[0]?.length ?? 0;
   const odd = rows.findIndex((row) => row.length !== width);
-  if (odd >= 0) throw new Error(`Line ${cells.places[odd]}: got ${rows[odd].length} values, expected ${width} as in the lines before.`);
+  if (odd >= 0) throw new Error(`Line ${cells.places[odd]}: this line has ${rows[odd].length} values, but the lines before have ${width}.`);
   if (![1, modules, frames].includes(width) && rows.every((row) => Number.isNaN(row.at(-1)))) rows = rows.map((row) => row.slice(0, -1));
   if (rows[0]?.length === 1 && rows.length === modules) return [rows.flat()];
   if (rows[0]?.length === 2 && modules !== 2 && rows.length <= modules) return byNumber(cells, modules);
@@ -119,8 +119,8 @@ function arranged(cells, { modules, frames }) {
     if (wide === modules && (found.length === 1 || found.length === frames)) return found;
     if (found.length === modules && wide === frames) return Array.from({ length: frames }, (_, frame) => found.map((row) => row[frame]));
   }
-  const each = frames ? `, or ${frames} rows with ${modules} each, one row for each frame` : "";
-  throw new Error(`Got ${rows.length} ${rows.length === 1 ? "row" : "rows"} with ${width} ${width === 1 ? "number" : "numbers"} each, expected ${modules} numbers, one for each module${each}. Check that the file belongs to this fold.`);
+  const each = frames ? `, or ${frames} rows of ${modules}, one row for each frame` : "";
+  throw new Error(`This file has ${rows.length} ${rows.length === 1 ? "row" : "rows"} with ${width} ${width === 1 ? "number" : "numbers"} each. This fold needs ${modules} numbers, one for each module${each}. Check that the file belongs to this fold.`);
 }
 
 /**
@@ -150,7 +150,7 @@ export function readValues(text, file, expected) {
   const values = Float32Array.from(rows.flat(), (value) => (Number.isFinite(value) ? value : NaN));
   let [low, high] = [Infinity, -Infinity];
   for (const value of values) { if (value < low) low = value; if (value > high) high = value; }
-  if (low > high) throw new Error("Got no number in the file, expected at least one.");
+  if (low > high) throw new Error("This file contains no number.");
   return { name: name || "Own numbers", unit: typeof told.unit === "string" ? told.unit.slice(0, 20) : unit, rows: rows.length, values, low, high };
 }
 
@@ -186,7 +186,7 @@ export function packed(own) {
 export function unpacked({ name, unit, low, high, rows, data }, modules) {
   let levels = "";
   try { levels = atob(data); } catch { }
-  if (!(rows >= 1) || levels.length !== rows * modules || !(low <= high)) throw new Error(`Got values of another fold, expected ${modules} in each row.`);
+  if (!(rows >= 1) || levels.length !== rows * modules || !(low <= high)) throw new Error(`These are the values of another fold. This fold needs ${modules} in each row.`);
   const values = Float32Array.from(levels, (level) => (level.charCodeAt(0) === NONE ? NaN : low + (level.charCodeAt(0) / LEVELS) * (high - low)));
   return { name: String(name), unit: String(unit), rows, values, low, high };
 }
