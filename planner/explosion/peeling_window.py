@@ -196,7 +196,7 @@ class WindowSetting:
         else:
             # Nothing is left in the way: all goes where the first link points.
             centre = core.cells[1]
-            target = core.rotations[1][:, 0]
+            target = core.rotations[1][:, 0].copy()  # contiguous, as kernels take it
         return Heading(target if before is None else before.aim, target, centre)
 
     def model(self, first: int, angles: Array) -> FixedBaseWindow:

@@ -100,23 +100,6 @@ def vote_by_parity(marks: Array, votes: Array) -> None:
 
 
 @njit(**KERNEL)
-def block_sums(inside: Array, side: int) -> Array:
-    """(X/side, Y/side, Z/side) int16 number of samples in each block of side³ samples."""
-    n_x, n_y, n_z = inside.shape
-    sums = np.zeros((n_x // side, n_y // side, n_z // side), dtype=np.int16)
-    for i in range(sums.shape[0] * side):
-        a = i // side
-        for j in range(sums.shape[1] * side):
-            b = j // side
-            for c in range(sums.shape[2]):
-                total = 0
-                for k in range(c * side, (c + 1) * side):
-                    total += inside[i, j, k]
-                sums[a, b, c] += total
-    return sums
-
-
-@njit(**KERNEL)
 def window_sums(parts: Array, size: int) -> Array:
     """Return (X−s+1, Y−s+1, Z−s+1) int32 sums of the parts in each cube of s³ of them.
 

@@ -133,7 +133,8 @@ def warm_up_motions(chain: Chain) -> None:
     robot = Robot(chain, contacts, RobotParameters(), peak_torque=1.0, seed=[0], step_s=0.01)
     robot.place(chain.folded_rad, chain.folded_position, chain.folded_wxyz)
     robot.begin_step()
-    robot.follow(chain.folded_rad, 0.0 * chain.folded_rad, 0.0 * chain.folded_rad)
+    still = np.zeros(len(chain.folded_rad))
+    robot.follow(still, still, still)  # as from a controller: writable arrays
     robot.end_step()
     robot.stop_drifting()
     explode(chain, ExplosionParameters(), cancelled=lambda: True)

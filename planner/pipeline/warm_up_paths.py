@@ -38,11 +38,8 @@ def warm_up_paths() -> None:
         knot_of(found.cells)
     find_trails(box)
     solid = _tetrahedron()
-    # One whose faces don't agree about what is outside is filled in another way, and arrays that
-    # are read-only are another type.
     voxelise(solid, cells=8)
-    solid.faces.setflags(write=False)
-    voxelise(solid, cells=8)
+    # One whose faces don't agree about what is outside is filled in another way.
     voxelise(replace(solid, oriented=False), cells=8)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError, checked_fraction
-from planner.kernels.crossings import block_sums, window_histograms, window_sums
+from planner.kernels.crossings import window_histograms, window_sums
 from planner.shapes.bridges import Bridged, bridged, parts_of
 from planner.shapes.mesh_repair import welded
 from planner.shapes.solid import Solid, signed_volume
@@ -283,7 +283,7 @@ class Ladder:
             sampling = _largest_body(sampling)
         split = min(OFFSETS_PER_AXIS, self.size(turn, pitch))
         grid = Grid(
-            parts=block_sums(sampling.inside.view(np.uint8), size // split),
+            parts=_block_sums(sampling.inside, size // split),
             split=split,
             size=size,
             offset=sampling.offset,
@@ -368,6 +368,18 @@ def _judged(grid: Grid, turn: int, pitch: float) -> LatticeFit:
         ious=ious,
         thresholds=-(-chosen * full // levels),
     )
+
+
+def _block_sums(inside: NDArray[np.bool_], side: int) -> NDArray[np.int16]:
+    """Return the (X/side, Y/side, Z/side) numbers of samples in each block of side³ samples."""
+    x, y, z = (count - count % side for count in inside.shape)
+    sums: NDArray[Any] = inside[:x, :y, :z]
+    for _ in range(3):  # the last axis, which becomes the first
+        along = sums[..., ::side].astype(np.int16)
+        for k in range(1, side):
+            along += sums[..., k::side]
+        sums = along.transpose(2, 0, 1)
+    return np.ascontiguousarray(sums)
 
 
 def _largest_body(sampling: Sampling) -> Sampling:

@@ -112,7 +112,8 @@ def sample(
     inside = np.zeros(tuple(shape), dtype=np.bool_)
     crossed = 0.0
     marks = np.zeros(tuple(shape), dtype=np.int16)
-    mark_crossings(x, y, z, solid.faces, marks)
+    faces = solid.faces.copy()  # if it is read-only: another type, for which all is compiled anew
+    mark_crossings(x, y, z, faces, marks)
     if solid.oriented:
         twice = fill_by_winding(marks, inside)
         crossed = twice / max(1, int(np.count_nonzero(inside)))
@@ -121,8 +122,10 @@ def sample(
         vote_by_parity(marks, votes)
         for u, v, w, order in ((y, z, x, (1, 2, 0)), (z, x, y, (2, 0, 1))):
             marks = np.zeros(tuple(shape[list(order)]), dtype=np.int16)
-            mark_crossings(u, v, w, solid.faces, marks)
-            vote_by_parity(marks, votes.transpose(order))
+            mark_crossings(u, v, w, faces, marks)
+            others = np.zeros(marks.shape, dtype=np.int8)
+            vote_by_parity(marks, others)
+            votes += others.transpose(np.argsort(order))
         inside = votes >= MIN_VOTES
     return Sampling(
         inside=inside,

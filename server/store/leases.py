@@ -18,6 +18,7 @@ from typing import Final
 
 import sqlalchemy as sa
 
+from planner.pipeline.compiling_lock import IMPORTS_FRACTION
 from server.settings import Settings
 from server.store.folds import Store, rows_of
 from server.store.tables import CounterRow, WorkerRow
@@ -26,7 +27,7 @@ from server.store.worker_identity import WorkerIdentities
 COMPILED_COUNT: Final = 1000
 """Scale of the counter that holds the compiled fraction of a worker's numerical kernels in the
 database, as an integer in thousandths: the value once all are compiled."""
-MIN_COMPILED_FRACTION: Final = 0.05
+MIN_COMPILED_FRACTION: Final = IMPORTS_FRACTION
 """Compiled fraction of a worker's numerical kernels from which on the remaining time is
 extrapolated. A smaller value displays an estimate earlier, and a less reliable one. Chosen."""
 COMPILING_CACHE_S: Final = 0.4
