@@ -90,7 +90,7 @@ def _group(item: pytest.Item, fixtures: set[str]) -> str:
     """Return the name of the tests that run in the same process as a test, to share its fixtures.
 
     Each service and each fork server takes some ten seconds of the processor to start, a database
-    or a bucket some three.
+    or a bucket less.
     """
     if "service" in fixtures:
         return "service"
