@@ -47,8 +47,8 @@ from planner.simulation.mujoco_models import SOLIMP
 from planner.simulation.robot import Robot
 
 BACKGROUND_NICENESS: Final = 19
-"""Niceness (POSIX) of a process that compiles kernels in advance. A smaller value leaves less time to
-folds, whose niceness is 19 by default: with 10 they get an eighth of a core that both share.
+"""Niceness (POSIX) of a process that compiles kernels in advance. A smaller value leaves less time
+to folds, whose niceness is 19 by default: with 10 they get an eighth of a core that both share.
 Chosen."""
 PEELED_BOX_CELLS: Final = (2, 4, 5)
 """Size of the box along x, y and z, in cells, that is exploded by peeling to compile all kernels of
