@@ -46,10 +46,9 @@ from planner.simulation.engine import build_chain_model
 from planner.simulation.mujoco_models import SOLIMP
 from planner.simulation.robot import Robot
 
-BACKGROUND_NICENESS: Final = 19
-"""Niceness (POSIX) of a process that compiles kernels in advance. A smaller value leaves less time
-to folds, whose niceness is 19 by default: with 10 they get an eighth of a core that both share.
-Chosen."""
+BACKGROUND_NICENESS: Final = 10
+"""Niceness (POSIX) of a process that compiles kernels in advance. A larger value leaves more of the
+processor to folds. Chosen."""
 PEELED_BOX_CELLS: Final = (2, 4, 5)
 """Size of the box along x, y and z, in cells, that is exploded by peeling to compile all kernels of
 peeling in advance: larger than one group of modules that peeling releases together, so that both
