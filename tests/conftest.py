@@ -20,7 +20,7 @@ from zarr.codecs import blosc
 from zarr.storage import _local as local_store
 
 from tests import progress
-from tests.server.service_process import Service
+from tests.server.service_process import SNAKE, Service
 from tests.web.blog import Blog
 
 # Tests and the programs that they start compile each imported module only once, even if the
@@ -168,3 +168,16 @@ def wrench(service: Service) -> str:
     fold_id = service.fold(shape="wrench-24", seed="5")["id"]
     assert service.wait_over(fold_id)["status"] == "verified"
     return fold_id
+
+
+@pytest.fixture(scope="session")
+def finished(service: Service) -> dict[str, Any]:
+    """Finished fold: the answer to its upload, its events and its state."""
+    accepted = service.fold(SNAKE, seed="3")
+    events = list(service.events(accepted["id"]))
+    return {
+        "accepted": accepted,
+        "id": accepted["id"],
+        "events": events,
+        "state": service.state(accepted["id"]),
+    }

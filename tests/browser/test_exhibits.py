@@ -1,12 +1,13 @@
 """Folds that are shown to others: in a kiosk, and to a class that follows its leader."""
 
 import re
+from typing import Any
 
 from playwright.sync_api import Page, WebSocketRoute, expect
 
 from bench.service.kiosk import faster
 from tests.browser.conftest import Visit, seek
-from tests.server.service_process import STAIRS, Service
+from tests.server.service_process import Service
 
 TARGET_PX = 64
 SPEED = 6
@@ -21,10 +22,9 @@ def count_objects(page: Page) -> dict[str, int]:
 
 
 def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
-    visit: Visit, service: Service, wrench: str
+    visit: Visit, service: Service, wrench: str, finished: dict[str, Any]
 ) -> None:
-    other = service.fold(STAIRS)["id"]
-    service.wait_over(other)
+    other = finished["id"]
     for folds, status in (("nothing", 404), ("a/b", 422), (",".join(["a"] * 51), 422)):
         assert service.http.get("/kiosk", params={"folds": folds}).status_code == status
     page = visit(f"/kiosk?kiosk=10&folds={wrench},{other}", view=False, script=faster(SPEED))

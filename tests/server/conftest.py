@@ -3,7 +3,6 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -11,7 +10,6 @@ from server.settings import Settings
 from server.store.folds import Store
 from tests.server.bucket import Bucket
 from tests.server.postgres import DATABASES, Postgres
-from tests.server.service_process import SNAKE, Service
 from tests.server.service_thread import ServiceThread, copy_tables
 
 
@@ -110,16 +108,3 @@ def idle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceThread]:
     tempfile.tempdir = before  # other tests of this process may store theirs at the same time
     yield service
     assert service.stop() == 0
-
-
-@pytest.fixture(scope="session")
-def finished(service: Service) -> dict[str, Any]:
-    """Finished fold: the answer to its upload, its events and its state."""
-    accepted = service.fold(SNAKE, seed="3")
-    events = list(service.events(accepted["id"]))
-    return {
-        "accepted": accepted,
-        "id": accepted["id"],
-        "events": events,
-        "state": service.state(accepted["id"]),
-    }
