@@ -17,18 +17,12 @@ from numpy.typing import NDArray
 
 from planner.certificate.earlier_certificates import told_honestly
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
-from planner.certificate.plan_figures import (
-    largest_angle,
-    plan_figures,
-    robot_figures,
-    torque_unit_nm,
-)
+from planner.certificate.plan_figures import largest_angle, plan_figures, robot_figures
 from planner.certificate.sweeps import Sweeper, followed
 from planner.certificate.table_certificate import table_certificate
 from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
 from planner.certificate.verdict import find_verdict
-from planner.chain.cantilever_statics import GRAVITY_M_S2, static_torque
 from planner.chain.chain import Chain
 from planner.clearance.exempt_pairs import ExemptPairs, Place, exempt_pairs
 from planner.clearance.margins import Margins, margins
@@ -233,7 +227,6 @@ def certify(
         assert playback is not None
         progress(Progress(stage="certify", fraction=0.95, message="finding margins"))
         found = margins(chain, playback.reference, sweeps.plan, size=size, cancelled=cancelled)
-    weight = torque_unit_nm(chain, parameters) / chain.pitch_m * GRAVITY_M_S2
     return Certificate(
         verdict=verdict,
         table=on_table,
@@ -244,8 +237,6 @@ def certify(
         robots=robots,
         max_angle_record_rad=None if record is None else largest_angle(record.frames),
         joint_speed_limit_rad_s=parameters.joint_speed_limit_rad_s,
-        gravity_torque_folded_nm=weight * static_torque(chain, chain.folded_rad),
-        gravity_torque_straight_nm=weight * static_torque(chain, np.zeros_like(chain.folded_rad)),
         seconds=time.perf_counter() - begun,
         **sweeps.figures(),
         **figures,

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from planner.certificate.figures import RobotFigures
 from planner.certificate.sweeps import Sweeps, followed
+from planner.chain.cantilever_statics import GRAVITY_M_S2, static_torque
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.motion.motion import Motion
@@ -40,8 +41,11 @@ _PLAN_FIGURES: Final = (
 
 
 def plan_figures(chain: Chain, playback: Playback | None, parameters: Parameters) -> dict[str, Any]:
-    """Return the figures ``_PLAN_FIGURES``, each None where it cannot be computed."""
-    figures: dict[str, Any] = dict.fromkeys(_PLAN_FIGURES)
+    """Return the chain's torques in gravity, and the figures ``_PLAN_FIGURES``.
+
+    Each of the latter is None where it cannot be computed.
+    """
+    figures = dict.fromkeys(_PLAN_FIGURES) | _gravity_torques(chain, parameters)
     if playback is None:
         return figures
     plan, times = playback.reference, playback.frames.time_s
@@ -74,6 +78,16 @@ def plan_figures(chain: Chain, playback: Playback | None, parameters: Parameters
                 f"inverse dynamics at {known} of {len(plan)} frames, accelerations smoothed"
             )
     return figures
+
+
+def _gravity_torques(chain: Chain, parameters: Parameters) -> dict[str, Any]:
+    """Return the largest torques that hold the folded and the straight chain in gravity, N·m."""
+    weight = torque_unit_nm(chain, parameters) / chain.pitch_m * GRAVITY_M_S2
+    straight_rad = np.zeros_like(chain.folded_rad)
+    return {
+        "gravity_torque_folded_nm": weight * static_torque(chain, chain.folded_rad),
+        "gravity_torque_straight_nm": weight * static_torque(chain, straight_rad),
+    }
 
 
 def _simulation_figures(chain: Chain, playback: Playback) -> dict[str, Any]:
