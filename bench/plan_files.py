@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from bench.measured_tables import Section
-from planner.motion.angle_encoding import snapped
+from planner.motion.angle_encoding import quantised
 from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters
 from planner.plan.plan import Plan
@@ -71,7 +71,7 @@ def _plan() -> Plan:
     knots = np.arange(0, PLAN_FRAMES + FRAMES_PER_KNOT, FRAMES_PER_KNOT)
     size = (len(knots), len(chain.folded_rad))
     walk = random.normal(scale=KNOT_STEP_RAD, size=size).cumsum(axis=0)
-    angles = snapped(CubicSpline(knots, np.clip(walk, -1.5, 1.5))(np.arange(PLAN_FRAMES)))
+    angles = quantised(CubicSpline(knots, np.clip(walk, -1.5, 1.5))(np.arange(PLAN_FRAMES)))
     frames = Motion.from_frames(
         phase="playback",
         time_s=0.02 * np.arange(PLAN_FRAMES),

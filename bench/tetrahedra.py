@@ -16,7 +16,7 @@ from bench.measured_tables import Section
 from planner.chain.chain import Chain
 from planner.chain.honeycomb import ring_pairs
 from planner.clearance.margins import largest_size
-from planner.pathfinding.eulerian_circuits import circuit
+from planner.pathfinding.eulerian_circuits import eulerian_circuit
 from planner.pathfinding.trail_search import find_trails
 from planner.plan.plan import Plan
 from planner.plan.shape_writers import write_chain
@@ -138,9 +138,9 @@ def _trail(section: Section) -> None:
     side = round((LONG_TRAIL_TETRAHEDRA / 12) ** (1 / 3)) + 1
     cells = np.array(list(product(range(side), repeat=3)))
     pairs = ring_pairs(cells)
-    circuit(ring_pairs(cells[:1]))
+    eulerian_circuit(ring_pairs(cells[:1]))
     begun = time.perf_counter()
-    nodes = circuit(pairs)
+    nodes = eulerian_circuit(pairs)
     seconds = time.perf_counter() - begun
     section.add(
         f"trail for {len(nodes) - 1} tetrahedra", f"{seconds:.2f} s", "< 10 s", seconds < 10

@@ -24,10 +24,10 @@ from planner.robot.sizing import (
     Fit,
     LargestShape,
     PitchRange,
-    at_which_pitch,
+    find_suitable_servos,
     largest_shape,
-    turned_rad,
-    who_would_do,
+    suitable_pitches,
+    total_turn_rad,
 )
 
 
@@ -81,7 +81,7 @@ def servos(
         among = all_servos() if only is None else (servo_named(only),)
         wanted = _figures(shapes or [])
         sizing = _sized(torque, pitch_m, casing, share, gravity, among, wanted)
-        turned = None if plan is None else turned_rad(read_plan(plan).joint_angles_rad)
+        turned = None if plan is None else total_turn_rad(read_plan(plan).joint_angles_rad)
     except InputError as error:
         refuse(error, as_json)
     rows = [sizing.row(fit, turned) for fit in sizing.fits]
@@ -171,8 +171,8 @@ def _sized(
     return _Sizing(
         torque_wp=torque_wp,
         pitch_m=pitch_m,
-        fits=who_would_do(torque_wp, pitch_m=pitch_m, among=among, **size),
-        ranges={servo: at_which_pitch(servo, torque_wp, **size) for servo in among},
+        fits=find_suitable_servos(torque_wp, pitch_m=pitch_m, among=among, **size),
+        ranges={servo: suitable_pitches(servo, torque_wp, **size) for servo in among},
         reaches={servo: largest_shape(servo, wanted, pitch_m=pitch_m, **size) for servo in among},
         **size,
     )

@@ -16,7 +16,7 @@ from planner.errors import InputError, TimelineError
 from planner.file_names import TIMELINE, TOUR
 from planner.files import json_of, write_whole
 from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import result, stored_moments
+from planner.pipeline.fold_layout import result_path, stored_moments
 from planner.pipeline.workspace import Workspace
 from planner.plan.tour import Tour
 from words.fold import ShownFold
@@ -74,7 +74,7 @@ def drafted(directory: Path) -> Tour:
     )
     try:
         moments = stored_moments(directory) or Workspace(directory).find_moments()
-        frames = len(Timeline.open(result(directory, TIMELINE)))
+        frames = len(Timeline.open(result_path(directory, TIMELINE)))
     except TimelineError as error:
         raise InputError("no-frames", f"{error}") from error
     drafted = draft_tour(row, frames, moments)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from planner.chain.path import Path
 from planner.pathfinding.lattice import surface
 from planner.pathfinding.loose_block_merging import loose_block_path
-from planner.pathfinding.sat_paths import circuit
+from planner.pathfinding.sat_paths import find_path_by_sat
 from planner.pathfinding.snake import snake_path
 from planner.plan.shape_writers import write_path
 
@@ -79,7 +79,7 @@ def snake(cells: frozenset[Cell], rng: np.random.Generator) -> Cells:
 def solved(cells: frozenset[Cell], rng: np.random.Generator) -> Cells | None:
     """Return a path with its ends on the surface, from the SAT solver."""
     order = np.array(sorted(cells))
-    found = circuit(order, rng, ends=surface(order)).order
+    found = find_path_by_sat(order, rng, ends=surface(order)).order
     return None if found is None else order[found]
 
 

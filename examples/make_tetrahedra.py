@@ -14,7 +14,7 @@ import numpy as np
 from planner.chain.chain import Chain
 from planner.chain.honeycomb import dodecahedron_pairs
 from planner.chain.trail import Trail
-from planner.pathfinding.eulerian_circuits import circuit, opened
+from planner.pathfinding.eulerian_circuits import cut_open, eulerian_circuit
 from planner.pathfinding.trail_search import find_trails
 from planner.plan.shape_writers import write_chain
 from planner.shapes.shape import Shape
@@ -71,7 +71,7 @@ def main() -> None:
     for name, title, tags, cells in SHAPES:
         trail = find_trails(Shape.from_cells(np.array(cells), name=name)).trails[0]
         save(name, title, tags, trail)
-    ring = opened(circuit(dodecahedron_pairs(np.zeros((1, 3), dtype=np.int64))), 0)
+    ring = cut_open(eulerian_circuit(dodecahedron_pairs(np.zeros((1, 3), dtype=np.int64))), 0)
     trail = Trail.from_nodes(ring, name="tetra-dodecahedron")
     save(trail.name, "Rhombic dodecahedron", ("tetrahedra", "solid"), trail)
 

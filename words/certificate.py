@@ -14,7 +14,7 @@ from planner.motion.record import TableRecord
 from planner.parameters.parameters import BASELINE
 from planner.robot.module_materials import CASINGS
 from planner.robot.servos import Servo, servos
-from planner.robot.sizing import at_which_pitch, who_would_do
+from planner.robot.sizing import find_suitable_servos, suitable_pitches
 from words.messages import verdict_for_people
 from words.quantities import STRATEGY_LABELS, length_m, quantity, sentence
 
@@ -217,7 +217,7 @@ def _base(table: TableCertificate) -> str:
 def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
     """Return the suitable servos in words and by name; if none, those for larger modules."""
     torque, casing = table.torque or 0.0, CASINGS["pla"]
-    fits = who_would_do(torque, pitch_m=table.pitch_m, casing=casing)
+    fits = find_suitable_servos(torque, pitch_m=table.pitch_m, casing=casing)
     would = [fit.servo for fit in fits if fit.would_do]
     if would:
         more = len(would) - MAX_NAMED_SERVOS
@@ -226,7 +226,7 @@ def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
         text = f"Suitable servos for PLA modules at this pitch ({pitch}){rest}:"
         return text, would[:MAX_NAMED_SERVOS]
     ranges = [
-        (at_which_pitch(s, torque, casing), s) for s in servos() if s.turns_enough is not False
+        (suitable_pitches(s, torque, casing), s) for s in servos() if s.turns_enough is not False
     ]
     larger = sorted(
         ((found.least_m, servo) for found, servo in ranges if not found.empty),

@@ -24,7 +24,7 @@ from planner.file_names import CHAIN, PLAN, TIMELINE
 from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import FLOATING
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.pipeline.preference import COMPUTING, preference_named
 from planner.verification.integrity import damaged_among
 from words import certificate as certificate_words
@@ -119,7 +119,7 @@ class _Fold:
     def chain(self) -> Values:
         over = self.row.status not in RUNNING_STATUSES
         damaged = over and damaged_among(self.directory, [CHAIN])
-        return {} if damaged else json_of(result(self.directory, CHAIN))
+        return {} if damaged else json_of(result_path(self.directory, CHAIN))
 
     @property
     def plan(self) -> dict[str, dict[str, Any]]:
@@ -279,7 +279,7 @@ def _settings_at(path: Path, changed_ns: int) -> dict[str, dict[str, Any]]:
 def _simulated_s(directory: Path) -> float | None:
     """Return the simulated time of a timeline; looked up once for each length that it has had."""
     try:
-        timeline = result(directory, TIMELINE)
+        timeline = result_path(directory, TIMELINE)
         changed_ns = (timeline / "zarr.json").stat().st_mtime_ns
     except OSError:
         return None

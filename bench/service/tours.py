@@ -32,7 +32,7 @@ from planner.file_names import CERTIFICATE, FIGURES, TIMELINE
 from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.pathfinding.knots import knot_of
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
@@ -104,9 +104,9 @@ class _Fold:
     @classmethod
     def of(cls, directory: FilePath) -> _Fold:
         """Read a fold from its directory."""
-        timeline = Timeline.open(result(directory, TIMELINE))
+        timeline = Timeline.open(result_path(directory, TIMELINE))
         values = json_of(directory / CERTIFICATE)
-        return cls(timeline, timeline.chain, values, result(directory, FIGURES))
+        return cls(timeline, timeline.chain, values, result_path(directory, FIGURES))
 
     def is_true(self, stop: Stop) -> bool:
         """Return True if every sentence of a stop is true; False for an unknown sentence."""

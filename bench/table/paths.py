@@ -18,7 +18,7 @@ from bench.measured_tables import Section
 from planner.chain.path import Path as ChainPath
 from planner.errors import InputError
 from planner.readers import read
-from planner.table_paths.rules import LAYERS, faults_of
+from planner.table_paths.rules import LAYERS, rule_violations
 from planner.table_paths.table_paths import TablePath
 from tests.planner.table_search import table_paths
 
@@ -95,8 +95,9 @@ def _check(paths: tuple[TablePath, ...], cells: NDArray[np.int64]) -> None:
     """Check that paths obey the rules and visit all cells; a wrong path gives no figure."""
     for path in paths:
         laid = np.unique(cells @ path.turn.T + path.shift, axis=0)
-        if faults_of(path.cells, rule=path.rule) or len(path.cells) != len(cells):
-            raise AssertionError(f"a path breaks rules: {faults_of(path.cells, rule=path.rule)}")
+        if rule_violations(path.cells, rule=path.rule) or len(path.cells) != len(cells):
+            violations = rule_violations(path.cells, rule=path.rule)
+            raise AssertionError(f"a path breaks rules: {violations}")
         if not np.array_equal(np.unique(path.cells, axis=0), laid):
             raise AssertionError("the path does not visit every cell once")
 

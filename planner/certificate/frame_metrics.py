@@ -28,7 +28,7 @@ from planner.certificate.metrics_store import (
 )
 from planner.certificate.plan_figures import MOVING_SPEED_SHARE, torque_unit_nm
 from planner.chain.chain import Chain
-from planner.chain.floating_torques import floating_torques, motion_of
+from planner.chain.floating_torques import floating_torques, spline_derivatives
 from planner.chain.kinematics import forward_kinematics
 from planner.clearance.sweep import sweep
 from planner.kernels.clearance import Solid, module_clearances
@@ -242,7 +242,7 @@ def _torques(chain: Chain, around: Motion, here: slice, *, whole: bool) -> Array
     if not wanted.any() or not (np.isfinite(angles).all() and np.isfinite(times).all()):
         return torques
     at = np.flatnonzero(np.arange(len(played))[played] >= here.start)[: wanted.sum()]
-    rates, accelerations = motion_of(times, angles, at, from_rest=whole or not played[0])
+    rates, accelerations = spline_derivatives(times, angles, at, from_rest=whole or not played[0])
     torques[wanted] = floating_torques(chain.module, angles[at], rates, accelerations)
     return torques
 

@@ -78,7 +78,7 @@ class Chain:
         )
 
     @classmethod
-    def from_trail(cls, trail: Trail, *, module: Module = TETRAHEDRON) -> Chain:
+    def from_trail(cls, trail: Trail) -> Chain:
         """Build the chain of tetrahedra whose folded modules lie between the nodes of a trail.
 
         A module's x axis runs from its first node to its second, its y and z axes along the hinges
@@ -98,7 +98,7 @@ class Chain:
         first = np.column_stack([along[0], across[0], np.cross(along[0], across[0])])
         return cls._checked(
             name=trail.name,
-            module=module,
+            module=TETRAHEDRON,
             folded=angles,
             position=(trail.nodes[0] + trail.nodes[1]) / 2.0,
             wxyz=wxyz_from_matrix(first),

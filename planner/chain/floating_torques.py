@@ -71,7 +71,7 @@ def floating_torques(
     return torques
 
 
-def motion_of(
+def spline_derivatives(
     time_s: Array, angles_rad: Array, at: NDArray[np.int64], *, from_rest: bool
 ) -> tuple[Array, Array]:
     """Return rates and accelerations along recorded angles, by the cubic spline through them.

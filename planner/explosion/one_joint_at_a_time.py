@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from planner.chain.chain import Chain
-from planner.motion.angle_encoding import snapped
+from planner.motion.angle_encoding import quantised
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.parameters import BASELINE
@@ -49,7 +49,7 @@ def unbend_one_by_one(chain: Chain, *, sink: Callable[[Motion], None] | None = N
         phase="explosion",
         first=np.array(first, dtype=np.int64),
         offsets=np.concatenate([[0], np.cumsum([len(part) for part in angles])]),
-        angles_rad=snapped(np.concatenate(angles)).astype(np.float32),
+        angles_rad=quantised(np.concatenate(angles)).astype(np.float32),
         base_position=np.tile(chain.folded_position, (len(times), 1)),
         base_wxyz=np.tile(chain.folded_wxyz, (len(times), 1)),
     )

@@ -14,7 +14,7 @@ from planner.clearance.sweep import windows_shape
 from planner.explosion.peeling_window import Peelable, WindowConfiguration
 from planner.explosion.recorder import MIN_CLEARANCE_LOSS_PITCH
 from planner.kernels.sweep import Angles, sweep_frames
-from planner.motion.angle_encoding import snapped
+from planner.motion.angle_encoding import quantised
 from planner.motion.motion import Motion
 
 Array = NDArray[np.float64]
@@ -126,7 +126,7 @@ class WindowRule:
             phase="explosion",
             first=np.array([hinges * s.first for s in snapshots], dtype=np.int64),
             offsets=np.concatenate([[0], np.cumsum([len(s.angles) for s in snapshots])]),
-            angles_rad=snapped(np.concatenate([s.angles for s in snapshots])).astype(np.float32),
+            angles_rad=quantised(np.concatenate([s.angles for s in snapshots])).astype(np.float32),
             base_position=np.tile(chain.folded_position, (count, 1)),
             base_wxyz=np.tile(chain.folded_wxyz, (count, 1)),
         )

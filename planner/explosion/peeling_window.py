@@ -326,7 +326,7 @@ class Window:
         setting, forces = self.setting, self.setting.forces
         setting.finder.set_contact_time_constant(control.contact_time_constant_s)
         heading = self.heading
-        aim = turned_towards(heading.aim, heading.target, setting.parameters.turn_rad)
+        aim = rotate_towards(heading.aim, heading.target, setting.parameters.turn_rad)
         self.heading = Heading(aim, heading.target, heading.centre)
         loads = forces.forces(self, control)
         if control.steps % forces.stiffness_period == 0:
@@ -398,7 +398,7 @@ class Window:
         self.model.set_stiffness(self.setting.forces.stiffness(self))
 
 
-def turned_towards(a: Array, b: Array, most_rad: float) -> Array:
+def rotate_towards(a: Array, b: Array, most_rad: float) -> Array:
     """Return the (3,) unit vector ``a`` turned towards ``b`` by ``most_rad`` at most."""
     if a is b:
         return b

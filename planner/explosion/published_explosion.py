@@ -29,7 +29,7 @@ from planner.explosion.recorder import FrameRule, Recorder, Step
 from planner.explosion.step_control import StepControl
 from planner.explosion.whole_chain import chain_at_rest, unfolded_share
 from planner.kernels.pairs import near_pairs, repulsion
-from planner.motion.angle_encoding import snapped
+from planner.motion.angle_encoding import quantised
 from planner.motion.motion import Motion
 from planner.motion.record import Record, Spent
 from planner.parameters.published import PaperExplosionParameters
@@ -112,7 +112,7 @@ def explode_as_published(
         parameters=p,
     )
     record = run(explosion, "simultaneous", advice="")
-    snapshots = snapped(np.array(explosion.snapshots), chain.module.angle_limit_rad)
+    snapshots = quantised(np.array(explosion.snapshots), chain.module.angle_limit_rad)
     return replace(record, snapshots_rad=snapshots)
 
 

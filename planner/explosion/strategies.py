@@ -34,7 +34,7 @@ from planner.parameters.parameters import (
     unknown_strategy,
 )
 from planner.parameters.published import PaperExplosionParameters
-from planner.pathfinding.removal_analysis import peelable
+from planner.pathfinding.removal_analysis import analyse_removal
 from planner.progress import Cancelled, Report, never, silent
 
 RIGHT_ANGLE_TOLERANCE: Final = 1e-4
@@ -53,7 +53,7 @@ Chosen."""
 _Forces = TypeVar("_Forces", ExplosionParameters, PeelingParameters)
 
 
-def strategies_for(
+def ranked_strategies(
     chain: Chain, parameters: Parameters, *, refolds: bool = False
 ) -> tuple[str, ...]:
     """Return the strategies that a fold's settings allow, the best first.
@@ -89,14 +89,16 @@ def strategies_for(
     return (wished,)
 
 
-def others_for(chain: Chain, parameters: Parameters, *, refolds: bool = False) -> tuple[str, ...]:
+def alternative_strategies(
+    chain: Chain, parameters: Parameters, *, refolds: bool = False
+) -> tuple[str, ...]:
     """Return the strategies whose plans may be better than a verified one, best guess first.
 
     Unless one strategy was asked for, these are all but the baseline: a plan that moves more joints
     at a time folds faster, with less torque in a given time, and keeps more clearance.
     """
     if parameters.strategy != AUTO:
-        return strategies_for(chain, parameters, refolds=refolds)
+        return ranked_strategies(chain, parameters, refolds=refolds)
     return tuple(n for n in _possible(chain, parameters, refolds) if n != BASELINE)
 
 
@@ -107,7 +109,7 @@ def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str,
     if not isinstance(parameters.explosion, ExplosionParameters):
         return ("simultaneous",)  # as published, or nothing at all
     names = ("simultaneous", "blocks", "peel") if on_lattice(chain) else ("simultaneous",)
-    return tuple(n for n in (*names, BASELINE) if not (refolds and windowed(n)))
+    return tuple(n for n in (*names, BASELINE) if not (refolds and records_windows(n)))
 
 
 def _preferred(chain: Chain) -> tuple[str, ...]:
@@ -116,7 +118,7 @@ def _preferred(chain: Chain) -> tuple[str, ...]:
         return ("simultaneous",)
     modules = len(chain)
     cells = np.rint(chain.folded_poses.positions).astype(np.int64)
-    ways = by_cost(modules, in_layers=peelable(cells).free)
+    ways = by_cost(modules, in_layers=analyse_removal(cells).free)
     if modules < BLOCKS_FROM_MODULES:
         return tuple(way for way in ways if way != "blocks")
     return (*ways, BASELINE) if modules > LONG_CHAIN else ways
@@ -187,6 +189,6 @@ def _suited(parameters: _Forces, module_size: float, gentle: bool) -> _Forces:
     )
 
 
-def windowed(strategy: str) -> bool:
+def records_windows(strategy: str) -> bool:
     """Return True if a strategy's snapshots are windowed."""
     return strategy in ("peel", BASELINE)

@@ -46,7 +46,7 @@ PLANES_NAME: Final = "angle_planes"
 each byte of the 32-bit differences."""
 
 
-def snapped(angles_rad: NDArray[np.floating[Any]], limit_rad: float = np.inf) -> Array:
+def quantised(angles_rad: NDArray[np.floating[Any]], limit_rad: float = np.inf) -> Array:
     """Return angles rounded to whole steps, ±``limit_rad`` at most; NaN stays NaN, −0 becomes 0."""
     most = np.floor(limit_rad / PLAN_STEP_RAD)
     found: Array = angles_rad.astype(np.float64)
@@ -57,7 +57,7 @@ def snapped(angles_rad: NDArray[np.floating[Any]], limit_rad: float = np.inf) ->
     return found
 
 
-def whole_steps(angles_rad: NDArray[np.floating[Any]]) -> Ints | None:
+def to_step_counts(angles_rad: NDArray[np.floating[Any]]) -> Ints | None:
     """Return angles as whole steps; None if some are no exact steps in their own precision."""
     flat = angles_rad.reshape(-1)
     steps = np.empty(len(flat), dtype=np.int32)
@@ -72,9 +72,9 @@ def whole_steps(angles_rad: NDArray[np.floating[Any]]) -> Ints | None:
     return steps.reshape(angles_rad.shape)
 
 
-def frame_planes(angles_rad: Array) -> Planes | None:
+def encode_frames(angles_rad: Array) -> Planes | None:
     """Return (4, F·J) third differences over time of (F, J) angles; None if not whole steps."""
-    steps = whole_steps(angles_rad)
+    steps = to_step_counts(angles_rad)
     if steps is None:
         return None
     for _ in range(DIFFERENCE_ORDER):
@@ -82,8 +82,8 @@ def frame_planes(angles_rad: Array) -> Planes | None:
     return byte_planes(steps)
 
 
-def frame_angles(planes: Planes, told: Mapping[str, Any]) -> Array:
-    """Invert ``frame_planes``, by the values of ``told_of``."""
+def decode_frames(planes: Planes, told: Mapping[str, Any]) -> Array:
+    """Invert ``encode_frames``, by the values of ``plane_metadata``."""
     frames, hinges = told["shape"]
     steps = whole_numbers(planes).reshape(frames, hinges)
     for _ in range(told["differences"]):
@@ -91,20 +91,20 @@ def frame_angles(planes: Planes, told: Mapping[str, Any]) -> Array:
     return steps.astype(np.float64) * float(told["step_rad"])
 
 
-def window_planes(
+def encode_windows(
     first: Ints, offsets: Ints, angles_rad: NDArray[np.float32], folded_rad: Array
 ) -> Planes | None:
     """Return (4, V) ``window_differences`` of single precision angles; None if not whole steps."""
-    steps = whole_steps(angles_rad)
+    steps = to_step_counts(angles_rad)
     if steps is None:
         return None
     return byte_planes(window_differences(first, offsets, steps, _nearest(folded_rad)))
 
 
-def window_angles(
+def decode_windows(
     planes: Planes, told: Mapping[str, Any], first: Ints, offsets: Ints, folded_rad: Array
 ) -> NDArray[np.float32]:
-    """Invert ``window_planes``."""
+    """Invert ``encode_windows``."""
     step = float(told["step_rad"])
     changes = whole_numbers(planes)
     if len(changes) != offsets[-1]:
@@ -151,7 +151,7 @@ def window_totals(first: Ints, offsets: Ints, changes: Ints, folded: Ints) -> In
     return steps
 
 
-def told_of(shape: tuple[int, ...], *, windowed: bool) -> dict[str, Any]:
+def plane_metadata(shape: tuple[int, ...], *, windowed: bool) -> dict[str, Any]:
     """Return the description of a file's planes, as plain JSON values."""
     return {
         "encoding": "zigzag-planes",
@@ -163,10 +163,10 @@ def told_of(shape: tuple[int, ...], *, windowed: bool) -> dict[str, Any]:
 
 def packed_frames(name: str, angles_rad: Array) -> dict[str, Any]:
     """Return (F, J) angles as members of an ``.npz`` file, in planes if they are whole steps."""
-    planes = frame_planes(angles_rad) if angles_rad.size > MAX_PLAIN_ANGLES else None
+    planes = encode_frames(angles_rad) if angles_rad.size > MAX_PLAIN_ANGLES else None
     if planes is None:
         return {name: angles_rad}
-    told = told_of(angles_rad.shape, windowed=False)
+    told = plane_metadata(angles_rad.shape, windowed=False)
     return {f"{name}_planes": planes, f"{name}_told": np.array(json.dumps(told))}
 
 
@@ -174,7 +174,7 @@ def unpacked_frames(arrays: Mapping[str, Any], name: str) -> Array:
     """Invert ``packed_frames``."""
     if f"{name}_planes" not in arrays:
         return arrays[name]
-    return frame_angles(arrays[f"{name}_planes"], json.loads(str(arrays[f"{name}_told"])))
+    return decode_frames(arrays[f"{name}_planes"], json.loads(str(arrays[f"{name}_told"])))
 
 
 def plan_columns(path: FilePath, folded_rad: Array) -> dict[str, Any]:
@@ -202,7 +202,7 @@ def with_plain_angles(
 
     Args:
         columns: Columns by name.
-        told: Values of ``told_of`` for the planes.
+        told: Values of ``plane_metadata`` for the planes.
         folded_rad: (J,) folded angles of the chain.
         windowed: True if the plan's motion is windowed.
 
@@ -217,9 +217,9 @@ def with_plain_angles(
         return found
     planes = found.pop(PLANES_NAME)
     if not windowed:
-        return found | {name: frame_angles(planes, told)}
+        return found | {name: decode_frames(planes, told)}
     first, offsets = (np.asarray(found[each], np.int64) for each in ("first", "offsets"))
-    return found | {name: window_angles(planes, told, first, offsets, folded_rad)}
+    return found | {name: decode_windows(planes, told, first, offsets, folded_rad)}
 
 
 def unpacked_bytes(path: FilePath) -> int:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.pathfinding.lattice import neighbours
-from planner.pathfinding.removal_analysis import peelable
+from planner.pathfinding.removal_analysis import analyse_removal
 from planner.pathfinding.snake import snake_path
 from planner.shapes.layered_path import layered_path
 
@@ -44,7 +44,7 @@ upwards; smaller ones make more varied paths. Chosen."""
 def from_better_end(cells: Ints) -> Ints:
     """Return the (n, 3) path, reversed if that is easier to remove from its last cell."""
     turned = np.ascontiguousarray(cells[::-1])
-    return turned if peelable(turned).score > peelable(cells).score else cells
+    return turned if analyse_removal(turned).score > analyse_removal(cells).score else cells
 
 
 def layered_snake(sides: tuple[int, int, int]) -> Ints:

@@ -12,7 +12,7 @@ from planner.kernels.trails import circuit_order, one_circuit
 Nodes = NDArray[np.int64]
 
 
-def circuit(pairs: Nodes, along: NDArray[np.float64] | None = None) -> Nodes:
+def eulerian_circuit(pairs: Nodes, along: NDArray[np.float64] | None = None) -> Nodes:
     """Return a circuit that uses each tetrahedron once and bends where four meet.
 
     At a node with all four tetrahedra, joining opposite ones would lead the chain through itself;
@@ -67,7 +67,7 @@ def circuit(pairs: Nodes, along: NDArray[np.float64] | None = None) -> Nodes:
     return np.concatenate([flat[entered[:1]], flat[exits]])
 
 
-def opened(nodes: Nodes, start: int) -> Nodes:
+def cut_open(nodes: Nodes, start: int) -> Nodes:
     """Return a circuit cut open so that it begins with module ``start``."""
     ring = nodes[:-1]
     turned = np.roll(ring, -start, axis=0)
@@ -81,4 +81,4 @@ def free_cuts(nodes: Nodes) -> NDArray[np.bool_]:
     return counts[inverse.reshape(-1)] == 1
 
 
-__all__ = ["circuit", "free_cuts", "hinge_axes", "opened"]
+__all__ = ["cut_open", "eulerian_circuit", "free_cuts", "hinge_axes"]

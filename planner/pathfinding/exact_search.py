@@ -14,7 +14,7 @@ from planner.kernels.backbite import ease, grow
 from planner.pathfinding import Cell
 from planner.pathfinding.lattice import colours, index_of, neighbours, surface
 from planner.pathfinding.no_path_proofs import obstacles
-from planner.pathfinding.sat_paths import circuit
+from planner.pathfinding.sat_paths import find_path_by_sat
 from planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
@@ -154,7 +154,7 @@ class _Search:
                 if time.monotonic() > deadline:
                     return "undecided", None
             remaining_s = deadline - time.monotonic()
-            result = circuit(
+            result = find_path_by_sat(
                 self.cells,
                 self.rng,
                 ends=self.ends,

@@ -11,7 +11,7 @@ from planner.parameters.option import Choice, Choices, Option, option, options_o
 from planner.parameters.parameters import FLOATING, WORLD_CHOICES, World
 from planner.parameters.settings_text import TABLE_SETTINGS, names_with_units
 from planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
-from planner.pathfinding.start_cell import CELL_TEXT, cell_of
+from planner.pathfinding.start_cell import CELL_TEXT, parse_cell
 
 DEFAULT_MODULES: Final = 160
 """Number of modules into which a mesh is divided if the request states none. Larger values follow
@@ -90,7 +90,7 @@ class PathOptions:
             help="The cell where the chain starts: `x,y,z`, one of the preview's `cells`.",
             pattern=rf"^{CELL_TEXT}$",
             metavar="X,Y,Z",
-            parse=cell_of,
+            parse=parse_cell,
         ),
     )
     world: World = option(

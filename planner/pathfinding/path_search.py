@@ -21,7 +21,7 @@ from planner.pathfinding.exact_search import exact_path
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import index_of, parts, spread, spreads_of_cuts, surface
 from planner.pathfinding.loose_block_merging import loose_block_cycle
-from planner.pathfinding.removal_analysis import peelable
+from planner.pathfinding.removal_analysis import analyse_removal
 from planner.pathfinding.snake import is_box, snake_path
 from planner.shapes.shape import Shape
 
@@ -157,7 +157,7 @@ def ranked(found: list[Ints], order: Callable[[Ints], tuple[Any, ...]] | None = 
 
 
 def _by_peeling(cells: Ints) -> tuple[float, float, bytes]:
-    return -peelable(cells).score, spread(cells), cells.tobytes()
+    return -analyse_removal(cells).score, spread(cells), cells.tobytes()
 
 
 def _rank(cells: Ints) -> tuple[int, int, float, bytes]:

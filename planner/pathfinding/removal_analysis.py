@@ -27,7 +27,7 @@ more strictly. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Peelability:
+class RemovalAnalysis:
     """Free directions of the units of a path, from the far end on.
 
     Attributes:
@@ -58,7 +58,7 @@ class Peelability:
         return float(0.5 * (ease.min(initial=1.0) + ease.mean()))
 
 
-def peelable(cells: Ints, unit: int = UNIT_CELLS) -> Peelability:
+def analyse_removal(cells: Ints, unit: int = UNIT_CELLS) -> RemovalAnalysis:
     """Analyse the removal of a path's units from its far end.
 
     Args:
@@ -79,7 +79,7 @@ def peelable(cells: Ints, unit: int = UNIT_CELLS) -> Peelability:
     for k, way in enumerate(DIRECTIONS_26):
         free = _least_beyond(grid, way, count)[places] >= start
         shares[k] = np.bincount(of_unit, weights=free, minlength=units) / sizes
-    return Peelability(
+    return RemovalAnalysis(
         unit=unit,
         shares=shares[list(AXIS_DIRECTIONS)].max(axis=0),
         ways=(shares == 1.0).sum(axis=0).astype(np.int64),

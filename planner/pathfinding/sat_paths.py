@@ -16,11 +16,11 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Circuit:
-    """Result of the solver.
+class SolverResult:
+    """Result of a search for a path by the solver.
 
     Attributes:
-        status: ``infeasible`` is a proof; ``undecided`` means that its time was up.
+        status: ``infeasible`` is a proof; ``undecided`` means that its time or effort was up.
         order: (n,) indices of the cells in the order of the path, None without one.
     """
 
@@ -28,7 +28,7 @@ class Circuit:
     order: Ints | None = None
 
 
-def circuit(
+def find_path_by_sat(
     cells: Ints,
     rng: np.random.Generator,
     *,
@@ -36,7 +36,7 @@ def circuit(
     start: int | None = None,
     effort: float = 4.0,
     time_limit_s: float = 60.0,
-) -> Circuit:
+) -> SolverResult:
     """Search for a path through cells.
 
     Args:
@@ -64,8 +64,8 @@ def circuit(
     )
     status, nodes = solver.solve()
     if status != "found":
-        return Circuit(status=status)
-    return Circuit(status="found", order=np.array(nodes[1:], dtype=np.int64) - 1)
+        return SolverResult(status=status)
+    return SolverResult(status="found", order=np.array(nodes[1:], dtype=np.int64) - 1)
 
 
 def _end_flags(cells: Ints, ends: Flags, start: int | None) -> tuple[Flags, Flags]:

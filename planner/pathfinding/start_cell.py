@@ -17,7 +17,7 @@ from planner.pathfinding.lattice import index_of
 CELL_TEXT: Final = r"\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*"
 
 
-def cell_of(text: str) -> Cell:
+def parse_cell(text: str) -> Cell:
     """Parse a cell of the form "x,y,z".
 
     Raises:
@@ -32,7 +32,7 @@ def cell_of(text: str) -> Cell:
     return x, y, z
 
 
-def started(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
+def starting_at(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
     """Return a chain that begins in a cell, if that leaves its links as they are.
 
     It can be run through from either end, and one whose ends touch is a ring that can be cut

@@ -12,7 +12,7 @@ from planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_pairs
 from planner.chain.trail import Trail
 from planner.errors import InputError
 from planner.pathfinding import Cell
-from planner.pathfinding.eulerian_circuits import circuit, free_cuts, opened
+from planner.pathfinding.eulerian_circuits import cut_open, eulerian_circuit, free_cuts
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import parts
 from planner.pathfinding.path_search import MAX_CHOICE_MODULES, MAX_KNOT_CELLS
@@ -71,11 +71,11 @@ def find_trails(
     for k in range(made):
         # Merging along a direction gives a tidy tree; at random, the chain takes twice the steps.
         along = np.random.default_rng((seed, k)).normal(size=3) if k else None
-        nodes = circuit(pairs, along)
+        nodes = eulerian_circuit(pairs, along)
         free = free_cuts(nodes)
         allowed = _cuts(nodes, pairs, free, first, ends)
         cut = _best_cut(nodes, allowed)
-        trail = Trail.from_nodes(opened(nodes, cut), name=shape.name, pitch_m=0.5 * shape.pitch_m)
+        trail = Trail.from_nodes(cut_open(nodes, cut), name=shape.name, pitch_m=0.5 * shape.pitch_m)
         knotted = 0
         if len(trail) <= MAX_KNOT_CELLS:
             knotted = 0 if knot_of(trail.nodes).verdict == "unknot" else 1

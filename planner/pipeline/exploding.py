@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from planner.chain.chain import Chain
-from planner.explosion.strategies import run_strategy, windowed
+from planner.explosion.strategies import records_windows, run_strategy
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
 from planner.parameters.parameters import Parameters
@@ -48,7 +48,9 @@ def explode(chain: Chain, trial: Trial, parameters: Parameters, watch: Watch) ->
     """Return the record of one explosion, straight or not."""
     writer = None
     if watch.timeline is not None:
-        writer = TimelineWriter.create(watch.timeline, chain, windowed=windowed(trial.strategy))
+        writer = TimelineWriter.create(
+            watch.timeline, chain, windowed=records_windows(trial.strategy)
+        )
     record = run_strategy(
         chain,
         trial.strategy,

@@ -28,7 +28,7 @@ from planner.pipeline.preference import judgement
 from planner.plan.moments import Moments
 
 
-def numbers(directory: FilePath) -> list[int]:
+def attempt_numbers(directory: FilePath) -> list[int]:
     """Return the numbers of the attempts that have a folder, in order."""
     try:
         found = [path.name for path in (directory / ATTEMPTS_DIR).iterdir()]
@@ -37,23 +37,23 @@ def numbers(directory: FilePath) -> list[int]:
     return sorted(int(name) for name in found if name.isdecimal())
 
 
-def place_of(directory: FilePath, number: int) -> FilePath:
+def attempt_dir(directory: FilePath, number: int) -> FilePath:
     """Return the folder of an attempt."""
     return directory / ATTEMPTS_DIR / str(number)
 
 
-def folder(directory: FilePath) -> FilePath:
+def latest_attempt_dir(directory: FilePath) -> FilePath:
     """Return the folder of the latest attempt; the fold's directory when there is none."""
-    known = numbers(directory)
-    return place_of(directory, known[-1]) if known else directory
+    known = attempt_numbers(directory)
+    return attempt_dir(directory, known[-1]) if known else directory
 
 
-def result(directory: FilePath, name: str) -> FilePath:
+def result_path(directory: FilePath, name: str) -> FilePath:
     """Return the path of a file of ``RESULT_FILES``, also while the fold is computed.
 
     The file need not be there.
     """
-    path = folder(directory) / name
+    path = latest_attempt_dir(directory) / name
     return path if path.exists() else directory / name
 
 
@@ -82,6 +82,6 @@ def stored_moments(directory: FilePath) -> Moments | None:
 def any_verified(directory: FilePath) -> bool:
     """Return True if an attempt of a fold that is not over has a verified plan."""
     return any(
-        judgement(certificate_values(place_of(directory, number) / CERTIFICATE))[0]
-        for number in numbers(directory)
+        judgement(certificate_values(attempt_dir(directory, number) / CERTIFICATE))[0]
+        for number in attempt_numbers(directory)
     )

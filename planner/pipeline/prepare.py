@@ -14,7 +14,7 @@ from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding.knots import Knot, knot_of
 from planner.pathfinding.path_options import PathOptions
-from planner.pathfinding.start_cell import started
+from planner.pathfinding.start_cell import starting_at
 from planner.plan.prepared_chains import PreparedChains
 from planner.readers import read
 from planner.shapes.shape import Shape
@@ -288,7 +288,7 @@ def check_for_table(chain: Chain) -> None:
         InputError: ``unsuited-world`` for other modules than cubes, ``not-for-a-table`` for its
             path.
     """
-    from planner.table_paths.rules import faults_of
+    from planner.table_paths.rules import rule_violations
 
     if chain.module.name != CUBE.name:
         raise InputError(
@@ -297,7 +297,7 @@ def check_for_table(chain: Chain) -> None:
             "the world 'floating' for other modules.",
             where="world",
         )
-    faults = faults_of(np.rint(chain.folded_poses.positions).astype(np.int64))
+    faults = rule_violations(np.rint(chain.folded_poses.positions).astype(np.int64))
     if faults:
         told = " ".join(fault.detail for fault in faults[:MAX_LISTED_VIOLATIONS])
         if len(faults) > MAX_LISTED_VIOLATIONS:
@@ -321,7 +321,7 @@ def _prepared_chain(chain: Chain, options: PathOptions, kind: str) -> Preparatio
     notes = ()
     if options.modules is not None and options.modules != len(chain):
         notes = (f"A {kind} is not resampled: it has {len(chain)} modules.",)
-    chain, not_started = started(chain, options.start)
+    chain, not_started = starting_at(chain, options.start)
     return Preparation(
         kind=kind,
         name=chain.name,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from planner.chain.chain import Chain
-from planner.explosion.strategies import on_lattice, strategies_for
+from planner.explosion.strategies import on_lattice, ranked_strategies
 from planner.pipeline.attempt import Candidates
 from planner.pipeline.prepare import prepare
 from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
@@ -90,7 +90,7 @@ def read_shape(
         # It is the same chain, whatever size the other shape was drawn in.
         chains = tuple(replace(c, pitch_m=start.pitch_m) for c in chains if len(c) == len(start))
         chain = chains[0]
-    strategies_for(chain, request.parameters(), refolds=request.refold)  # or it is refused
+    ranked_strategies(chain, request.parameters(), refolds=request.refold)  # or it is refused
     # A chain comes as it is wanted; what only shows cells may as well begin at their other end.
     given = prepared.kind == "chain" or request.start is not None or request.refold
     given = given or request.world == "table"  # whose path begins on it

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from planner.explosion.diagnosis import Diagnosis
-from planner.explosion.strategies import others_for, strategies_for
+from planner.explosion.strategies import alternative_strategies, ranked_strategies
 from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import BASELINE
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason, Trial
@@ -88,7 +88,8 @@ class RetryPolicy:
             improvements = Improvements(
                 prefer=request.prefer,
                 strategies=tuple(
-                    others_for(chain, parameters, refolds=request.refold) for chain in chains
+                    alternative_strategies(chain, parameters, refolds=request.refold)
+                    for chain in chains
                 ),
                 modules=len(chains[0]),
                 most_frames=0
@@ -97,7 +98,7 @@ class RetryPolicy:
             )
         return cls(
             strategies=tuple(
-                strategies_for(chain, parameters, refolds=request.refold) for chain in chains
+                ranked_strategies(chain, parameters, refolds=request.refold) for chain in chains
             ),
             seed=request.seed,
             two_ended=candidates.two_ended,

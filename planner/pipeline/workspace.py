@@ -162,16 +162,16 @@ class Workspace:
     @property
     def attempt(self) -> Workspace:
         """Folder of the latest attempt; the fold's directory when there is none."""
-        return Workspace(layout.folder(self.directory))
+        return Workspace(layout.latest_attempt_dir(self.directory))
 
     def attempt_of(self, number: int) -> Workspace:
         """Return the folder of an attempt."""
-        return Workspace(layout.place_of(self.directory, number))
+        return Workspace(layout.attempt_dir(self.directory, number))
 
     @property
     def number(self) -> int | None:
         """Number of the latest attempt that has a folder; None when there is none."""
-        known = layout.numbers(self.directory)
+        known = layout.attempt_numbers(self.directory)
         return known[-1] if known else None
 
     @property
@@ -330,7 +330,7 @@ class Workspace:
         Folders that an earlier run made from there on are removed.
         """
         place = self.attempt_of(number)
-        self._remove([known for known in layout.numbers(self.directory) if known >= number])
+        self._remove([known for known in layout.attempt_numbers(self.directory) if known >= number])
         place.directory.mkdir(parents=True)
         place._write_chain(chain)
         return place
@@ -349,7 +349,7 @@ class Workspace:
         self._keep_best(
             [
                 number
-                for number in layout.numbers(self.directory)
+                for number in layout.attempt_numbers(self.directory)
                 if not (self.attempt_of(number).directory / names.CERTIFICATE).exists()
             ]
         )
@@ -363,13 +363,13 @@ class Workspace:
         Returns:
             Its number; None when there is none.
         """
-        self._keep_best(layout.numbers(self.directory), prefer)
-        return next(iter(layout.numbers(self.directory)), None)
+        self._keep_best(layout.attempt_numbers(self.directory), prefer)
+        return next(iter(layout.attempt_numbers(self.directory)), None)
 
     def publish(self, prefer: Preference = COMPUTING) -> None:
         """Move the best attempt's files to the fold's directory; one that was cut off goes on."""
         self.keep_best(prefer)
-        place = layout.folder(self.directory)
+        place = layout.latest_attempt_dir(self.directory)
         if place == self.directory:
             return
         for name in (*names.RESULT_FILES, names.RECORDED_PLAN):
@@ -390,7 +390,7 @@ class Workspace:
 
     def _moved_to_plans(self, number: int) -> bool:
         """Move a verified plan to ``PLANS_DIR`` if there is room; return True if it was moved."""
-        place = layout.place_of(self.directory, number)
+        place = layout.attempt_dir(self.directory, number)
         if not judgement(layout.certificate_values(place / names.CERTIFICATE))[0]:
             return False
         for path in place.iterdir():
@@ -406,7 +406,7 @@ class Workspace:
 
     def _rank(self, number: int, prefer: Preference) -> Rank:
         """Return how far an attempt came, from its files: it may have been cut off."""
-        place = layout.place_of(self.directory, number)
+        place = layout.attempt_dir(self.directory, number)
         attempts: list[dict[str, Any]] = self._json(names.ATTEMPTS)
         last = last_frame(place / names.TIMELINE)
         return rank(
@@ -436,7 +436,7 @@ class Workspace:
                 path.unlink(missing_ok=True)
 
     def _result(self, name: str) -> FilePath:
-        return layout.result(self.directory, name)
+        return layout.result_path(self.directory, name)
 
     def _json(self, name: str) -> Any:
         return json.loads((self.directory / name).read_bytes())

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from planner.chain.module import Module
-from planner.motion.angle_encoding import PLANES_NAME, frame_planes, told_of, window_planes
+from planner.motion.angle_encoding import PLANES_NAME, encode_frames, encode_windows, plane_metadata
 from planner.motion.motion import Motion
 
 CLAIM_FORMAT: Final = "foldback-claim/1"
@@ -106,12 +106,12 @@ def claimed_part(path: FilePath) -> bytes:
         name = "angles_rad" if windowed else "joint_angles_rad"
         angles, folded = arrays[name], np.array(told["chain"]["folded_rad"])
         planes = (
-            window_planes(arrays["first"], arrays["offsets"], angles, folded)
+            encode_windows(arrays["first"], arrays["offsets"], angles, folded)
             if windowed
-            else frame_planes(angles)
+            else encode_frames(angles)
         )
         if planes is not None:
-            told["angles"] = told_of(angles.shape, windowed=windowed)
+            told["angles"] = plane_metadata(angles.shape, windowed=windowed)
             arrays = {**arrays, PLANES_NAME: planes}
             del arrays[name]
     written = io.BytesIO()

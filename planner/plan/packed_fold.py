@@ -38,7 +38,7 @@ from planner.file_names import (
     TIMELINE,
 )
 from planner.files import write_json, write_whole, zarr_group
-from planner.motion.angle_encoding import PLAN_STEP_RAD, byte_planes, whole_numbers, whole_steps
+from planner.motion.angle_encoding import PLAN_STEP_RAD, byte_planes, to_step_counts, whole_numbers
 from planner.motion.motion import Motion
 from planner.motion.record import save_npz
 from planner.motion.timeline import TimelineWriter, chain_from_attributes
@@ -204,7 +204,7 @@ def torque_step(torque_nm: Array) -> float:
 
 
 def _steps(key: str, angles_rad: Array) -> Ints:
-    steps = whole_steps(angles_rad)
+    steps = to_step_counts(angles_rad)
     if steps is None or np.signbit(angles_rad[steps == 0]).any():  # −0 would come back as 0
         raise InputError("not-packable", f"{key}: got angles that are not in whole steps.")
     return steps

@@ -24,10 +24,10 @@ from planner.motion.angle_encoding import (
     MAX_PLAIN_ANGLES,
     PLANES_NAME,
     Planes,
-    frame_planes,
-    told_of,
-    whole_steps,
-    window_planes,
+    encode_frames,
+    encode_windows,
+    plane_metadata,
+    to_step_counts,
     with_plain_angles,
 )
 from planner.motion.motion import FRAME_COLUMNS, PHASES, WINDOW_COLUMNS, Columns, Motion
@@ -99,7 +99,6 @@ class Plan:
         playback: Playback | None,
         certificate: Certificate,
         attempts: tuple[dict[str, Any], ...] = (),
-        start: Chain | None = None,
     ) -> Plan:
         """Return a plan from the results of the stages."""
         motion, errors = Motion.empty(len(chain.folded_rad)), np.zeros(0)
@@ -121,7 +120,6 @@ class Plan:
             playback=None if playback is None else playback.summary(),
             certificate=certificate,
             attempts=attempts,
-            start=start,
         )
 
     @property
@@ -268,8 +266,8 @@ class Plan:
             "root_module": self.chain.root,
             "angles": (
                 None
-                if whole_steps(angles) is None
-                else told_of(angles.shape, windowed=motion.is_windowed)
+                if to_step_counts(angles) is None
+                else plane_metadata(angles.shape, windowed=motion.is_windowed)
             ),
         }
 
@@ -286,11 +284,11 @@ class Plan:
         if columns[angles].size <= MAX_PLAIN_ANGLES:
             return columns, None
         if motion.is_windowed:
-            planes = window_planes(
+            planes = encode_windows(
                 motion.first, motion.offsets, motion.angles_rad, self.chain.folded_rad
             )
         else:
-            planes = frame_planes(motion.joint_angles_rad)
+            planes = encode_frames(motion.joint_angles_rad)
         if planes is not None:
             del columns[angles]
         return columns, planes

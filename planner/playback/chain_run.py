@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.errors import SimulationError
-from planner.motion.angle_encoding import snapped
+from planner.motion.angle_encoding import quantised
 from planner.motion.motion import Motion, Phase
 from planner.playback.controllers import build_plant
 from planner.playback.reference_trajectory import ReferenceTrajectory
@@ -161,7 +161,7 @@ class Run(PlaybackRun):
     @property
     def reference_rad(self) -> Array:
         """(F, J) planned angles at the recorded frames, in whole steps."""
-        return snapped(np.array(self.references))
+        return quantised(np.array(self.references))
 
     def simulate(
         self, sink: Callable[[Motion], None] | None, progress: Report, cancelled: Cancelled

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import MAX_SMOOTH_CURVE_MODULES
-from planner.motion.angle_encoding import snapped
+from planner.motion.angle_encoding import quantised
 from planner.motion.motion import Motion, Phase
 from planner.parameters.playback import PlaybackParameters
 from planner.playback.reference_curve import clear_reference
@@ -83,12 +83,12 @@ def kinematic_frames(
     if unfolding is not None:
         # Its last frame is straight, and so is the first one of what follows.
         times = start_s + unfolding.time_s[-1] - unfolding.time_s[::-1]
-        yield at_rest("unfolding", times[:-1], snapped(unfolding.folding_rad[::-1][:-1]))
+        yield at_rest("unfolding", times[:-1], quantised(unfolding.folding_rad[::-1][:-1]))
         start_s = float(times[-1])
     for start in range(0, len(places), KINEMATIC_CHUNK_FRAMES):
         part = slice(start, start + KINEMATIC_CHUNK_FRAMES)
         yield at_rest(
-            "playback", start_s + playing_s[part], snapped(reference.spline(places[part]))
+            "playback", start_s + playing_s[part], quantised(reference.spline(places[part]))
         )
 
 
@@ -103,7 +103,7 @@ def _as_recorded(
     s_per_rad = parameters.step_s * parameters.steps_per_rad
     if recorded.is_windowed:
         # The stops of a simulated joint give a little.
-        angles = snapped(backwards.angles_rad, chain.module.angle_limit_rad).astype(np.float32)
+        angles = quantised(backwards.angles_rad, chain.module.angle_limit_rad).astype(np.float32)
         lengths = np.concatenate([[0.0], np.cumsum(backwards.steps(chain)[0])])
         total = float(lengths[-1])
         scaling = smooth_scaling(steps=SCALING_STEPS, step_s=1.0 / SCALING_STEPS)
@@ -112,7 +112,7 @@ def _as_recorded(
         )
         times = s_per_rad * total * shares
     else:
-        angles = snapped(backwards.angles_rad)
+        angles = quantised(backwards.angles_rad)
         steps_rad, _ = backwards.with_angles(angles).steps(chain)
         times = hinge_bounded_times(steps_rad, s_per_rad * float(steps_rad.sum()))
     return backwards.with_angles(angles).with_columns(time_s=start_s + times, phase="playback")

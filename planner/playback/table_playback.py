@@ -20,7 +20,7 @@ from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.errors import InputError, SimulationError
-from planner.motion.angle_encoding import snapped
+from planner.motion.angle_encoding import quantised
 from planner.motion.motion import Motion
 from planner.parameters.playback import TablePlaybackParameters
 from planner.playback.chain_run import CANCEL_CHECK_STEPS, GOAL_TOLERANCE_PITCH, PlaybackStatus
@@ -275,7 +275,7 @@ class _Run:
             status=status,
             reason=reason,
             frames=frames,
-            reference_rad=snapped(targets),
+            reference_rad=quantised(targets),
             torques=torques,
             position_errors=errors,
             aligned_error=float(np.sqrt((aligned**2).mean())),

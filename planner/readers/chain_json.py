@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import Module, module_named
-from planner.chain.path import DEFAULT_PITCH_M, MAX_COORDINATE
+from planner.chain.path import MAX_COORDINATE
 from planner.errors import InputError
 from planner.readers.limits import Source, quote, too_many
-from planner.readers.strict_json import number_field, refuse_unread_keys, text_field
+from planner.readers.strict_json import name_field, pitch_field, refuse_unread_keys
 
 CHAIN_KEYS: Final = (
     *("format", "name", "module", "joint_angles_deg", "pitch_m"),
@@ -44,8 +44,8 @@ def read_chain(document: dict[str, Any], source: Source) -> Chain:
     return Chain.from_angles(
         module,
         np.deg2rad(angles_deg),
-        name=text_field(document, "name") or source.name or "chain",
-        pitch_m=number_field(document, "pitch_m", DEFAULT_PITCH_M),
+        name=name_field(document) or source.name or "chain",
+        pitch_m=pitch_field(document),
         first_position=_vector(document, "first_position", 3),
         first_wxyz=_vector(document, "first_wxyz", 4),
     )

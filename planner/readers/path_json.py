@@ -10,7 +10,7 @@ import numpy as np
 from planner.chain.path import DEFAULT_PITCH_M, Path
 from planner.errors import InputError
 from planner.readers.limits import Source, quote, too_many
-from planner.readers.strict_json import number_field, refuse_unread_keys, text_field
+from planner.readers.strict_json import name_field, pitch_field, refuse_unread_keys
 from planner.readers.text import path_or_shape
 from planner.shapes.shape import Shape
 
@@ -31,8 +31,8 @@ def read_path(document: dict[str, Any], source: Source) -> Path | Shape:
     return path_from_rows(
         cast("list[Any]", rows),
         source,
-        name=text_field(document, "name"),
-        pitch_m=number_field(document, "pitch_m", DEFAULT_PITCH_M),
+        name=name_field(document),
+        pitch_m=pitch_field(document),
         where="cells",
     )
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Collection
 from typing import Any, Final
 
+from planner.chain.path import DEFAULT_PITCH_M
 from planner.display_names import clean_name
 from planner.errors import InputError
 from planner.readers.limits import MAX_CELLS, quote, too_many
@@ -107,25 +108,25 @@ def refuse_unread_keys(document: dict[str, Any], known: Collection[str]) -> None
             )
 
 
-def text_field(document: dict[str, Any], key: str) -> str:
-    """Return a text, cleaned for display; empty if it is missing.
+def name_field(document: dict[str, Any]) -> str:
+    """Return the ``name``, cleaned for display; empty if it is missing.
 
     Raises:
-        InputError: ``wrong-type`` when it is something else.
+        InputError: ``wrong-type`` when it is no text.
     """
-    value = document.get(key, "")
+    value = document.get("name", "")
     if not isinstance(value, str):
-        raise InputError("wrong-type", f"got {quote(value)}, expected text.", where=key)
+        raise InputError("wrong-type", f"got {quote(value)}, expected text.", where="name")
     return clean_name(value)
 
 
-def number_field(document: dict[str, Any], key: str, default: float) -> float:
-    """Return a number, or ``default`` if it is missing.
+def pitch_field(document: dict[str, Any]) -> float:
+    """Return the ``pitch_m``, or the usual pitch if it is missing.
 
     Raises:
-        InputError: ``wrong-type`` when it is something else.
+        InputError: ``wrong-type`` when it is no number.
     """
-    value = document.get(key, default)
+    value = document.get("pitch_m", DEFAULT_PITCH_M)
     if type(value) is not int and type(value) is not float:
-        raise InputError("wrong-type", f"got {quote(value)}, expected a number.", where=key)
+        raise InputError("wrong-type", f"got {quote(value)}, expected a number.", where="pitch_m")
     return float(value)

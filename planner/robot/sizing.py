@@ -116,12 +116,10 @@ class LargestShape:
     Attributes:
         torque_wp: Largest torque that it supplies, in weights of a module times the pitch.
         within: Names of the shapes that need no more, those of least torque first.
-        beyond: Names of the others, likewise.
     """
 
     torque_wp: float
     within: tuple[str, ...]
-    beyond: tuple[str, ...]
 
     @property
     def largest(self) -> str | None:
@@ -129,7 +127,7 @@ class LargestShape:
         return self.within[-1] if self.within else None
 
 
-def who_would_do(
+def find_suitable_servos(
     torque_wp: float,
     *,
     pitch_m: float,
@@ -166,7 +164,7 @@ def who_would_do(
     return tuple(sorted(fits, key=lambda fit: (not fit.would_do, fit.servos_kg)))
 
 
-def at_which_pitch(
+def suitable_pitches(
     servo: Servo,
     torque_wp: float,
     casing: Casing,
@@ -225,7 +223,6 @@ def largest_shape(
     return LargestShape(
         torque_wp=most,
         within=tuple(name for name in ordered if figures_wp[name] <= most),
-        beyond=tuple(name for name in ordered if figures_wp[name] > most),
     )
 
 
@@ -238,7 +235,7 @@ def least_pitch_m(servo: Servo, casing: Casing) -> float:
     return max(_count(servo) * servo.size_m[0], servo.size_m[2]) + 2.0 * casing.wall_m
 
 
-def turned_rad(angles_rad: NDArray[np.float64]) -> float:
+def total_turn_rad(angles_rad: NDArray[np.float64]) -> float:
     """Return the sum over all steps of the largest turn of a hinge, rad.
 
     Args:

@@ -57,7 +57,7 @@ class Voxels:
     notes: tuple[str, ...] = ()
 
 
-def voxelise(solid: Solid, *, cells: int, seed: int = 0, upright: bool = False) -> Voxels:
+def voxelise(solid: Solid, *, cells: int, seed: int = 0) -> Voxels:
     """Convert a solid into about ``cells`` cells.
 
     What comes within a tenth of the count and keeps the most of the shape is taken; where nothing
@@ -67,7 +67,6 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0, upright: bool = False) 
         solid: Solid to voxelise.
         cells: Requested number of cells.
         seed: Seed of the random orientations.
-        upright: True to keep the solid's orientation.
 
     Raises:
         InputError: The count is out of range, or the solid has no inside.
@@ -76,7 +75,7 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0, upright: bool = False) 
         raise InputError(
             "wrong-count", f"got a request for {cells} cells, expected 1 to {MAX_CELLS}."
         )
-    turns = candidates(solid, np.random.default_rng(seed))[: 1 if upright else None]
+    turns = candidates(solid, np.random.default_rng(seed))
     ladder = Ladder(solid, turns)
     chooser = Chooser(ladder)
     made = chooser.choose(cells).made

@@ -26,7 +26,7 @@ from planner.chain.kinematics import Poses
 from planner.kernels.statics import EQUATIONS, Hinges, torque_columns
 from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
 from planner.statics.equilibrium_lp import Columns, Program
-from planner.statics.friction import Friction, drifting, rays, wider
+from planner.statics.friction import Friction, rays, wider, with_estimated_drift
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -152,7 +152,7 @@ class Balance:
             if not smooth.balances:
                 return smooth
             pressures = smooth.forces[found.on_floor, 2]
-            friction = drifting(found, friction, at.positions, rotations, pressures)
+            friction = with_estimated_drift(found, friction, at.positions, rotations, pressures)
             narrow = self._solved(at, friction, None, enough)
             return narrow if narrow.balances else self._solved(at, wider(friction), None, enough)
         return self._solved(at, friction, clamped, enough)

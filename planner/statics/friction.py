@@ -88,7 +88,7 @@ def rays(
     if friction is None or friction.coefficient == 0.0:
         return everything, found.normals
     floor = np.flatnonzero(found.on_floor)
-    ways = slips(found, friction, positions, rotations)
+    ways = slip_displacements(found, friction, positions, rotations)
     slipping = np.linalg.norm(ways, axis=1) > 0.0
     moving, still = floor[slipping], floor[~slipping]
     back = np.arctan2(-ways[slipping, 1], -ways[slipping, 0])
@@ -108,7 +108,9 @@ def rays(
     return which[order], forces[order]
 
 
-def slips(found: Contacts, friction: Friction, positions: Array, rotations: Array) -> Array:
+def slip_displacements(
+    found: Contacts, friction: Friction, positions: Array, rotations: Array
+) -> Array:
     """Return the (K, 2) displacement of each corner on the floor; exactly 0 for sticking ones."""
     ways = _ways(found, friction, positions, rotations)
     farthest = _farthest(friction, positions)
@@ -116,7 +118,7 @@ def slips(found: Contacts, friction: Friction, positions: Array, rotations: Arra
     return ways
 
 
-def drifting(
+def with_estimated_drift(
     found: Contacts, friction: Friction, positions: Array, rotations: Array, pressures: Array
 ) -> Friction:
     """Return the friction after the rigid drift of the whole chain with the least work.

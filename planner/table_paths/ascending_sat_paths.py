@@ -6,15 +6,15 @@ up or lie flat, and forbidden triples of links.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.pathfinding.circuit_solver import CircuitSolver
 from planner.pathfinding.lattice import STEPS, neighbours
+from planner.pathfinding.sat_paths import SolverResult
 from planner.table_paths.rules import hairpins
 
 Ints = NDArray[np.int64]
@@ -26,27 +26,14 @@ UP, DOWN = 4, 5
 """Places of the vertical steps among ``STEPS``."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Climbed:
-    """Result of the solver.
-
-    Attributes:
-        status: ``infeasible`` is a proof; ``undecided`` means that its effort was spent.
-        order: (n,) indices of the cells in the order of the path, None without one.
-    """
-
-    status: Literal["found", "infeasible", "undecided"]
-    order: Ints | None = None
-
-
-def climbed(
+def find_ascending_path(
     cells: Ints,
     *,
     seed: int,
     hairpins_allowed: bool = False,
     downs: bool = False,
     effort: float = TABLE_SOLVER_EFFORT,
-) -> Climbed:
+) -> SolverResult:
     """Search for a path from the floor up whose first link is flat.
 
     Hairpins of several vertical links are ruled out when they turn up, and the solver is asked
@@ -93,7 +80,9 @@ def climbed(
             break
         falling = [arc for arc in arcs if min(arc) and cells[arc[1] - 1, 2] < cells[arc[0] - 1, 2]]
         solver.allow_at_most(count - 1, falling)
-    return Climbed(status=status) if best is None else Climbed(status="found", order=best)
+    if best is None:
+        return SolverResult(status=status)
+    return SolverResult(status="found", order=best)
 
 
 def _hairpins(near: Ints, link: set[tuple[int, int]]) -> list[list[tuple[int, int]]]:

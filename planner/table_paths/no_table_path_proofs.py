@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from planner.pathfinding import Cell
 from planner.pathfinding.lattice import parts
 from planner.pathfinding.no_path_proofs import obstacles, tuples
-from planner.table_paths.ascending_sat_paths import climbed
+from planner.table_paths.ascending_sat_paths import find_ascending_path
 from planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, Side, stands
-from planner.table_paths.rules import FALLS, faults_of
+from planner.table_paths.rules import FALLS, rule_violations
 
 Ints = NDArray[np.int64]
 Code = Literal["overhang", "parts", "hairpins-only", "not-stable", "no-path"]
@@ -92,9 +92,9 @@ def ruled_out(side: Side) -> NoPath | None:
 
 def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
     """Search a side's path with the solver: indices of its cells, or a reason."""
-    found = climbed(side.cells, seed=seed)
+    found = find_ascending_path(side.cells, seed=seed)
     if found.order is not None:
-        faults = faults_of(side.cells[found.order])
+        faults = rule_violations(side.cells[found.order])
         if not faults:
             return found.order, None
         detail = f"no path was found that stays balanced throughout: {faults[0].detail}"
@@ -102,7 +102,7 @@ def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
     if found.status == "undecided":
         detail = "no path from the floor up was found, but one may exist."
         return None, _no_path(side, "no-path", detail, may_fall=True)
-    free = climbed(side.cells, seed=seed, hairpins_allowed=True)
+    free = find_ascending_path(side.cells, seed=seed, hairpins_allowed=True)
     if free.status == "found":
         return None, _hairpins_only(side, "every path from the floor up")
     proved = "proved that no path exists" if free.status == "infeasible" else "found no path"
@@ -121,12 +121,14 @@ def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPat
     Returns:
         The path as indices of the side's cells, and a reason if more is known now.
     """
-    result = climbed(side.cells, seed=seed, downs=True, effort=effort)
+    result = find_ascending_path(side.cells, seed=seed, downs=True, effort=effort)
     if result.order is not None:
-        if not faults_of(side.cells[result.order], rule=FALLS):
+        if not rule_violations(side.cells[result.order], rule=FALLS):
             return result.order, None
     elif result.status == "infeasible":
-        free = climbed(side.cells, seed=seed, downs=True, hairpins_allowed=True, effort=effort)
+        free = find_ascending_path(
+            side.cells, seed=seed, downs=True, hairpins_allowed=True, effort=effort
+        )
         if free.status == "found":
             return None, _hairpins_only(
                 side, "every path that starts flat on the floor, even one that goes down,"

@@ -44,7 +44,7 @@ class Fault:
     cells: tuple[Cell, ...]
 
 
-def faults_of(cells: ArrayLike, *, rule: Rule = "layers") -> tuple[Fault, ...]:
+def rule_violations(cells: ArrayLike, *, rule: Rule = "layers") -> tuple[Fault, ...]:
     """Return the violations of a path in their order along it; empty for a path for a table.
 
     Args:

@@ -77,8 +77,8 @@ def paths_or_reasons(
 
     They visit layer after layer from the floor up, begin with a flat link, have no vertical
     hairpin, and each of their beginnings stands on the floor by itself. Only where no side of the
-    shape allows that, descending paths are searched. ``rules.faults_of`` reports which of these
-    rules a path breaks.
+    shape allows that, descending paths are searched. ``rules.rule_violations`` reports which of
+    these rules a path breaks.
 
     Args:
         cells: (n, 3) whole numbers: the shape, in any order.

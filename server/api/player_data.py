@@ -18,7 +18,7 @@ from fastapi.responses import JSONResponse, Response
 
 from planner.file_names import TIMELINE
 from planner.parameters.parameters import FLOATING
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.verification.integrity import check
 from server.api.fold_lookup import found_fold, viewing_of
 from server.api.module_values import values_of
@@ -184,7 +184,7 @@ def _view(request: Request, fold_id: str) -> tuple[ShownFold, TimelineView | Non
     found = found_fold(request, fold_id)
     if found.row.status not in RUNNING_STATUSES:
         check(found.directory, TIMELINE)
-    timeline = viewing_of(request).timelines.get(result(found.directory, TIMELINE))
+    timeline = viewing_of(request).timelines.get(result_path(found.directory, TIMELINE))
     if timeline is not None and not timeline.growing:
         mark(request, found.row)
     return found.row, timeline if timeline is not None and len(timeline) else None

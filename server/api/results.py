@@ -13,7 +13,7 @@ from planner.errors import DamagedError, InputError, TimelineError
 from planner.exports.formats import EXPORTS, export_named, exports_of
 from planner.file_names import CERTIFICATE, MODEL, PLAN, PLAN_TEXT, RECORD, TIMELINE
 from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.verification.integrity import check
 from server.api.context import Context
 from server.api.folds import Here, file_or_problems, problems
@@ -98,7 +98,7 @@ def _timeline(context: Context, fold_id: str) -> Timeline:
     if row.over:
         check(directory, TIMELINE)
     try:
-        return Timeline.open(result(directory, TIMELINE))
+        return Timeline.open(result_path(directory, TIMELINE))
     except DamagedError:
         raise
     except (TimelineError, OSError, KeyError) as error:  # or it is just being made anew

@@ -21,7 +21,7 @@ from cli.options import AsJson, FoldDirectory, with_parameters
 from cli.tour import drafted, stored_tour
 from planner.errors import InputError
 from planner.file_names import TIMELINE
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from server.ops.startup_errors import settings_of
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
@@ -118,7 +118,7 @@ def _format_of(out: Path) -> str:
 
 def _timeline_of(directory: Path) -> Path:
     """Return the timeline in a fold's directory."""
-    timeline = result(directory.resolve(), TIMELINE)
+    timeline = result_path(directory.resolve(), TIMELINE)
     if not timeline.is_dir():
         raise InputError(
             "no-directory",

@@ -25,7 +25,7 @@ from planner.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELIN
 from planner.files import json_of
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import FLOATING
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.workspace import Workspace
 from planner.plan.module_values import values_in
@@ -79,12 +79,13 @@ def row_of(directory: Path) -> ShownFold:
     Raises:
         TimelineError: When there is no timeline in it.
     """
-    chain = Timeline.open(result(directory, TIMELINE)).chain
+    chain = Timeline.open(result_path(directory, TIMELINE)).chain
     request = json_of(directory / REQUEST)
     plan = json_of(directory / PLAN_TEXT)
     certificate = told_honestly(
         cast(
-            CertificateFigures, plan.get("certificate") or json_of(result(directory, CERTIFICATE))
+            CertificateFigures,
+            plan.get("certificate") or json_of(result_path(directory, CERTIFICATE)),
         ),
         plan.get("playback"),
     )

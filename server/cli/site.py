@@ -20,7 +20,7 @@ from cli.inputs import make_directory, refuse
 from cli.options import AsJson
 from planner.errors import InputError, PlannerError
 from planner.file_names import TIMELINE
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.plan.packed_fold import unpack
 from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from server.cli.play import row_of
@@ -103,10 +103,10 @@ def _shipped(finished: bool) -> Generator[list[Found]]:
 
 def _folds_in(directory: Path) -> list[Path]:
     """Return a directory of a fold, or the folds in a directory."""
-    if result(directory, TIMELINE).exists():
+    if result_path(directory, TIMELINE).exists():
         return [directory]
     inside = sorted(directory.iterdir()) if directory.is_dir() else []
-    if not (folds := [each for each in inside if result(each, TIMELINE).exists()]):
+    if not (folds := [each for each in inside if result_path(each, TIMELINE).exists()]):
         detail = (
             "it holds no fold; expected a folder that `foldback fold` wrote, or several inside."
         )

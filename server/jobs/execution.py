@@ -17,7 +17,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from planner.errors import InputError, TimelineError
 from planner.file_names import START_CHAIN, TIMELINE
 from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline.fold_layout import any_verified, result
+from planner.pipeline.fold_layout import any_verified, result_path
 from planner.progress import STAGES
 from planner.readers.gallery import Gallery
 from server.jobs.housekeeping import limit_cancelled
@@ -405,7 +405,7 @@ class Execution:
     def _close(self) -> None:
         """Release the child, and close the timeline of a stage that was killed before it could."""
         self._release_child()
-        path = result(self._store.folders.place(self._fold_id), TIMELINE)
+        path = result_path(self._store.folders.place(self._fold_id), TIMELINE)
         with contextlib.suppress(TimelineError, OSError, ValueError, KeyError):
             if Timeline.open(path).status == "growing":
                 TimelineWriter.reopen(path).close("failed")

@@ -16,7 +16,7 @@ import sqlalchemy as sa
 
 from planner.errors import DamagedError, InputError
 from planner.file_names import TIMELINE
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.verification.integrity import check
 from server.errors import Damaged
 from server.jobs.movies import INTERRUPTED
@@ -78,7 +78,7 @@ class MovieJobs:
                 return
             files = retry_until_available(lambda: self._store.directory(fold_id))
             check(files, TIMELINE)
-            timeline = result(files, TIMELINE)
+            timeline = result_path(files, TIMELINE)
             ask_for_movie(place, row.wishes, timeline, MOVIE_FILE, on_table=is_on_table(files))
 
             def take(event: dict[str, Any]) -> None:

@@ -18,7 +18,7 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from planner.file_names import TIMELINE
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.verification.integrity import check
 from server.errors import Conflict, NoSuch, NotFound, TooMany, Unavailable
 from server.limits.concurrency_quota import Holder, network_share
@@ -97,7 +97,7 @@ class Movies:
                 retry_after_s=MOVIE_RETRY_S,
             )
         check(self._store.directory(fold_id), TIMELINE)
-        if not (result(self._store.directory(fold_id), TIMELINE) / "zarr.json").is_file():
+        if not (result_path(self._store.directory(fold_id), TIMELINE) / "zarr.json").is_file():
             raise NotFound("no-such-artifact", "This fold finished without frames to film.")
         try:
             state = self.state(fold_id, movie.key)

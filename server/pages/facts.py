@@ -21,7 +21,7 @@ from planner.files import json_of
 from planner.motion.record import TableRecord
 from planner.parameters.parameters import FLOATING
 from planner.parameters.settings_text import TABLE_SETTINGS
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import MAX_SEED, FoldRequest
 from planner.robot import MAX_SMOOTHED_ANGLES
@@ -206,7 +206,7 @@ def _certificate(directory: Path, summary: FoldSummary, damaged: list[str]) -> C
     """Return the certificate of a fold: of its summary, or while it runs of its directory."""
     if known := summary.get("certificate"):
         return known
-    stored = {} if CERTIFICATE in damaged else json_of(result(directory, CERTIFICATE))
+    stored = {} if CERTIFICATE in damaged else json_of(result_path(directory, CERTIFICATE))
     return told_honestly(cast(CertificateFigures, stored), summary.get("playback"))
 
 
@@ -309,7 +309,7 @@ def _other_methods(
         return takes(plain_fold(row.modules, request))
 
     others: list[Suggestion] = []
-    if _may_rest(row) and not ruled_out_on_table(result(found.directory, CHAIN)):
+    if _may_rest(row) and not ruled_out_on_table(result_path(found.directory, CHAIN)):
         button = on_a_table(time(FoldRequest(world="table")))
         others.append(_suggestion(button, _form(row, replace(plain, world="table"))))
     if row.preset == plain.preset:
@@ -347,7 +347,7 @@ def _on_table(row: ShownFold, directory: Path) -> TableRecord | None:
     if row.world == FLOATING:
         return None
     try:
-        with np.load(result(directory, RECORD), allow_pickle=False) as arrays:
+        with np.load(result_path(directory, RECORD), allow_pickle=False) as arrays:
             return TableRecord.of(arrays)
     except UNREADABLE:
         return None

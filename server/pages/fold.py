@@ -16,7 +16,7 @@ from fastapi.responses import HTMLResponse, JSONResponse, Response
 from planner.errors import UNREADABLE, PlannerError
 from planner.file_names import CHAIN
 from planner.motion.timeline import chain_from_attributes
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.verification.integrity import damaged_among
 from server.api.fold_lookup import Viewing, find_now, viewing_of
 from server.http.response_cache import mark
@@ -88,7 +88,7 @@ async def facts_of_fold(request: Request, fold_id: str) -> Response:
 
 def drawing_in(directory: Path) -> str:
     """Return the drawing of a directory's folded shape; empty while it is unknown."""
-    for path in (result(directory, CHAIN), directory / "cells.json"):
+    for path in (result_path(directory, CHAIN), directory / "cells.json"):
         if path.exists():
             return _drawing_of(path, path.name == CHAIN)
     return ""

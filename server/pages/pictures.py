@@ -15,7 +15,7 @@ from fastapi.responses import Response
 from planner.errors import DamagedError, InputError, TimelineError
 from planner.file_names import CHAIN, TIMELINE
 from planner.files import write_whole
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.verification.integrity import check
 from server.api.context import Context, context_of
 from server.api.fold_lookup import find_fold
@@ -100,7 +100,10 @@ async def _picture_of_view(request: Request, found: Found, view: str) -> Respons
     """Return the picture of a moment, seen as a link says; kept in memory for a while."""
     context, row = context_of(request), found.row
     over = row.status not in RUNNING_STATUSES
-    chain, timeline_path = result(found.directory, CHAIN), result(found.directory, TIMELINE)
+    chain, timeline_path = (
+        result_path(found.directory, CHAIN),
+        result_path(found.directory, TIMELINE),
+    )
     if over:
         await asyncio.to_thread(check, found.directory, CHAIN, TIMELINE)
     recent = context.pictures.recent
@@ -164,7 +167,7 @@ def picture_answer(data: bytes, *, listed: bool, over: bool = True) -> Response:
 def _stored_picture(path: Path) -> bytes | None:
     """Return the picture in a fold's directory, if it is one of its chain."""
     try:
-        return path.read_bytes() if newer(path, result(path.parent.parent, CHAIN)) else None
+        return path.read_bytes() if newer(path, result_path(path.parent.parent, CHAIN)) else None
     except OSError:
         return None
 
@@ -173,7 +176,7 @@ def _picture_of(context: Context, found: Found, path: Path, *, keep: bool) -> by
     """Return the picture of the chain in a fold's directory; None where it cannot be drawn."""
     store = context.store
     try:
-        chain = result(path.parent.parent, CHAIN)
+        chain = result_path(path.parent.parent, CHAIN)
         data = context.pictures.drawn(
             chain, moment_of(caption_of(found.row.title, found.row.status))
         )

@@ -17,7 +17,7 @@ from fastapi.responses import HTMLResponse, Response
 from planner.errors import DamagedError, TimelineError
 from planner.file_names import PLAN, TIMELINE
 from planner.parameters.parameters import FLOATING
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.verification.integrity import check
 from server.api.fold_lookup import find_fold, found_fold, viewing_of
 from server.api.module_values import values_of
@@ -122,7 +122,7 @@ def _of_view(found: Found, make: Callable[[TimelineView], bytes]) -> Callable[[]
 
     def made() -> bytes:
         try:
-            return make(TimelineView(result(found.directory, TIMELINE)))
+            return make(TimelineView(result_path(found.directory, TIMELINE)))
         except DamagedError:
             raise
         except TimelineError as error:
@@ -184,7 +184,7 @@ async def _finished(request: Request, fold_id: str) -> Found:
     if found.row.status not in RUNNING_STATUSES:
         await asyncio.to_thread(check, found.directory, TIMELINE, FIGURES)
     timelines = viewing_of(request).timelines
-    timeline = await asyncio.to_thread(timelines.get, result(found.directory, TIMELINE))
+    timeline = await asyncio.to_thread(timelines.get, result_path(found.directory, TIMELINE))
     if found.row.status in RUNNING_STATUSES or timeline is None or not len(timeline):
         raise Conflict(
             "not-ready",

@@ -17,7 +17,7 @@ from markupsafe import Markup
 
 from planner.file_names import TIMELINE
 from planner.files import write_whole
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.plan.module_values import values_in
 from server.api.tours import draft_of
 from server.pages.facts import fold_facts
@@ -145,7 +145,7 @@ def write_site(out: Path, folds: Sequence[Found], service: str | None = None) ->
 
 def _fold_page(site: Site, fold: Found) -> bytes:
     render = partial(site.rendered, "standalone.html", "../", details=True)
-    timeline = TimelineView(result(fold.directory, TIMELINE))
+    timeline = TimelineView(result_path(fold.directory, TIMELINE))
     facts = fold_facts(fold, api=False)
     kept = {"tour": draft_of(fold), "values": values_in(fold.directory, fold.row.modules)}
     return standalone_page(fold, timeline, facts, render, view=f"../{VIEW_FILE}", kept=kept)

@@ -22,7 +22,7 @@ from typing import Final
 from planner.errors import UNREADABLE
 from planner.file_names import TIMELINE
 from planner.files import temporary_path, write_whole
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from server.errors import NoSuch
 from server.settings import Settings
 from server.store.object_store import FETCHED_INDEX, Storage, open_storage
@@ -364,7 +364,7 @@ def _epoch_of(place: Path) -> int | None:
 def frames_promised(directory: Path) -> int:
     """Frames that the timeline in a fold's directory promises."""
     try:
-        attributes = (result(directory, TIMELINE) / "zarr.json").read_bytes()
+        attributes = (result_path(directory, TIMELINE) / "zarr.json").read_bytes()
         return int(json.loads(attributes)["attributes"]["frames"])
     except UNREADABLE:
         return 0

@@ -30,7 +30,7 @@ from planner.motion.angle_encoding import plan_columns
 from planner.motion.motion import Motion
 from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from web.timeline.cache import Cache
 from web.timeline.columns import encode
 
@@ -58,8 +58,8 @@ def cached_figures(directory: Path, part: int | None = None) -> bytes:
         TimelineError: When there are no figures, or no such stretch.
         OSError: When they are being replaced.
     """
-    parts = [directory / FIGURES / "zarr.json", result(directory, TIMELINE) / "zarr.json"]
-    parts += [path for path in (result(directory, FORCES),) if path.exists()]
+    parts = [directory / FIGURES / "zarr.json", result_path(directory, TIMELINE) / "zarr.json"]
+    parts += [path for path in (result_path(directory, FORCES),) if path.exists()]
     stamps = [(found.st_ino, found.st_mtime_ns) for found in (path.stat() for path in parts)]
     key = (directory, part, *stamps)
     if (data := _MESSAGES.get(key)) is None:
@@ -75,7 +75,7 @@ def curves_of(directory: Path) -> bytes:
         TimelineError: When there are no figures.
     """
     curves = Curves.load(directory / FIGURES)
-    timeline = Timeline.open(result(directory, TIMELINE))
+    timeline = Timeline.open(result_path(directory, TIMELINE))
     total = len(timeline)
     error = 0.0
     if total and (reference := _reference(directory, timeline)) is not None:
@@ -112,7 +112,7 @@ def stretch_of(directory: Path, part: int) -> bytes:
     Raises:
         TimelineError: When there are no figures, or no such stretch.
     """
-    timeline = Timeline.open(result(directory, TIMELINE))
+    timeline = Timeline.open(result_path(directory, TIMELINE))
     forces, total = _forces(directory, timeline), len(timeline)
     rows = _rows(timeline, forces)
     start, stop = part * rows, min((part + 1) * rows, total)
@@ -142,7 +142,7 @@ def table_forces(directory: Path) -> bytes | None:
     Raises:
         TimelineError: When there is no timeline.
     """
-    timeline = Timeline.open(result(directory, TIMELINE))
+    timeline = Timeline.open(result_path(directory, TIMELINE))
     if (forces := _forces(directory, timeline)) is None:
         return None
     total = len(timeline)
@@ -153,7 +153,7 @@ def table_forces(directory: Path) -> bytes | None:
 
 def _forces(directory: Path, timeline: Timeline) -> TableForces | None:
     """Return the forces of a fold on a table; None of one that floats, or where they don't fit."""
-    path = result(directory, FORCES)
+    path = result_path(directory, FORCES)
     try:
         found = path.stat()
         key = (path, found.st_ino, found.st_mtime_ns)
@@ -189,12 +189,12 @@ def _placed(values: NDArray[np.float32], start: int, stop: int, total: int) -> N
 
 def _table_told(directory: Path) -> dict[str, Any] | None:
     """Return the table's figures that a plot shows beside its curve."""
-    told = json_of(result(directory, CERTIFICATE)).get("table")
+    told = json_of(result_path(directory, CERTIFICATE)).get("table")
     if told is None:
         return None
     try:
         table = TableCertificate.from_dict(told)
-        with np.load(result(directory, RECORD), allow_pickle=False) as arrays:
+        with np.load(result_path(directory, RECORD), allow_pickle=False) as arrays:
             record = TableRecord.of(arrays)
     except (InputError, *UNREADABLE):
         return None

@@ -9,7 +9,7 @@ from typing import Final
 from planner.errors import InputError, TimelineError
 from planner.file_names import TIMELINE
 from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.plan.plan import Plan
 from planner.progress import STAGES, Progress
 from web.timeline.motion_source import MotionMoments, MotionSource
@@ -49,7 +49,7 @@ class Live(Shown):
         if progress.stage == LAST_STAGE and progress.fraction >= 1.0:
             whole = self._whole
             with suppress(TimelineError):  # then there is nothing to show; the fold goes on
-                timeline = Timeline.open(result(directory, TIMELINE))
+                timeline = Timeline.open(result_path(directory, TIMELINE))
                 whole = MotionMoments(timeline.chain, timeline.motion(), timeline.id)
             with self._lock:  # what is told and what is shown change together
                 self._whole, self._directory = whole, None
@@ -70,7 +70,7 @@ class Live(Shown):
     def _newest(self) -> MotionSource | None:
         if self._whole is not None or self._directory is None:
             return self._whole
-        return self._views.get(result(self._directory, TIMELINE))
+        return self._views.get(result_path(self._directory, TIMELINE))
 
 
 class Show:
@@ -112,7 +112,7 @@ class Show:
 
         def now() -> TimelineView | None:
             whole = (place / "zarr.json").exists()
-            return views.get(place if whole else result(place, TIMELINE))
+            return views.get(place if whole else result_path(place, TIMELINE))
 
         if now() is None:
             raise TimelineError(

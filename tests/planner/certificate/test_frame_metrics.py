@@ -12,7 +12,7 @@ from planner.certificate.frame_metrics import clearances_of, write_figures
 from planner.certificate.metrics_store import CLEARANCE_REACH_PITCH, Curves, Figures
 from planner.certificate.plan_figures import torque_unit_nm
 from planner.chain.chain import Chain
-from planner.chain.floating_torques import floating_torques, motion_of
+from planner.chain.floating_torques import floating_torques, spline_derivatives
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import TETRAHEDRON
 from planner.clearance.sweep import pair_clearance, sweep
@@ -130,7 +130,7 @@ def test_figures_of_several_chunks_are_computed_and_read_in_any_range(tmp_path: 
     figures = figures_of(tmp_path / "t", PARAMETERS)
     frames = Timeline.open(tmp_path / "t").frames()
     times = frames.time_s[frames.phase == 1]
-    rates, accelerations = motion_of(times, angles, np.arange(len(angles)), from_rest=True)
+    rates, accelerations = spline_derivatives(times, angles, np.arange(len(angles)), from_rest=True)
     expected = floating_torques(chain.module, angles, rates, accelerations)
     fastest = np.abs(np.diff(angles, axis=0)).max()
     expected *= torque_unit_nm(chain, PARAMETERS) / fastest**2

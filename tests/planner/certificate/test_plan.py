@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from planner.errors import InputError
-from planner.motion.angle_encoding import frame_planes, plan_columns
+from planner.motion.angle_encoding import encode_frames, plan_columns
 from planner.plan.plan import PLAN_FORMAT, Plan
 from tests.planner.plans import with_values
 
@@ -71,7 +71,7 @@ def test_invalid_plan_is_refused(
 
 def test_plan_with_angles_in_two_forms_is_refused(plan: Plan, tmp_path: FilePath) -> None:
     """Readers that used either form would see two motions."""
-    planes = frame_planes(plan.joint_angles_rad)
+    planes = encode_frames(plan.joint_angles_rad)
     assert planes is not None
     values = plan.as_dict()
     values["angles"]["data"] = b64encode(compress(planes.tobytes())).decode()

@@ -4,7 +4,7 @@ import pytest
 
 from planner.chain.cantilever_statics import static_torque
 from planner.chain.chain import Chain
-from planner.chain.floating_torques import floating_torques, motion_of
+from planner.chain.floating_torques import floating_torques, spline_derivatives
 from planner.chain.module import TETRAHEDRON
 from planner.simulation.mujoco_models import Material, tree_spec
 from planner.simulation.mujoco_tree import Tree
@@ -32,7 +32,7 @@ def test_rates_and_accelerations_of_a_known_motion() -> None:
     times -= times[0]
     angles = np.stack([1.0 - np.cos(times), times**3], axis=1)
     at = np.array([0, 50, 150])
-    rates, accelerations = motion_of(times, angles, at, from_rest=True)
+    rates, accelerations = spline_derivatives(times, angles, at, from_rest=True)
     when = times[at]
     np.testing.assert_allclose(rates, np.stack([np.sin(when), 3 * when**2], 1), atol=1e-5)
     np.testing.assert_allclose(accelerations, np.stack([np.cos(when), 6 * when], 1), atol=2e-3)
@@ -46,7 +46,9 @@ def test_frames_that_are_not_finite_or_too_few_have_no_torques() -> None:
     found = floating_torques(chain.module, angles, rates, np.zeros_like(angles))
     assert np.isnan(found[1]).any()
     np.testing.assert_allclose(found[[0, 2]], 0.0, atol=1e-12)
-    few = motion_of(np.array([0.0, 1, 1, 2]), np.zeros((4, 3)), np.arange(4), from_rest=True)
+    few = spline_derivatives(
+        np.array([0.0, 1, 1, 2]), np.zeros((4, 3)), np.arange(4), from_rest=True
+    )
     assert np.isnan(few).all()
 
 

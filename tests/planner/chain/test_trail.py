@@ -13,7 +13,7 @@ from planner.chain.module import TETRAHEDRON
 from planner.chain.trail import Trail, hinge_axes
 from planner.clearance.clearance import closest
 from planner.errors import InputError
-from planner.pathfinding.eulerian_circuits import circuit, free_cuts, opened
+from planner.pathfinding.eulerian_circuits import cut_open, eulerian_circuit, free_cuts
 
 Ints = NDArray[np.int64]
 
@@ -36,7 +36,7 @@ def polycubes(draw: st.DrawFn) -> Ints:
 @given(cells=polycubes())
 def test_joined_cells_have_a_circuit_that_turns_where_four_meet(cells: Ints) -> None:
     pairs = ring_pairs(cells)
-    nodes = circuit(pairs)
+    nodes = eulerian_circuit(pairs)
     assert len(nodes) == len(pairs) + 1
     np.testing.assert_array_equal(nodes[0], nodes[-1])
     used = {frozenset(map(tuple, step.tolist())) for step in np.stack([nodes[:-1], nodes[1:]], 1)}
@@ -48,24 +48,24 @@ def test_joined_cells_have_a_circuit_that_turns_where_four_meet(cells: Ints) -> 
 
 
 def test_opened_trail_starts_where_it_is_cut() -> None:
-    nodes = circuit(ring_pairs(np.array([[0, 0, 0], [1, 0, 0]])))
+    nodes = eulerian_circuit(ring_pairs(np.array([[0, 0, 0], [1, 0, 0]])))
     free = free_cuts(nodes)
     assert free.any()
     assert not free.all()
-    trail = Trail.from_nodes(opened(nodes, int(np.flatnonzero(free)[3])))
+    trail = Trail.from_nodes(cut_open(nodes, int(np.flatnonzero(free)[3])))
     np.testing.assert_array_equal(trail.nodes[0], nodes[np.flatnonzero(free)[3]])
     assert (trail.nodes == trail.nodes[0]).all(axis=1).sum() == 2  # only the two ends are odd
 
 
 def test_separate_cells_have_no_circuit() -> None:
     with pytest.raises(InputError, match="in 2 parts") as refusal:
-        circuit(ring_pairs(np.array([[0, 0, 0], [5, 0, 0]])))
+        eulerian_circuit(ring_pairs(np.array([[0, 0, 0], [5, 0, 0]])))
     assert refusal.value.code == "no-trail"
 
 
 def test_odd_node_is_named() -> None:
     with pytest.raises(InputError, match="an odd number") as refusal:
-        circuit(ring_pairs(np.zeros((1, 3), dtype=np.int64))[:-1])
+        eulerian_circuit(ring_pairs(np.zeros((1, 3), dtype=np.int64))[:-1])
     assert refusal.value.where.startswith("node (")
 
 
@@ -143,7 +143,7 @@ def test_dodecahedron_has_twelve_faces() -> None:
     ids=["ring", "2x2x2", "bent", "dodecahedra"],
 )
 def test_folded_chain_fills_the_tetrahedra_of_its_trail(pairs: Ints) -> None:
-    chain = Chain.from_trail(Trail.from_nodes(opened(circuit(pairs), 5)))
+    chain = Chain.from_trail(Trail.from_nodes(cut_open(eulerian_circuit(pairs), 5)))
     assert len(chain) == len(pairs)
     np.testing.assert_allclose(np.abs(np.rad2deg(chain.folded_rad)) % 90.0, 0.0, atol=1e-12)
     wanted = {tuple(sorted(map(tuple, corners(pair).tolist()))) for pair in pairs}

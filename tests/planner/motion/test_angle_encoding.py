@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 
 from planner.motion.angle_encoding import (
     PLAN_STEP_RAD,
-    frame_angles,
-    frame_planes,
+    decode_frames,
+    decode_windows,
+    encode_frames,
+    encode_windows,
     packed_frames,
     plan_columns,
-    snapped,
-    told_of,
+    plane_metadata,
+    quantised,
+    to_step_counts,
     unpacked_bytes,
     unpacked_frames,
-    whole_steps,
-    window_angles,
-    window_planes,
 )
 from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters
@@ -40,20 +40,20 @@ SPANS = st.tuples(st.integers(0, 4), st.integers(0, 4)).map(sorted)
 
 @given(FRAMES)
 def test_angles_are_read_as_they_were_written(angles: NDArray[np.float64]) -> None:
-    near = snapped(angles)
+    near = quantised(angles)
     assert np.abs(near - angles).max() <= PLAN_STEP_RAD / 2 * (1 + 1e-9)
-    planes = frame_planes(near)
+    planes = encode_frames(near)
     assert planes is not None
-    again = frame_angles(planes, told_of(near.shape, windowed=False))
+    again = decode_frames(planes, plane_metadata(near.shape, windowed=False))
     assert again.tobytes() == near.tobytes(), "a claim's digest is that of the bytes"
     single = near.astype(np.float32)
-    steps = whole_steps(single)
+    steps = to_step_counts(single)
     np.testing.assert_array_equal((steps * PLAN_STEP_RAD).astype(np.float32), single)
 
 
 def test_angles_not_in_whole_steps_are_not_rounded() -> None:
     for spoilt in (1e-7, np.nan, np.inf, 8.0):
-        assert frame_planes(np.array([[0.0, spoilt]])) is None
+        assert encode_frames(np.array([[0.0, spoilt]])) is None
     angles = np.random.default_rng(0).normal(size=(600, 500))
     assert packed_frames("a", angles) == {"a": angles}
     angles = large_plan(windowed=False).joint_angles_rad
@@ -65,7 +65,7 @@ def test_angles_not_in_whole_steps_are_not_rounded() -> None:
 def test_no_angle_is_beyond_its_limit() -> None:
     limit = 100.3 * PLAN_STEP_RAD
     np.testing.assert_array_equal(
-        snapped(np.array([1.0, -1.0, np.nan]), limit) / PLAN_STEP_RAD, [100.0, -100.0, np.nan]
+        quantised(np.array([1.0, -1.0, np.nan]), limit) / PLAN_STEP_RAD, [100.0, -100.0, np.nan]
     )
 
 
@@ -76,11 +76,11 @@ def test_windows_are_read_as_they_were_written(data: st.DataObject) -> None:
     first = np.array([low for low, _ in spans])
     offsets = np.concatenate([[0], np.cumsum([high - low for low, high in spans])])
     drawn = data.draw(arrays_of.arrays(np.float64, int(offsets[-1]), elements=ANGLES))
-    angles = snapped(drawn).astype(np.float32)
-    planes = window_planes(first, offsets, angles, folded)
+    angles = quantised(drawn).astype(np.float32)
+    planes = encode_windows(first, offsets, angles, folded)
     assert planes is not None
-    meta = told_of(angles.shape, windowed=True)
-    again = window_angles(planes, meta, first, offsets, folded)
+    meta = plane_metadata(angles.shape, windowed=True)
+    again = decode_windows(planes, meta, first, offsets, folded)
     assert again.tobytes() == angles.tobytes()
 
 
@@ -89,7 +89,7 @@ def large_plan(*, windowed: bool) -> Plan:
     chain = line(200)
     rows, hinges = np.ogrid[:800, : len(chain.folded_rad)]
     rng = np.random.default_rng(0)
-    frames = anchored("playback", snapped(np.sin(rows / 50.0 + hinges)))
+    frames = anchored("playback", quantised(np.sin(rows / 50.0 + hinges)))
     frames = frames.with_columns(root_position=rng.normal(size=(800, 3)))
     return unverified(chain, frames.windowed(chain) if windowed else frames, Parameters())
 

@@ -15,7 +15,7 @@ from planner.certificate.metrics_store import Curves, Figures
 from planner.chain.chain import Chain
 from planner.chain.floating_torques import floating_torques
 from planner.errors import InputError, TimelineError
-from planner.explosion.strategies import strategies_for
+from planner.explosion.strategies import ranked_strategies
 from planner.exports.mjcf import keys_of, mjcf
 from planner.exports.mjcf_pieces import MODULES_PER_TREE, starts_of
 from planner.motion.inverse_dynamics import inverse_dynamics
@@ -248,7 +248,7 @@ def test_model_of_a_long_chain_is_cut_into_connected_trees(monkeypatch: pytest.M
 
 
 def ranked(chain: Chain, wish: str, name: str = "default", *, refolds: bool = False) -> Any:
-    return strategies_for(chain, replace(preset(name), strategy=wish), refolds=refolds)
+    return ranked_strategies(chain, replace(preset(name), strategy=wish), refolds=refolds)
 
 
 def test_strategies_by_chain_and_preset() -> None:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from planner.chain.path import Path
 from planner.pathfinding.assembly import assembly_path, from_better_end, layered_snake, solid_paths
-from planner.pathfinding.removal_analysis import peelable
+from planner.pathfinding.removal_analysis import analyse_removal
 from planner.pathfinding.snake import snake_path
 from planner.shapes.layered_path import layered_path
 
@@ -53,15 +53,17 @@ def test_path_visits_every_cell_and_each_block_can_be_removed_in_its_turn(
     np.testing.assert_array_equal(np.unique(path, axis=0), cells_of(shape, side))
     visited = path // side
     assert (np.diff(visited, axis=0) != 0).any(axis=1).sum() == len(shape) - 1
-    assert peelable(path, side**3).free
+    assert analyse_removal(path, side**3).free
 
 
 @pytest.mark.parametrize("shape", [box(4, 4, 4), table(), ball(6), plus()])
 def test_path_by_layers_can_be_peeled(shape: Ints) -> None:
-    path = max(solid_paths(shape, np.random.default_rng(0), 2), key=lambda p: peelable(p).score)
+    path = max(
+        solid_paths(shape, np.random.default_rng(0), 2), key=lambda p: analyse_removal(p).score
+    )
     Path.from_cells(path)
     np.testing.assert_array_equal(np.unique(path, axis=0), cells_of(shape, 2))
-    assert peelable(path).score == 1.0
+    assert analyse_removal(path).score == 1.0
     steps = np.diff(path, axis=0)
     assert ((steps >= 0).all(axis=0) | (steps <= 0).all(axis=0)).any()  # one layer above the other
 
@@ -83,7 +85,7 @@ def test_pit_has_a_low_score() -> None:
     hole = (head[:, 0] == 3) & (head[:, 1] == 1) & (head[:, 2] == 1)
     core = cells_of_blocks(head[~hole])
     pit = cells_of_blocks(head[hole])
-    rated = peelable(np.concatenate([core, pit]), 32)
+    rated = analyse_removal(np.concatenate([core, pit]), 32)
     assert rated.free and rated.score < 0.7
     assert rated.ways[0] == 1
 
@@ -99,13 +101,13 @@ def test_path_by_layers_of_a_ring_leaves_all_ways_open() -> None:
     path = layered_path(ring, 2, np.random.default_rng(0))
     assert path is not None
     # From the highest layer on: up, and up to all eight sides.
-    assert peelable(path).ways.min() >= 9
+    assert analyse_removal(path).ways.min() >= 9
 
 
 def test_path_is_peeled_from_its_better_end() -> None:
     inward = buried()
-    assert peelable(inward, 1).score < peelable(inward[::-1], 1).score
-    rating = [peelable(path).score for path in (inward, from_better_end(inward))]
+    assert analyse_removal(inward, 1).score < analyse_removal(inward[::-1], 1).score
+    rating = [analyse_removal(path).score for path in (inward, from_better_end(inward))]
     assert rating[1] >= rating[0]
     snake = layered_snake((6, 8, 6))
     assert from_better_end(snake) is snake
@@ -125,11 +127,11 @@ def test_halved_blocks_may_have_a_path_if_blocks_have_none() -> None:
 
 
 def test_layered_snake_can_be_peeled_and_an_inward_spiral_cannot() -> None:
-    assert peelable(layered_snake((6, 8, 6)), 24).free
+    assert analyse_removal(layered_snake((6, 8, 6)), 24).free
     np.testing.assert_array_equal(layered_snake((4, 2, 3)), snake_path((4, 2, 3), axes=(1, 2, 0)))
     inward = buried()
     Path.from_cells(inward)
-    found = peelable(inward, 1)
+    found = analyse_removal(inward, 1)
     assert not found.free and found.score < 1.0
     assert found.buried.tolist() == [0]
 

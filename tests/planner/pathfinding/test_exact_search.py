@@ -16,7 +16,7 @@ from planner.pathfinding.circuit_solver import CircuitSolver
 from planner.pathfinding.exact_search import exact_path
 from planner.pathfinding.lattice import neighbours, spread, surface
 from planner.pathfinding.no_path_proofs import obstacles
-from planner.pathfinding.sat_paths import circuit
+from planner.pathfinding.sat_paths import find_path_by_sat
 from planner.shapes.shape import Shape
 from tests.conftest import examples
 from tests.planner.lattice import box, walks
@@ -137,11 +137,11 @@ ENDLESS = np.array([cell for cell in box(6, 6, 6) if cell not in {(0, 0, 0), (5,
 
 def test_circuit_ends_with_its_time_limit() -> None:
     ends = np.ones(len(ENDLESS), dtype=np.bool_)
-    found = circuit(
+    found = find_path_by_sat(
         ENDLESS, np.random.default_rng(0), ends=ends, start=0, effort=1e6, time_limit_s=0.2
     )
     assert found.status == "undecided" and found.order is None
-    found = circuit(ENDLESS, np.random.default_rng(0), ends=ends, start=0, effort=1e-6)
+    found = find_path_by_sat(ENDLESS, np.random.default_rng(0), ends=ends, start=0, effort=1e-6)
     assert found.status == "undecided" and found.order is None
 
 
@@ -152,7 +152,7 @@ def test_circuit_is_interrupted_by_ctrl_c() -> None:
     try:
         timer.start()
         with pytest.raises(KeyboardInterrupt):
-            circuit(ENDLESS, np.random.default_rng(0), ends=ends, start=0, effort=1e6)
+            find_path_by_sat(ENDLESS, np.random.default_rng(0), ends=ends, start=0, effort=1e6)
     finally:
         timer.cancel()
         signal.signal(signal.SIGINT, before)

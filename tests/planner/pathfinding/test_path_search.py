@@ -6,7 +6,7 @@ from planner.pathfinding import PATH_METHODS
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import spread, surface
 from planner.pathfinding.path_search import find_paths, ranked
-from planner.pathfinding.removal_analysis import peelable
+from planner.pathfinding.removal_analysis import analyse_removal
 from planner.pathfinding.snake import snake_path
 from planner.shapes.shape import Shape
 from tests.planner.lattice import box
@@ -39,7 +39,7 @@ def test_large_shapes_are_peeled() -> None:
     search = find_paths(shape)
     assert search.method == "assembly"
     best = search.paths[0].cells
-    assert peelable(best).score == 1.0
+    assert analyse_removal(best).score == 1.0
     assert np.array_equal(np.unique(best, axis=0), shape.cells)
     start = (0, 0, 0)
     started = find_paths(shape, start=start)

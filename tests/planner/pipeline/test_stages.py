@@ -14,7 +14,7 @@ from planner.explosion.simultaneous import explode
 from planner.motion.motion import PHASES
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.pipeline.stages import next_stage, run_stage
 from planner.plan.plan import Plan
 from planner.plan.shape_writers import write_path
@@ -140,7 +140,7 @@ def test_stage_killed_half_way_leaves_nothing_half_written_and_can_be_run_again(
     under_way = {"attempts.json", "attempts"} if stage == "explode" else {"timeline.zarr"}
     files = {path.name for path in copy.iterdir()}
     assert files == {*earlier, *under_way, "request.json", "input"}
-    Timeline.open(result(copy, "timeline.zarr")).frames()
+    Timeline.open(result_path(copy, "timeline.zarr")).frames()
     run(copy, *STAGES[place:])
     first, again = (Plan.load(d / "plan.npz") for d in (full.directory, copy))
     compare_motions(again.motion, first.motion)
@@ -246,7 +246,7 @@ def test_overlap_between_frames_is_played_back_again_with_finer_frames(
     )
     directory = write_request(tmp_path)
     run(directory, "read", "explode", "play_back")
-    coarse = len(Playback.load(result(directory, "playback.npz")).frames)
+    coarse = len(Playback.load(result_path(directory, "playback.npz")).frames)
     stage: str | None = "certify"
     while stage is not None:
         stage = next_stage(stage, run_stage(stage, directory))

@@ -20,7 +20,7 @@ from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
 from planner.parameters.explosion import ExplosionParameters
 from planner.pipeline.attempt import Attempt, Trial
-from planner.pipeline.fold_layout import folder, numbers, result
+from planner.pipeline.fold_layout import attempt_numbers, latest_attempt_dir, result_path
 from planner.pipeline.stages import next_stage, run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
@@ -103,9 +103,9 @@ def test_refused_plan_is_shown_if_a_later_attempt_is_cancelled(
     directory = write_request(tmp_path, write_path(SQUARE))
     for stage in ("read", "explode", "play_back", "certify"):
         run_stage(stage, directory)
-    frames = len(Timeline.open(result(directory, "timeline.zarr")))
+    frames = len(Timeline.open(result_path(directory, "timeline.zarr")))
     run_stage("explode", directory, cancelled=lambda: True)
-    assert len(Timeline.open(result(directory, "timeline.zarr"))) < frames
+    assert len(Timeline.open(result_path(directory, "timeline.zarr"))) < frames
     summary = Workspace(directory).settle()
     assert summary["certificate"]["min_clearance"] == -0.001
     assert summary["explosion"]["status"] == "straight"
@@ -150,8 +150,8 @@ def test_keep_best_keeps_the_attempt_with_most_progress(
 ) -> None:
     write_attempts(tmp_path, clearances, *verdicts)
     Workspace(tmp_path).keep_best()
-    assert numbers(tmp_path) == [best]
-    assert folder(tmp_path) == tmp_path / "attempts" / str(best)
+    assert attempt_numbers(tmp_path) == [best]
+    assert latest_attempt_dir(tmp_path) == tmp_path / "attempts" / str(best)
 
 
 def test_keep_best_with_a_preference_stores_the_other_verified_plans(
@@ -160,7 +160,7 @@ def test_keep_best_with_a_preference_stores_the_other_verified_plans(
     verdicts = ("verified", "verified", "failed: modules overlap", "verified")
     write_attempts(tmp_path, (0.1, 0.2, -0.1, 0.3), *verdicts)
     Workspace(tmp_path).keep_best("time")
-    assert numbers(tmp_path) == [0]
+    assert attempt_numbers(tmp_path) == [0]
     stored = {path.name: path for path in (tmp_path / PLANS_DIR).iterdir()}
     assert set(stored) == {"1", "3"}
     assert {path.name for path in stored["3"].iterdir()} == set(PLAYABLE)
@@ -170,27 +170,27 @@ def test_keep_best_with_a_preference_stores_the_other_verified_plans(
     monkeypatch.setattr("planner.pipeline.workspace.MAX_PLANS_BYTES", 0)
     write_attempts(tmp_path, (0.1, 0.2), "verified", "verified")
     Workspace(tmp_path).keep_best("time")
-    assert (numbers(tmp_path), (tmp_path / PLANS_DIR).exists()) == ([0], False)
+    assert (attempt_numbers(tmp_path), (tmp_path / PLANS_DIR).exists()) == ([0], False)
 
 
 def test_keep_best_explosion_keeps_the_judged_ones(tmp_path: FilePath) -> None:
     write_attempts(tmp_path, (-0.3, -0.1, None, None))
     Workspace(tmp_path).keep_best_explosion()
-    assert numbers(tmp_path) == [0, 1, 3]
+    assert attempt_numbers(tmp_path) == [0, 1, 3]
     Workspace(tmp_path).begin(1, Chain.from_path(COIL))
-    assert numbers(tmp_path) == [0, 1]
+    assert attempt_numbers(tmp_path) == [0, 1]
     fresh = {path.name for path in (tmp_path / "attempts" / "1").iterdir()}
     assert fresh == {"chain.json"}
 
 
 def test_result_is_read_from_the_latest_attempt(tmp_path: FilePath) -> None:
     (tmp_path / "chain.json").write_text("of the first candidate")
-    assert result(tmp_path, "chain.json").read_text() == "of the first candidate"
+    assert result_path(tmp_path, "chain.json").read_text() == "of the first candidate"
     write_attempts(tmp_path, (None, None))
-    assert result(tmp_path, "chain.json").read_text() == "1"
+    assert result_path(tmp_path, "chain.json").read_text() == "1"
     Workspace(tmp_path).begin(2, Chain.from_path(COIL))
     assert Workspace(tmp_path).read_chain().name == "coil"
-    assert not result(tmp_path, "record.npz").exists()
+    assert not result_path(tmp_path, "record.npz").exists()
 
 
 @pytest.mark.parametrize("call", range(9))
@@ -219,7 +219,7 @@ def test_publishing_continues_after_an_interruption(
         try:
             Workspace(tmp_path).publish()
         except KeyboardInterrupt:
-            assert result(tmp_path, "playback.npz").read_text() in ("1", "2")
+            assert result_path(tmp_path, "playback.npz").read_text() in ("1", "2")
             Workspace(tmp_path).publish()
     assert calls > 9
     for name in ("chain.json", "record.npz", "playback.npz"):

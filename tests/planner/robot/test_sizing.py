@@ -14,11 +14,11 @@ from planner.robot.module_materials import CASINGS, Casing, casing_named
 from planner.robot.servos import Servo, servo_named, servos
 from planner.robot.sizing import (
     HINGES_PER_MODULE,
-    at_which_pitch,
+    find_suitable_servos,
     largest_shape,
     least_pitch_m,
-    turned_rad,
-    who_would_do,
+    suitable_pitches,
+    total_turn_rad,
 )
 
 GRAVITY = 9.81
@@ -31,7 +31,7 @@ TORQUES = st.floats(0.5, 500.0)
 
 def test_small_servo_in_a_printed_box() -> None:
     """Walls of 1 mm around 40 mm: 1240 kg/m³ · (40³ − 38³) mm³ = 11.3 g; two servos of 18 g."""
-    (fit,) = who_would_do(4.0, pitch_m=0.04, casing=BOX, among=[SMALL])
+    (fit,) = find_suitable_servos(4.0, pitch_m=0.04, casing=BOX, among=[SMALL])
     assert fit.module_kg == pytest.approx(0.036 + 0.011319, abs=1e-6)
     assert fit.need_nm == pytest.approx(4.0 * 0.047319 * GRAVITY * 0.04, rel=1e-4)
     assert fit.gives_nm == pytest.approx(0.52 / 3.0)
@@ -39,7 +39,7 @@ def test_small_servo_in_a_printed_box() -> None:
     # Two servos of 20 × 26 × 34 mm fit into a cube of 40 mm, and its walls take 2 mm more.
     assert not fit.has_room
     assert fit.against == ("too large",)
-    (fit,) = who_would_do(4.0, pitch_m=0.042, casing=BOX, among=[SMALL])
+    (fit,) = find_suitable_servos(4.0, pitch_m=0.042, casing=BOX, among=[SMALL])
     assert fit.would_do
 
 
@@ -48,7 +48,7 @@ def test_servo_with_two_shafts_counts_for_two() -> None:
     assert CUBE.hinges_per_joint == HINGES_PER_MODULE
     assert least_pitch_m(double, BOX) == pytest.approx(0.0465 + 0.002)
     assert least_pitch_m(single, BOX) == pytest.approx(2 * 0.0285 + 0.002)
-    two, one = who_would_do(4.0, pitch_m=0.06, casing=BOX, among=[double, single])
+    two, one = find_suitable_servos(4.0, pitch_m=0.06, casing=BOX, among=[double, single])
     assert (two.servos_kg, one.servos_kg) == pytest.approx((0.0982, 0.1144))
 
 
@@ -67,21 +67,23 @@ def test_least_pitch_is_the_smallest_of_all_arrangements(servo: Servo) -> None:
 
 @given(SERVOS, TORQUES, MATERIALS)
 def test_pitch_margin_and_largest_shape_agree(servo: Servo, torque: float, casing: Casing) -> None:
-    pitches = at_which_pitch(servo, torque, casing)
-    (fit,) = who_would_do(torque, pitch_m=pitches.most_m, casing=casing, among=[servo])
+    pitches = suitable_pitches(servo, torque, casing)
+    (fit,) = find_suitable_servos(torque, pitch_m=pitches.most_m, casing=casing, among=[servo])
     assert fit.margin == pytest.approx(1.0)
     assert fit.has_room == (not pitches.empty)
     reach = largest_shape(servo, {}, pitch_m=pitches.most_m, casing=casing)
     assert reach.torque_wp == pytest.approx(torque)
     for k, strong in ((0.99, True), (1.01, False)):
-        (fit,) = who_would_do(torque, pitch_m=k * pitches.most_m, casing=casing, among=[servo])
+        (fit,) = find_suitable_servos(
+            torque, pitch_m=k * pitches.most_m, casing=casing, among=[servo]
+        )
         assert (fit.margin >= 1.0) == strong
         assert ("too weak" in fit.against) != strong
 
 
 def test_torque_of_zero_has_no_bound() -> None:
-    assert at_which_pitch(SMALL, 0.0, BOX).most_m == inf
-    (fit,) = who_would_do(0.0, pitch_m=1.0, casing=BOX, among=[SMALL])
+    assert suitable_pitches(SMALL, 0.0, BOX).most_m == inf
+    (fit,) = find_suitable_servos(0.0, pitch_m=1.0, casing=BOX, among=[SMALL])
     assert fit.would_do and fit.margin == inf
     assert fit.as_dict()["margin"] is None
 
@@ -91,13 +93,12 @@ def test_largest_shape_within_a_torque() -> None:
     reach = largest_shape(SMALL, figures, pitch_m=0.042, casing=BOX)
     assert reach.torque_wp == pytest.approx(8.672, abs=1e-3)
     assert reach.within == ("3x3x3", "mallet-64")
-    assert reach.beyond == ("4x4x4",)
     assert reach.largest == "mallet-64"
     assert largest_shape(SMALL, figures, pitch_m=0.2, casing=ALUMINIUM).largest is None
 
 
 def test_servos_that_suffice_come_first() -> None:
-    fits = who_would_do(4.0, pitch_m=0.06, casing=BOX)
+    fits = find_suitable_servos(4.0, pitch_m=0.06, casing=BOX)
     would = [fit.would_do for fit in fits]
     assert would == sorted(would, reverse=True) and {*would} == {True, False}
     (mg996r,) = (fit for fit in fits if fit.servo.name == "MG996R")
@@ -106,8 +107,8 @@ def test_servos_that_suffice_come_first() -> None:
 
 def test_turned_rad_counts_the_fastest_hinge_of_each_step() -> None:
     frames = np.array([[0.0, 0.0], [0.3, -0.5], [0.3, -0.5], [1.0, -0.6]])
-    assert turned_rad(frames) == pytest.approx(0.5 + 0.0 + 0.7)
-    assert turned_rad(frames[:1]) == 0.0
+    assert total_turn_rad(frames) == pytest.approx(0.5 + 0.0 + 0.7)
+    assert total_turn_rad(frames[:1]) == 0.0
 
 
 def test_sizing_out_of_range_is_refused() -> None:
@@ -119,7 +120,7 @@ def test_sizing_out_of_range_is_refused() -> None:
         (1.0, 0.04, 0.0, "share"),
     ):
         with pytest.raises(InputError) as refused:
-            who_would_do(torque, pitch_m=pitch, casing=BOX, share=share)
+            find_suitable_servos(torque, pitch_m=pitch, casing=BOX, share=share)
         assert (refused.value.code, refused.value.where) == ("bad-sizing", where)
 
 

@@ -12,9 +12,9 @@ from planner.statics.friction import (
     CONE_SIDES,
     DIRECTION_SPREADS_RAD,
     Friction,
-    drifting,
     rays,
-    slips,
+    slip_displacements,
+    with_estimated_drift,
 )
 from tests.planner.chains import line
 from tests.planner.statics.standing import by_joint_wrenches, imbalance, standing
@@ -77,7 +77,7 @@ def test_corner_at_rest_is_held_within_the_friction_cone() -> None:
     found = Balance(chain).solve(positions, rotations, angles)
     friction = drag_tail(chain, 0.5)
     which, forces = rays(found.contacts, friction, positions, rotations)
-    moved = slips(found.contacts, friction, positions, rotations)
+    moved = slip_displacements(found.contacts, friction, positions, rotations)
     still = found.contacts.first < 2
     assert (np.linalg.norm(moved, axis=1) == 0.0).tolist() == still.tolist()
     assert len(which) == CONE_SIDES * still.sum() + (~still).sum()
@@ -95,10 +95,10 @@ def test_free_chain_drifts_with_the_least_friction() -> None:
     pressures = np.full(found.contacts.on_floor.sum(), 0.25)
 
     def work(one: Friction) -> float:
-        ways = slips(found.contacts, one, positions, rotations)
+        ways = slip_displacements(found.contacts, one, positions, rotations)
         return float(np.linalg.norm(ways, axis=1) @ pressures)
 
-    free = drifting(found.contacts, friction, positions, rotations, pressures)
+    free = with_estimated_drift(found.contacts, friction, positions, rotations, pressures)
     assert work(free) < work(friction)
     rng = np.random.default_rng(0)
     assert free.positions is not None and free.fan == DIRECTION_SPREADS_RAD[0]

@@ -14,7 +14,7 @@ from planner.shapes.solid import Solid
 from planner.table_paths.fill_table import TableCubes
 from planner.table_paths.mending import cells_to_add
 from planner.table_paths.offers import table_offers
-from planner.table_paths.rules import FALLS, faults_of
+from planner.table_paths.rules import FALLS, rule_violations
 from tests.planner.table_search import reasons_for_no_path
 
 HOLES = ((1, 2), (3, 2))
@@ -43,7 +43,7 @@ def test_offers_of_cells_are_a_repair_and_blocks_with_paths() -> None:
     for offer in offers:
         made = prepare(data, "slab.json", offer.options(options))
         assert len(made.chain) == offer.modules
-        assert not faults_of(made.cells)
+        assert not rule_violations(made.cells)
         assert set(made.filled.added if made.filled else ()) == set(offer.added)
         assert set(offer.added) <= set(map(tuple, made.cells.tolist()))
 
@@ -70,7 +70,7 @@ def test_first_offer_for_a_torus_has_a_path() -> None:
     offer = next(table_offers(solid, options))
     made = prepare(TORUS, "torus.stl", offer.options(options))
     assert len(made.chain) == offer.modules <= MAX_TABLE_MODULES
-    assert not faults_of(made.cells, rule=FALLS)
+    assert not rule_violations(made.cells, rule=FALLS)
 
 
 def test_cancelled_search_gives_no_offers() -> None:

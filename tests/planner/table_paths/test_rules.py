@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.table_paths.base_sides import prefix_margins, sides_of, stands
 from planner.table_paths.layer import Layer, Work, ways
-from planner.table_paths.rules import Rule, faults_of
+from planner.table_paths.rules import Rule, rule_violations
 from planner.table_paths.score import WEIGHTS, Parts, levers, parts_of
 
 Ints = NDArray[np.int64]
@@ -37,14 +37,14 @@ def path(start: tuple[int, int, int], steps: str) -> Ints:
     ],
 )
 def test_faults_of_paths(steps: str, rule: Rule, codes: list[str]) -> None:
-    faults = faults_of(path((5, 5, 2), steps), rule=rule)
+    faults = rule_violations(path((5, 5, 2), steps), rule=rule)
     assert [fault.code for fault in faults] == codes
     assert all(fault.cells and "expected" in fault.detail for fault in faults)
 
 
 def test_cells_that_are_no_path_are_refused() -> None:
     with pytest.raises(InputError, match="share a face"):
-        faults_of([(0, 0, 0), (1, 0, 0), (3, 0, 0)])
+        rule_violations([(0, 0, 0), (1, 0, 0), (3, 0, 0)])
 
 
 def test_different_base_sides_of_boxes() -> None:

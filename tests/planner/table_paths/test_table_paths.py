@@ -11,7 +11,7 @@ from planner.errors import InputError
 from planner.pathfinding.lattice import neighbours
 from planner.table_paths.base_sides import sides_of
 from planner.table_paths.no_table_path_proofs import ruled_out
-from planner.table_paths.rules import Rule, faults_of
+from planner.table_paths.rules import Rule, rule_violations
 from planner.table_paths.table_paths import TablePath
 from tests.conftest import examples
 from tests.planner.lattice import walks
@@ -45,7 +45,7 @@ def check(paths: tuple[TablePath, ...], cells: Ints, *, rule: Rule = "layers") -
     assert paths
     for path in paths:
         assert path.rule == rule
-        assert faults_of(path.cells, rule=rule) == ()
+        assert rule_violations(path.cells, rule=rule) == ()
         laid = cells @ path.turn.T + path.shift
         assert laid[:, 2].min() == 0
         assert np.array_equal(np.unique(path.cells, axis=0), np.unique(laid, axis=0))
@@ -61,7 +61,7 @@ def has_path(cells: Ints) -> bool:
 
     def can_end(way: list[int]) -> bool:
         if len(way) == len(cells):
-            return not faults_of(cells[way])
+            return not rule_violations(cells[way])
         free = (k for k in near[way[-1]] if k not in way and cells[k, 2] >= cells[way[-1], 2])
         return any(can_end([*way, k]) for k in free)
 
@@ -147,7 +147,7 @@ def test_path_goes_down_only_where_necessary() -> None:
     (path,) = table_paths(cells, most=1)
     check((path,), cells, rule="falls")
     assert 0 < path.parts.downs < 0.05
-    assert any(fault.code == "goes-down" for fault in faults_of(path.cells))
+    assert any(fault.code == "goes-down" for fault in rule_violations(path.cells))
 
 
 def test_too_few_cells_are_refused() -> None:

@@ -9,7 +9,7 @@ from typer.testing import CliRunner, Result
 
 from planner.parameters.parameters import Parameters
 from planner.robot.servos import servos
-from planner.robot.sizing import turned_rad
+from planner.robot.sizing import total_turn_rad
 from server.cli.command_line import application
 from tests.planner.certificate.test_table_certificate import swing
 from tests.planner.chains import line
@@ -61,7 +61,7 @@ def test_least_folding_time_of_a_plan(tmp_path: Path) -> None:
     arguments = (*ARGUMENTS, "--servo", "STS3032", "--plan", str(tmp_path))
     row = list_servos(*arguments)["servos"][0]
     speed = (1.0 - row["need_nm"] / (3.0 * row["gives_nm"])) * 1.0472 / 0.09
-    assert row["least_s"] == pytest.approx(turned_rad(plan.joint_angles_rad) / speed, rel=1e-3)
+    assert row["least_s"] == pytest.approx(total_turn_rad(plan.joint_angles_rad) / speed, rel=1e-3)
     assert "Folds" in ask(*arguments).stdout
     assert "Folds" not in ask(*ARGUMENTS).stdout
     missing = ask(*ARGUMENTS, "--plan", str(tmp_path / "not"))

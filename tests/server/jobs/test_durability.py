@@ -12,7 +12,7 @@ import pytest
 
 from planner.file_names import TIMELINE
 from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline.fold_layout import result
+from planner.pipeline.fold_layout import result_path
 from planner.plan.plan import Plan
 from planner.progress import STAGES
 from server.api.schemas import PAUSED_MESSAGE
@@ -66,7 +66,7 @@ def crash_after(monkeypatch: pytest.MonkeyPatch, *codes: str) -> None:
         found = call(self, stage, directory, **more)
         if stage != "explode" or not rest:
             return found
-        TimelineWriter.reopen(result(directory, TIMELINE))  # it stays open
+        TimelineWriter.reopen(result_path(directory, TIMELINE))  # it stays open
         raise ChildError(rest.pop(0), "the process died (SIGKILL).")
 
     monkeypatch.setattr(Child, "call", crash)
@@ -86,7 +86,7 @@ def test_fold_whose_process_dies_repeatedly_fails_alone(
         assert words in state["error"]["detail"]
     # Its motion remains, and so does the report of where it stopped.
     assert state["summary"]["stuck"]["kind"] == "stopped"
-    timeline = Timeline.open(result(service.directory(accepted["id"]), TIMELINE))
+    timeline = Timeline.open(result_path(service.directory(accepted["id"]), TIMELINE))
     assert timeline.status == "failed"
     # The machine was to blame, not the shape: a repeated request computes the fold again.
     again = service.fold(STAIRS, token=accepted["owner_token"])
