@@ -88,6 +88,17 @@ def test_picture_is_drawn_once_for_many_requests(store: Store, drawn: DrawnNames
     assert drawn == ["first"]
 
 
+def test_picture_drawn_since_a_request_looked_for_it_is_not_drawn_again(
+    store: Store, drawn: DrawnNames, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    directory = fold_in(store, "verified")
+    request_picture(store, directory, drawn)
+    read, looks = pictures._stored_picture, iter([None])
+    monkeypatch.setattr(pictures, "_stored_picture", lambda path: next(looks, read(path)))
+    (answer,) = request_picture(store, directory, drawn)
+    assert (answer.content, drawn) == (b"a picture of first", ["first"])
+
+
 def test_picture_of_a_view_is_drawn_once_and_not_stored(store: Store, drawn: DrawnNames) -> None:
     directory = fold_in(store, "failed")
     query = "?view=12,-62,24,1.2"
