@@ -65,6 +65,9 @@ PROCESSES = {
     *("postgres", "bucket", "browser", "backend"),
 }
 """Fixtures that start programs."""
+GIVING_WAY = 5
+"""Niceness of the processes that do not run the tests of the service, which take longest. With a
+smaller value these tests are still running when all others are over."""
 LOCAL_SERVERS = {"FORKS", "ServiceThread", "Postgres", "Bucket"}
 """Names that modules import for servers that tests of one process share."""
 
@@ -98,6 +101,13 @@ def _group(item: pytest.Item, fixtures: set[str]) -> str:
     if {"idle", "service_with", "each_settings", *LOCAL_SERVERS} & {*fixtures, *named}:
         return "local-servers"
     return item.path.stem
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> None:
+    """Let processes that share tests give way to the one that has all tests of the service."""
+    if "PYTEST_XDIST_WORKER" in os.environ and "service" not in getattr(item, "fixturenames", ()):
+        os.nice(max(0, GIVING_WAY - os.nice(0)))
 
 
 @pytest.hookimpl(wrapper=True)

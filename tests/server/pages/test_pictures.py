@@ -94,7 +94,11 @@ def test_picture_drawn_since_a_request_looked_for_it_is_not_drawn_again(
     directory = fold_in(store, "verified")
     request_picture(store, directory, drawn)
     read, looks = pictures._stored_picture, iter([None])
-    monkeypatch.setattr(pictures, "_stored_picture", lambda path: next(looks, read(path)))
+
+    def look(path: Path) -> bytes | None:
+        return next(looks, read(path))
+
+    monkeypatch.setattr(pictures, "_stored_picture", look)
     (answer,) = request_picture(store, directory, drawn)
     assert (answer.content, drawn) == (b"a picture of first", ["first"])
 
