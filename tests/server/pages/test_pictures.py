@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes, chain_from_attributes
-from server.files.artifacts import Artifacts
+from server.files.artifacts import Artifacts, newer
 from server.files.pictures import MAX_CACHED_PICTURES, recent_pictures
 from server.pages import pictures
 from server.store.fold_files import EXPORTS_DIR
@@ -93,12 +93,12 @@ def test_picture_drawn_since_a_request_looked_for_it_is_not_drawn_again(
 ) -> None:
     directory = fold_in(store, "verified")
     request_picture(store, directory, drawn)
-    read, looks = pictures._stored_picture, iter([None])
+    looks = iter([False])
 
-    def look(path: Path) -> bytes | None:
-        return next(looks, read(path))
+    def newer_after_the_first_look(path: Path, source: Path) -> bool:
+        return next(looks, newer(path, source))
 
-    monkeypatch.setattr(pictures, "_stored_picture", look)
+    monkeypatch.setattr(pictures, "newer", newer_after_the_first_look)
     (answer,) = request_picture(store, directory, drawn)
     assert (answer.content, drawn) == (b"a picture of first", ["first"])
 
