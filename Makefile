@@ -12,7 +12,7 @@ STAMP := $(VENV)/.installed
 UV := uv==0.13.9
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check
 PINNED := --constraint constraints.txt --editable
-PARALLEL := -n auto --dist loadgroup
+PARALLEL := -n auto --dist worksteal
 NODE_MODULES := node_modules/.installed
 
 # The first interpreter that starts and is new enough; 3.11 to 3.13 are tried ones.

@@ -65,8 +65,6 @@ PROCESSES = {
     *("postgres", "bucket", "browser", "backend"),
 }
 """Fixtures that start programs."""
-LOCAL_SERVERS = {"FORKS", "ServiceThread", "Postgres", "Bucket"}
-"""Names that modules import for servers that tests of one process share."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -78,26 +76,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before tests are selected by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests that start programs, which ``make test-fast`` leaves out, and those of a group."""
+    """Mark tests that start programs: ``make test-fast`` leaves them out."""
     for item in items:
-        fixtures = set(getattr(item, "fixturenames", ()))
-        if PROCESSES & fixtures:
+        if PROCESSES & set(getattr(item, "fixturenames", ())):
             item.add_marker("processes")
-        item.add_marker(pytest.mark.xdist_group(_group(item, fixtures)))
-
-
-def _group(item: pytest.Item, fixtures: set[str]) -> str:
-    """Return the name of the tests that run in the same process as a test, to share its fixtures.
-
-    Each service and each fork server takes some ten seconds of the processor to start, a database
-    or a bucket less.
-    """
-    if "service" in fixtures:
-        return "service"
-    named = vars(item.module) if isinstance(item, pytest.Function) else ()
-    if {"idle", "service_with", "each_settings", *LOCAL_SERVERS} & {*fixtures, *named}:
-        return "local-servers"
-    return item.path.stem
 
 
 @pytest.hookimpl(wrapper=True)

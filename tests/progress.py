@@ -1,8 +1,6 @@
 """Progress of a run on several processes: a line for each tenth, and failures at once."""
 
-import re
 import time
-from collections.abc import Generator
 
 import pytest
 
@@ -27,11 +25,9 @@ class Progress:
             return "failed" if report.when == "call" else "error", "", ""
         return ("passed", "", "") if report.passed and report.when == "call" else None
 
-    @pytest.hookimpl(wrapper=True)
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> Generator[None]:
-        """Name a finished test without its group, count it, and print failures and progress."""
-        report.nodeid = re.sub(r"@[\w-]+$", "", report.nodeid)
-        yield
+    @pytest.hookimpl(trylast=True)
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Count a finished test and print failures and progress."""
         terminal = self._config.pluginmanager.get_plugin("terminalreporter")
         if report.failed:
             self._failed += 1

@@ -174,6 +174,8 @@ def _stored_picture(path: Path) -> bytes | None:
 
 def _picture_of(context: Context, found: Found, path: Path, *, keep: bool) -> bytes | None:
     """Return the picture of the chain in a fold's directory; None where it cannot be drawn."""
+    if keep and (known := _stored_picture(path)):  # drawn since the request looked for it
+        return known
     store = context.store
     try:
         chain = result_path(path.parent.parent, CHAIN)

@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes, chain_from_attributes
-from server.files.artifacts import Artifacts
+from server.files.artifacts import Artifacts, newer
 from server.files.pictures import MAX_CACHED_PICTURES, recent_pictures
 from server.pages import pictures
 from server.store.fold_files import EXPORTS_DIR
@@ -86,6 +86,21 @@ def test_picture_is_drawn_once_for_many_requests(store: Store, drawn: DrawnNames
     assert {answer.headers["Cache-Control"] for answer in answers} == {"private, no-cache"}
     request_picture(store, directory, drawn)
     assert drawn == ["first"]
+
+
+def test_picture_drawn_since_a_request_looked_for_it_is_not_drawn_again(
+    store: Store, drawn: DrawnNames, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    directory = fold_in(store, "verified")
+    request_picture(store, directory, drawn)
+    looks = iter([False])
+
+    def newer_after_the_first_look(path: Path, source: Path) -> bool:
+        return next(looks, newer(path, source))
+
+    monkeypatch.setattr(pictures, "newer", newer_after_the_first_look)
+    (answer,) = request_picture(store, directory, drawn)
+    assert (answer.content, drawn) == (b"a picture of first", ["first"])
 
 
 def test_picture_of_a_view_is_drawn_once_and_not_stored(store: Store, drawn: DrawnNames) -> None:
