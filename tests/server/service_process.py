@@ -112,10 +112,12 @@ class Service:
             worker.wait(TIMEOUT_S)
 
     def wait_workers(self, count: int) -> None:
-        deadline = time.monotonic() + TIMEOUT_S
-        while self.http.get("/ready").json()["workers"] != count:
-            assert time.monotonic() < deadline, self.log.read_text()
-            time.sleep(0.05)
+        wait_until(lambda: self.http.get("/ready").json()["workers"] == count, self.log.read_text)
+
+    @property
+    def netloc(self) -> str:
+        """Host and port of its addresses."""
+        return self.http.base_url.netloc.decode()
 
     def children(self, *kinds: str) -> list[psutil.Process]:
         """Return its processes that compute, whose names are their kinds."""
@@ -192,6 +194,14 @@ class Service:
                     name = line.removeprefix("event: ")
                 elif line.startswith("data: "):
                     yield name, json.loads(line.removeprefix("data: "))
+
+
+def wait_until(condition: Callable[[], object], report: Callable[[], object] = str) -> None:
+    """Wait until a condition is true; ``report`` returns what an error shows otherwise."""
+    deadline = time.monotonic() + TIMEOUT_S
+    while not condition():
+        assert time.monotonic() < deadline, report()
+        time.sleep(0.02)
 
 
 def over(state: dict[str, Any]) -> bool:

@@ -33,12 +33,6 @@ def test_fold_that_prefers_time_has_the_fastest_of_its_plans(service: Service) -
     assert first["form"]["prefer"] == "computing"
 
 
-def test_preference_of_a_baseline_is_refused(idle: Service) -> None:
-    status, problem = idle.refusal(shape="mallet-64", prefer="torque", preset="paper")
-    assert (status, problem["code"], problem["where"]) == (422, "unsuited-prefer", "prefer")
-    assert "got the preference torque" in problem["detail"]
-
-
 def test_preference_raises_the_expected_time_within_bounds() -> None:
     short, long = (
         [expected_cost(modules, request).expected_s for request in (PLAIN, CHOOSING)]

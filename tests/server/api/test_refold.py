@@ -6,13 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from planner.plan.plan import Plan
 from planner.readers.gallery import Gallery
 from planner.verification.verify import verify
-from server.cli.command_line import application
 from tests.planner.plans import with_values
+from tests.server.cli.test_command_line import foldback
 from tests.server.service_process import SNAKE, Service, owner
 
 
@@ -91,33 +90,28 @@ def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(
     assert not idle.http.get(f"/folds/{waiting['id']}/facts").json()["smoothable"]
 
 
-def cli(*arguments: object) -> tuple[int, str]:
-    result = CliRunner().invoke(application(), ["refold", *map(str, arguments)])
-    return result.exit_code, result.output
-
-
 @pytest.mark.long
 @pytest.mark.slow
 def test_examples_and_directories_are_refolded_on_the_command_line(tmp_path: Path) -> None:
-    code, text = cli("wrench-24", "mallet-24", "--out", tmp_path, "--json")
-    assert code == 0, text
-    summary = json.loads(text.splitlines()[-1])
+    done = foldback("refold", "wrench-24", "mallet-24", "--out", str(tmp_path), "--json")
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout.splitlines()[-1])
     assert (summary["status"], summary["refold"]["start"]) == ("verified", "wrench-24")
     # Directories of plans are accepted on either side.
-    code, text = cli(tmp_path, tmp_path / "start", "--out", tmp_path / "back", "--module-size", 0.9)
-    assert code == 0, text
+    start, out = str(tmp_path / "start"), str(tmp_path / "back")
+    done = foldback("refold", str(tmp_path), start, "--out", out, "--module-size", "0.9")
+    assert done.returncode == 0, done.stderr
     back = Plan.load(tmp_path / "back" / "plan.npz")
     assert back.certificate.module_size == 0.9
     assert (back.start.name, back.chain.name) == ("mallet-24", "wrench-24")
 
 
 def test_command_line_refuses_refolds_that_differ_or_have_no_plan(tmp_path: Path) -> None:
-    code, text = cli("wrench-160", "hammer", "--out", tmp_path, "--json")
-    error = json.loads(text.splitlines()[-1])["error"]
-    assert (code, error["code"]) == (2, "refold-differs")
+    done = foldback("refold", "wrench-160", "hammer", "--out", str(tmp_path), "--json")
+    error = json.loads(done.stdout)["error"]
+    assert (done.returncode, error["code"]) == (2, "refold-differs")
     fitting = [s.name for s in Gallery().fitting("cube", 160)]
     assert f"examples that fit: {', '.join(fitting[:6])}" in error["detail"]
     assert not list(tmp_path.rglob("timeline.zarr"))
-    code, text = cli(tmp_path, "hammer", "--out", tmp_path / "out")
-    assert code == 2
-    assert "plan.npz" in text
+    done = foldback("refold", str(tmp_path), "hammer", "--out", str(tmp_path / "out"))
+    assert (done.returncode, "plan.npz" in done.stderr) == (2, True)

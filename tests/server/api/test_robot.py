@@ -64,8 +64,7 @@ class Robot:
 
 
 def address(service: Service, fold_id: str, **options: object) -> str:
-    base = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
-    return f"{base}/api/folds/{fold_id}/play?{urlencode(options)}"
+    return f"ws://{service.netloc}/api/folds/{fold_id}/play?{urlencode(options)}"
 
 
 @contextlib.contextmanager
@@ -294,7 +293,7 @@ def test_retimed_plan_without_proved_clearance_exits_with_3(
 
 
 def test_example_06_drives_a_simulated_robot(service: Service, finished: Finished) -> None:
-    options = ("--url", str(service.http.base_url).rstrip("/"), "--fold", finished["id"])
+    options = ("--url", f"http://{service.netloc}", "--fold", finished["id"])
     command = [sys.executable, "-W", "error", str(EXAMPLE), *options]
     command += ["--speed", "5", "--stiffness", "0.05"]
     more: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 120, "check": False}

@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from planner.plan.plan import Plan
 from planner.verification.verify import verify
 from server.admin.fold_tasks import AdminTasks
-from server.cli.command_line import application
 from server.store.folds import Store
+from tests.server.cli.test_command_line import foldback
 from tests.server.service_process import Service, owner
 from tests.server.service_thread import ServiceThread
 
@@ -123,17 +122,12 @@ def test_options_that_do_not_suit_smoothing_are_refused(
         assert (answer, problem["code"]) == (status, code), problem
 
 
-def cli(*arguments: object) -> tuple[int, str]:
-    result = CliRunner().invoke(application(), ["smooth", *map(str, arguments)])
-    return result.exit_code, result.output
-
-
 @pytest.mark.long
 def test_plan_is_smoothed_on_the_command_line(service: Service, plain: str, tmp_path: Path) -> None:
-    code, text = cli(service.directory(plain), "--out", tmp_path)
-    assert code == 0, text
+    done = foldback("smooth", str(service.directory(plain)), "--out", str(tmp_path))
+    assert done.returncode == 0, done.stderr
     for word in ("verified (simulated)", "Largest torque", "Before", "After", "×"):
-        assert word in text
+        assert word in done.stdout
     assert verify(tmp_path).verified
 
 
@@ -145,5 +139,5 @@ def test_command_line_smooths_only_plans_into_another_directory(
         (tmp_path, tmp_path / "out", "not-a-plan"),
         (plain_dir, plain_dir, "smooth-in-place"),
     ):
-        code, text = cli(source, "--out", out, "--json")
-        assert (code, json.loads(text.splitlines()[-1])["error"]["code"]) == (2, refused)
+        done = foldback("smooth", str(source), "--out", str(out), "--json")
+        assert (done.returncode, json.loads(done.stdout)["error"]["code"]) == (2, refused)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from server.processes import children
-from tests.case import case
 from tests.server.service_process import Service
 from web.timeline.columns import decode
 
@@ -29,20 +28,14 @@ def get_json(idle: Service, path: str = "/api/folds", **form: str) -> Any:
 
 
 def test_options_that_do_not_suit_a_table_are_refused(idle: Service) -> None:
+    """tests/planner/pipeline/test_settings.py has all of them."""
     for form, words in (
-        ({"module": "tetrahedron"}, "got the module tetrahedron for a fold on"),
         ({"shape": "tetra-ring"}, "got the module tetrahedron"),
-        ({"preset": "paper"}, "got the preset paper for a fold on a table"),
-        ({"strategy": "blocks"}, "expected auto"),
-        ({"prefer": "time"}, "got the preference time"),
-        ({"method": "exact"}, "got the path method exact"),
-        ({"ends": "surface"}, "got the choice of ends surface"),
         ({"start": "0,0,0"}, "got a start cell"),
     ):
-        with case(words):
-            fold = get_json(idle, world="table", **form)
-            assert (fold.status_code, fold.json()["code"]) == (422, "unsuited-world")
-            assert words in fold.json()["detail"]
+        fold = get_json(idle, world="table", **form)
+        assert (fold.status_code, fold.json()["code"]) == (422, "unsuited-world")
+        assert words in fold.json()["detail"]
     preview = get_json(idle, "/api/shapes/preview", world="table", start="0,0,0")
     assert preview.json() == fold.json()
 

@@ -27,7 +27,7 @@ def test_robots_that_wait_for_their_motion_hold_up_no_others(
     service: Service, finished: dict[str, Any]
 ) -> None:
     fold = finished["id"]
-    play = f"ws://{netloc(service)}/api/folds/{fold}/play"
+    play = f"ws://{service.netloc}/api/folds/{fold}/play"
     with connect(f"{play}?max_speed=0.5") as robot:
         robot.recv(timeout=60)  # the child that computes them runs
     (retimer,) = service.children("retimer")
@@ -106,7 +106,7 @@ def test_requests_are_limited_by_a_rate(service_with: ServiceWith) -> None:
     assert refused.json()["code"] == "too-many-requests"
     assert 0 < int(refused.headers["retry-after"]) <= 100
     assert refused.headers["x-content-type-options"] == "nosniff"
-    address = f"ws://{netloc(service)}/api/folds/x/play"
+    address = f"ws://{service.netloc}/api/folds/x/play"
     with pytest.raises(InvalidStatus), connect(address, additional_headers=own):
         pass
     for path, visitor, status in (
@@ -134,10 +134,6 @@ def test_token_buckets_refill_and_few_are_remembered() -> None:
 def test_few_addresses_cannot_take_all_streams() -> None:
     settings = Settings()
     assert 16 * settings.max_streams_of_visitor <= settings.max_streams
-
-
-def netloc(service: Service) -> str:
-    return service.http.base_url.netloc.decode()
 
 
 def from_address(address: str) -> dict[str, str]:
