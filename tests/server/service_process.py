@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -194,6 +195,41 @@ class Service:
                     name = line.removeprefix("event: ")
                 elif line.startswith("data: "):
                     yield name, json.loads(line.removeprefix("data: "))
+
+
+@dataclass(frozen=True)
+class FinishedFold:
+    """Verified fold: its service, the answer to its upload, its events and its final state."""
+
+    service: Service
+    accepted: dict[str, Any]
+    events: list[tuple[str, dict[str, Any]]]
+    state: dict[str, Any]
+
+    @property
+    def http(self) -> httpx.Client:
+        return self.service.http
+
+    @property
+    def id(self) -> str:
+        return self.accepted["id"]
+
+    @property
+    def token(self) -> str:
+        """Token of its owner."""
+        return self.accepted["owner_token"]
+
+    @property
+    def page(self) -> str:
+        return f"/folds/{self.id}"
+
+    @property
+    def api(self) -> str:
+        return f"/api/folds/{self.id}"
+
+    @property
+    def directory(self) -> Path:
+        return self.service.directory(self.id)
 
 
 def wait_until(condition: Callable[[], object], report: Callable[[], object] = str) -> None:

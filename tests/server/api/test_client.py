@@ -17,7 +17,7 @@ from foldback_client import Client, Problem, Progress, Retries
 from foldback_client.upload import FoldOptions, MovieOptions, ShapeOptions
 from tests.case import case
 from tests.server.relay import Relay, Trouble, running_relay
-from tests.server.service_process import SNAKE, TIMEOUT_S, Service
+from tests.server.service_process import SNAKE, TIMEOUT_S, FinishedFold, Service
 from tests.server.service_thread import ServiceThread
 
 ROOT = Path(__file__).parents[3]
@@ -41,10 +41,10 @@ def via_relay(
         yield client, relay
 
 
-def test_fold_is_followed_and_downloaded(service: Service, finished: Any, tmp_path: Path) -> None:
+def test_fold_is_followed_and_downloaded(finished: FinishedFold, tmp_path: Path) -> None:
     reports: list[Progress] = []
-    with client_of(service) as client:
-        fold = client.get(finished["id"]).wait(TIMEOUT_S, reports.append)
+    with client_of(finished.service) as client:
+        fold = client.get(finished.id).wait(TIMEOUT_S, reports.append)
         assert fold.verified and reports[-1].status == "verified"
         assert reports[-1].frames == fold.state["progress"]["frames"] > 0
         (page,) = fold.frames(stride=7, poses=True)
@@ -60,14 +60,14 @@ def test_fold_is_followed_and_downloaded(service: Service, finished: Any, tmp_pa
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
 
 
-def test_frames_of_long_fold_come_in_pages(service: Service, finished: Any) -> None:
+def test_frames_of_long_fold_come_in_pages(finished: FinishedFold) -> None:
     # A second web process on the same folds, which sends few frames per response.
     with (
-        ServiceThread(service.data_dir, frames_per_answer=20).start() as sparing,
+        ServiceThread(finished.service.data_dir, frames_per_answer=20).start() as sparing,
         client_of(sparing) as client,
     ):
-        pages = list(client.get(finished["id"]).frames(start=3))
-        sparse = list(client.get(finished["id"]).frames(stride=2))
+        pages = list(client.get(finished.id).frames(start=3))
+        sparse = list(client.get(finished.id).frames(stride=2))
     assert len(pages) > 2 and max(map(len, pages)) <= 20
     assert [page.start for page in pages[1:]] == [page.stop for page in pages[:-1]]
     assert (pages[0].start, pages[-1].stop) == (3, pages[-1].total)
@@ -114,11 +114,11 @@ def test_client_options_are_those_of_the_interface(idle: Service) -> None:
 
 
 @pytest.mark.long
-def test_movie_is_requested_and_downloaded(service: Service, finished: Any, tmp_path: Path) -> None:
+def test_movie_is_requested_and_downloaded(finished: FinishedFold, tmp_path: Path) -> None:
     drawn: list[tuple[int, int]] = []
     small: Any = {"width": 64, "height": 64, "fps": 5, "seconds": 1.0, "timeout_s": TIMEOUT_S}
-    with client_of(service) as client:
-        fold = client.get(finished["id"])
+    with client_of(finished.service) as client:
+        fold = client.get(finished.id)
         path = fold.movie(
             tmp_path / "fold.gif", on_progress=lambda done, of: drawn.append((done, of)), **small
         )
@@ -215,17 +215,17 @@ def test_fold_is_followed_without_its_events(idle: Service, trouble: int | str) 
             assert [path.endswith("/events") for _, path in relay.asked].count(True) == 3
 
 
-def test_download_is_complete_or_absent(service: Service, finished: Any, tmp_path: Path) -> None:
+def test_download_is_complete_or_absent(finished: FinishedFold, tmp_path: Path) -> None:
     def cut_off(until: int) -> Trouble:
         return lambda method, path, time: "cut" if "plan" in path and time < until else None
 
     file = tmp_path / "plan.npz"
-    with via_relay(service, cut_off(3)) as (client, _):
-        client.get(finished["id"]).download("plan.npz", file)
-    assert file.read_bytes() == (service.directory(finished["id"]) / "plan.npz").read_bytes()
+    with via_relay(finished.service, cut_off(3)) as (client, _):
+        client.get(finished.id).download("plan.npz", file)
+    assert file.read_bytes() == (finished.directory / "plan.npz").read_bytes()
     file.write_bytes(b"older")
-    with via_relay(service, cut_off(100)) as (client, _), pytest.raises(ConnectionError):
-        client.get(finished["id"]).download("plan.npz", file)
+    with via_relay(finished.service, cut_off(100)) as (client, _), pytest.raises(ConnectionError):
+        client.get(finished.id).download("plan.npz", file)
     assert file.read_bytes() == b"older"
     assert [path.name for path in tmp_path.iterdir()] == ["plan.npz"]
 

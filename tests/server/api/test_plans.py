@@ -2,7 +2,6 @@
 
 import shutil
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 
@@ -10,7 +9,7 @@ from planner.file_names import PLANS_DIR, PLAYABLE
 from planner.pipeline.expected_cost import expected_cost
 from planner.pipeline.request import FoldRequest
 from planner.plan.plan import Plan
-from tests.server.service_process import STAIRS, Service
+from tests.server.service_process import STAIRS, FinishedFold, Service
 from words.plan_choice import choice_of
 
 PLAIN, CHOOSING = FoldRequest(), FoldRequest(prefer="time")
@@ -43,15 +42,15 @@ def test_preference_raises_the_expected_time_within_bounds() -> None:
 
 
 @pytest.fixture
-def stored(service: Service, finished: dict[str, Any]) -> Iterator[str]:
+def stored(finished: FinishedFold) -> Iterator[str]:
     """Id of a fold with one more plan, that of its first attempt."""
-    directory = service.directory(finished["id"])
+    directory = finished.directory
     plan = directory / PLANS_DIR / "0"
     plan.mkdir(parents=True)
     for name in PLAYABLE:
         copy = shutil.copytree if (directory / name).is_dir() else shutil.copyfile
         copy(directory / name, plan / name)
-    yield finished["id"]
+    yield finished.id
     shutil.rmtree(directory / PLANS_DIR)
 
 

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from planner.plan.packed_fold import unpack
 from planner.plan.plan import Plan
-from planner.readers.gallery import Gallery
 from planner.verification.verify import verify
 from tests.planner.plans import with_values
 from tests.server.cli.test_command_line import foldback
+from tests.server.files.test_damage import SMALL
 from tests.server.service_process import SNAKE, Service, owner
 
 
@@ -62,10 +63,10 @@ def test_refold_that_differs_after_a_search_fails(service: Service, wrench: str)
 
 
 def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(
-    idle: Service, service: Service, wrench: str
+    idle: Service, tmp_path: Path
 ) -> None:
     waiting = idle.fold(SNAKE, seed="31")
-    forms = {"refold": {"refold": waiting["id"], "shape": "mallet-24"}}
+    forms = {"refold": {"refold": waiting["id"], "shape": "tetra-cube-2"}}
     forms["smooth"] = {"smooth": waiting["id"]}
 
     def refused(use: str) -> tuple[int, str, str]:
@@ -75,15 +76,16 @@ def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(
     assert [refused(use)[:2] for use in forms] == [(409, f"{use}-not-ready") for use in forms]
     idle.http.post(f"/api/folds/{waiting['id']}/cancel", headers=owner(waiting))
     assert [refused(use)[:2] for use in forms] == [(422, f"{use}-no-plan") for use in forms]
-    assert idle.refusal(refold="nosuchfold", shape="mallet-24")[0] == 404
-    theirs, mine = service.directory(wrench), idle.directory(waiting["id"])
-    shutil.copyfile(theirs / "chain.json", mine / "chain.json")
-    plan = Plan.load(theirs / "plan.npz")
+    assert idle.refusal(refold="nosuchfold", shape="tetra-cube-2")[0] == 404
+    unpack(SMALL.read_bytes(), tmp_path)
+    mine = idle.directory(waiting["id"])
+    shutil.copyfile(tmp_path / "chain.json", mine / "chain.json")
+    plan = Plan.load(tmp_path / "plan.npz")
     other = with_values(plan, joint_angles_rad=0.9 * plan.joint_angles_rad)
     other.save_npz(mine / "plan.npz")
     status, code, detail = refused("refold")
     assert (status, code) == (422, "refold-not-folded")
-    assert "wrench-24 that does not start straight and end folded" in detail
+    assert "that does not start straight and end folded" in detail
     failed = replace(plan.certificate, verdict="failed: it overlaps")
     replace(plan, certificate=failed).save_npz(mine / "plan.npz")
     assert refused("smooth")[:2] == (422, "smooth-not-verified")
@@ -110,8 +112,7 @@ def test_command_line_refuses_refolds_that_differ_or_have_no_plan(tmp_path: Path
     done = foldback("refold", "wrench-160", "hammer", "--out", str(tmp_path), "--json")
     error = json.loads(done.stdout)["error"]
     assert (done.returncode, error["code"]) == (2, "refold-differs")
-    fitting = [s.name for s in Gallery().fitting("cube", 160)]
-    assert f"examples that fit: {', '.join(fitting[:6])}" in error["detail"]
+    assert "examples that fit: " in error["detail"]
     assert not list(tmp_path.rglob("timeline.zarr"))
     done = foldback("refold", str(tmp_path), "hammer", "--out", str(tmp_path / "out"))
     assert (done.returncode, "plan.npz" in done.stderr) == (2, True)

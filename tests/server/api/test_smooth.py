@@ -11,16 +11,17 @@ import pytest
 from planner.plan.plan import Plan
 from planner.verification.verify import verify
 from server.admin.fold_tasks import AdminTasks
+from server.processes.children import Reader
 from server.store.folds import Store
 from tests.server.cli.test_command_line import foldback
-from tests.server.service_process import Service, owner
+from tests.server.service_process import FinishedFold, Service, owner
 from tests.server.service_thread import ServiceThread
 
 
 @pytest.fixture(scope="module")
-def plain(finished: dict[str, Any]) -> str:
+def plain(finished: FinishedFold) -> str:
     """Id of the fold that is smoothed."""
-    return finished["id"]
+    return finished.id
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +81,11 @@ def test_smoothed_fold_outlives_the_original_and_starts_again_from_its_record(
     plain: str,
     smoothed: dict[str, Any],
     service_with: Callable[..., ServiceThread],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    # No process that reads is started, as the input has been read before.
+    read = {"name": "path", "module": "cube", "modules": 16}
+    monkeypatch.setattr(Reader, "check", lambda *_, **__: read)
     shown = smoothed["state"]["id"]
     assert plain in service.http.get(f"/folds/{shown}").text
     # A page of the original does not reveal the link of the smoothed fold.

@@ -174,12 +174,12 @@ def test_fold_made_again_of_damaged_input_is_refused(
 
 
 @contextmanager
-def service_with_shipped_fold(place: Path) -> Iterator[ServiceThread]:
+def service_with_shipped_fold(place: Path, **settings: object) -> Iterator[ServiceThread]:
     """Yield a service that came with one finished fold."""
     shutil.copy(SMALL, place)
     with (
         patch("server.api.shipped_folds.SHIPPED_FOLDS_DIR", place),
-        ServiceThread(place / "data", finished_folds=True).start() as service,
+        ServiceThread(place / "data", finished_folds=True, **settings).start() as service,
     ):
         yield service
 

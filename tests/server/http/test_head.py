@@ -1,9 +1,7 @@
 """HEAD wherever there is GET, and files that other programs request at fixed addresses."""
 
-from typing import Any
-
 from tests.server.http.test_threats_answers import ROUTES, fill_in
-from tests.server.service_process import Service
+from tests.server.service_process import FinishedFold
 from tests.server.service_thread import ServiceThread
 
 PATHS = sorted({route.path for route in ROUTES if "GET" in (route.methods or ())})
@@ -22,13 +20,13 @@ def test_every_get_route_answers_head(idle: ServiceThread) -> None:
     assert "HEAD /folds/x" not in idle.log.read_text(), "logs name routes, not links"
 
 
-def test_head_of_a_fold_ends_at_once(service: Service, finished: dict[str, Any]) -> None:
-    api, page = f"/api/folds/{finished['id']}", f"/folds/{finished['id']}"
+def test_head_of_a_fold_ends_at_once(finished: FinishedFold) -> None:
+    api, page = finished.api, finished.page
     for address in (f"{api}/events", f"{api}/plan.npz", page, f"{page}/batch"):
-        head = service.http.head(address, timeout=20)
+        head = finished.http.head(address, timeout=20)
         assert head.is_success, address
         assert not head.content
-    assert int(service.http.head(f"{api}/plan.npz").headers["content-length"]) > 1000
+    assert int(finished.http.head(f"{api}/plan.npz").headers["content-length"]) > 1000
 
 
 def test_icon_and_manifest_are_served(idle: ServiceThread) -> None:
@@ -39,19 +37,17 @@ def test_icon_and_manifest_are_served(idle: ServiceThread) -> None:
         assert idle.http.head(each["src"]).headers["content-type"] == each["type"]
 
 
-def test_oembed_describes_a_fold_of_this_service(
-    service: Service, finished: dict[str, Any]
-) -> None:
-    origin = f"http://{service.netloc}"
-    link = f"{origin}/folds/{finished['id']}"
-    assert f'href="{origin}/oembed?url=' in service.http.get(link).text
+def test_oembed_describes_a_fold_of_this_service(finished: FinishedFold) -> None:
+    origin = f"http://{finished.service.netloc}"
+    link = f"{origin}{finished.page}"
+    assert f'href="{origin}/oembed?url=' in finished.http.get(link).text
     query = {"url": f"{link}#frame=3", "maxwidth": 300, "maxheight": 10}
-    about = service.http.get("/oembed", params=query).json()
+    about = finished.http.get("/oembed", params=query).json()
     assert (about["version"], about["type"]) == ("1.0", "rich")
     assert (about["width"], about["height"]) == (300, 200)
-    assert f'src="{origin}/embed/{finished["id"]}"' in about["html"]
-    assert service.http.head(about["thumbnail_url"]).headers["content-type"] == "image/png"
-    xml = service.http.get("/oembed", params={"url": link, "format": "xml"})
+    assert f'src="{origin}/embed/{finished.id}"' in about["html"]
+    assert finished.http.head(about["thumbnail_url"]).headers["content-type"] == "image/png"
+    xml = finished.http.get("/oembed", params={"url": link, "format": "xml"})
     assert xml.status_code == 501
 
 

@@ -69,6 +69,7 @@ def test_every_shape_of_the_gallery_is_listed_and_accepted(idle: Service) -> Non
     for shape in (ring, shapes[0], shapes[-1]):
         state = idle.state(idle.fold(shape=shape["name"])["id"])
         assert (state["modules"], state["shape"]) == (shape["modules"], shape["name"])
+        assert state["name"] == shape["title"]
 
 
 def test_full_queue_is_refused_with_retry_after(service_with: ServiceWith) -> None:

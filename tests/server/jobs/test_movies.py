@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from server.cli.command_line import application
 from server.processes.movie_task import is_on_table
-from tests.server.service_process import TIMEOUT_S, Service, bearer
+from tests.server.service_process import TIMEOUT_S, FinishedFold, Service, bearer
 from tests.tools import OPENGL
 from web.movies.encoding import find_ffmpeg
 
@@ -26,8 +26,8 @@ def backend() -> str:
     return OPENGL.get()
 
 
-def ask(service: Service, fold_id: str, **options: Any) -> dict[str, Any]:
-    answer = service.http.post(f"/api/folds/{fold_id}/movies", json=options)
+def ask(finished: FinishedFold, **options: Any) -> dict[str, Any]:
+    answer = finished.http.post(f"{finished.api}/movies", json=options)
     assert answer.status_code == 202, answer.text
     return answer.json()
 
@@ -56,72 +56,69 @@ def children(service: Service) -> list[psutil.Process]:
     return [*makers, *(child for maker in makers for child in maker.children())]
 
 
-def test_movie_is_requested_made_downloaded_and_deleted(
-    service: Service, finished: dict[str, Any]
-) -> None:
-    answer = service.http.post(f"/api/folds/{finished['id']}/movies", json={**SMALL, "tour": True})
+def test_movie_is_requested_made_downloaded_and_deleted(finished: FinishedFold) -> None:
+    answer = finished.http.post(f"{finished.api}/movies", json={**SMALL, "tour": True})
     assert answer.status_code == 202
     movie = answer.json()
     assert answer.headers["Location"] == movie["links"]["self"]
     assert answer.headers["Retry-After"] == "1"
     assert (movie["frames_total"], movie["problem"]) == (4, None)
-    early = service.http.get(movie["links"]["file"])
+    early = finished.http.get(movie["links"]["file"])
     assert early.status_code in (200, 409)
-    ready = wait(service, movie, over)
+    ready = wait(finished.service, movie, over)
     assert (ready["status"], ready["frames_done"]) == ("ready", 4)
-    file = service.http.get(movie["links"]["file"])
+    file = finished.http.get(movie["links"]["file"])
     assert file.headers["Content-Type"] == "video/mp4"
     assert file.headers["Content-Disposition"].endswith('.mp4"')
     assert file.content[4:8] == b"ftyp"
-    part = service.http.get(movie["links"]["file"], headers={"Range": "bytes=4-7"})
+    part = finished.http.get(movie["links"]["file"], headers={"Range": "bytes=4-7"})
     assert (part.status_code, part.content) == (206, b"ftyp")
     # Equivalent options give the same movie, which exists.
-    again = ask(service, finished["id"], **{**SMALL, "format": "mp4", "theme": None}, tour=True)
+    again = ask(
+        finished.service, finished.id, **{**SMALL, "format": "mp4", "theme": None}, tour=True
+    )
     assert (again["id"], again["status"], again["token"]) == (movie["id"], "ready", None)
     path = movie["links"]["self"]
     for headers in ({}, bearer("x" * 32)):
-        refused = service.http.delete(path, headers=headers)
+        refused = finished.http.delete(path, headers=headers)
         assert (refused.status_code, refused.json()["code"]) == (403, "not-owner")
-    assert movie["token"].encode() not in (service.data_dir / "foldback.db").read_bytes()
-    assert delete(service, movie) == 204
-    assert service.http.get(movie["links"]["self"]).json()["code"] == "no-such-movie"
-    assert service.http.get(movie["links"]["file"]).status_code == 404
+    assert movie["token"].encode() not in (finished.service.data_dir / "foldback.db").read_bytes()
+    assert delete(finished.service, movie) == 204
+    assert finished.http.get(movie["links"]["self"]).json()["code"] == "no-such-movie"
+    assert finished.http.get(movie["links"]["file"]).status_code == 404
 
 
-def test_bad_movies_are_refused(service: Service, finished: dict[str, Any]) -> None:
-    path = f"/api/folds/{finished['id']}/movies"
+def test_bad_movies_are_refused(finished: FinishedFold) -> None:
+    path = f"{finished.api}/movies"
     for options, code, where in (
         ({"width": 127}, "bad-movie", "width"),
         ({"seconds": 3600}, "bad-movie", "seconds"),
         ({"format": "avi"}, "bad-request", "body.format"),
         ({"widht": 128}, "bad-request", "body.widht"),
     ):
-        answer = service.http.post(path, json=options)
+        answer = finished.http.post(path, json=options)
         assert answer.status_code == 422
         assert (answer.json()["code"], answer.json()["where"]) == (code, where)
-    for fold_id, code in (("nosuchfold", "no-such-fold"), (finished["id"], "no-such-movie")):
-        answer = service.http.get(f"/api/folds/{fold_id}/movies/0123456789ab")
+    for fold_id, code in (("nosuchfold", "no-such-fold"), (finished.id, "no-such-movie")):
+        answer = finished.http.get(f"/api/folds/{fold_id}/movies/0123456789ab")
         assert (answer.status_code, answer.json()["code"]) == (404, code)
-    assert service.http.post("/api/folds/nosuchfold/movies", json={}).status_code == 404
+    assert finished.http.post("/api/folds/nosuchfold/movies", json={}).status_code == 404
 
 
 @pytest.mark.long
-def test_movie_deleted_while_it_is_made_stops(service: Service, finished: dict[str, Any]) -> None:
-    movie = ask(service, finished["id"], **LONG)
-    wait(service, movie, lambda m: m["frames_done"] > 1)
-    making = children(service)
+def test_movie_deleted_while_it_is_made_stops(finished: FinishedFold) -> None:
+    movie = ask(finished, **LONG)
+    wait(finished.service, movie, lambda m: m["frames_done"] > 1)
+    making = children(finished.service)
     assert len(making) == 2  # the process and its encoder
-    assert delete(service, movie) == 204
+    assert delete(finished.service, movie) == 204
     _, alive = psutil.wait_procs(making, timeout=30)
     assert not alive
     # The next request takes its place.
-    following = ask(service, finished["id"], **SMALL, theme="dark")
-    assert wait(service, following, over)["status"] == "ready"
-    scratch = service.data_dir / "scratch"
-    deadline = time.monotonic() + TIMEOUT_S
-    while list(scratch.iterdir()):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+    following = ask(finished, **SMALL, theme="dark")
+    assert wait(finished.service, following, over)["status"] == "ready"
+    scratch = finished.service.data_dir / "scratch"
+    wait_until(lambda: not list(scratch.iterdir()))
 
 
 def film(directory: Path, out: Path, *words: str, **environment: str) -> Any:
@@ -130,9 +127,9 @@ def film(directory: Path, out: Path, *words: str, **environment: str) -> Any:
 
 
 def test_movie_without_opengl_names_the_missing_package(
-    service: Service, finished: dict[str, Any], tmp_path: Path
+    finished: FinishedFold, tmp_path: Path
 ) -> None:
-    failed = film(service.directory(finished["id"]), tmp_path / "fold.mp4", MUJOCO_GL="off")
+    failed = film(finished.directory, tmp_path / "fold.mp4", MUJOCO_GL="off")
     assert failed.exit_code == 1
     assert failed.stderr.count("no-gl: there is no OpenGL") == 1
     assert "apt-get install libegl1" in failed.stderr
@@ -141,9 +138,9 @@ def test_movie_without_opengl_names_the_missing_package(
 
 @pytest.mark.long
 def test_movie_command_films_with_any_ffmpeg_and_gif_without(
-    service: Service, finished: dict[str, Any], tmp_path: Path, without_ffmpeg: dict[str, str]
+    finished: FinishedFold, tmp_path: Path, without_ffmpeg: dict[str, str]
 ) -> None:
-    directory, out = service.directory(finished["id"]), tmp_path / "out"
+    directory, out = finished.directory, tmp_path / "out"
     out.mkdir()
     for name, words, output in (
         ("fold.avi", [], ".mp4 or .gif"),
