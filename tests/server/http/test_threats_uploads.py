@@ -384,15 +384,6 @@ def test_uploads_of_other_processes_are_left_alone(tmp_path: Path) -> None:
     assert not list(settings.uploads_dir.iterdir())
 
 
-def test_stored_upload_has_its_size_and_digest(tmp_path: Path) -> None:
-    with (
-        closing(Uploads(Settings(data_dir=tmp_path))) as uploads,
-        uploads.stored(io.BytesIO(b"abc" * 1_000_000), None) as upload,
-    ):
-        assert upload.size == (upload.directory / "input").stat().st_size == 3_000_000
-        assert upload.digest.startswith("f4096a13")
-
-
 def test_broken_off_upload_leaves_no_files(hasty: Service) -> None:
     with connect_to(hasty) as client:
         client.sendall(head("x", length(8 * MIB)) + PART + bytes(4 * MIB))

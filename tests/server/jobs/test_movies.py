@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from server.cli.command_line import application
 from server.processes.movie_task import is_on_table
-from tests.server.service_process import TIMEOUT_S, FinishedFold, Service, bearer
+from tests.server.service_process import TIMEOUT_S, FinishedFold, Service, bearer, wait_until
 from tests.tools import OPENGL
 from web.movies.encoding import find_ffmpeg
 
