@@ -14,11 +14,11 @@ import viser
 from planner import Plan, fold
 from planner.chain.chain import Chain
 from planner.errors import InputError, TimelineError
-from planner.motion.timeline import Timeline, TimelineWriter
+from planner.motion.timeline import Timeline
 from planner.pipeline.workspace import Workspace
 from planner.progress import Progress
 from tests.planner.peels import snake
-from tests.web.conftest import FINAL_ERROR_RAD
+from tests.web.conftest import FINAL_ERROR_RAD, Growing
 from web.palette import (
     NO_ERROR_RGB,
     SELECTED_RGB,
@@ -151,9 +151,7 @@ def test_notebook_gets_an_escaped_iframe(shown: Shown) -> None:
     assert 'x/">' not in shown._repr_html_()
 
 
-def test_newest_frame_is_followed_until_another_is_chosen(
-    growing: tuple[Path, TimelineWriter, Callable[[int], None]],
-) -> None:
+def test_newest_frame_is_followed_until_another_is_chosen(growing: Growing) -> None:
     path, writer, add = growing
     with show(Timeline.open(path), port=0) as shown:
         assert shown._controls.slider.max == 10

@@ -83,6 +83,9 @@ class Site:
         (place / "report.json").write_text('{"cells": []}')
 
 
+SiteWith = Callable[..., Site]
+
+
 @pytest.fixture
 def database() -> str:
     """Kind of database; tests of both kinds override it."""
@@ -90,9 +93,7 @@ def database() -> str:
 
 
 @pytest.fixture
-def site_with(
-    request: pytest.FixtureRequest, database: str, tmp_path: Path
-) -> Iterator[Callable[..., Site]]:
+def site_with(request: pytest.FixtureRequest, database: str, tmp_path: Path) -> Iterator[SiteWith]:
     """Function that creates the previews of a web process with some settings."""
     sites: list[Site] = []
     sqlite = database == "sqlite"
@@ -146,7 +147,7 @@ def test_superfluous_with_many_small_previews_returns_the_oldest_of_the_largest_
 
 @pytest.mark.parametrize("database", DATABASES)
 def test_reports_of_strangers_leave_the_uploader_its_own(
-    site_with: Callable[..., Site], monkeypatch: pytest.MonkeyPatch
+    site_with: SiteWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     most = 20
     monkeypatch.setattr(preview_reports, "MAX_OPTION_SETS", most)
@@ -161,7 +162,7 @@ def test_reports_of_strangers_leave_the_uploader_its_own(
     assert stored.own < 64 * 1024 < most * 4096 <= stored.foreign
 
 
-def test_reports_that_fail_count_once(site_with: Callable[..., Site]) -> None:
+def test_reports_that_fail_count_once(site_with: SiteWith) -> None:
     site = site_with()
     preview_id = site.add()
     for _ in range(2):
@@ -170,7 +171,7 @@ def test_reports_that_fail_count_once(site_with: Callable[..., Site]) -> None:
     assert site.previews.reports(preview_id, foreign=False) == 1
 
 
-def test_remove_leaves_the_files_to_the_sweep(site_with: Callable[..., Site]) -> None:
+def test_remove_leaves_the_files_to_the_sweep(site_with: SiteWith) -> None:
     site, owner = site_with(), new_owner()
     preview_id = site.add(owner=owner)
     assert not site.previews.remove(preview_id, new_owner())
@@ -183,7 +184,7 @@ def test_remove_leaves_the_files_to_the_sweep(site_with: Callable[..., Site]) ->
 
 @pytest.mark.parametrize("database", DATABASES)
 def test_sweep_deletes_expired_previews_and_measures_no_files(
-    site_with: Callable[..., Site], monkeypatch: pytest.MonkeyPatch
+    site_with: SiteWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     site = site_with(preview_keep_s=1000.0)
     old, new = site.add(), site.add()
@@ -195,7 +196,7 @@ def test_sweep_deletes_expired_previews_and_measures_no_files(
 
 
 def test_sweep_deletes_files_without_a_row_and_rows_without_files(
-    site_with: Callable[..., Site],
+    site_with: SiteWith,
 ) -> None:
     site = site_with()
     for name in ("of-an-earlier-version", ".being-fetched"):
@@ -212,7 +213,7 @@ def test_sweep_deletes_files_without_a_row_and_rows_without_files(
 
 
 def test_sweep_leaves_the_newest_uploads_until_they_are_read(
-    site_with: Callable[..., Site],
+    site_with: SiteWith,
 ) -> None:
     site = site_with(most_previews=1)
     uploads = [site.add() for _ in range(MAX_PROTECTED_UPLOADS + 1)]
@@ -224,7 +225,7 @@ def test_sweep_leaves_the_newest_uploads_until_they_are_read(
     assert len(site.names) == 1
 
 
-def test_flood_of_previews_leaves_those_of_others(site_with: Callable[..., Site]) -> None:
+def test_flood_of_previews_leaves_those_of_others(site_with: SiteWith) -> None:
     site = site_with(previews_bytes=8 * MIB)
     mine = site.add("a", size=MIB)
     flood = [site.add("b", size=MIB) for _ in range(12)]
