@@ -48,7 +48,7 @@ def test_doctor_of_a_sound_machine_finds_no_problem_and_writes_nothing(
     for name in os.environ:
         if name.startswith("FOLDBACK_"):
             monkeypatch.delenv(name)
-    answer = foldback("doctor", "--json", "--port", "0", "--data-dir", str(tmp_path / "data"))
+    answer = foldback("doctor", "--json", "--port", "0", "--data-dir", tmp_path / "data")
     found = json.loads(answer.stdout)
     assert answer.returncode == 0, answer.stdout
     assert [finding["name"] for finding in found] == [name for name, _ in CHECKS]

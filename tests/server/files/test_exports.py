@@ -162,26 +162,15 @@ def test_downloads_of_a_plan_without_frames_leave_out_motion(store: Store, fold:
 
 def test_export_command_writes_the_requested_files(finished: FinishedFold, tmp_path: Path) -> None:
     directory, out = str(finished.directory), tmp_path / "a" / "b"
-    answer = foldback("export", directory, "--as", "urdf, stl", "--out", str(out), "--json")
+    answer = foldback("export", directory, "--as", "urdf, stl", "--out", out, "--json")
     assert answer.returncode == 0, answer.stderr
     sizes = json.loads(answer.stdout.splitlines()[-1])["bytes"]
     assert sizes == {path.name: path.stat().st_size for path in out.iterdir()}
     assert set(sizes) == {"model.urdf", "module.stl"}
-    everything = foldback("export", directory, "--out", str(tmp_path / "all"))
+    everything = foldback("export", directory, "--out", tmp_path / "all")
     assert everything.returncode == 0, everything.stderr
     files = {path.name for path in (tmp_path / "all").iterdir()}
     assert files == {export.filename for export in EXPORTS}
-
-
-def test_export_command_refuses_unknown_formats_and_missing_plans(tmp_path: Path) -> None:
-    out = str(tmp_path / "out")
-    unknown = foldback("export", str(tmp_path), "--as", "urdf,dae", "--out", out)
-    assert unknown.returncode == 2
-    assert f"'dae', expected one of: {', '.join(NAMES)}" in unknown.stderr
-    missing = foldback("export", str(tmp_path), "--out", out)
-    assert missing.returncode == 2
-    assert "plan.npz" in missing.stderr
-    assert not (tmp_path / "out").exists()
 
 
 @pytest.fixture

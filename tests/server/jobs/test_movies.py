@@ -9,10 +9,9 @@ from typing import Any
 
 import psutil
 import pytest
-from typer.testing import CliRunner
 
-from server.cli.command_line import application
 from server.processes.movie_task import is_on_table
+from tests.server.cli.test_command_line import foldback
 from tests.server.service_process import TIMEOUT_S, FinishedFold, Service, bearer, wait_until
 from tests.tools import OPENGL
 from web.movies.encoding import find_ffmpeg
@@ -121,16 +120,11 @@ def test_movie_deleted_while_it_is_made_stops(finished: FinishedFold) -> None:
     wait_until(lambda: not list(scratch.iterdir()))
 
 
-def film(directory: Path, out: Path, *words: str, **environment: str) -> Any:
-    arguments = ["movie", str(directory), "--out", str(out), *words]
-    return CliRunner().invoke(application(), arguments, env=environment)
-
-
 def test_movie_without_opengl_names_the_missing_package(
     finished: FinishedFold, tmp_path: Path
 ) -> None:
-    failed = film(finished.directory, tmp_path / "fold.mp4", MUJOCO_GL="off")
-    assert failed.exit_code == 1
+    failed = foldback("movie", finished.directory, "--out", tmp_path / "fold.mp4", MUJOCO_GL="off")
+    assert failed.returncode == 1
     assert failed.stderr.count("no-gl: there is no OpenGL") == 1
     assert "apt-get install libegl1" in failed.stderr
     assert not list(tmp_path.iterdir())
@@ -142,24 +136,15 @@ def test_movie_command_films_with_any_ffmpeg_and_gif_without(
 ) -> None:
     directory, out = finished.directory, tmp_path / "out"
     out.mkdir()
-    for name, words, output in (
-        ("fold.avi", [], ".mp4 or .gif"),
-        ("fold.gif", ["--width", "65"], "expected"),
-        ("none/fold.mp4", [], "folder of the movie does not exist"),
-    ):
-        refused = film(directory, out / name, *words)
-        assert refused.exit_code == 2 and output in refused.stderr
-    empty = film(tmp_path, out / "fold.mp4", "--tour")
-    assert empty.exit_code == 2 and "foldback fold" in empty.stderr
-    failed = film(directory, out / "fold.mp4", **without_ffmpeg)
-    assert failed.exit_code == 1
+    failed = foldback("movie", directory, "--out", out / "fold.mp4", **without_ffmpeg)
+    assert failed.returncode == 1
     assert "no-encoder: MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or" in (
         failed.stderr
     )
     assert "pip install 'foldback[movies]', or request a .gif." in failed.stderr
     assert not list(out.iterdir())
     size = ["--width", "128", "--height", "72", "--fps", "10", "--seconds", "0.3"]
-    assert film(directory, out / "fold.gif", *size, **without_ffmpeg).exit_code == 0
+    foldback("movie", directory, "--out", out / "fold.gif", *size, **without_ffmpeg)
     assert (out / "fold.gif").read_bytes().startswith(b"GIF89a")
     # An encoder outside /usr and Python: the process is confined, but may run it.
     program = tmp_path / "own" / "bin" / "ffmpeg"
@@ -167,8 +152,8 @@ def test_movie_command_films_with_any_ffmpeg_and_gif_without(
     shutil.copy(find_ffmpeg(), program)
     environment = {**without_ffmpeg, "PATH": str(program.parent)}
     backwards = ["--from", "5", "--to", "0", "--json"]
-    done = film(directory, out / "fold.mp4", *size, *backwards, **environment)
-    assert done.exit_code == 0, done.stderr
+    done = foldback("movie", directory, "--out", out / "fold.mp4", *size, *backwards, **environment)
+    assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["pictures"] == 3
 
 
