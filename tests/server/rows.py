@@ -7,11 +7,13 @@ from contextlib import contextmanager
 from typing import Any
 
 import sqlalchemy as sa
+from alembic import command
 from sqlalchemy import event
 
 from server.store.folds import new_id
 from server.store.owner import Claim, Owner
 from server.store.previews import SWEEPING_THREAD
+from server.store.schema_version import config
 from server.store.tables import FoldRow, MovieRow
 
 SOMEBODY = Owner.from_token("a token of somebody")
@@ -73,6 +75,14 @@ def statements() -> Generator[list[tuple[str, Any]]]:
         yield executed
     finally:
         event.remove(sa.Engine, "before_cursor_execute", note)
+
+
+def upgrade(engine: sa.Engine, revision: str) -> None:
+    """Migrate a database to a version of its tables."""
+    with engine.begin() as connection:
+        alembic = config()
+        alembic.attributes["connection"] = connection
+        command.upgrade(alembic, revision)
 
 
 def new_owner() -> Owner:
