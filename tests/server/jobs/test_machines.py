@@ -3,18 +3,18 @@
 tests/bench/test_load.py checks that outages of each, and of what they share, are survived.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import psutil
 import pytest
 
+from server.settings import Settings
+from server.store.object_store import open_storage
 from server.store.owner import new_token
-from tests.server.bucket import Bucket
-from tests.server.hosts import Hosts
 from tests.server.postgres import Postgres
 from tests.server.service_process import SNAKE, TIMEOUT_S, Service, bearer, over, owner
 
@@ -22,23 +22,31 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
-def hosts(tmp_path: Path, postgres: Postgres, bucket: Bucket) -> Iterator[Hosts]:
-    with closing(Hosts(tmp_path, postgres, bucket)) as hosts:
-        yield hosts
+def machine(tmp_path: Path, postgres: Postgres, bucket_url: str) -> Callable[[], Service]:
+    """Function that adds a machine, which shares only a database and a storage with the others."""
+    shared = {"database_url": postgres.migrated(), "storage_url": bucket_url, "workers": 0}
+    numbers = count()
+    return lambda: Service(tmp_path / f"machine-{next(numbers)}", **shared)
 
 
-def check_whole(service: Service, fold_id: str) -> dict[str, Any]:
+def check_whole(service: Service, fold_id: str) -> bytes:
+    """Check that a fold is verified and complete, and return its plan."""
     state = service.wait_over(fold_id)
     assert state["status"] == "verified", state
     body = service.http.get(f"/api/folds/{fold_id}/frames?stride=10").json()
     assert body["status"] == "complete", body["detail"]
-    assert service.http.get(f"/api/folds/{fold_id}/plan.npz").status_code == 200
-    return state
+    plan = service.http.get(f"/api/folds/{fold_id}/plan.npz")
+    assert plan.status_code == 200
+    return plan.content
 
 
 @pytest.mark.long
-def test_machines_take_in_compute_show_and_cancel_folds(hosts: Hosts) -> None:
-    first, second = hosts.web(), hosts.web()
+def test_machines_take_in_compute_show_and_cancel_folds(
+    machine: Callable[[], Service], bucket_url: str, tmp_path: Path
+) -> None:
+    first, second = machine().start(), machine().start()
+    storage = open_storage(Settings(data_dir=tmp_path, storage_url=bucket_url))
+    assert storage is not None
     token = new_token()
     with ThreadPoolExecutor(8) as threads:
         # Large enough to be observed on a fast machine; the token makes it the visitor's own.
@@ -48,7 +56,7 @@ def test_machines_take_in_compute_show_and_cancel_folds(hosts: Hosts) -> None:
         )
     (fold_id,) = {accepted["id"] for accepted in got}
     assert second.state(fold_id)["progress"]["wait_s"] is None  # no worker runs yet
-    with hosts.worker() as worker:
+    with machine().worker() as worker:
         seen: set[int] = set()
 
         def growing(state: dict[str, Any]) -> bool:
@@ -59,17 +67,13 @@ def test_machines_take_in_compute_show_and_cancel_folds(hosts: Hosts) -> None:
 
         second.wait(fold_id, growing)
         assert len(seen) > 2, "the explosion was not seen while it was computed"
-        check_whole(first, fold_id)
-        check_whole(second, fold_id)
-        plans = {s.http.get(f"/api/folds/{fold_id}/plan.npz").content for s in (first, second)}
-        assert len(plans) == 1
-        held = hosts.stored_names()
-        assert any(f"folds/{fold_id}/1/plan.npz" in name for name in held)
-        assert not any(f"folds/{fold_id}/0/" in name for name in held)
+        plans = [check_whole(web, fold_id) for web in (first, second)]
+        assert plans[0] == plans[1]
+        assert storage.below(f"folds/{fold_id}") == ["1"]  # the files of the first epoch
         answer = second.http.delete(f"/api/folds/{fold_id}", headers=bearer(token))
         assert answer.status_code == 204
         assert first.http.get(f"/api/folds/{fold_id}/plan.npz").status_code == 404
-        assert not any(fold_id in name for name in hosts.stored_names())
+        assert fold_id not in storage.below("folds")
         unwanted = first.fold(shape="wrench-160", preset="paper")
         first.wait_exploding(unwanted["id"])
         computing = [
@@ -82,3 +86,4 @@ def test_machines_take_in_compute_show_and_cancel_folds(hosts: Hosts) -> None:
         second.wait_over(unwanted["id"])
         assert not psutil.wait_procs(computing, timeout=TIMEOUT_S)[1]
         check_whole(first, second.fold(SNAKE)["id"])
+    assert [first.stop(), second.stop()] == [0, 0]
