@@ -5,21 +5,7 @@ import numpy as np
 from planner.motion.timeline import Timeline
 from tests.server.service_process import Service
 from tests.web.blog import Blog
-from web.timeline.columns import decode
 from web.viser.scene_bundle import opened_scene
-
-
-def test_all_frames_of_a_fold_are_sent_in_batches(service: Service, wrench: str) -> None:
-    timeline = Timeline.open(service.directory(wrench) / "timeline.zarr")
-    at, angles = 0, timeline.frames().joint_angles_rad
-    while at < len(timeline):
-        answer = service.http.get(f"/folds/{wrench}/batch?from={at}&to={at + 77}")
-        header, arrays = decode(answer.content)
-        assert header["start"] == at < header["stop"]
-        assert np.allclose(arrays["joint_angles_rad"], angles[at : header["stop"]], atol=6e-7)
-        at = header["stop"]
-    bundle, _ = decode(service.http.get(f"/folds/{wrench}/bundle").content)
-    assert bundle["chain"]["modules"] == 24
 
 
 def test_finished_frames_and_the_client_are_cached_by_browsers(
