@@ -232,6 +232,15 @@ class FinishedFold:
         return self.service.directory(self.id)
 
 
+def check_problem(answer: httpx.Response, status: int, code: str, *, retry: bool = False) -> str:
+    """Check that an answer is a problem for programs, with a time to retry; return its detail."""
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert not retry or int(answer.headers["retry-after"]) > 0
+    assert answer.json()["code"] == code, answer.text
+    return answer.json()["detail"]
+
+
 def wait_until(condition: Callable[[], object], report: Callable[[], object] = str) -> None:
     """Wait until a condition is true; ``report`` returns what an error shows otherwise."""
     deadline = time.monotonic() + TIMEOUT_S

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from server.store.owner import new_token
-from tests.server.service_process import SNAKE, TIMEOUT_S, Service
+from tests.server.service_process import SNAKE, TIMEOUT_S, Service, check_problem
 from web.pictures.isometric import isometric_svg
 from web.timeline.columns import decode
 
@@ -159,8 +159,7 @@ def test_bad_options_and_files_are_refused(idle: Service) -> None:
         assert (answer.status_code, answer.json()["code"]) == (422, code)
     assert ask(idle, modules="64").json()["code"] == "file-or-shape"
     answer = ask(idle, b"solid nothing\nendsolid nothing\n")  # as with uploads to fold
-    assert (answer.status_code, bool(answer.json()["code"])) == (422, True)
-    assert answer.headers["content-type"] == "application/problem+json"
+    check_problem(answer, 422, answer.json()["code"])
     for preview in ("nosuchpreview", "../../etc", "..", "x" * 300, ""):
         assert ask(idle, preview=preview).status_code in (404, 422)
         assert idle.refusal(preview=preview)[0] in (404, 422)
