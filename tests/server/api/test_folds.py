@@ -75,7 +75,7 @@ def test_frames_are_those_of_the_timeline_by_stride_and_range(finished: Finished
     assert (past.status_code, past.json()["code"]) == (422, "no-such-frames")
 
 
-def test_files_of_queued_and_unknown_folds_are_refused(idle: Service) -> None:
+def test_files_of_queued_folds_are_refused(idle: Service) -> None:
     fold_id = idle.fold(SNAKE, seed="7")["id"]
     files = ("frames", "plan.json", "plan.npz", "model.xml", "exports", "exports/urdf")
     for part in (*files, "exports/json"):
@@ -83,10 +83,6 @@ def test_files_of_queued_and_unknown_folds_are_refused(idle: Service) -> None:
         assert (answer.status_code, answer.json()["code"]) == (409, "not-ready")
         assert answer.headers["retry-after"]
     assert idle.http.get(f"/folds/{fold_id}/facts").json()["downloads"] == []
-    for fold_id in ("nosuchfold", ".."):
-        for part in ("", "/events", "/frames", "/plan.json", "/exports/urdf"):
-            answer = idle.http.get(f"/api/folds/{fold_id}{part}")
-            assert (answer.status_code, bool(answer.json()["code"])) == (404, True)
 
 
 def test_folds_of_a_gallery_shape_have_its_title_and_private_ones_are_not_in_it(

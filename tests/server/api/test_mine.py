@@ -118,7 +118,6 @@ def test_listing_folds_does_not_postpone_their_expiry(finished: FinishedFold) ->
         assert store.fold(finished.id).seen_at == 1e9
         finished.http.get(f"{finished.page}/facts")
         assert (store.fold(finished.id).seen_at or 0) > 1e9
-    assert finished.http.get("/folds/nosuchfold/drawing.svg").status_code == 404
 
 
 def test_previews_of_an_owner_are_listed_with_their_last_options(idle: Service) -> None:

@@ -60,7 +60,6 @@ def test_fold_without_frames_has_no_tour(idle: Service) -> None:
     answer = idle.http.get(f"/api/folds/{waiting}/tour")
     assert (answer.status_code, answer.json()["code"]) == (409, "not-ready")
     assert idle.http.get(f"/folds/{waiting}/tour.json").status_code == 204
-    assert idle.http.get("/api/folds/nothere/tour").status_code == 404
 
 
 def test_numbers_of_the_owner_are_stored_and_wrong_ones_are_refused(finished: FinishedFold) -> None:

@@ -114,9 +114,6 @@ def test_preview_is_drawn_and_shown_in_3d(idle: Service, monkeypatch: pytest.Mon
     for wrong in ("0" * 24, "upload.json", "..%2Fupload", key[:-1], key.upper()):
         assert idle.http.get(f"{where}/scene/{wrong}").status_code == 404
         assert idle.http.get(f"{where}/drawing.svg?key={wrong}").status_code == 404
-    for preview in ("nosuch", "..", "x" * 40):
-        assert idle.http.get(f"/previews/{preview}/scene/{key}").status_code == 404
-        assert idle.http.get(f"/previews/{preview}/drawing.svg?key={key}").status_code == 404
 
 
 def test_page_of_a_fold_draws_the_cells_of_its_preview(idle: Service) -> None:

@@ -7,13 +7,18 @@ from tests.server.service_thread import ServiceThread
 PATHS = sorted({route.path for route in ROUTES if "GET" in (route.methods or ())})
 
 
-def test_every_get_route_answers_head(idle: ServiceThread) -> None:
+OTHERS = {"/api/folds/{fold_id}/motors": 422, "/api/folds/{fold_id}/play": 426}
+"""Statuses of routes that first ask for something else than an existing fold."""
+
+
+def test_every_get_route_answers_head_and_knows_what_exists(idle: ServiceThread) -> None:
     for number, path in enumerate(PATHS):
         address = fill_in(path, "x")
         visitor = {"X-Forwarded-For": f"10.9.{number}.1"}
         whole = idle.http.get(address, headers=visitor)
         head = idle.http.head(address, headers=visitor)
         assert head.status_code == whole.status_code, path
+        assert "{" not in path or whole.status_code == OTHERS.get(path, 404), path
         assert head.headers.get("content-type") == whole.headers.get("content-type"), path
         assert head.headers.get("content-length") == whole.headers.get("content-length"), path
         assert not head.content, path
