@@ -1,10 +1,7 @@
 """Python client with the real service, also through a relay that causes failures."""
 
 import json
-import os
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,11 +13,11 @@ import pytest
 from foldback_client import Client, Problem, Progress, Retries
 from foldback_client.upload import FoldOptions, MovieOptions, ShapeOptions
 from tests.case import case
+from tests.run_python import ROOT, run_python
 from tests.server.relay import Relay, Trouble, running_relay
 from tests.server.service_process import SNAKE, TIMEOUT_S, FinishedFold, Service
 from tests.server.service_thread import ServiceThread
 
-ROOT = Path(__file__).parents[3]
 QUICK = Retries(first_s=0.01)
 FOLDS = "/api/folds"
 
@@ -230,21 +227,6 @@ def test_download_is_complete_or_absent(finished: FinishedFold, tmp_path: Path) 
     assert [path.name for path in tmp_path.iterdir()] == ["plan.npz"]
 
 
-def run(*arguments: str, cwd: Path) -> str:
-    """Return Python's output, run elsewhere with arguments; warnings are errors."""
-    done = subprocess.run(
-        [sys.executable, "-W", "error", *arguments],
-        cwd=cwd,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT_S,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 WITHOUT_PACKAGES = """
 import sys
 for name in ("mujoco", "fastapi", "numpy", "pydantic", "planner", "server", "web", "scipy"):
@@ -255,7 +237,7 @@ for name in ("mujoco", "fastapi", "numpy", "pydantic", "planner", "server", "web
 def test_code_of_the_api_page_runs_and_needs_only_httpx(service: Service, tmp_path: Path) -> None:
     (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "api.md").read_text(), re.S)
     code = code.replace("http://127.0.0.1:8000", str(service.http.base_url).rstrip("/"))
-    output = run("-c", WITHOUT_PACKAGES + code, cwd=tmp_path)
+    output = run_python("-W", "error", "-c", WITHOUT_PACKAGES + code, cwd=tmp_path)
     assert "verified" in output and "urdf" in output
     assert list(tmp_path.iterdir()) == [tmp_path / "plan.npz"]
 
@@ -264,6 +246,6 @@ def test_code_of_the_api_page_runs_and_needs_only_httpx(service: Service, tmp_pa
 def test_example_07_runs(service: Service, tmp_path: Path) -> None:
     example = ROOT / "examples" / "07_fold_by_api.py"
     arguments = ("--url", str(service.http.base_url), "--shape", "wrench-24")
-    printed = run(str(example), *arguments, cwd=tmp_path)
+    printed = run_python("-W", "error", str(example), *arguments, cwd=tmp_path)
     assert "clearance" in printed and "joints, folded" in printed
     assert len(list(tmp_path.iterdir())) == 2

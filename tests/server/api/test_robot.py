@@ -209,8 +209,6 @@ def test_messages_are_bounded_in_size_and_rate(finished: FinishedFold) -> None:
 def test_messages_of_play_have_a_schema(finished: FinishedFold) -> None:
     schema = finished.http.get("/api/play-schema").json()
     assert {"Ask", "Begin", "Target", "Waiting", "Going", "Report", "End"} <= set(schema["$defs"])
-    answer = finished.http.get(f"{finished.api}/play")
-    assert (answer.status_code, answer.json()["code"]) == (426, "websocket")
 
 
 def test_trajectory_is_given_as_json_and_csv(finished: FinishedFold) -> None:

@@ -3,7 +3,6 @@
 import json
 import socket
 import subprocess
-import sys
 from importlib.metadata import version
 from pathlib import Path
 from unittest.mock import MagicMock
@@ -16,8 +15,8 @@ from cli.progress_bars import compute
 from planner.pipeline import stages
 from planner.readers.gallery import Gallery
 from server.cli.command_line import COMMANDS, application
+from tests.run_python import ROOT, run_python
 
-ROOT = Path(__file__).parents[3]
 COMMAND_DIRS = (ROOT / "cli", ROOT / "server" / "cli")
 SHARED = {"__init__", "command_line", "inputs", "options", "progress_bars", "summary"}
 
@@ -136,15 +135,8 @@ def test_each_process_starts_without_packages_of_others(
     """
     (tmp_path / "path.json").write_text(json.dumps([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]))
     code = STEPS + "".join(f"{step}; print('=', *sys.modules)\n" for step in steps)
-    answer = subprocess.run(
-        [sys.executable, "-P", "-c", code],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert answer.returncode == 0, answer.stderr[-2000:]
-    sizes = [line for line in answer.stdout.splitlines() if line.startswith("= ")]
+    output = run_python("-P", "-c", code, cwd=tmp_path)
+    sizes = [line for line in output.splitlines() if line.startswith("= ")]
     for (step, without), words in zip(steps.items(), sizes, strict=True):
         assert not set(words.split()) & without, step
     assert (tmp_path / "fold" / "plan.npz").exists() == any("fold'" in step for step in steps)

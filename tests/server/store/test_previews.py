@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import fields
 from io import BytesIO
 from pathlib import Path
@@ -31,7 +31,6 @@ from server.store.previews import (
 )
 from server.store.tables import PreviewRow
 from tests.case import case
-from tests.server.postgres import DATABASES
 from tests.server.rows import new_owner
 from tests.server.service_thread import copy_tables
 
@@ -87,27 +86,16 @@ SiteWith = Callable[..., Site]
 
 
 @pytest.fixture
-def database() -> str:
-    """Kind of database; tests of both kinds override it."""
-    return "sqlite"
-
-
-@pytest.fixture
-def site_with(request: pytest.FixtureRequest, database: str, tmp_path: Path) -> Iterator[SiteWith]:
+def site_with(tmp_path: Path) -> Iterator[SiteWith]:
     """Function that creates the previews of a web process with some settings."""
-    sites: list[Site] = []
-    sqlite = database == "sqlite"
-    url = None if sqlite else request.getfixturevalue("postgres").migrated()
+    with ExitStack() as sites:
 
-    def make(name: str = "here", **settings: Any) -> Site:
-        chosen = Settings(data_dir=tmp_path / name, database_url=url, **settings)
-        copy_tables(chosen)
-        sites.append(Site(chosen))
-        return sites[-1]
+        def make(**settings: Any) -> Site:
+            chosen = Settings(**{"data_dir": tmp_path / "here", **settings})
+            copy_tables(chosen)
+            return sites.enter_context(closing(Site(chosen)))
 
-    yield make
-    for site in sites:
-        site.close()
+        yield make
 
 
 def size(name: str, seen_at: float, mib: int, visitor: str) -> PreviewSize:
@@ -145,13 +133,12 @@ def test_superfluous_with_many_small_previews_returns_the_oldest_of_the_largest_
     assert deleted(settings, stored, 20.0) == ["b0", "b1", "b2", "b3"]
 
 
-@pytest.mark.parametrize("database", DATABASES)
 def test_reports_of_strangers_leave_the_uploader_its_own(
-    site_with: SiteWith, monkeypatch: pytest.MonkeyPatch
+    site_with: SiteWith, each_settings: Settings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     most = 20
     monkeypatch.setattr(preview_reports, "MAX_OPTION_SETS", most)
-    site = site_with()
+    site = site_with(database_url=each_settings.database_url)
     preview_id = site.add()
     for seed in range(most):
         site.report(preview_id, seed, "stranger")
@@ -182,11 +169,10 @@ def test_remove_leaves_the_files_to_the_sweep(site_with: SiteWith) -> None:
     assert not site.names
 
 
-@pytest.mark.parametrize("database", DATABASES)
 def test_sweep_deletes_expired_previews_and_measures_no_files(
-    site_with: SiteWith, monkeypatch: pytest.MonkeyPatch
+    site_with: SiteWith, each_settings: Settings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    site = site_with(preview_keep_s=1000.0)
+    site = site_with(database_url=each_settings.database_url, preview_keep_s=1000.0)
     old, new = site.add(), site.add()
     monkeypatch.setattr(previews_module, "blocks_of", None)
     assert all(stored.own >= 4096 for stored in site.previews._sizes())  # a file of two bytes
