@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -241,10 +241,17 @@ def check_problem(answer: httpx.Response, status: int, code: str, *, retry: bool
     return answer.json()["detail"]
 
 
-def wait_until(condition: Callable[[], object], report: Callable[[], object] = str) -> None:
-    """Wait until a condition is true; ``report`` returns what an error shows otherwise."""
+def wait_until(
+    condition: Callable[[], object],
+    report: Callable[[], object] = str,
+    errors: tuple[type[Exception], ...] = (),
+) -> None:
+    """Wait until a condition is true, despite some errors; ``report`` tells why it never was."""
     deadline = time.monotonic() + TIMEOUT_S
-    while not condition():
+    while True:
+        with suppress(*errors):
+            if condition():
+                return
         assert time.monotonic() < deadline, report()
         time.sleep(0.02)
 

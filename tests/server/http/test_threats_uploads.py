@@ -19,7 +19,7 @@ from server.files.uploads import Uploads
 from server.jobs import housekeeping
 from server.settings import Settings
 from tests.case import case
-from tests.server.service_process import SNAKE, TIMEOUT_S, Service, check_problem, owner
+from tests.server.service_process import SNAKE, TIMEOUT_S, Service, check_problem, owner, wait_until
 from tests.server.service_thread import ServiceThread
 
 ServiceWith = Callable[..., Service]
@@ -105,7 +105,7 @@ def test_uploads_at_once_are_limited_for_a_visitor_and_for_all(service_with: Ser
         for visitor, whose in (("2001:db8:0:0:1:2:3:4", "of yours"), ("198.51.100.3", "in all")):
             answer = answer_to(visitor)
             assert whose in check_problem(answer, 429, "too-many-uploads", retry=True)
-    _wait_until(lambda: answer_to("203.0.113.1").status_code == 202)
+    wait_until(lambda: answer_to("203.0.113.1").status_code == 202)
 
 
 def _settled_memory(process: psutil.Process) -> int:
@@ -116,13 +116,6 @@ def _settled_memory(process: psutil.Process) -> int:
         now = process.memory_info().rss
         found, quiet = (now, 0) if now > found + MIB else (found, quiet + 1)
     return found
-
-
-def _wait_until(what: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + TIMEOUT_S
-    while not what():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 @pytest.fixture(scope="module")
@@ -199,7 +192,7 @@ def test_connections_of_one_address_are_limited(hasty: Service) -> None:
     with ExitStack() as stack:
         clients = [stack.enter_context(connect_to(hasty)) for _ in range(16)]
         assert sum(status_of(client, b"/api/shapes") == 200 for client in clients) <= 8
-    _wait_until(lambda: hasty.http.get("/health").status_code == 200)
+    wait_until(lambda: hasty.http.get("/health").status_code == 200)
 
 
 def test_health_is_answered_while_all_connections_are_taken(service_with: ServiceWith) -> None:
@@ -369,8 +362,8 @@ def test_uploads_of_other_processes_are_left_alone(tmp_path: Path) -> None:
 def test_broken_off_upload_leaves_no_files(hasty: Service) -> None:
     with connect_to(hasty) as client:
         client.sendall(head("x", length(8 * MIB)) + PART + bytes(4 * MIB))
-    _wait_until(lambda: hasty.fold(SNAKE)["id"] is not None)
-    _wait_until(lambda: [p.name for p in hasty.data_dir.glob("uploads/*/*")] == [])
+    wait_until(lambda: hasty.fold(SNAKE)["id"] is not None)
+    wait_until(lambda: [p.name for p in hasty.data_dir.glob("uploads/*/*")] == [])
 
 
 def test_uploads_cancelled_at_once_fill_no_disk(
