@@ -10,7 +10,7 @@ import sqlalchemy as sa
 from alembic import command
 from sqlalchemy import event
 
-from server.store.folds import new_id
+from server.store.folds import Store, new_id
 from server.store.owner import Claim, Owner
 from server.store.previews import SWEEPING_THREAD
 from server.store.schema_version import config
@@ -75,6 +75,17 @@ def statements() -> Generator[list[tuple[str, Any]]]:
         yield executed
     finally:
         event.remove(sa.Engine, "before_cursor_execute", note)
+
+
+def scans(store: Store, queries: list[tuple[str, Any]]) -> list[str]:
+    """Return the whole tables that queries read, as SQLite plans them; none elsewhere."""
+    found: list[str] = []
+    with store.reading() as session:
+        connection = session.connection()
+        for statement, values in queries if connection.dialect.name == "sqlite" else ():
+            plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", values)
+            found += [line.detail for line in plan if line.detail.startswith("SCAN")]
+    return found
 
 
 def upgrade(engine: sa.Engine, revision: str) -> None:

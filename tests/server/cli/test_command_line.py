@@ -30,17 +30,10 @@ def foldback(*arguments: object, **environment: str) -> subprocess.CompletedProc
     return subprocess.CompletedProcess(arguments, done.exit_code, done.stdout, done.stderr)
 
 
-def test_every_command_is_offered_and_explained() -> None:
+def test_every_command_is_offered() -> None:
     """The help texts are stored and compared by tests/server/contract."""
     files = {path.stem for folder in COMMAND_DIRS for path in folder.glob("*.py")} - SHARED
     assert set(COMMANDS) == files
-    listed = foldback("--help")
-    assert listed.returncode == 0
-    for command in COMMANDS:
-        assert f" {command} " in listed.stdout
-        answer = foldback(command, "--help")
-        assert (answer.returncode, f"foldback {command}" in answer.stdout) == (0, True)
-        assert COMMANDS[command].rstrip(".") in " ".join(answer.stdout.split())
     assert foldback("--version").stdout.strip() == f"foldback {version('foldback')}"
 
 
