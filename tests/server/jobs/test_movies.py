@@ -73,9 +73,7 @@ def test_movie_is_requested_made_downloaded_and_deleted(finished: FinishedFold) 
     part = finished.http.get(movie["links"]["file"], headers={"Range": "bytes=4-7"})
     assert (part.status_code, part.content) == (206, b"ftyp")
     # Equivalent options give the same movie, which exists.
-    again = ask(
-        finished.service, finished.id, **{**SMALL, "format": "mp4", "theme": None}, tour=True
-    )
+    again = ask(finished, **SMALL, format="mp4", theme=None, tour=True)
     assert (again["id"], again["status"], again["token"]) == (movie["id"], "ready", None)
     path = movie["links"]["self"]
     for headers in ({}, bearer("x" * 32)):
