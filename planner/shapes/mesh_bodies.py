@@ -284,7 +284,8 @@ def _angles(points: Floats, faces: Ints, half: Ints, forward: Bools) -> Floats:
     apart = third - start
     angles = np.arctan2(np.einsum("ij,ij->i", apart, up), np.einsum("ij,ij->i", apart, side))
     # The two ends of the range are one direction.
-    return np.round(np.where(angles < -np.pi + 1e-9, np.pi, angles), 9)
+    angles[angles < -np.pi + 1e-9] = np.pi
+    return np.round(angles, 9)
 
 
 def _consistent(count: int, pairs: Ints, forward: Bools) -> tuple[Ints, Bools] | None:
