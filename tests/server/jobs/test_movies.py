@@ -92,6 +92,7 @@ def test_bad_movies_are_refused(service: Service, finished: dict[str, Any]) -> N
     path = f"/api/folds/{finished['id']}/movies"
     for options, code, where in (
         ({"width": 127}, "bad-movie", "width"),
+        ({"width": 10**400}, "bad-movie", "width"),
         ({"seconds": 3600}, "bad-movie", "seconds"),
         ({"format": "avi"}, "bad-request", "body.format"),
         ({"widht": 128}, "bad-request", "body.widht"),
