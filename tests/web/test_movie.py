@@ -154,7 +154,12 @@ def test_captions_fit_the_picture_and_leave_out_unknown_letters() -> None:
 
 WRONG: tuple[dict[str, Any], ...] = (
     *({"width": 641}, {"width": 1922}, {"height": 62}, {"fps": 61}, {"fps": 0}, {"seconds": 61}),
-    *({"seconds": float("nan")}, {"elevation_deg": 90}, {"azimuth_deg": float("inf")}),
+    *(
+        {"seconds": float("nan")},
+        {"fps": 10**400},
+        {"elevation_deg": 90},
+        {"azimuth_deg": float("inf")},
+    ),
     *({"turn_deg": -1e9}, {"theme": "pink"}, {"format": "avi"}),
     *({"width": 1920, "height": 1920}, {"format": "gif", "width": 1280}),
     *({"format": "gif", "fps": 30}, {"format": "gif", "seconds": 30}),

@@ -89,6 +89,7 @@ def test_bad_movies_are_refused(finished: FinishedFold) -> None:
     path = f"{finished.api}/movies"
     for options, code, where in (
         ({"width": 127}, "bad-movie", "width"),
+        ({"width": 10**400}, "bad-movie", "width"),
         ({"seconds": 3600}, "bad-movie", "seconds"),
         ({"format": "avi"}, "bad-request", "body.format"),
         ({"widht": 128}, "bad-request", "body.widht"),

@@ -12,10 +12,11 @@ from typing import Any, cast
 import pytest
 import sqlalchemy as sa
 
+from planner.files import write_sealed_json
 from planner.pipeline.request import PreviewRequest
 from server.errors import TooMany, Unusable
 from server.files import preview_reports
-from server.files.preview_reports import Asker, PreviewReports
+from server.files.preview_reports import Asker, PreviewReports, read_report
 from server.files.uploads import Uploads
 from server.processes.children import ChildError, Reader
 from server.settings import Settings
@@ -79,7 +80,7 @@ class Site:
     def _compute(_task: str, place: Path, **_: object) -> None:
         if '"seed": 666' in (place / "request.json").read_text():
             raise ChildError("crashed", "It crashed.")
-        (place / "report.json").write_text('{"cells": []}')
+        write_sealed_json(place / "report.json", {"cells": []})
 
 
 SiteWith = Callable[..., Site]
@@ -247,7 +248,7 @@ def test_previews_in_an_object_store_are_fetched_and_deleted_everywhere(
         assert (other.previews.directory(large) / "input").stat().st_size == 600_000
         key = PreviewRequest(seed=3).key
         one.report(large, 3)
-        assert (other.previews.place(large, key) / "report.json").read_text() == '{"cells": []}'
+        assert read_report(other.previews.place(large, key)) == {"cells": []}
         mine = other.add(owner=owner)
         assert one.exists(mine)
         storage = one.store.folders.storage
@@ -263,3 +264,17 @@ def test_previews_in_an_object_store_are_fetched_and_deleted_everywhere(
         other.previews.sweep()
         assert set(storage.below("previews")) == one.names == {small}
         assert large not in other.names and not other.exists(large)
+
+
+def test_damaged_report_is_computed_again(site_with: Callable[..., Site]) -> None:
+    site = site_with()
+    preview_id = site.add()
+    site.report(preview_id)
+    place = site.previews.place(preview_id, PreviewRequest().key)
+    file = place / "report.json"
+    whole = file.read_bytes()
+    for damaged in (b"{}", b'{"has_path": 1}', whole[:-1], whole.replace(b"cells", b"cellt"), b""):
+        file.write_bytes(damaged)
+        assert read_report(place) is None
+        site.report(preview_id)
+        assert file.read_bytes() == whole

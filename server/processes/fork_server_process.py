@@ -1,7 +1,7 @@
-"""Forking: the process that loads what children need, and forks them.
+"""Process of a fork server: it loads what children need, and forks them.
 
-It reads no byte of a stranger's, and has one thread only: another one would not be there in a
-child. What holds a child is put on after the fork, by the child itself.
+It reads no visitor's data. It has one thread only, because other threads would be missing in a
+child. Each child applies its own limits and sandbox after the fork.
 """
 
 from __future__ import annotations
@@ -79,7 +79,9 @@ class _Requests:
         self.answer(failed=why)
         problem = {"event": "problem", "code": "no-start", "detail": why}
         while True:
-            for _ in self.receive():
+            for asked in self.receive():
+                if "fork" not in asked:
+                    continue
                 stdin, stdout = self.pipes()
                 with suppress(BrokenPipeError):
                     os.write(stdout, json.dumps(problem).encode() + b"\n")
@@ -149,6 +151,8 @@ class _Forks:
                     self._waiting.append(fork)
                 else:
                     fork()
+            case {"ping": number}:
+                self._requests.answer(pong=number)
             case {"kill": pid}:
                 if pid in self._running:
                     # It makes a group of its own first of all; before that it is in this one.
