@@ -121,7 +121,7 @@ def test_movie_is_requested_and_downloaded(finished: FinishedFold, tmp_path: Pat
         )
         assert path.read_bytes().startswith(b"GIF8")
         assert drawn and drawn[0][1] == 5
-        with pytest.raises(Problem, match="422"):
+        with pytest.raises(Problem, match="bad-movie"):
             fold.movie(tmp_path / "large.mp4", width=100_000)
     assert not (tmp_path / "large.mp4").exists()
 
