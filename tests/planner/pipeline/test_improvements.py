@@ -144,7 +144,7 @@ def test_preference_is_refused_if_there_is_one_plan() -> None:
     for other in ({"preset": "paper"}, {"smooth": True}, {"strategy": "one-by-one"}):
         with pytest.raises(InputError, match="got the preference time for the .* one plan") as got:
             FoldRequest.of(prefer="time", **other).check()
-        assert got.value.where == "prefer"
+        assert (got.value.code, got.value.where) == ("unsuited-prefer", "prefer")
     for prefer in PREFERENCES:
         FoldRequest(prefer=prefer, strategy="peel").check()
 
