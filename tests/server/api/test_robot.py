@@ -4,6 +4,7 @@ import contextlib
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,9 @@ from websockets.sync.client import ClientConnection, connect
 
 from planner.plan.plan import Plan
 from server.files import trajectories
+from server.limits import robot_rates
+from server.limits.networks import visitor_at
+from server.limits.robot_rates import RobotRates
 from tests.case import case
 from tests.server.cli.test_command_line import foldback
 from tests.server.service_process import SNAKE, Service
@@ -207,6 +211,36 @@ def test_number_of_robots_of_a_visitor_is_limited(
         busy = other.http.get(f"/api/folds/{finished['id']}/trajectory")
     assert (busy.status_code, busy.json()["code"]) == (429, "too-many-motions")
     assert busy.headers["retry-after"]
+
+
+def test_robots_of_a_visitor_get_a_limited_number_of_angles(
+    service: Service, finished: Finished, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    joints = len(service.http.get(f"/api/folds/{finished['id']}/plan.json").json()["joint_names"])
+    monkeypatch.setattr(robot_rates, "NUMBERS_PER_SECOND_OF_VISITOR", 10.0 * joints)
+    with (
+        ServiceThread(service.data_dir).start() as other,
+        playing(other, finished, rate_hz=100, speed=0.05) as one,
+    ):
+        one.receive_until("waiting")
+        one.report(error_rad=0.0)
+        start, targets = time.monotonic(), 0
+        while time.monotonic() < start + 2.0:
+            if one.receive()["is"] == "target":
+                targets += 1
+                one.report(error_rad=0.0)
+    # 10 at once and 10 per second, instead of 100 per second.
+    assert 10 <= targets <= 35
+
+
+def test_robot_rates_leave_light_visitors_their_own() -> None:
+    rates, numbers = RobotRates(), int(robot_rates.NUMBERS_PER_SECOND_OF_VISITOR)
+    homes = [visitor_at(f"2001:db8:{k}::1") for k in range(8)]
+    for home in homes:
+        assert rates.charge(home, numbers) == 0 or home != homes[0]
+        assert rates.charge(home, numbers) > 0.9
+    assert rates.charge(visitor_at("203.0.113.7"), numbers // 100) == 0
+    assert rates.charge(homes[0], 1) > 0.9
 
 
 def test_messages_are_bounded_in_size_and_rate(service: Service, finished: Finished) -> None:
