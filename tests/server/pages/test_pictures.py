@@ -1,6 +1,7 @@
 """Pictures of folds that accompany links to them."""
 
 import asyncio
+import errno
 import json
 import os
 from pathlib import Path
@@ -13,6 +14,7 @@ from fastapi import FastAPI
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes, chain_from_attributes
+from server.errors import NoRoom
 from server.files.artifacts import Artifacts, newer
 from server.files.pictures import MAX_CACHED_PICTURES, recent_pictures
 from server.pages import pictures
@@ -158,3 +160,17 @@ def test_picture_is_shown_although_the_disk_is_full(
     monkeypatch.setattr(pictures, "write_whole", fail_on_full_disk)
     (answer,) = request_picture(store, fold_in(store, "failed"), drawn)
     assert (answer.status_code, answer.content) == (200, b"a picture of first")
+
+
+@pytest.mark.parametrize("query", ["", "?view=1,30,20,1"])
+def test_picture_on_disk_that_became_read_only_is_refused_in_words(
+    store: Store, monkeypatch: pytest.MonkeyPatch, query: str
+) -> None:
+    class Undrawable(DrawnNames):
+        def drawn(self, path: Path, moment: dict[str, object]) -> bytes:
+            del path, moment
+            raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(pictures, "moment_of", lambda *_: {})
+    with pytest.raises(NoRoom, match="read-only"):
+        request_picture(store, fold_in(store, "failed"), Undrawable(), query=query)
