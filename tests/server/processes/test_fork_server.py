@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -22,7 +21,7 @@ from tests.server.processes.test_children import (
     upload_in,
     without_libraries,
 )
-from tests.server.service_process import TIMEOUT_S
+from tests.server.service_process import TIMEOUT_S, wait_until
 from tests.server.service_thread import FORKS
 
 pytestmark = pytest.mark.processes
@@ -124,11 +123,8 @@ def test_child_ended_before_it_was_forked_does_not_stay(
         # It is forked in turn, and ends at once, as its client is gone.
         with make_child("stages", fork_server=server) as after:
             after.call("read", directory, wall_s=60)
-            deadline = time.monotonic() + TIMEOUT_S
-            wanted = {child.pid, after.pid}
-            while {one.pid for one in psutil.Process(pid_of(server)).children()} != wanted:
-                assert time.monotonic() < deadline
-                time.sleep(0.01)
+            wanted, forking = {child.pid, after.pid}, psutil.Process(pid_of(server))
+            wait_until(lambda: {one.pid for one in forking.children()} == wanted)
 
 
 def test_reason_why_a_fork_server_cannot_start_is_reported(tmp_path: Path, directory: Path) -> None:
