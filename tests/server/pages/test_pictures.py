@@ -166,13 +166,12 @@ def test_picture_is_shown_although_the_disk_is_full(
 
 @pytest.mark.parametrize("query", ["", "?view=1,30,20,1"])
 def test_picture_on_disk_that_became_read_only_is_refused_in_words(
-    store: Store, monkeypatch: pytest.MonkeyPatch, query: str
+    pictures: Pictures, monkeypatch: pytest.MonkeyPatch, query: str
 ) -> None:
-    class Undrawable(DrawnNames):
-        def drawn(self, path: Path, moment: dict[str, object]) -> bytes:
-            del path, moment
-            raise OSError(errno.EROFS, "Read-only file system")
+    def fail_on_read_only_disk(*_: object) -> bytes:
+        raise OSError(errno.EROFS, "Read-only file system")
 
-    monkeypatch.setattr(pictures, "moment_of", lambda *_: {})
+    monkeypatch.setattr(pictures_module, "moment_of", lambda *_: {})
+    monkeypatch.setattr(pictures, "draw", fail_on_read_only_disk)
     with pytest.raises(NoRoom, match="read-only"):
-        request_picture(store, fold_in(store, "failed"), Undrawable(), query=query)
+        pictures.request(pictures.add_fold("failed"), query=query)
