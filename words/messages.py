@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import Final
 
+from words.quantities import module_widths
+
 GOT_EXPECTED: Final = re.compile(
     r"\bgot (?P<got>.+?), expected (?P<expected>(?:[^;.]|\.(?=\d))+)", re.DOTALL
 )
@@ -24,6 +26,8 @@ MESSAGES: Final = (
 )
 """Messages for people for the most frequent input errors: a pattern that matches the whole error
 text, and the message that replaces it."""
+PITCHES: Final = re.compile(r"(?<![\w.])(?P<pitches>-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) pitch(?:es)?\b")
+"""Matches a length in a verdict."""
 VERDICT_PHRASES: Final = (
     (
         re.compile(
@@ -45,7 +49,7 @@ def verdict_for_people(verdict: str) -> str:
     """Return a stored verdict, or its reason, in the words that people read."""
     for pattern, words in VERDICT_PHRASES:
         verdict = pattern.sub(words, verdict)
-    return verdict
+    return PITCHES.sub(lambda length: module_widths(float(length["pitches"])), verdict)
 
 
 def message_for_people(detail: str) -> str:

@@ -26,13 +26,19 @@ VERDICTS = {
         "stays on the table and needs at most 3.2 w·p in frame 4 (without friction)"
     ),
     "failed: the playback missed: the chain ended 0.2 pitches (RMS) from its target.": (
-        "failed: the chain ended 0.2 pitches (RMS) from its target."
+        "failed: the chain ended 0.2 module widths (RMS) from its target."
     ),
     "failed: the explosion stalled: modules 1 and 2 block each other": (
         "failed: modules 1 and 2 block each other"
     ),
     "failed: the chain floats and does not rest on a table; laid down in each frame, it": (
         "failed: the chain floats, so a table does not support it. Laid down in each frame, it"
+    ),
+    "failed: modules 2 and 9 overlap by 1.03 pitch at module size 0.95": (
+        "failed: modules 2 and 9 overlap by 1.03 module widths at module size 0.95"
+    ),
+    "failed: modules 2 and 9 overlap by 1 pitch, 5e-05 pitch before that": (
+        "failed: modules 2 and 9 overlap by 1 module width, 0.005 % of a module width before that"
     ),
     "failed: the explosion stalled: ": "failed: the explosion stalled: ",
     "verified (simulated)": "verified (simulated)",
