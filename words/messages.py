@@ -15,6 +15,7 @@ WRONG_KIND: Final = re.compile(
     r"this looks like (?P<kind>.+?), expected (?P<expected>.+)\.$", re.DOTALL
 )
 MESSAGES: Final = (
+    (re.compile(r"Not Found"), "There is nothing at this address."),
     (re.compile(r"got an empty file\b.*"), "This file is empty."),
     (re.compile(r"got 0 angles, expected a positive\b.*"), "Type at least one angle: 0, + or −."),
     (

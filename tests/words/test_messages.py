@@ -19,6 +19,7 @@ MESSAGES = {
     "got 600 modules, expected at most 512; use a coarser shape.": (
         "Expected at most 512, but found 600 modules. Use a coarser shape."
     ),
+    "Not Found": "There is nothing at this address.",
     "The database does not answer.": "The database does not answer.",
 }
 VERDICTS = {
