@@ -223,7 +223,7 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
             "modules": modules,
             "frame": place["frame"],
             "words": f"at a module size of {size}, {which} overlap by "
-            f"{module_widths(-clearance, 2)}",
+            f"{module_widths(-clearance)}",
         }
     return None
 
