@@ -6,6 +6,7 @@ What is proved is rounded to the side that claims less.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any, Final, TypedDict
 
 from planner.certificate.figures import CertificateFigures, MarginFigures
@@ -16,7 +17,7 @@ from planner.robot.module_materials import CASINGS
 from planner.robot.servos import Servo, servos
 from planner.robot.sizing import find_suitable_servos, suitable_pitches
 from words.messages import verdict_for_people
-from words.quantities import STRATEGY_LABELS, length_m, quantity, sentence
+from words.quantities import SIGNIFICANT_DIGITS, STRATEGY_LABELS, length_m, quantity, sentence
 
 CERTIFICATE_DIGITS: Final = 2
 """Number of significant digits to which pages round a certificate's figures, such as joint errors.
@@ -37,6 +38,46 @@ ROUNDING_PITCH: Final = 1e-9
 """Overlap of two modules, in pitches, up to which a page does not report it, as it is only the
 rounding error of a contact; torques, in w·p (module weight × pitch), are rounded up with the same
 tolerance. A larger value hides real overlaps. Chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A figure of a certificate, as a row shows it.
+
+    Args:
+        label: Label of the row.
+        key: Name of the figure in the certificate.
+        unit: Its unit.
+        digits: Number of significant digits.
+        of_simulation: True if the figure comes from the simulated playback.
+    """
+
+    label: str
+    key: str
+    unit: str = "pitch"
+    digits: int = SIGNIFICANT_DIGITS
+    of_simulation: bool = False
+
+
+LARGEST_JOINT_ERROR: Final = Figure(
+    "Largest joint error", "max_angle_error_rad", "rad", CERTIFICATE_DIGITS, of_simulation=True
+)
+CLEARANCES: Final = (
+    Figure("Module size in the clearance check", "module_size"),
+    Figure("Least clearance, plan", "min_clearance"),
+    Figure("Least clearance, simulated robots", "min_clearance_playback", of_simulation=True),
+    Figure("Least clearance, recorded explosion", "min_clearance_record"),
+)
+MOTION_FIGURES: Final = (
+    Figure(
+        "Final position error (RMS)",
+        "rms_position_error",
+        digits=CERTIFICATE_DIGITS,
+        of_simulation=True,
+    ),
+    Figure("Largest joint rotation per frame", "max_joint_step_rad", "rad"),
+    Figure("Largest number of hinges moving at once", "hinges_moving_most", ""),
+)
 
 
 def headline(certificate: CertificateFigures) -> str:
@@ -69,38 +110,30 @@ def main_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
         ("Folding time", _folding_time(certificate)),
         torque(certificate),
         ("Torque on a table (statics)", _torque_of(certificate.get("table"))),
-        (
-            "Largest joint error",
-            _of_simulation(certificate, "max_angle_error_rad", CERTIFICATE_DIGITS, "rad"),
-        ),
+        _row(certificate, LARGEST_JOINT_ERROR),
     ]
 
 
 def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
     """Return all figures besides ``main_rows``."""
     return [
-        ("Module size in the clearance check", quantity(certificate.get("module_size"), "pitch")),
-        ("Least clearance, plan", _pitches(certificate.get("min_clearance"))),
-        (
-            "Least clearance, simulated robots",
-            _of_simulation(certificate, "min_clearance_playback"),
-        ),
-        ("Least clearance, recorded explosion", _pitches(certificate.get("min_clearance_record"))),
+        *(_row(certificate, figure) for figure in CLEARANCES),
         ("Robots", robots(certificate)),
         *margin_rows(certificate),
-        (
-            "Final position error (RMS)",
-            _of_simulation(certificate, "rms_position_error", CERTIFICATE_DIGITS),
-        ),
-        (
-            "Largest joint rotation per frame",
-            quantity(certificate.get("max_joint_step_rad"), "rad"),
-        ),
-        (
-            "Largest number of hinges moving at once",
-            quantity(certificate.get("hinges_moving_most")),
-        ),
+        *(_row(certificate, figure) for figure in MOTION_FIGURES),
     ]
+
+
+def _row(certificate: CertificateFigures, figure: Figure) -> tuple[str, str | None]:
+    """Return a figure's label and value; of a simulation that was not run, that it was not."""
+    value = certificate.get(figure.key)
+    if figure.of_simulation:
+        simulated = certificate.get("simulated")
+        if simulated is False:
+            return figure.label, NOT_SIMULATED
+        if value is None and simulated is None and certificate.get("min_clearance") is not None:
+            return figure.label, NOT_KNOWN
+    return figure.label, quantity(value, figure.unit, figure.digits)
 
 
 def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
@@ -253,8 +286,8 @@ def _torque(torque_wp: float | None, unit_nm: float, friction: str) -> str | Non
     """Return a torque and its friction in words, rounded up."""
     if torque_wp is None:
         return None
-    in_nm = quantity(_rounded_up(torque_wp * unit_nm), "N·m")
-    return f"{in_nm} ({_rounded_up(torque_wp):.3g} w·p), {friction}"
+    in_nm, in_wp = _rounded_up(torque_wp * unit_nm), _rounded_up(torque_wp)
+    return f"{quantity(in_nm, 'N·m')} ({in_wp:.3g} w·p), {friction}"
 
 
 def _rounded_up(value: float) -> float:
@@ -355,26 +388,9 @@ def baseline(strategy: object) -> str | None:
     return STRATEGY_LABELS[BASELINE].lower() if strategy == BASELINE else None
 
 
-def _of_simulation(
-    certificate: CertificateFigures, key: str, digits: int = 3, unit: str = "pitch"
-) -> str | None:
-    """Return a figure of the simulated playback, or that there was none."""
-    simulated = certificate.get("simulated")
-    if simulated is False:
-        return NOT_SIMULATED
-    value = certificate.get(key)
-    if value is None and simulated is None and certificate.get("min_clearance") is not None:
-        return NOT_KNOWN
-    return quantity(value, unit, digits)
-
-
 def _seen(certificate: CertificateFigures) -> float | None:
     known = [certificate.get(name) for name in ("min_clearance", "min_clearance_playback")]
     return min((float(value) for value in known if value is not None), default=None)
-
-
-def _pitches(value: float | None) -> str | None:
-    return quantity(value, "pitch")
 
 
 def _at_least(value: float | None) -> str | None:

@@ -36,7 +36,7 @@ intervals. Larger values accept altered figures. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
-class ToldFigures:
+class ReportedFigures:
     """Reported figures of a plan's certificate, and the motions that they belong to.
 
     Attributes:
@@ -54,7 +54,7 @@ class ToldFigures:
 
     def differences(self, again: Certificate, notes: list[str]) -> Differences:
         """Yield the differences from a certificate computed again, except wall time."""
-        mine, theirs = _told(self.plan.certificate), _told(again)
+        mine, theirs = _reported(self.plan.certificate), _reported(again)
         aside = {"seconds", "margins", *_ROUNDING_DEPENDENT_FIGURES}  # margins are proved instead
         loose = [*_ROUNDING_DEPENDENT_FIGURES]
         if self.record is None and self.plan.explosion is not None:
@@ -148,7 +148,7 @@ class ToldFigures:
             )
 
 
-def _told(certificate: Certificate) -> dict[str, Any]:
+def _reported(certificate: Certificate) -> dict[str, Any]:
     """Return the certificate's values; those of a table without wall time and explanations.
 
     The explanations (``assumptions``) are texts, which later versions may word differently.

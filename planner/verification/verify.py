@@ -27,7 +27,7 @@ from planner.plan.plan import EARLIER_FORMATS, Plan, read_values
 from planner.plan.value_differences import Differences
 from planner.playback.playback import Playback
 from planner.progress import Report, silent
-from planner.verification.certificate_figures import ToldFigures
+from planner.verification.certificate_figures import ReportedFigures
 from planner.verification.failure_evidence import ReasonCheck
 from planner.verification.plan_failure import reason_of
 from planner.verification.plan_formats import formats_differ, lacking
@@ -180,7 +180,7 @@ def _verified(
     if not certificate.verified:
         found.problems.append(certificate.verdict)
     if module_size is None:
-        told = ToldFigures(plan, npz["certificate"], record, playback, earlier=earlier)
+        told = ReportedFigures(plan, npz["certificate"], record, playback, earlier=earlier)
         _check_figures(directory, told, certificate, found)
     opinion = _opinion(directory, npz, certificate, found) if third_opinion else None
     reason = _reason(directory, plan, found)
@@ -200,7 +200,7 @@ def _verified(
 
 
 def _check_figures(
-    directory: FilePath, told: ToldFigures, certificate: Certificate, found: _Findings
+    directory: FilePath, told: ReportedFigures, certificate: Certificate, found: _Findings
 ) -> None:
     """Compare the reported figures with a certificate computed again; prove its bounds again."""
     simulated = told.playback is not None and told.playback.simulated

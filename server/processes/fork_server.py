@@ -1,8 +1,8 @@
 """Fork server: one process that has loaded what children need; each child is a fork of it.
 
-To load it takes seconds and hundreds of megabytes, to fork it neither. Requests and their answers
-are JSON lines on a pair of streams; the pipes of a child go along with its request. Its other side
-is ``server/processes/forking.py``.
+Loading takes seconds and hundreds of megabytes, a fork takes neither. Requests and their answers
+are JSON lines on a pair of streams; the pipes of a child go along with its request. The process at
+the other end is ``server/processes/fork_server_process.py``.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ class _Running:
         with theirs:
             self._process = subprocess.Popen(
                 [
-                    *(sys.executable, "-P", "-m", "server.processes.forking"),
+                    *(sys.executable, "-P", "-m", "server.processes.fork_server_process"),
                     *(str(theirs.fileno()), json.dumps(asked)),
                 ],
                 stdin=subprocess.DEVNULL,

@@ -175,7 +175,7 @@ def attack_env(code: Path, process: str, places: str) -> dict[str, str]:
 def forks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
     """Fork server whose children of all kinds run the attack."""
     environment = attack_env(
-        tmp_path_factory.mktemp("forks") / "code", "server.processes.forking", FORKED
+        tmp_path_factory.mktemp("forks") / "code", "server.processes.fork_server_process", FORKED
     )
     server = ForkServer([*FORKED_KINDS, "stages"], warm=False, environment=environment)
     yield server

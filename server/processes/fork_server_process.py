@@ -1,7 +1,7 @@
-"""Forking: the process that loads what children need, and forks them.
+"""Process of a fork server: it loads what children need, and forks them.
 
-It reads no byte of a stranger's, and has one thread only: another one would not be there in a
-child. What holds a child is put on after the fork, by the child itself.
+It reads no visitor's data. It has one thread only, because other threads would be missing in a
+child. Each child applies its own limits and sandbox after the fork.
 """
 
 from __future__ import annotations
