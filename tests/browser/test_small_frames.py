@@ -38,7 +38,7 @@ def test_picture_fills_most_of_the_page_at_each_size(visit: Visit, wrench: str, 
     for width, height in SIZES[kind]:
         page.set_viewport_size({"width": width, "height": height})
         shares[width, height] = page.evaluate(PICTURE_SHARE)
-        # The page shows the name, the verdict and the buttons, in one row of this order if it is low.
+        # It shows the name, the verdict and the buttons, in one row of this order if it is low.
         edges = page.locator("#name, #verdict, #share, .whole > *").evaluate_all(EDGES)
         assert all(0 <= left < right <= width for left, right in edges), edges
         assert height > MAX_LOW_HEIGHT_PX or edges == sorted(edges)
