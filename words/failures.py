@@ -222,8 +222,7 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
         return {
             "modules": modules,
             "frame": place["frame"],
-            "words": f"at a module size of {size}, {which} overlap by "
-            f"{module_widths(-clearance)}",
+            "words": f"at a module size of {size}, {which} overlap by {module_widths(-clearance)}",
         }
     return None
 

@@ -14,7 +14,15 @@ GOT: Final = re.compile(r"\bgot (?=\S)")
 WRONG_KIND: Final = re.compile(
     r"this looks like (?P<kind>.+?), expected (?P<expected>.+)\.$", re.DOTALL
 )
+COMMON_FORMATS: Final = "a mesh (STL, OBJ, PLY, OFF, GLB or 3MF), a voxel model, a path or a chain"
+"""Files that people may upload; programs get the names of all formats."""
+ALL_FORMATS: Final = re.compile(r"a mesh \(STL.* foldback-chain/1 .*\)", re.DOTALL)
+"""Matches the formats as programs get them, ``READABLE_FORMATS``."""
 MESSAGES: Final = (
+    (
+        re.compile(r"got a mesh without triangles, .*"),
+        "This mesh has no triangles. Save it again as a closed surface.",
+    ),
     (re.compile(r"Not Found"), "There is nothing at this address."),
     (re.compile(r"got an empty file\b.*"), "This file is empty."),
     (re.compile(r"got 0 angles, expected a positive\b.*"), "Type at least one angle: 0, + or −."),
@@ -63,7 +71,8 @@ def message_for_people(detail: str) -> str:
         if match := pattern.fullmatch(detail):
             return message.format(**match.groupdict())
     if match := WRONG_KIND.fullmatch(detail):
-        return f"This looks like {match['kind']}. Please use {match['expected']}."
+        expected = ALL_FORMATS.sub(COMMON_FORMATS, match["expected"])
+        return f"This looks like {match['kind']}. Please use {expected}."
     text = GOT_EXPECTED.sub(r"expected \g<expected>, but found \g<got>", detail)
     text = GOT.sub("found ", text)
     head, separator, advice = text.partition("; ")

@@ -1,6 +1,7 @@
 """Messages for people, which pages show of an error, and details for programs."""
 
 from planner.errors import InputError
+from planner.readers.formats import READABLE_FORMATS
 from server.errors import Unusable
 from server.http.problems import Problem
 from words.certificate import headline
@@ -15,6 +16,13 @@ MESSAGES = {
     ),
     "this looks like a PDF document, expected a mesh (STL, OBJ) or cells.": (
         "This looks like a PDF document. Please use a mesh (STL, OBJ) or cells."
+    ),
+    f"this looks like a PDF document, expected {READABLE_FORMATS}.": (
+        "This looks like a PDF document. Please use a mesh (STL, OBJ, PLY, OFF, GLB or 3MF), "
+        "a voxel model, a path or a chain."
+    ),
+    "got a mesh without triangles, expected a closed surface.": (
+        "This mesh has no triangles. Save it again as a closed surface."
     ),
     "got 600 modules, expected at most 512; use a coarser shape.": (
         "Expected at most 512, but found 600 modules. Use a coarser shape."
