@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import hashlib
 import json
 import os
 import secrets
@@ -23,6 +24,9 @@ _LOADING: Final = Lock()
 READ_ONLY_ERRORS: Final = frozenset({errno.EROFS, errno.EACCES, errno.EPERM})
 """Error numbers (errno) that mean, when a file is written, that the disk is read-only or permission
 is missing."""
+SEAL_BYTES: Final = 72
+"""Size of the line before sealed JSON, in bytes: the name of the digest, its 64 digits, and the
+separators."""
 MAX_FILE_BYTES: Final = 64 << 20
 """Maximum size of an input file, in bytes. Larger values admit larger meshes and take more memory.
 Chosen."""
@@ -95,6 +99,28 @@ def json_of(path: FilePath) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
+
+
+def write_sealed_json(path: FilePath, values: object) -> None:
+    """Write plain values with a digest by which ``sealed_json_of`` recognises damage."""
+    text = json.dumps(values).encode()
+    write_whole(path, _seal_of(text) + text)
+
+
+def sealed_json_of(path: FilePath) -> dict[str, Any]:
+    """Return the object of ``write_sealed_json``; an empty one if it is missing or damaged."""
+    try:
+        data = path.read_bytes()
+        seal, text = data[:SEAL_BYTES], data[SEAL_BYTES:]
+        found = json.loads(text) if seal == _seal_of(text) else {}
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _seal_of(text: bytes) -> bytes:
+    """Return the line before sealed JSON."""
+    return f"sha256 {hashlib.sha256(text).hexdigest()}\n".encode()
 
 
 def zarr_group(path: str | FilePath, mode: Literal["r", "r+", "w"] = "r") -> zarr.Group:

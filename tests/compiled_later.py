@@ -1,10 +1,8 @@
 """Kernels that are compiled after a warm-up, found in a process that has compiled nothing else."""
 
 import json
-import os
-import subprocess
-import sys
-from pathlib import Path
+
+from tests.run_python import run_python
 
 SCRIPT = """
 import json, sys
@@ -35,12 +33,5 @@ def compiled_later(imports: str, work: str, *arguments: str) -> list[str]:
         work: Code to run after the warm-up.
         arguments: Values of its ``sys.argv[1:]``.
     """
-    answer = subprocess.run(
-        [sys.executable, "-c", SCRIPT.format(imports=imports, work=work), *arguments],
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert answer.returncode == 0, answer.stderr
-    return json.loads(answer.stdout.splitlines()[-1])
+    output = run_python("-c", SCRIPT.format(imports=imports, work=work), *arguments)
+    return json.loads(output.splitlines()[-1])

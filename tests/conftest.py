@@ -20,7 +20,7 @@ from zarr.codecs import blosc
 from zarr.storage import _local as local_store
 
 from tests import progress
-from tests.server.service_process import SNAKE, Service
+from tests.server.service_process import SNAKE, FinishedFold, Service
 from tests.web.blog import Blog
 
 # Tests and the programs that they start compile each imported module only once, even if the
@@ -153,13 +153,8 @@ def wrench(service: Service) -> str:
 
 
 @pytest.fixture(scope="session")
-def finished(service: Service) -> dict[str, Any]:
-    """Finished fold: the answer to its upload, its events and its state."""
+def finished(service: Service) -> FinishedFold:
+    """Finished fold of a path without a name."""
     accepted = service.fold(SNAKE, seed="3")
     events = list(service.events(accepted["id"]))
-    return {
-        "accepted": accepted,
-        "id": accepted["id"],
-        "events": events,
-        "state": service.state(accepted["id"]),
-    }
+    return FinishedFold(service, accepted, events, service.state(accepted["id"]))

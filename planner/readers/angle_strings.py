@@ -34,6 +34,9 @@ values refuse tables of cells. Chosen."""
 _TURN_NUMBER: Final = re.compile(r"[+\-\u2212]?(?:[0-4]+|90|180|270)(?:\.0*)?")
 """Matches one word of a text of hinge angles as numbers: a run of digits 0 to 4, each of which is
 one hinge's quarter turns ('0132'), or an angle of 90, 180 or 270 degrees."""
+DECIMAL_COMMAS: Final = re.compile(r"\s*(?:[+-]?[0-9]+,[0-9]+\s+){2}[+-]?[0-9]+,[0-9]+\s*")
+"""Matches a line of three numbers with decimal commas and spaces between them. Its digits are no
+angles."""
 _NO_SEPARATORS: Final = {ord(c): " " for c in ",;"}
 _BETWEEN: Final = " \t\r\n,;"
 _ALL: Final = re.compile(rf"[{re.escape(''.join(QUARTER_TURNS_DEG) + _BETWEEN)}]*")
@@ -59,7 +62,15 @@ def refuse_digits(text: str) -> None:
     first = next((line for line in text.splitlines() if line.strip()), "")
     if sum(separator in first for separator in ",;\t") > 1:
         return
+    if DECIMAL_COMMAS.fullmatch(first):
+        raise InputError(
+            "not-a-number",
+            f"got {quote(first.strip())!r}, expected numbers without decimal commas; write "
+            "decimals with a point.",
+        )
     many = len(first.translate(_NO_SEPARATORS).split()) > MAX_COLUMNS
+    if len(first.split(",")) == 2 * len("xyz") and text.strip().count("\n"):
+        return  # a table with decimal commas: the reader of CSV names the line
     run = len(words) == 1 and len(words[0]) > MAX_COLUMNS
     lines = [
         line.translate(_NO_SEPARATORS).split()

@@ -26,6 +26,9 @@ RADIANS_TOLERANCE: Final = 0.01
 """Maximum deviation of angles from multiples of π/2, in quarter turns, at which a file is refused
 because its angles seem to be radians: 1.57 counts. Larger values also refuse small angles in
 degrees. Chosen."""
+QUARTER_TURNS: Final = frozenset((1.0, 2.0, 3.0))
+"""Magnitudes of which a file's angles are refused, if it has no others but 0: they seem to be
+counts of quarter turns, where degrees are expected."""
 
 
 def read_chain(document: dict[str, Any], source: Source) -> Chain:
@@ -41,6 +44,7 @@ def read_chain(document: dict[str, Any], source: Source) -> Chain:
     module = module_named(quote(kind))
     angles_deg = _angles(document, module, source)
     _refuse_radians(angles_deg)
+    _refuse_turns(angles_deg)
     return Chain.from_angles(
         module,
         np.deg2rad(angles_deg),
@@ -113,6 +117,22 @@ def _refuse_radians(angles: list[float]) -> None:
             "radians",
             f"got {turned[0]:g}, and no angle is a multiple of 90 degrees: these look like "
             "radians, expected degrees; multiply them by 180/π.",
+            where="joint_angles_deg",
+        )
+
+
+def _refuse_turns(angles: list[float]) -> None:
+    """Refuse angles that are all counts of quarter turns, where degrees are expected.
+
+    Raises:
+        InputError: ``quarter-turns``.
+    """
+    turned = {abs(angle) for angle in angles} - {0.0}
+    if turned and turned <= QUARTER_TURNS:
+        raise InputError(
+            "quarter-turns",
+            f"got only the angles 0 and ±{max(turned):g}: these look like quarter turns, expected "
+            "degrees; multiply them by 90.",
             where="joint_angles_deg",
         )
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+from dataclasses import replace
 from typing import Any, Final, cast
 
 import numpy as np
@@ -63,6 +64,7 @@ IGNORED_EXTENSION_PREFIXES: Final = (
 the reader ignores such extensions."""
 Y_TO_Z: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 TRIANGLES, STRIP, FAN = 4, 5, 6
+TAIL_IGNORED: Final = "data after the end of the scene was ignored."
 
 Floats = NDArray[np.float64]
 Document = dict[str, Any]
@@ -94,7 +96,9 @@ def read_glb(data: bytes, source: Source) -> Solid:
     value = parse(text)
     if not isinstance(value, dict):
         raise _damaged("its JSON is not an object")
-    return read_gltf(cast("Document", value), source, binary=chunks.get(BINARY_CHUNK))
+    solid = read_gltf(cast("Document", value), source, binary=chunks.get(BINARY_CHUNK))
+    length = int.from_bytes(data[8:12], "little")
+    return replace(solid, notes=(*solid.notes, TAIL_IGNORED)) if len(data) > length else solid
 
 
 def read_gltf(document: Document, source: Source, binary: bytes | None = None) -> Solid:
@@ -109,9 +113,7 @@ def read_gltf(document: Document, source: Source, binary: bytes | None = None) -
             points, faces = scene.triangles()
             points = points @ Y_TO_Z.T
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise _damaged(f"its scene is broken ({type(error).__name__}: {quote(str(error))})") from (
-            error
-        )
+        raise _damaged(f"its scene is broken ({_reason(error)})") from error
     return Solid.from_triangles(
         points,
         faces,
@@ -119,6 +121,23 @@ def read_gltf(document: Document, source: Source, binary: bytes | None = None) -
         notes=scene.notes,
         most_triangles=source.most_triangles,
     )
+
+
+def _reason(error: Exception) -> str:
+    """Return the reason of an error in words for people."""
+    match error:
+        case KeyError():
+            return f"{quote(str(error))} is missing"
+        case _InvalidValueError():
+            return str(error)
+        case IndexError():
+            return "it refers to an entry that it does not have"
+        case _:
+            return "an entry has a value of the wrong kind"
+
+
+class _InvalidValueError(ValueError):
+    """An invalid value, with a message for people."""
 
 
 def _damaged(found: str) -> InputError:
@@ -299,7 +318,9 @@ class _Scene:
             for name, kind in shapes.items()
             if name in attributes
         }
-        count = min((len(values) for values in columns.values()), default=0)
+        counts = [len(values) for values in columns.values()]
+        counts = counts or [_count(self._document["accessors"][k]) for k in attributes.values()]
+        count = min(counts, default=1)
         if count > MAX_NODES:
             raise InputError("too-large", f"got {count} instances, expected {MAX_NODES} at most.")
         rows = [{n.lower(): v[k].tolist() for n, v in columns.items()} for k in range(count)]
@@ -346,7 +367,10 @@ class _Scene:
         points = self._places(primitive).astype(np.float64)
         corners = np.arange(len(points), dtype=np.int64)
         if "indices" in primitive:
-            corners = self._values(primitive["indices"], "SCALAR").ravel().astype(np.int64)
+            numbers = self._values(primitive["indices"], "SCALAR")
+            if numbers.dtype.kind == "f":
+                raise _InvalidValueError("indices that are not whole numbers")
+            corners = numbers.ravel().astype(np.int64)
         if corners.max() >= len(points):
             raise InputError("bad-index", f"got vertex {corners.max()} of {len(points)}.")
         mode = primitive.get("mode", TRIANGLES)
@@ -372,7 +396,7 @@ class _Scene:
                 where=f"accessors[{index}]",
             )
         if accessor["type"] != expected:
-            raise ValueError(f"an accessor of type {accessor['type']}")
+            raise _InvalidValueError(f"an accessor of type {quote(accessor['type'])}")
         kind = np.dtype(COMPONENT_TYPES[accessor["componentType"]])
         view = self._document["bufferViews"][accessor["bufferView"]]
         buffer = self._buffers[view["buffer"]]
@@ -384,7 +408,7 @@ class _Scene:
         start = int(view.get("byteOffset", 0)) + inner
         end = start + stride * (count - 1) + size
         if min(inner, start) < 0 or stride < size or stride > 4096:
-            raise ValueError("an accessor with impossible numbers")
+            raise _InvalidValueError("an accessor with impossible numbers")
         if end > len(buffer) or end > start - inner + int(view["byteLength"]):
             raise InputError(
                 "truncated",
@@ -436,13 +460,16 @@ def _check_extensions(document: Document, notes: dict[str, None]) -> None:
 def _count(accessor: Document) -> int:
     count = int(accessor["count"])
     if count < 0:
-        raise ValueError(f"a count of {count}")
+        raise _InvalidValueError(f"a count of {count}")
     return count
 
 
 def _transform(node: Document) -> Floats:
     if "matrix" in node:
-        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+        matrix = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+        if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+            raise _InvalidValueError("a matrix whose last row is not 0, 0, 0, 1")
+        return matrix
     from trimesh import transformations
 
     x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))

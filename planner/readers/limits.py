@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,6 +19,9 @@ headings and comments. Larger values admit longer ones. Chosen."""
 MAX_QUOTE_CHARACTERS: Final = 40
 """Maximum length, in characters, of text from an input file that an error message quotes; the rest
 is cut off. Larger values make longer messages. Chosen."""
+
+DECIMAL_COMMA: Final = re.compile(r"[+-]?[0-9]+,[0-9]+(?:[eE][+-]?[0-9]+)?\Z")
+"""Matches a number with a decimal comma, as some languages write it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +46,43 @@ def quote(found: object) -> str:
     text = found if isinstance(found, str) else repr(found)
     shown = "".join(c if c.isprintable() else "·" for c in text[: MAX_QUOTE_CHARACTERS + 1])
     return f"{shown[:MAX_QUOTE_CHARACTERS]}…" if len(text) > MAX_QUOTE_CHARACTERS else shown
+
+
+def parse_float(word: str | bytes) -> float:
+    """Return the number in a word of a mesh file.
+
+    Python also takes underscores and digits of other scripts, which no format allows.
+
+    Raises:
+        ValueError: The word is no number; says what was found, in a sentence for people.
+    """
+    text = word if isinstance(word, str) else word.decode("latin-1")
+    try:
+        if text.isascii() and "_" not in text:
+            return float(text)
+    except ValueError:
+        pass
+    raise ValueError(_no_number(text))
+
+
+def parse_int(word: str | bytes) -> int:
+    """Return the whole number in a word of a mesh file.
+
+    Raises:
+        ValueError: The word is no whole number; says what was found, in a sentence for people.
+    """
+    text = word if isinstance(word, str) else word.decode("latin-1")
+    try:
+        if text.isascii() and "_" not in text:
+            return int(text)
+    except ValueError:
+        pass
+    raise ValueError(f"{quote(text)!r} where a whole number is needed")
+
+
+def _no_number(text: str) -> str:
+    found = f"{quote(text)!r} where a number is needed"
+    return f"{found} (write decimals with a point)" if DECIMAL_COMMA.match(text) else found
 
 
 def megabytes(count: int) -> str:

@@ -108,6 +108,6 @@ def _header(data: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]:
             "the header of this .npy file cannot be read; save the array again with numpy.save.",
             where="header",
         ) from error
-    if any(n < 0 for n in shape):
+    if any(type(n) is not int or n < 0 for n in shape):
         raise InputError("damaged", f"got the shape {shape}, expected (N, 3).", where="header")
     return shape, bool(fortran), dtype, stream.tell()

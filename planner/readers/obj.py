@@ -6,15 +6,19 @@ import re
 from typing import Final
 
 from planner.errors import InputError
-from planner.readers.limits import Source, quote
-from planner.readers.text import HASH_COMMENT
+from planner.readers.limits import Source, parse_float, parse_int
+from planner.readers.text import HASH_COMMENT, LEADING_COMMENTS
 from planner.readers.trimesh_meshes import triangles_in
 from planner.shapes.solid import Solid, check_triangles
 
 VERTEX_LINE: Final = re.compile(rb"(?m)^[ \t]*v[ \t]+[-+.\dnNiI]")
-LEADING_COMMENTS: Final = re.compile(rb"(?:[ \t]*(?:#[^\r\n]*)?[\r\n])*+")
 NEWLINE: Final = b"\n"
-CONTINUED: Final = re.compile(rb"\\\r?\n")
+LINE_BREAK: Final = b"\\\n"
+CONTINUED: Final = re.compile(
+    rb"(?m)^[ \t]*[vf][ \t](?:[^\\\n]|\\(?!\n))*+(?:\\\n(?:[^\\\n]|\\(?!\n))*+)++"
+)
+"""Matches a vertex or polygon that goes on in further lines. Other statements are ignored, and may
+end with the backslash of a path."""
 BLANKS: Final = bytes.maketrans(b"\t\f\v", b"   ")
 FREE_FORM: Final = re.compile(rb"(?m)^[ \t]*(surf|curv2?|call|csh|fo|bzp|bsp|cdc|cdp|res)[ \t]")
 POINTS_OR_LINES: Final = re.compile(rb"(?m)^[ \t]*[pl][ \t]+[-\d]")
@@ -95,11 +99,21 @@ def _plain(data: bytes) -> bytes:
 
     trimesh knows no tabs and indents, and cuts a mesh apart where its material changes.
     """
-    text = CONTINUED.sub(b" ", data) if b"\\" in data else data
+    text = _continued(data)
     text = b"\n%b\n" % OTHER_LINE.sub(b"", text.translate(BLANKS))
     text = HASH_COMMENT.sub(b"", text) if b"#" in text else text
     spare = any(found in text for found in (b"  ", b"\n ", b" \n"))
     return SPARE_SPACE.sub(b"", text) if spare else text
+
+
+def _continued(data: bytes) -> bytes:
+    """Return a file with continued lines joined, and as many empty lines after them."""
+    if LINE_BREAK not in data:
+        return data
+    return CONTINUED.sub(
+        lambda found: found[0].replace(LINE_BREAK, b" ") + NEWLINE * found[0].count(LINE_BREAK),
+        data,
+    )
 
 
 def _counted_from_the_first(text: bytes) -> bytes:
@@ -114,9 +128,9 @@ def _counted_from_the_first(text: bytes) -> bytes:
         known += line[:1] == b"v"
         if line[:1] == b"f" and b"-" in line:
             try:
-                corners = [int(word) for word in line.split()[1:]]
+                corners = [parse_int(word) for word in line.split()[1:]]
             except ValueError as error:
-                raise _damaged(quote(str(error))) from error
+                raise _damaged(str(error)) from error
             # One before the first vertex becomes 0.
             counted = [max(0, known + 1 + at) if at < 0 else at for at in corners]
             line = b"f " + b" ".join(b"%d" % at for at in counted)
@@ -127,16 +141,16 @@ def _counted_from_the_first(text: bytes) -> bytes:
 def _first_fault(data: bytes, vertices: int) -> InputError | None:
     """Return the error of the first line that cannot be read; None if all can."""
     known = 0
-    lines = HASH_COMMENT.sub(b"", CONTINUED.sub(b" ", data)).decode("latin-1").split("\n")
+    lines = HASH_COMMENT.sub(b"", _continued(data)).decode("latin-1").split("\n")
     for number, line in enumerate(lines, 1):
         kind, *words = line.split() or [""]
         try:
             if kind == "v":
                 known += 1
-                if len([float(word) for word in words[:3]]) < 3:
+                if len([parse_float(word) for word in words[:3]]) < 3:
                     raise ValueError(f"a vertex of {len(words)} coordinates")
             elif kind == "f":
-                for corner in (int(word.partition("/")[0]) for word in words):
+                for corner in (parse_int(word.partition("/")[0]) for word in words):
                     if corner == 0:
                         raise ValueError("corner 0")
                     if not -known <= corner <= vertices:
@@ -147,5 +161,5 @@ def _first_fault(data: bytes, vertices: int) -> InputError | None:
                             where=f"line {number}",
                         )
         except ValueError as error:
-            return _damaged(quote(str(error)), number)
+            return _damaged(str(error), number)
     return None

@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.readers.limits import Source, quote
+from planner.readers.limits import Source, parse_float, parse_int, quote
 from planner.readers.number_tables import Table, chunks, table, whole
-from planner.readers.text import HASH_COMMENT
+from planner.readers.text import HASH_COMMENT, LEADING_COMMENTS
 from planner.shapes.polygons import fans
 from planner.shapes.solid import Solid, check_triangles
 
 KIND: Final = re.compile(r"(?:ST)?C?N?4?n?OFF(?=[\s#]|$)")
+KEYWORD_PROBE_BYTES: Final = 64
+"""Number of bytes after leading comments in which an OFF file's keyword is searched. Larger values
+allow more space before it. Chosen."""
 MAX_POLYGON_CORNERS: Final = 10_000
 """Maximum number of corners of one polygon of an OFF mesh; a larger number counts as damage and the
 file is refused. Chosen."""
@@ -26,7 +29,9 @@ Mesh: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int6
 
 def is_off(data: bytes) -> bool:
     """Return True if the first word is an OFF keyword."""
-    start = data[:64].lstrip()
+    head = LEADING_COMMENTS.match(data)
+    begin = head.end() if head else 0
+    start = data[begin : begin + KEYWORD_PROBE_BYTES].lstrip()
     return KIND.match(start.decode("latin-1")) is not None
 
 
@@ -139,18 +144,19 @@ def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
     number = 0
     try:
         for number, words in lines[:vertices]:  # noqa: B007
-            points.append([float(words[0]), float(words[1]), float(words[2])])
+            points.append([parse_float(words[0]), parse_float(words[1]), parse_float(words[2])])
         for number, words in lines[vertices : vertices + polygons]:  # noqa: B007
-            corners = int(words[0])
+            corners = parse_int(words[0])
             if not 0 <= corners <= MAX_POLYGON_CORNERS or corners >= len(words):
                 raise ValueError(f"a polygon of {quote(words[0])} corners")
-            flat += [int(word) for word in words[1 : corners + 1]]
+            flat += [parse_int(word) for word in words[1 : corners + 1]]
             counts.append(corners)
         rows = np.array(flat, dtype=np.int64)
     except (ValueError, IndexError, OverflowError) as error:
+        found = str(error) if isinstance(error, ValueError) else "too few or too large numbers"
         raise InputError(
             "damaged",
-            f"{quote(str(error))}; expected three coordinates, or a count and as many corners.",
+            f"got {found}; expected three coordinates, or a count and as many corners.",
             where=f"line {number}",
         ) from error
     more = len(lines) - vertices - polygons

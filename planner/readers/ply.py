@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.readers.limits import Source, quote
+from planner.readers.limits import Source, parse_float, quote
 from planner.shapes.polygons import fans
 from planner.shapes.solid import Solid, check_triangles
 
@@ -89,6 +89,8 @@ def read_ply(data: bytes, source: Source) -> Solid:
             corners, counts = columns[place]
             with np.errstate(invalid="ignore"):
                 rows = corners.astype(np.int64)
+            if corners.dtype.kind == "f" and not np.array_equal(rows, corners):
+                raise _damaged("a face has a vertex number that is not whole")
             parts.append(fans(rows, counts) if element.name == "face" else _strips(rows, counts))
     others = [e.name for e in elements if e.count and any(p.length for p in e.properties)]
     lists = [name for name in others if name not in ("face", "tristrips")]
@@ -250,9 +252,14 @@ class _Text:
 
     def _numbers(self, words: list[bytes]) -> NDArray[np.float64]:
         try:
-            return np.array([float(word) for word in words])
+            if b"_" not in b"".join(words):  # which Python takes within numbers
+                return np.array([float(word) for word in words])
+        except ValueError:
+            pass
+        try:
+            return np.array([parse_float(word) for word in words])
         except ValueError as error:
-            raise _damaged(quote(str(error))) from error
+            raise _damaged(f"got {error}") from error
 
 
 def _fits(lines: list[list[bytes]], elements: list[_Element]) -> bool:

@@ -47,6 +47,7 @@ ones more time; the mesh is the same. Chosen."""
 TAIL_IGNORED: Final = "bytes after the last triangle were ignored."
 FACET_END: Final = b"endfacet"
 SOLID_NAME: Final = re.compile(rb"(?m)^[ \t]*(?:end)?solid\b(?:(?!\bfacet\b).)*")
+UNFINISHED: Final = re.compile(rb"\bfacet\b")
 VERTEX: Final = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 NO_NUMBER: Final = re.compile(
     rb" (?![-+]?(?:[\d.]+(?:e[-+]?\d+)?|nan|inf(?:inity)?)[ \n])([^ \n]*)"
@@ -145,9 +146,9 @@ def _text(data: bytes, source: Source) -> Solid:
     check_triangles(text.count(FACET_END), source.most_triangles)
     corners = np.concatenate([_corners(part) for part in _facets(text)])
     end = text.rfind(b"endsolid", -STL_PROBE_BYTES)
-    if end < 0:
-        raise InputError("truncated", "the file ends before 'endsolid'; save or send it again.")
     rest = b" ".join(text[end:].splitlines()[1:]).strip()
+    if end < 0 or UNFINISHED.search(rest):
+        raise InputError("truncated", "the file ends before 'endsolid'; save or send it again.")
     return Solid.from_triangles(
         corners,
         np.arange(len(corners)).reshape(-1, 3),

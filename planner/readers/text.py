@@ -22,6 +22,10 @@ WORD_SEPARATOR: Final = re.compile(r'[\s,;"]+')
 COMMENT_MARK: Final = "#"
 HASH_COMMENT: Final = re.compile(rb"#[^\n]*")
 """Matches a comment in the bytes of a text file: from a number sign to the end of the line."""
+LEADING_COMMENTS: Final = re.compile(rb"(?:[ \t]*(?:#[^\r\n]*)?[\r\n])*+")
+"""Matches comments and empty lines at the beginning of the bytes of a text file."""
+CONTROL: Final = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f]")
+"""Matches bytes that no text holds; the separators and the end mark of old systems are allowed."""
 TEXT_PROBE_SIZE: Final = 20_000
 """Number of bytes, or characters, at the beginning of a file that are checked to be text, and to
 contain a number. Larger values recognise more files with long preambles, and cost more. Chosen."""
@@ -62,7 +66,7 @@ def to_utf8(data: bytes) -> bytes:
 
 
 def decode(data: bytes, expected: str) -> str:
-    """Return the text of a file in UTF-8.
+    """Return the text of a file in UTF-8, or in Windows' Western encoding.
 
     Raises:
         InputError: ``wrong-kind`` when it is not text.
@@ -70,7 +74,9 @@ def decode(data: bytes, expected: str) -> str:
     try:
         text = data.decode()
     except UnicodeDecodeError as error:
-        raise wrong_kind(f"byte {error.start} is not text: a binary file", expected) from error
+        if CONTROL.search(data):
+            raise wrong_kind(f"byte {error.start} is not text: a binary file", expected) from error
+        text = data.decode("cp1252", "replace")
     if "\0" in text:
         place = text.index("\0")
         raise wrong_kind(f"character {place} is a zero byte: a binary file", expected)
@@ -87,7 +93,7 @@ def refuse_binary(data: bytes, expected: str) -> None:
     try:
         text = codecs.getincrementaldecoder("utf-8")().decode(start)
     except UnicodeDecodeError:
-        text = "\0"
+        text = "\0" if CONTROL.search(start) else ""
     if "\0" in text:
         decode(start, expected)
 

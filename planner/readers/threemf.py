@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.readers.limits import Source, quote
+from planner.readers.limits import Source, parse_float, parse_int, quote
 from planner.shapes.solid import Solid, check_triangles
 
 ZIP_MAGIC: Final = b"PK\x03\x04"
@@ -73,6 +73,8 @@ OTHER_FORMS: Final = {
     "levelset": "functions of space",
     "displacementmesh": "displaced meshes",
 }
+CORE: Final = "/3dmanufacturing/core/"
+"""Part of the URI of the elements of a 3MF model that are no extension."""
 IDENTITY: Final = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 Floats = NDArray[np.float64]
@@ -126,8 +128,12 @@ def read_threemf(data: bytes, source: Source) -> Solid:
         raise InputError(
             "unsupported", f"the archive's compression is not supported ({quote(str(error))})."
         ) from error
-    except (ValueError, KeyError, IndexError, OverflowError, struct.error) as error:
-        raise _damaged(f"its model is broken ({quote(str(error))})") from error
+    except KeyError as error:
+        raise _damaged(f"its model lacks {quote(str(error))}") from error
+    except (ValueError, IndexError, OverflowError, struct.error) as error:
+        raise _damaged(f"its model is broken ({error})") from error
+    except LookupError as error:
+        raise _damaged("its XML has an unknown encoding") from error
     return models.solid()
 
 
@@ -161,6 +167,8 @@ def _models(archive: zipfile.ZipFile) -> list[str]:
     packed = sum(e.compress_size for e in models)
     if unpacked > MAX_UNPACKED_BYTES or _is_bomb(unpacked, packed):
         raise _bomb(unpacked, packed)
+    if len({e.filename.strip("/").lower() for e in models}) < len(models):
+        raise _damaged("its archive has two models of one name")
     main = _main_model(archive)
     names = [e.filename for e in sorted(models, key=lambda e: e.filename.count("/"))]
     return sorted(names, key=lambda name: name.lower() != main)
@@ -204,6 +212,7 @@ class _Models:
         self._unpacked = 0
         self._units: set[str] = set()
         self._is_root = True
+        self._prefixes = {""}
         self._notes: dict[str, None] = {}
         self._volume: tuple[int, int] | None = None
 
@@ -250,7 +259,7 @@ class _Models:
             case "object":
                 self._now = self._objects.get((self._name, fields.get("id", "")))
             case "volume":
-                self._volume = int(fields["firstid"]), int(fields["lastid"])
+                self._volume = parse_int(fields["firstid"]), parse_int(fields["lastid"])
             case "part":
                 self._volume = None
                 if fields.get("subtype", "normal_part") != "normal_part":
@@ -280,7 +289,9 @@ class _Models:
                 "unsupported",
                 f"got models in {units}, expected one unit; export all parts in the same unit.",
             )
-        names = {k.partition(":")[2]: v for k, v in fields.items() if k.startswith("xmlns:")}
+        names = {k.partition(":")[2]: v for k, v in fields.items() if k.startswith("xmlns")}
+        core = {prefix for prefix, name in names.items() if CORE in name}
+        self._prefixes = core or {""}
         for prefix in fields.get("requiredextensions", "").split():
             name = names.get(prefix, prefix)
             if not any(word in name.lower() for word in ACCEPTED_EXTENSION_PARTS):
@@ -294,14 +305,19 @@ class _Models:
     def _start(self, tag: str, fields: dict[str, str]) -> None:
         if self._role:
             self._take_role()
-        match tag.rpartition(":")[2]:
-            case "model":
-                self._check_model(fields)
+        prefix, _, tag = tag.rpartition(":")
+        if tag == "model":
+            self._check_model(fields)
+        elif prefix not in self._prefixes and tag not in OTHER_FORMS:
+            return  # an element of an extension that has a name of the core
+        match tag:
             case "vertex" if self._now is not None:
-                point = float(fields["x"]), float(fields["y"]), float(fields["z"])
+                x, y, z = fields["x"], fields["y"], fields["z"]
+                point = parse_float(x), parse_float(y), parse_float(z)
                 self._now.points.append(point)
             case "triangle" if self._now is not None:
-                corners = int(fields["v1"]), int(fields["v2"]), int(fields["v3"])
+                first, second, third = fields["v1"], fields["v2"], fields["v3"]
+                corners = parse_int(first), parse_int(second), parse_int(third)
                 if max(corners) >= 1 << 31:
                     raise ValueError("a vertex number that is too large")
                 self._now.corners.append(corners)
@@ -340,7 +356,7 @@ class _Models:
     def _reference(self, fields: dict[str, str]) -> tuple[Key, Floats]:
         path = next((v for k, v in fields.items() if k.rpartition(":")[2] == "path"), "")
         words = fields.get("transform", "").split()
-        numbers = [float(word) for word in words] if words else IDENTITY
+        numbers = [parse_float(word) for word in words] if words else IDENTITY
         if len(numbers) != 12 or not np.isfinite(numbers).all():
             raise ValueError("a transform that is not twelve numbers")
         key = path.strip("/").lower() or self._name, fields["objectid"]
@@ -395,6 +411,10 @@ class _Models:
                 mirrored = np.linalg.det(transform[:3]) < 0
             faces.append((corners[:, ::-1] if mirrored else corners) + rows)
             rows += len(own)
+        if not faces and LEFT_OUT in self._notes:
+            raise InputError(
+                "empty", "all parts are cutters, modifiers or supports, expected material."
+            )
         check_triangles(len(faces), self._source.most_triangles)
         self._note_unbuilt([key for key, _ in items] + self._unprinted)
         return Solid.from_triangles(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.readers.limits import Source, quote, too_many
+from planner.readers.limits import Source, parse_int, quote, too_many
 from planner.shapes.shape import Shape
 
 VOX_MAGIC: Final = b"VOX "
@@ -247,8 +247,8 @@ def _placed(words: dict[bytes, bytes]) -> _Placed:
     turn, shift = np.eye(3, dtype=np.int64), np.zeros(3, dtype=np.int64)
     try:
         if b"_t" in words:
-            shift = np.array([int(word) for word in words[b"_t"].split()], dtype=np.int64)
-        code = int(words.get(b"_r", b"4"))
+            shift = np.array([parse_int(word) for word in words[b"_t"].split()], dtype=np.int64)
+        code = parse_int(words.get(b"_r", b"4"))
     except (ValueError, OverflowError) as error:
         raise _damaged("a node has no valid position") from error
     first, second = code & 3, (code >> 2) & 3

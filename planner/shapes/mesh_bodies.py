@@ -132,17 +132,41 @@ def orient_bodies(points: Floats, faces: Ints) -> Oriented | None:
     said = np.sign(mesh.volumes) * np.where(2 * flipped > sizes, -1, 1)
     wanted = np.where(_containers(mesh, said) % 2 == 1, -1, 1)
     wrong = mesh.filled & (np.sign(mesh.volumes) != wanted)
+    faces = _turned(mesh.faces, wrong[body])
+    if wrong.any():
+        faces = _once(faces, body)  # both sides of double-sided walls face outwards now
     return Oriented(
-        faces=_turned(mesh.faces, wrong[body]),
+        faces=faces,
         volume=float((np.abs(mesh.volumes) * wanted)[mesh.filled].sum()),
         notes=tuple(
             _notes(
                 wanted[mesh.filled & (said != wanted)],
                 bodies=int(mesh.filled.sum()),
                 triangles=int(np.minimum(flipped, sizes - flipped).sum()),
+                sheets=_count_sheets(mesh, body),
             )
         ),
     )
+
+
+def _once(faces: Ints, body: Ints) -> Ints:
+    """Return triangles without the bodies of which every triangle occurs in a body before it."""
+    turn = np.argmin(faces, axis=1)
+    turned = np.take_along_axis(faces, (turn[:, None] + np.arange(3)) % 3, axis=1)
+    _, first, kind = np.unique(turned, axis=0, return_index=True, return_inverse=True)
+    again = first[kind.reshape(-1)] != np.arange(len(faces))
+    repeated = np.bincount(body, weights=~again) == 0
+    return faces[~repeated[body]] if repeated.any() else faces
+
+
+def _count_sheets(mesh: _Bodies, body: Ints) -> int:
+    """Return the number of bodies without an inside that are not walls between other bodies."""
+    if mesh.filled.all():
+        return 0
+    used = np.zeros(len(mesh.points), dtype=np.bool_)
+    used[mesh.faces[mesh.filled[body]]] = True
+    outside = body[~used[mesh.faces].all(axis=1)]
+    return len(np.unique(outside[~mesh.filled[outside]]))
 
 
 def _turned(faces: Ints, which: Bools) -> Ints:
@@ -151,9 +175,12 @@ def _turned(faces: Ints, which: Bools) -> Ints:
     return np.where(which[:, None], faces[:, ::-1], faces)
 
 
-def _notes(changed: Ints, *, bodies: int, triangles: int) -> list[str]:
+def _notes(changed: Ints, *, bodies: int, triangles: int, sheets: int) -> list[str]:
     """Return what was turned: bodies to 1 (outwards) or −1 (inwards), and single triangles."""
     notes: list[str] = []
+    if sheets:
+        which = "part that encloses" if sheets == 1 else "parts that enclose"
+        notes.append(f"{sheets} {which} no volume {'was' if sheets == 1 else 'were'} ignored.")
     if triangles:
         word = "triangle was" if triangles == 1 else "triangles were"
         notes.append(f"{triangles} {word} flipped to match the neighbours.")
@@ -202,6 +229,7 @@ def _surfaces(points: Floats, faces: Ints) -> tuple[Ints, Bools] | None:
     half, edge = half[of_rest], edge[of_rest]
     angles = _angles(points, faces, half, forward[half])
     around = np.lexsort((angles, edge))
+    around = _apart(around, angles[around], edge[around])
     half, angles, edge = half[around], angles[around], edge[around]
     # Of walls that lie on each other, the one that agrees with the triangle before comes first.
     odd = np.arange(1, len(half) - 1, 2)
@@ -213,6 +241,29 @@ def _surfaces(points: Floats, faces: Ints) -> tuple[Ints, Bools] | None:
     ]
     half[swapped], half[swapped + 1] = half[swapped + 1], half[swapped]
     return _consistent(count, np.concatenate([pairs, half.reshape(-1, 2)]), forward)
+
+
+def _apart(order: Ints, angles: Floats, edge: Ints) -> Ints:
+    """Return triangles around edges in an order that pairs no walls that lie on each other.
+
+    The first and second triangle of an edge form a pair, the third and fourth, and so on. If such
+    pairs have equal angles, they would enclose nothing, and a body that occurs twice would vanish.
+    So the order at an edge with no other pairs begins one triangle later.
+
+    Args:
+        order: (H,) triangles, in the order of their edges and angles.
+        angles, edge: (H,) their angles and edges.
+    """
+    begins = np.flatnonzero(np.concatenate([[True], np.diff(edge) != 0]))
+    sizes = np.diff(np.append(begins, len(edge)))
+    after = np.arange(1, len(edge) + 1)
+    after[begins + sizes - 1] = begins
+    equal = angles == angles[after]
+    odd = (np.arange(len(edge)) - np.repeat(begins, sizes)) % 2 == 1
+    even_ties = np.add.reduceat(equal & ~odd, begins)
+    odd_ties = np.add.reduceat(equal & odd, begins)
+    moved = np.repeat((2 * even_ties == sizes) & (odd_ties < even_ties), sizes)
+    return order[np.where(moved, after, np.arange(len(edge)))]
 
 
 def _angles(points: Floats, faces: Ints, half: Ints, forward: Bools) -> Floats:
@@ -232,6 +283,8 @@ def _angles(points: Floats, faces: Ints, half: Ints, forward: Bools) -> Floats:
     up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), np.finfo(float).tiny)
     apart = third - start
     angles = np.arctan2(np.einsum("ij,ij->i", apart, up), np.einsum("ij,ij->i", apart, side))
+    # The two ends of the range are one direction.
+    angles[angles < -np.pi + 1e-9] = np.pi
     return np.round(angles, 9)
 
 

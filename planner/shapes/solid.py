@@ -30,6 +30,9 @@ MAX_LOOSE_TRIANGLES: Final = 200_000
 """Maximum number of triangles of a mesh whose vertices are joined without a test. A larger mesh is
 first judged by a sample of its edges, and refused as scattered triangles rather than repaired;
 larger values may spend more time on such meshes. Chosen."""
+MIN_NOTED_HOLE_SHARE: Final = 1e-12
+"""Minimum area of closed holes, as a fraction of the surface, that a note reports. Holes with less
+are lines, which triangles without area leave behind. Chosen."""
 TRIANGLE_CHUNK: Final = 1 << 17
 """Number of triangles whose areas are computed in one NumPy call. Larger values take more memory;
 the result is the same. Chosen."""
@@ -210,6 +213,13 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
     if not len(corners):
         raise InputError("degenerate", "got triangles that coincide, expected a closed surface.")
     edges = edges_of(corners)
+    if edges.open:
+        # Walls of two bodies may lie on each other; without one of them the mesh would be open.
+        every_point, every_corner = welded(solid.vertices, solid.faces, tolerance=0.0, once=False)
+        if len(every_corner) > len(corners):
+            every = edges_of(every_corner)
+            if every.open < edges.open:
+                points, corners, edges = every_point, every_corner, every
     if edges.open and (len(corners) <= MAX_LOOSE_TRIANGLES or not edges.scattered):
         loose_points, loose_corners = welded(
             points, corners, tolerance=WELD_TOLERANCE * float(solid.extents.max())
@@ -222,10 +232,12 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
         raise _no_surface(len(corners))
     if edges.open:
         closed = closed_holes(points, corners, edges)
-        if closed.holes:
+        # A triangle without area that was left out leaves a hole without area.
+        if closed.holes and closed.share > MIN_NOTED_HOLE_SHARE:
             word = "hole was" if closed.holes == 1 else "holes were"
             share = f", {100 * closed.share:.0f} % of the surface" if closed.share > 0.05 else ""
             said.append(f"the mesh is open: {closed.holes} {word} closed{share}.")
+        if closed.holes:
             points, corners = closed.vertices, closed.faces
             edges = edges_of(corners)
     if edges.open:

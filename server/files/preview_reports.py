@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from planner.errors import InputError
 from planner.file_names import REQUEST
-from planner.files import json_of
+from planner.files import sealed_json_of
 from planner.parameters.option import OPTIONS_KEY_CHARS
 from planner.pipeline.request import PreviewRequest
 from server.errors import ServiceError, TooMany, TooSlow, Unavailable, Unusable
@@ -144,14 +144,14 @@ class PreviewReports:
         if options.world != "table" or report["has_path"]:
             return {"offers": []}
         place = self._previews.place(preview_id, options.key)
-        if known := json_of(place / OFFERS_FILE):
+        if known := sealed_json_of(place / OFFERS_FILE):
             return known
         try:
             self._compute("offers", place, asker)
         except (TooSlow, Unavailable):
             if not (place / OFFERS_FILE).is_file():
                 raise
-        found = json_of(place / OFFERS_FILE)
+        found = sealed_json_of(place / OFFERS_FILE)
         if not found:
             raise Unavailable("gone", "The search was cancelled, because its client disconnected.")
         foreign = asker.visitor != self._previews.row(preview_id).visitor
@@ -175,12 +175,12 @@ class PreviewReports:
 
 def read_report(place: Path) -> dict[str, Any] | None:
     """Return the report in a directory of options, if it exists."""
-    return json_of(place / "report.json") or None
+    return sealed_json_of(place / "report.json") or None
 
 
 def cells_of_repair(place: Path) -> list[list[int]]:
     """Return the cells that the repair among the offers in a directory of options adds."""
-    offers = json_of(place / OFFERS_FILE).get("offers", [])
+    offers = sealed_json_of(place / OFFERS_FILE).get("offers", [])
     return next((offer["added"] for offer in offers if offer["added"]), [])
 
 

@@ -20,6 +20,8 @@ visitor. Providers assign a home a /56 or a /48 (RIPE-690), of which it may use 
 IPV4_BITS: Final = (24, 32)
 """Prefix lengths, in bits, of the IPv4 addresses that count as one network and one visitor. /24 is
 the longest prefix that is routed on the internet."""
+TRANSLATED: Final = ipaddress.IPv6Network("64:ff9b::/96")
+"""Network of the addresses as which translators show IPv4 addresses to IPv6 services (RFC 6052)."""
 NETWORK_HEX_DIGITS: Final = 12
 """Number of hexadecimal digits of a network's pseudonym (a keyed hash of its address). With fewer
 digits different networks share a pseudonym, and thus limits, more often. Chosen."""
@@ -35,11 +37,22 @@ def visitor_at(host: str) -> str:
         address = ipaddress.ip_address(host.partition("%")[0])
     except ValueError:
         return host.replace(PSEUDONYM_SEPARATOR, "")
-    if isinstance(address, ipaddress.IPv6Address) and address.ipv4_mapped is not None:
-        address = address.ipv4_mapped
+    if isinstance(address, ipaddress.IPv6Address):
+        address = _embedded(address) or address
     bits = IPV4_BITS if isinstance(address, ipaddress.IPv4Address) else IPV6_BITS
     networks = [ipaddress.ip_network((address, length), strict=False) for length in bits]
     return PSEUDONYM_SEPARATOR.join(str(network).removesuffix("/32") for network in networks)
+
+
+def _embedded(address: ipaddress.IPv6Address) -> ipaddress.IPv4Address | None:
+    """Return the IPv4 address that an IPv6 address stands for, None for others.
+
+    A translator in front of an IPv6 service has all IPv4 visitors in one /64, and a 6to4 address is
+    a /48 for each IPv4 address: networks of IPv6 would join the former and part the latter.
+    """
+    if address in TRANSLATED:
+        return ipaddress.IPv4Address(int(address) & 0xFFFF_FFFF)
+    return address.ipv4_mapped or address.sixtofour
 
 
 def networks_of(visitor: str) -> tuple[str, ...]:

@@ -44,6 +44,10 @@ MAX_START_S: Final = 3600.0
 """Maximum wall time of the start of a computing process, in s; beyond it the process is killed.
 With a smaller value processes of low priority, which get little time on a busy machine, could never
 start. Chosen."""
+KILL_S: Final = 10.0
+"""Time within which a killed computing process must have ended, in s; otherwise the process that
+forks all of its kind counts as hung and is ended, too. A smaller value may end it on a busy
+machine. Chosen."""
 CHILD_EXIT_S: Final = 1.0
 """Time that a computing process may take to exit after it has closed its output, in s; then it is
 killed. A larger value reports a crash later. Chosen."""
@@ -111,6 +115,7 @@ class _Spawned(subprocess.Popen[bytes]):
     told: Final = None
     begun: Final = True
     lost: Final = False
+    stalled: Final = False
 
     def __init__(self, kind: Kind, limits: ChildLimits, environment: Mapping[str, str]) -> None:
         super().__init__(
@@ -127,6 +132,9 @@ class _Spawned(subprocess.Popen[bytes]):
             env=environment_with(environment),
             start_new_session=True,
         )
+
+    def end_server(self) -> None:
+        """Do nothing, because no other process has forked it."""
 
     def kill_group(self) -> None:
         """Kill the child and its descendants."""
@@ -237,7 +245,11 @@ class Child:
     def kill(self) -> None:
         """Kill the child."""
         self._process.kill_group()
-        self._process.wait()
+        try:
+            self._process.wait(KILL_S)
+        except subprocess.TimeoutExpired:  # the fork server, which kills it, does not react
+            self._process.end_server()
+            self._process.wait()
 
     def close(self) -> None:
         """End the child and close its pipes."""
@@ -276,6 +288,10 @@ class Child:
                 detail = "took too long" if event is None else str(event["detail"])
                 self.kill()
                 raise ChildError(NO_START, f"a computing process did not start: {detail}")
+            elif self._process.stalled:
+                self._process.end_server()
+                detail = "a computing process did not start: it was not created in time"
+                raise ChildError(NO_START, detail)
             elif cancelled is not None and cancelled():
                 return False
         return True

@@ -16,6 +16,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -33,6 +34,13 @@ CHILD_ENVIRONMENT: Final = {
 """Environment variables of every computing process: one thread for linear algebra (more cost memory
 and gain nothing at these matrix sizes), no OpenGL in MuJoCo, as only movies draw with it, and no
 process title in the environment's memory."""
+PING_INTERVAL_S: Final = 1.0
+"""Time without a message from the fork server after which a client that waits for a child asks
+whether it still answers, in s. A smaller value sends more messages. Chosen."""
+MAX_SILENCE_S: Final = 30.0
+"""Time within which the fork server must answer that question, in s; otherwise it counts as hung,
+and another one replaces it. It answers in milliseconds, but loads compiled kernels for some
+seconds. With a larger value clients wait longer for a hung one. Chosen."""
 
 
 def environment_with(more: Mapping[str, str]) -> dict[str, str]:
@@ -62,6 +70,15 @@ class Forked:
     def begun(self) -> bool:
         """True once the process is forked."""
         return self._pid is not None
+
+    @property
+    def stalled(self) -> bool:
+        """True if the fork server has been ready and no longer answers."""
+        return self._code is None and self._server.stalled()
+
+    def end_server(self) -> None:
+        """End the fork server, with all its children; the next child starts another one."""
+        self._server.close()
 
     @property
     def told(self) -> dict[str, Any] | None:
@@ -134,6 +151,8 @@ class _Running:
         self.told: dict[str, Any] | None = None
         """The progress that it told last, for as long as it is not ready."""
         self.ready = False
+        self._heard_at = 0.0
+        self._pinged_at: float | None = None
         threading.Thread(target=self._listen, name="fork-server", daemon=True).start()
 
     @property
@@ -177,6 +196,18 @@ class _Running:
         with self._lock, contextlib.suppress(OSError):
             self._control.sendall(json.dumps({"kill": pid}).encode() + b"\n")
 
+    def stalled(self) -> bool:
+        """Return True if it has been ready, and has not answered a question for too long."""
+        with self._lock:
+            now = time.monotonic()
+            if not self.ready or not self.alive or now < self._heard_at + PING_INTERVAL_S:
+                return False
+            if self._pinged_at is None:
+                self._pinged_at = now
+                with contextlib.suppress(OSError):
+                    self._control.sendall(b'{"ping": 1}\n')
+            return now > self._pinged_at + MAX_SILENCE_S
+
     def close(self) -> None:
         """End the fork server and its children."""
         self._process.kill()
@@ -197,6 +228,7 @@ class _Running:
 
     def _hear(self, told: dict[str, Any]) -> None:
         with self._lock:
+            self._heard_at, self._pinged_at = time.monotonic(), None
             match told:
                 case {"progress": progress}:
                     self.told = progress
@@ -210,6 +242,8 @@ class _Running:
                 case {"forked": number, "pid": pid}:
                     self._forked[pid] = child = self._asked.pop(number)
                     child.begin(pid)
+                case {"pong": _}:
+                    pass
                 case {"ended": pid, "code": code}:
                     self._forked.pop(pid).end(code)
                 case _:

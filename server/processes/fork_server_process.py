@@ -79,7 +79,9 @@ class _Requests:
         self.answer(failed=why)
         problem = {"event": "problem", "code": "no-start", "detail": why}
         while True:
-            for _ in self.receive():
+            for asked in self.receive():
+                if "fork" not in asked:
+                    continue
                 stdin, stdout = self.pipes()
                 with suppress(BrokenPipeError):
                     os.write(stdout, json.dumps(problem).encode() + b"\n")
@@ -149,6 +151,8 @@ class _Forks:
                     self._waiting.append(fork)
                 else:
                     fork()
+            case {"ping": number}:
+                self._requests.answer(pong=number)
             case {"kill": pid}:
                 if pid in self._running:
                     # It makes a group of its own first of all; before that it is in this one.

@@ -17,7 +17,7 @@ from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path as CellPath
 from planner.file_names import START_PLAN
-from planner.files import write_json
+from planner.files import write_sealed_json
 from planner.pipeline.request import FoldRequest, PreviewRequest
 from planner.playback.unfolding import check_fits
 from planner.readers import read
@@ -131,7 +131,7 @@ def preview(directory: Path) -> dict[str, Any]:
     if made.options == options and made.repeatable:  # a fold reads its input in this way alone
         key = key_of(data, about["filename"], options, request.seed)
         made.prepared().save(directory, key)
-    write_json(directory / "report.json", made.report())
+    write_sealed_json(directory / "report.json", made.report())
     return {"kind": made.kind}
 
 
@@ -163,9 +163,9 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
         )
         for offer in search:  # what is found stays, even if the next shape takes too long
             made.append(offer.report())
-            write_json(directory / "offers.json", {"offers": made})
+            write_sealed_json(directory / "offers.json", {"offers": made})
     if not made and not cancelled():
-        write_json(directory / "offers.json", {"offers": []})
+        write_sealed_json(directory / "offers.json", {"offers": []})
     return {"offers": len(made)}
 
 

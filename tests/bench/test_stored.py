@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from bench.measured_tables import Section
-from bench.success_map.stored import run_missing, stored, version_of
+from bench.success_map.stored import run_missing, stored
 from planner.progress import Progress
 
 # Any frozen dataclass is suitable.
@@ -28,10 +28,6 @@ def test_stored_runs_are_not_repeated(tmp_path: Path) -> None:
     assert run_missing(path, CASES, fail_if_run, workers=2) == rows
     assert len(path.read_text().splitlines()) == 7
     assert set(stored(path, Progress)) == set(CASES)
-
-
-def test_versions_of_packages_differ() -> None:
-    assert version_of("planner") == version_of("planner") != version_of("server")
 
 
 def test_section_is_plain_json() -> None:

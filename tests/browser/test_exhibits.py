@@ -1,13 +1,12 @@
 """Folds that are shown to others: in a kiosk, and to a class that follows its leader."""
 
 import re
-from typing import Any
 
 from playwright.sync_api import Page, WebSocketRoute, expect
 
 from bench.service.kiosk import faster
 from tests.browser.conftest import Visit, seek
-from tests.server.service_process import Service
+from tests.server.service_process import FinishedFold
 
 TARGET_PX = 64
 SPEED = 6
@@ -22,11 +21,11 @@ def count_objects(page: Page) -> dict[str, int]:
 
 
 def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
-    visit: Visit, service: Service, wrench: str, finished: dict[str, Any]
+    visit: Visit, wrench: str, finished: FinishedFold
 ) -> None:
-    other = finished["id"]
+    other = finished.id
     for folds, status in (("nothing", 404), ("a/b", 422), (",".join(["a"] * 51), 422)):
-        assert service.http.get("/kiosk", params={"folds": folds}).status_code == status
+        assert finished.http.get("/kiosk", params={"folds": folds}).status_code == status
     page = visit(f"/kiosk?kiosk=10&folds={wrench},{other}", view=False, script=faster(SPEED))
     shown = page.frame_locator("iframe:not(.coming)")
     expect(shown.locator(".tour-caption")).to_contain_text("The chain is straight")

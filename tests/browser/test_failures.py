@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 import foldback_check_refusals
-from tests.browser.conftest import Visit, picture, shown_frame, wait_for_view
+from tests.browser.conftest import Visit, picture, shown_frame, wait_for_fold, wait_for_view
 from tests.planner.pathfinding.test_knots import OVERHAND, walk
 from tests.server.service_process import Service
 
@@ -84,3 +84,31 @@ def test_knot_is_drawn_located_and_confirmed(
         (tmp_path / name).write_bytes(service.http.get(str(link)).content)
     found = foldback_check_refusals.check(tmp_path / "plan.npz", tmp_path / "record.npz")
     assert found["verdict"] == "refusal confirmed", found
+
+
+NOTE_COVERS = """addEventListener("DOMContentLoaded", () => {
+  const cover = document.getElementById("cover");
+  if (!cover) return;
+  window.covers = [];
+  const note = () => window.covers.push(document.getElementById("cover-button").hidden);
+  note();
+  new MutationObserver(note).observe(
+    cover, { subtree: true, childList: true, attributes: true });
+});"""
+"""Notes whether the cover of a fold ever offers an action."""
+
+
+def test_failed_baseline_offers_the_default_preset(visit: Visit) -> None:
+    page = visit("/", script=NOTE_COVERS)
+    page.locator("details.options > summary").click()
+    page.locator("#preset").select_option(label="Direct servoing (usually fails)")
+    page.locator("[data-shape=wrench-80]").click()
+    wait_for_fold(page)
+    expect(page.locator("#verdict")).to_have_attribute("data-tone", "bad")
+    page.reload()
+    page.locator("#sketch.gone").wait_for(state="attached")
+    assert page.evaluate("window.covers.every((hidden) => hidden)")
+    before = page.url
+    page.locator("#again", has_text="Try with the default preset").click()
+    page.wait_for_url(lambda url: "/folds/" in url and url != before)
+    expect(page.locator("#verdict")).to_have_attribute("data-tone", "good")

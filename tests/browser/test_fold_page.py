@@ -122,3 +122,16 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
         page.locator("#panel-downloads a").first.click()
     plan = json.loads(Path(download.value.path()).read_text())
     assert plan["format"] == "foldback-plan/3"
+
+
+@pytest.mark.long
+def test_escape_closes_the_details_and_restores_focus(visit: Visit, wrench: str) -> None:
+    page = visit(f"/folds/{wrench}")
+    page.locator("#details").click()
+    page.locator("#sketch.gone").wait_for(state="attached")
+    view = page.locator("#view").bounding_box()
+    page.mouse.click(view["x"] + 20, view["y"] + 60)  # the view has the focus now
+    page.keyboard.press("Escape")
+    expect(page.locator("#drawer")).to_be_hidden()
+    expect(page.locator("#details")).to_be_focused()
+    expect(page.locator("#details")).to_have_attribute("aria-expanded", "false")

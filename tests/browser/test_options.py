@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import expect
 
 from planner.parameters.settings_text import SETTINGS
+from planner.plan.plan import Plan
 from tests.browser.conftest import (
     WIDTH,
     Visit,
@@ -57,12 +58,21 @@ def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: S
 
 
 @pytest.mark.long
-def test_choice_lists_all_plans_as_dots_and_rows(visit: Visit, service: Service) -> None:
+def test_fastest_plan_is_chosen_and_all_are_shown_as_dots_and_rows(
+    visit: Visit, service: Service
+) -> None:
     fold = service.fold(STAIRS, prefer="time")["id"]
-    service.wait_over(fold)
+    certificate = service.wait_over(fold)["summary"]["certificate"]
+    attempts = Plan.load(service.directory(fold) / "plan.npz").attempts
+    times = [each["figures"]["fold_time_s"] for each in attempts if "figures" in each]
+    assert len(times) > 2 and certificate["fold_time_s"] == min(times)
     page = visit(f"/folds/{fold}", width=375, height=812, view=False)
     page.locator("#details").click()
-    plans = service.http.get(f"/folds/{fold}/facts").json()["choice"]["plans"]
+    facts = service.http.get(f"/folds/{fold}/facts").json()
+    plans = facts["choice"]["plans"]
+    assert f"fastest of {len(plans)} plans" in facts["verdict"]["text"]
+    (first,) = (way for way in facts["compare"] if way["text"] == "First verified plan")
+    assert first["form"]["prefer"] == "computing"
     expect(page.locator(".choice-dot")).to_have_count(len(plans))
     expect(page.locator(".choice-dot.chosen")).to_have_count(1)
     expect(page.locator(".choice-table tbody tr")).to_have_count(len(plans))

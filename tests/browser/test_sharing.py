@@ -148,13 +148,6 @@ def test_compare_plays_and_turns_two_folds_together(
     page.keyboard.press("ArrowRight")  # the address changes
     page.wait_for_url(address.replace("frame=11", "frame=12"))
 
-    sides[1].get_by_role("button", name="here").click()
-    dialog = page.get_by_role("dialog")
-    expect(dialog.get_by_role("status")).to_contain_text("Checked by this browser")
-    dialog.get_by_role("button", name="Tightest place").click()
-    expect(dialog).to_have_count(0)
-    expect(page.locator("#r-phase")).to_have_text("Playback")
-
 
 @pytest.mark.long
 @pytest.mark.parametrize("way", ["refold", "smooth"])
@@ -192,13 +185,6 @@ def test_movie_is_made_and_downloaded(visit: Visit, wrench: str) -> None:
     with page.expect_download() as download:
         page.get_by_role("link", name="Download the GIF").click()
     assert download.value.path().read_bytes()[:4] == b"GIF8"
-
-
-def test_pages_name_their_social_picture(service: Service, wrench: str) -> None:
-    for path, drawn in ((f"/folds/{wrench}", f"folds/{wrench}"), ("/", "featured")):
-        page = service.http.get(path).text
-        found = re.search(r'<meta property="og:image" content="([^"]+)"', page)
-        assert found and found[1] == f"{service.http.base_url}/{drawn}/picture.png"
 
 
 LEVELS = 8

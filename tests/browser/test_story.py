@@ -99,3 +99,17 @@ def test_menu_of_a_fold_links_and_renames(visit: Visit) -> None:
     menu.click()
     page.get_by_role("link", name="My folds").click()
     expect(page.locator(f"#folds [data-id='{fold}'] .card-title")).to_have_text("My stairs")
+
+
+@pytest.mark.long
+def test_typed_chain_folds_and_names_a_wrong_character(visit: Visit) -> None:
+    page = visit("/", view=False)
+    page.locator("#type").click()
+    expect(page.locator("#angles")).to_be_focused()
+    page.locator("#angles").fill("0 - x +")
+    page.locator("#typed").click()
+    expect(page.locator("#drop-message")).to_contain_text("Character 5")
+    page.locator("#angles").fill("- - - + - - - + - - -")
+    page.keyboard.press("Enter")
+    wait_for_fold(page)
+    expect(page.locator("#verdict")).to_have_text(re.compile(r"^Verified .* · 12\smodules$"))

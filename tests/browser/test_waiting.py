@@ -5,7 +5,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.conftest import Visit, choose, wait_until
+from tests.browser.conftest import WIDTH, Visit, choose, keep_as_mine, wait_until
 from tests.browser.test_accessibility import findings
 from tests.server.service_process import Service, owner
 
@@ -73,3 +73,28 @@ def test_time_left_is_shown_and_movie_is_stopped(visit: Visit, service: Service)
     expect(state).to_have_text("Stopped")
     expect(page.get_by_role("button", name="Create movie")).to_be_enabled()
     assert service.http.delete(f"/api/folds/{fold['id']}", headers=owner(fold)).status_code == 204
+
+
+@pytest.mark.long
+def test_cancelling_is_shown_until_it_is_done(visit: Visit, service: Service) -> None:
+    page = visit("/shapes/new")
+    fold = service.fold(shape="mallet-192", seed="11", preset="paper")
+    keep_as_mine(page, fold)
+    page.goto(f"/folds/{fold['id']}")
+    page.locator("#cancel").wait_for()
+    assert findings(page) == {}
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.evaluate(
+        """window.said = [];
+        const verdict = document.getElementById("verdict");
+        new MutationObserver(() => said.push(verdict.textContent))
+          .observe(verdict, { childList: true, characterData: true, subtree: true });
+        document.getElementById("cancel").addEventListener(
+          "click", () => { window.said = []; }, { capture: true });"""
+    )
+    page.locator("#cancel").click()
+    expect(page.locator("#verdict")).to_have_text("Cancelled before it finished")
+    assert set(page.evaluate("window.said")) == {"Cancelling…", "Cancelled before it finished"}
+    expect(page.get_by_role("button", name="Fold again")).to_be_visible()
+    expect(page.locator("#stuck")).to_be_hidden()
+    assert page.evaluate(WIDTH) <= 390

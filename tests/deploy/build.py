@@ -14,11 +14,11 @@ import shutil
 import ssl
 import subprocess
 import sys
-import time
 import urllib.request
 from pathlib import Path
 
 from tests.deploy.files import DEPLOY, check
+from tests.server.service_process import wait_until
 
 ROOT = DEPLOY.parent
 BASE_IMAGE = "docker.io/library/python:3.11-slim-bookworm"
@@ -121,16 +121,10 @@ def serve(builder: Builder, container: str) -> None:
     line = f"{environment} foldback serve & echo $! > /data/{name}.pid; wait"
     process = builder.start("run", "--network=host", container, "--", "sh", "-c", line)
     try:
-        deadline = time.monotonic() + TIMEOUT_S
-        while True:
-            try:
-                with urllib.request.urlopen(f"http://127.0.0.1:{PORT}/health") as answer:
-                    check("it serves", json.load(answer) == {"status": "ok"})
-                break
-            except OSError:
-                if process.poll() is not None or time.monotonic() > deadline:
-                    raise
-                time.sleep(0.2)
+        health = f"http://127.0.0.1:{PORT}/health"
+        wait_until(lambda: urllib.request.urlopen(health), errors=(OSError,))
+        with urllib.request.urlopen(health) as answer:
+            check("it serves", json.load(answer) == {"status": "ok"})
         test = re.search(r'CMD \["python3", "-c", "(.*)"\]', dockerfile_text())
         code = f"import os; os.environ['FOLDBACK_PORT'] = '{PORT}'; {test[1]}"
         builder("run", "--network=host", container, "--", "python3", "-c", code)

@@ -4,12 +4,11 @@ import os
 import socket
 import ssl
 import subprocess
-import time
 from pathlib import Path
 
 import httpx
 
-from tests.server.service_process import TIMEOUT_S
+from tests.server.service_process import TIMEOUT_S, wait_until
 from tests.tools import CADDY
 
 CADDYFILE = Path(__file__).parents[2] / "deploy" / "Caddyfile"
@@ -45,7 +44,10 @@ class Proxy:
         command = [CADDY.get(), "run", "--config", str(CADDYFILE), "--adapter", "caddyfile"]
         with open(self.log, "w") as log:
             self.process = subprocess.Popen(command, env=environment, stderr=log, stdout=log)
-        self._wait(f"http://127.0.0.1:{health}/")
+        address = f"http://127.0.0.1:{health}/"
+        wait_until(
+            lambda: httpx.get(address).is_success, self.log.read_text, (httpx.TransportError,)
+        )
         root = place / "caddy" / "pki" / "authorities" / "local" / "root.crt"
         self.tls = ssl.create_default_context(cafile=str(root))
         self.address = f"https://localhost:{self.port}"
@@ -75,17 +77,6 @@ class Proxy:
             self.tls.wrap_socket(plain, server_hostname="localhost") as tls,
         ):
             tls.sendall(data)
-
-    def _wait(self, address: str) -> None:
-        deadline = time.monotonic() + TIMEOUT_S
-        while True:
-            try:
-                if httpx.get(address).is_success:
-                    return
-            except httpx.TransportError:
-                assert self.process.poll() is None, self.log.read_text()
-                assert time.monotonic() < deadline, self.log.read_text()
-                time.sleep(0.05)
 
     def stop(self) -> None:
         self.http.close()

@@ -16,7 +16,6 @@ import ssl
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,7 @@ import httpx
 
 from foldback_client import Client
 from tests.deploy.files import DEPLOY, check, compose, variables
-from tests.server.service_process import SNAKE
+from tests.server.service_process import SNAKE, wait_until
 from tests.tools import CADDY, POSTGRES
 
 ROOT = DEPLOY.parent
@@ -51,16 +50,8 @@ def ip(arguments: str) -> None:
 
 
 def wait_for(what: str, condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + TIMEOUT_S
-    while True:
-        try:
-            if condition():
-                return check(what, True)
-        except (httpx.TransportError, AssertionError, OSError):
-            pass
-        if time.monotonic() > deadline:
-            return check(what, False)
-        time.sleep(0.2)
+    wait_until(condition, lambda: what, (httpx.TransportError, AssertionError, OSError))
+    check(what, True)
 
 
 class Services:

@@ -28,15 +28,10 @@ def test_compose_file_is_valid_and_wrong_ones_are_found() -> None:
     assert set(found.service_names()) == names
     assert [name for name in names if "profiles" in SERVICES[name]] == ["prometheus"]
 
-    for wrong in (
-        {"restart": "sometimes"},
-        {"networks": ["nowhere"]},
-        {"expose": "8000"},
-        {"read_onli": True},
-    ):
-        broken = {**stripped(), "services": {**SERVICES, "web": {**SERVICES["web"], **wrong}}}
-        with pytest.raises(Exception, match=r"\w"):
-            PyCompose.from_yaml(yaml.safe_dump(broken)).validate()
+    web = {**SERVICES["web"], "networks": ["nowhere"]}
+    broken = {**stripped(), "services": {**SERVICES, "web": web}}
+    with pytest.raises(Exception, match=r"\w"):
+        PyCompose.from_yaml(yaml.safe_dump(broken)).validate()
 
 
 def test_volumes_services_and_files_that_are_named_exist() -> None:

@@ -25,18 +25,13 @@ def test_example_of_the_readme_runs(
     assert 0.0 < float(lines[1]) <= float(lines[2])
 
 
-def test_public_names_have_docstrings() -> None:
+def test_public_values_have_docstrings() -> None:
+    """`make lint` wants docstrings of public classes, functions and methods."""
     for module, name in PUBLIC:
         found = getattr(import_module(module), name)
-        with case(f"{module}.{name}"):
-            if not (inspect.isclass(found) or inspect.isroutine(found)):
+        if not (inspect.isclass(found) or inspect.isroutine(found)):
+            with case(f"{module}.{name}"):
                 assert value_docstring(import_module(module), name)
-                continue
-            assert inspect.getdoc(found)
-            for member, value in vars(found).items() if inspect.isclass(found) else ():
-                kinds = property | classmethod | staticmethod
-                has_own = isinstance(value, kinds) or inspect.isroutine(value)
-                assert member.startswith("_") or not has_own or inspect.getdoc(value), member
 
 
 @pytest.mark.slow

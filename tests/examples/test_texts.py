@@ -3,14 +3,12 @@
 import shutil
 from pathlib import Path
 
-import pytest
-
 from docs.make_texts import READERS, ROOT, all_texts
+from tests.case import case
 
 
-@pytest.mark.parametrize(
-    ("suffix", "source", "texts"),
-    [
+def test_reader_finds_texts_and_no_comments() -> None:
+    for suffix, source, texts in (
         (".py", '"""Module."""\nx = f"got {x}, " "expected y"\ny = "key"', ["got {…}, expected y"]),
         (".py", '@app.get("/a")\ndef a():\n    """Return a."""', ["Return a."]),
         (".html", '<p title="A tip">Hello <b>you</b></p>', ["A tip", "Hello", "you"]),
@@ -20,12 +18,11 @@ from docs.make_texts import READERS, ROOT, all_texts
             "# Title\n\nOne line\nmore. Two.\n```\ncode here\n```\n- An item\n| a row | b. C |\n",
             ["# Title", "One line more.", "Two.", "- An item", "| a row | b. C |"],
         ),
-    ],
-)
-def test_reader_finds_texts_and_no_comments(suffix: str, source: str, texts: list[str]) -> None:
-    found = {" ".join(words.split()) for _, words in READERS[suffix](source)}
-    assert set(texts) <= found
-    assert not {"no", "Module.", "code here"} & found
+    ):
+        with case((suffix, source)):
+            found = {" ".join(words.split()) for _, words in READERS[suffix](source)}
+            assert set(texts) <= found
+            assert not {"no", "Module.", "code here"} & found
 
 
 def test_all_texts_name_a_line_that_holds_the_text(tmp_path: Path) -> None:

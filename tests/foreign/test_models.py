@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio
 import pybullet
 import pytest
-import yourdfpy
 from pydrake.geometry import Role
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -81,19 +80,6 @@ def test_mujoco_with_the_srdf_moves_the_urdf_as_the_plan(exported: Any) -> None:
         assert data.ncon == 0
 
 
-def test_mujoco_moves_the_mjcf_as_the_plan(exported: Any) -> None:
-    model = mujoco.MjModel.from_xml_path(str(exported.directory / "model.xml"))
-    data = mujoco.MjData(model)
-    for frame in range(len(exported.time_s)):
-        for name, angle in exported.joints(frame).items():
-            data.joint(name).qpos[0] = angle
-        mujoco.mj_fwdPosition(model, data)
-        sites = [data.site(f"module_{i}") for i in range(len(exported.centres_m))]
-        links = [transform(site.xpos, site.xmat) for site in sites]
-        exported.check(frame, links, scale=exported.pitch_m)
-        assert data.ncon == 0
-
-
 def test_pybullet_with_the_srdf_moves_the_urdf_as_the_plan(exported: Any) -> None:
     client = pybullet.connect(pybullet.DIRECT)
     try:
@@ -147,18 +133,6 @@ def test_pinocchio_moves_the_urdf_as_the_plan_and_reads_the_srdf(exported: Any) 
         pinocchio.framesForwardKinematics(model, data, q)
         links = [
             exported.centred(data.oMf[model.getFrameId(f"module_{i}")].homogeneous, i)
-            for i in range(len(exported.centres_m))
-        ]
-        exported.check(frame, links)
-
-
-def test_yourdfpy_moves_the_urdf_as_the_plan(exported: Any) -> None:
-    robot = yourdfpy.URDF.load(str(exported.directory / "model.urdf"))
-    assert robot.validate()
-    for frame in range(len(exported.time_s)):
-        robot.update_cfg(exported.joints(frame))
-        links = [
-            exported.centred(robot.get_transform(f"module_{i}"), i)
             for i in range(len(exported.centres_m))
         ]
         exported.check(frame, links)

@@ -3,7 +3,7 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import Module
@@ -16,9 +16,14 @@ from planner.simulation.reduced_state import State, turned
 Array = NDArray[np.float64]
 
 
+def chain_of(cells: ArrayLike, name: str = "cells") -> Chain:
+    """Return a chain that folds into the cells of a path."""
+    return Chain.from_path(Path.from_cells(cells, name=name))
+
+
 def line(modules: int) -> Chain:
     """Return a chain whose folded configuration is straight."""
-    return Chain.from_path(Path.from_cells([(i, 0, 0) for i in range(modules)], name="line"))
+    return chain_of([(i, 0, 0) for i in range(modules)], "line")
 
 
 def coil(modules: int) -> Chain:
@@ -26,7 +31,7 @@ def coil(modules: int) -> Chain:
     turns = [(0, 0), (1, 0), (1, 1), (0, 1)]
     there_and_back = [*turns, *turns[::-1]]
     cells = [(*there_and_back[i % 8], i // 4) for i in range(modules)]
-    return Chain.from_path(Path.from_cells(cells, name="coil"))
+    return chain_of(cells, "coil")
 
 
 COIL = Path.from_cells(np.round(coil(12).folded_poses.positions).astype(int), name="coil")
@@ -43,7 +48,7 @@ def shuffled(sides: tuple[int, int, int], moves: int, seed: int) -> Chain:
     cells = np.argwhere(np.ones(sides, dtype=bool))
     count, order = grow(neighbours(cells), np.ones(len(cells), bool), -1, moves * len(cells), seed)
     assert count == len(cells)
-    return Chain.from_path(Path.from_cells(cells[order], name="box"))
+    return chain_of(cells[order], "box")
 
 
 def unvalidated(module: Module, folded_rad: Array) -> Chain:
@@ -111,7 +116,7 @@ def knotted(tail: int = 6) -> Chain:
         step = np.sign(np.array(corner) - cells[-1])
         while (cells[-1] != corner).any():
             cells.append(cells[-1] + step)
-    return Chain.from_path(Path.from_cells(np.array(cells), name="knot"))
+    return chain_of(np.array(cells), "knot")
 
 
 def anchored(

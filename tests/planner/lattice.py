@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+Ints = NDArray[np.int64]
 NEIGHBOURS = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 
@@ -14,7 +15,12 @@ def box(*sides: int) -> list[tuple[int, ...]]:
     return list(product(*map(range, sides)))
 
 
-def walk(turns: list[int]) -> NDArray[np.int64]:
+def box_array(*sides: int) -> Ints:
+    """Return the (n, 3) cells of a box."""
+    return np.array(box(*sides))
+
+
+def walk(turns: list[int]) -> Ints:
     """Return a self-avoiding walk: each turn picks a free neighbour, until none is left."""
     cells = [(0, 0, 0)]
     for turn in turns:
@@ -26,13 +32,30 @@ def walk(turns: list[int]) -> NDArray[np.int64]:
     return np.array(cells, dtype=np.int64)
 
 
-def walks(*, most: int = 40) -> st.SearchStrategy[NDArray[np.int64]]:
+def walks(*, most: int = 40) -> st.SearchStrategy[Ints]:
     """Return a strategy for self-avoiding lattice walks of three or more cells."""
     return st.lists(st.integers(0, 5), min_size=2, max_size=most).map(walk)
 
 
-def _rotations() -> list[NDArray[np.int64]]:
-    found: list[NDArray[np.int64]] = []
+def connected_sets(most: int = 40) -> st.SearchStrategy[Ints]:
+    """Return a strategy for connected sets of cells: each new one is adjacent to an earlier one."""
+    picks = st.tuples(st.integers(0, most), st.integers(0, 5))
+    return st.lists(picks, max_size=most).map(grow)
+
+
+def grow(picks: list[tuple[int, int]]) -> Ints:
+    """Return cells, each beside an earlier one if it is not there yet."""
+    cells = [(0, 0, 0)]
+    for which, side in picks:
+        x, y, z = cells[which % len(cells)]
+        a, b, c = NEIGHBOURS[side]
+        if (x + a, y + b, z + c) not in cells:
+            cells.append((x + a, y + b, z + c))
+    return np.array(cells, dtype=np.int64)
+
+
+def _rotations() -> list[Ints]:
+    found: list[Ints] = []
     for order, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
         matrix = np.zeros((3, 3), dtype=np.int64)
         matrix[range(3), order] = signs

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.path import Path
 from planner.motion.motion import Motion
 from planner.pathfinding.snake import snake_path
+from tests.planner.chains import chain_of
 
 Array = NDArray[np.float64]
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 def snake(sides: tuple[int, int, int]) -> Chain:
     """Return a box, filled layer by layer along z: the last module is in the top layer."""
     cells = snake_path(sides, axes=(0, 1, 2))
-    return Chain.from_path(Path.from_cells([tuple(cell) for cell in cells.tolist()], name="snake"))
+    return chain_of(cells, "snake")
 
 
 def windows_of(chain: Chain, first: list[int], angles: list[Array]) -> Motion:

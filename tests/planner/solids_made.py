@@ -1,9 +1,11 @@
 """Meshes and voxel files for tests, made and written by third-party code."""
 
 import io
+import json
 import struct
 import zipfile
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -40,6 +42,13 @@ def exported(kind: str, mesh: Mesh) -> bytes:
     return data.encode() if isinstance(data, str) else data
 
 
+def scene(edit: Callable[[dict[str, Any]], object], mesh: Mesh | None = None) -> bytes:
+    """Return a glTF scene after an edit, by default of a box of volume 24."""
+    document = json.loads(exported("gltf", box(2, 3, 4) if mesh is None else mesh))
+    edit(document)
+    return json.dumps(document).encode()
+
+
 MESH_KINDS = ("stl", "stl_ascii", "obj", "ply", "ply_ascii", "off", "glb", "gltf", "3mf")
 
 
@@ -61,6 +70,18 @@ def vox_model(cells: NDArray[np.int64]) -> bytes:
     return chunk(b"SIZE", struct.pack("<3I", *size.tolist())) + chunk(
         b"XYZI", struct.pack("<I", len(cells)) + rows
     )
+
+
+def vox_transform(node: int, child: int, **place: str) -> bytes:
+    """Return the node of a scene that moves another one."""
+    ends = struct.pack("<4i", child, -1, 0, 1)
+    return chunk(b"nTRN", struct.pack("<I", node) + words() + ends + words(**place))
+
+
+def vox_shape(node: int, model: int) -> bytes:
+    """Return the node of a scene that shows a model."""
+    shown = struct.pack("<2I", 1, model)
+    return chunk(b"nSHP", struct.pack("<I", node) + words() + shown + words())
 
 
 def vox_file(*chunks: bytes) -> bytes:

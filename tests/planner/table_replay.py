@@ -62,15 +62,11 @@ class TableReplay:
         frames: Numbers of the released frames.
         drifts: Largest distance of a module from its start, by frame.
         still_drifts: Largest distance of a module in the last half of the time, by frame.
-        torque_limit: Torque of the brakes.
-        friction: μ between modules and table.
     """
 
     frames: tuple[int, ...]
     drifts: tuple[float, ...]
     still_drifts: tuple[float, ...]
-    torque_limit: float
-    friction: float
 
     @property
     def holds(self) -> bool:
@@ -86,41 +82,32 @@ def table_replay(
     frames: Motion,
     *,
     torque: float,
-    friction: float = 0.0,
     count: int = 8,
     also: Sequence[int] = (),
     spare: float = BRAKE_TORQUE_RATIO,
-    duration: float = REPLAY_DURATION,
 ) -> TableReplay:
-    """Release sampled frames, with the first module fixed.
+    """Release sampled frames on a table without friction, with the first module fixed.
 
     Args:
         chain: Chain; when folded it stands on the table with its lowest modules, z up.
         frames: F frames of a motion on that table.
         torque: Certified torque, w·p.
-        friction: μ between modules and table.
         count: Number of frames, evenly spread.
         also: Additional frames, such as the one with the largest torque.
         spare: Torque of the brakes as a multiple of the certified one.
-        duration: Simulated time of each frame, in √(pitch / gravity).
     """
-    limit = max(spare * torque, MIN_BRAKE_TORQUE_WP)
     spread = np.linspace(0, len(frames) - 1, count).round().astype(int)
     numbers = np.union1d(spread, np.array(also, dtype=int))
-    model = _model(chain, limit, friction)
-    found = [_release(chain, model, frames, int(k), duration) for k in numbers]
+    model = _model(chain, max(spare * torque, MIN_BRAKE_TORQUE_WP))
+    found = [_release(chain, model, frames, int(k)) for k in numbers]
     return TableReplay(
         frames=tuple(int(k) for k in numbers),
         drifts=tuple(drift for drift, _ in found),
         still_drifts=tuple(late for _, late in found),
-        torque_limit=limit,
-        friction=friction,
     )
 
 
-def _release(
-    chain: Chain, model: Any, frames: Motion, number: int, duration: float
-) -> tuple[float, float]:
+def _release(chain: Chain, model: Any, frames: Motion, number: int) -> tuple[float, float]:
     """Return the largest displacements of a module: overall and in the second half of the time."""
     one = frames.dense(chain, number, number + 1)
     poses = chain.poses(one.joint_angles_rad[0], one.root_position[0], one.root_wxyz[0])
@@ -130,7 +117,7 @@ def _release(
         data.qpos[model.joint(name).qposadr[0]] = angle
     _fix_first(data, poses)
     bodies = [model.body(f"module_{i}").id for i in range(len(chain))]
-    steps = int(duration / REPLAY_STEP)
+    steps = int(REPLAY_DURATION / REPLAY_STEP)
     middle = poses.positions
     for k in range(steps):
         if k == steps // 2:
@@ -150,7 +137,7 @@ def _fix_first(data: Any, poses: Poses) -> None:
     data.mocap_quat[0] = poses.wxyzs[0]
 
 
-def _model(chain: Chain, limit: float, friction: float) -> Any:
+def _model(chain: Chain, limit: float) -> Any:
     spec = tree_spec(
         chain, Material(geom_size=REPLAY_GEOM_SIZE, contact_time_constant=2.0 * REPLAY_STEP)
     )
@@ -162,8 +149,8 @@ def _model(chain: Chain, limit: float, friction: float) -> Any:
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0.0, 0.0, 1.0],
         pos=[0.0, 0.0, chain.table_height + (1.0 - REPLAY_GEOM_SIZE) * chain.module.inner_radius],
-        condim=3 if friction > 0.0 else 1,
-        friction=[max(friction, 1e-5), 0.0, 0.0],
+        condim=1,
+        friction=[1e-5, 0.0, 0.0],
         solref=[2.0 * REPLAY_STEP, 1.0],
         priority=1,
     )

@@ -3,7 +3,6 @@
 import signal
 import subprocess
 import sys
-import time
 import uuid
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ from pathlib import Path
 import httpx
 
 from tests.server.postgres import free_port
+from tests.server.service_process import wait_until
 
 TIMEOUT_S = 60.0
 REGION = "us-east-1"
@@ -59,15 +59,12 @@ class Bucket:
                 stdout=log,
                 stderr=log,
             )
-        deadline = time.monotonic() + TIMEOUT_S
-        while True:
-            assert self._process.poll() is None, "the server of buckets has ended"
-            try:
-                httpx.get(f"{self.endpoint}/moto-api/", timeout=TIMEOUT_S)
-                return self
-            except httpx.TransportError:
-                assert time.monotonic() < deadline, "the server of buckets does not answer"
-                time.sleep(0.05)
+        wait_until(self._answers, errors=(httpx.TransportError,))
+        return self
+
+    def _answers(self) -> bool:
+        assert self._process.poll() is None, "the server of buckets has ended"
+        return bool(httpx.get(f"{self.endpoint}/moto-api/", timeout=TIMEOUT_S))
 
     def bucket(self) -> str:
         """Create an empty bucket and return its URL."""

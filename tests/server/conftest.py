@@ -39,6 +39,14 @@ def without_ffmpeg(tmp_path: Path) -> dict[str, str]:
 
 
 @pytest.fixture
+def without_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Remove the settings of this machine from the environment."""
+    for name in os.environ:
+        if name.startswith("FOLDBACK_"):
+            monkeypatch.delenv(name)
+
+
+@pytest.fixture
 def store(tmp_path: Path) -> Iterator[Store]:
     """Store of folds without any rows."""
     settings = Settings(data_dir=tmp_path)

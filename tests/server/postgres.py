@@ -7,7 +7,6 @@ import signal
 import socket
 import subprocess
 import tempfile
-import time
 import uuid
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import psycopg
 import pytest
 
 from server.store.tables import engine_for, migrate
+from tests.server.service_process import wait_until
 from tests.tools import POSTGRES
 
 TIMEOUT_S = 60.0
@@ -69,15 +69,13 @@ class Postgres:
                 stderr=log,
                 **self._user_options,
             )
-        deadline = time.monotonic() + TIMEOUT_S
-        while True:
-            assert self._process.poll() is None, self.log.read_text()
-            try:
-                psycopg.connect(self.url("postgres")).close()
-                return self
-            except psycopg.OperationalError:
-                assert time.monotonic() < deadline, self.log.read_text()
-                time.sleep(0.05)
+        wait_until(self._answers, self.log.read_text, (psycopg.OperationalError,))
+        return self
+
+    def _answers(self) -> bool:
+        assert self._process.poll() is None, self.log.read_text()
+        psycopg.connect(self.url("postgres")).close()
+        return True
 
     def url(self, database: str) -> str:
         """Return the URL of a database."""

@@ -7,11 +7,13 @@ from contextlib import contextmanager
 from typing import Any
 
 import sqlalchemy as sa
+from alembic import command
 from sqlalchemy import event
 
-from server.store.folds import new_id
+from server.store.folds import Store, new_id
 from server.store.owner import Claim, Owner
 from server.store.previews import SWEEPING_THREAD
+from server.store.schema_version import config
 from server.store.tables import FoldRow, MovieRow
 
 SOMEBODY = Owner.from_token("a token of somebody")
@@ -73,6 +75,25 @@ def statements() -> Generator[list[tuple[str, Any]]]:
         yield executed
     finally:
         event.remove(sa.Engine, "before_cursor_execute", note)
+
+
+def scans(store: Store, queries: list[tuple[str, Any]]) -> list[str]:
+    """Return the whole tables that queries read, as SQLite plans them; none elsewhere."""
+    found: list[str] = []
+    with store.reading() as session:
+        connection = session.connection()
+        for statement, values in queries if connection.dialect.name == "sqlite" else ():
+            plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", values)
+            found += [line.detail for line in plan if line.detail.startswith("SCAN")]
+    return found
+
+
+def upgrade(engine: sa.Engine, revision: str) -> None:
+    """Migrate a database to a version of its tables."""
+    with engine.begin() as connection:
+        alembic = config()
+        alembic.attributes["connection"] = connection
+        command.upgrade(alembic, revision)
 
 
 def new_owner() -> Owner:

@@ -10,7 +10,8 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -112,10 +113,12 @@ class Service:
             worker.wait(TIMEOUT_S)
 
     def wait_workers(self, count: int) -> None:
-        deadline = time.monotonic() + TIMEOUT_S
-        while self.http.get("/ready").json()["workers"] != count:
-            assert time.monotonic() < deadline, self.log.read_text()
-            time.sleep(0.05)
+        wait_until(lambda: self.http.get("/ready").json()["workers"] == count, self.log.read_text)
+
+    @property
+    def netloc(self) -> str:
+        """Host and port of its addresses."""
+        return self.http.base_url.netloc.decode()
 
     def children(self, *kinds: str) -> list[psutil.Process]:
         """Return its processes that compute, whose names are their kinds."""
@@ -192,6 +195,65 @@ class Service:
                     name = line.removeprefix("event: ")
                 elif line.startswith("data: "):
                     yield name, json.loads(line.removeprefix("data: "))
+
+
+@dataclass(frozen=True)
+class FinishedFold:
+    """Verified fold: its service, the answer to its upload, its events and its final state."""
+
+    service: Service
+    accepted: dict[str, Any]
+    events: list[tuple[str, dict[str, Any]]]
+    state: dict[str, Any]
+
+    @property
+    def http(self) -> httpx.Client:
+        return self.service.http
+
+    @property
+    def id(self) -> str:
+        return self.accepted["id"]
+
+    @property
+    def token(self) -> str:
+        """Token of its owner."""
+        return self.accepted["owner_token"]
+
+    @property
+    def page(self) -> str:
+        return f"/folds/{self.id}"
+
+    @property
+    def api(self) -> str:
+        return f"/api/folds/{self.id}"
+
+    @property
+    def directory(self) -> Path:
+        return self.service.directory(self.id)
+
+
+def check_problem(answer: httpx.Response, status: int, code: str, *, retry: bool = False) -> str:
+    """Check that an answer is a problem for programs, with a time to retry; return its detail."""
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert not retry or int(answer.headers["retry-after"]) > 0
+    assert answer.json()["code"] == code, answer.text
+    return answer.json()["detail"]
+
+
+def wait_until(
+    condition: Callable[[], object],
+    report: Callable[[], object] = str,
+    errors: tuple[type[Exception], ...] = (),
+) -> None:
+    """Wait until a condition is true, despite some errors; ``report`` tells why it never was."""
+    deadline = time.monotonic() + TIMEOUT_S
+    while True:
+        with suppress(*errors):
+            if condition():
+                return
+        assert time.monotonic() < deadline, report()
+        time.sleep(0.02)
 
 
 def over(state: dict[str, Any]) -> bool:

@@ -17,6 +17,8 @@ from tests.tools import OPENGL
 
 SNAKE = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
 FINAL_ERROR_RAD = 3e-3
+Growing = tuple[Path, TimelineWriter, Callable[[int], None]]
+"""Type of the fixture ``growing``."""
 
 
 @pytest.fixture(scope="session")
@@ -78,7 +80,7 @@ def peeled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def growing(chain: Chain, tmp_path: Path) -> tuple[Path, TimelineWriter, Callable[[int], None]]:
+def growing(chain: Chain, tmp_path: Path) -> Growing:
     """Path of a timeline with ten frames, its writer, and a function that adds more."""
     path = tmp_path / "timeline.zarr"
     writer = TimelineWriter.create(path, chain)

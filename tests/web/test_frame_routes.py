@@ -5,21 +5,7 @@ import numpy as np
 from planner.motion.timeline import Timeline
 from tests.server.service_process import Service
 from tests.web.blog import Blog
-from web.timeline.columns import decode
 from web.viser.scene_bundle import opened_scene
-
-
-def test_all_frames_of_a_fold_are_sent_in_batches(service: Service, wrench: str) -> None:
-    timeline = Timeline.open(service.directory(wrench) / "timeline.zarr")
-    at, angles = 0, timeline.frames().joint_angles_rad
-    while at < len(timeline):
-        answer = service.http.get(f"/folds/{wrench}/batch?from={at}&to={at + 77}")
-        header, arrays = decode(answer.content)
-        assert header["start"] == at < header["stop"]
-        assert np.allclose(arrays["joint_angles_rad"], angles[at : header["stop"]], atol=6e-7)
-        at = header["stop"]
-    bundle, _ = decode(service.http.get(f"/folds/{wrench}/bundle").content)
-    assert bundle["chain"]["modules"] == 24
 
 
 def test_finished_frames_and_the_client_are_cached_by_browsers(
@@ -35,11 +21,8 @@ def test_finished_frames_and_the_client_are_cached_by_browsers(
     assert b"window.Worker = " in first.content
 
 
-def test_unknown_folds_and_invalid_queries_are_refused(service: Service, wrench: str) -> None:
-    names = ("batch", "bundle", "figures", "standalone.html", "recording.viser")
-    unknown = [f"/folds/nosuchfold/{name}" for name in names]
-    for path in (*unknown, "/embed/nosuchfold", "/compare?a=nosuchfold&b=nosuchfold"):
-        assert service.http.get(path).status_code == 404, path
+def test_unknown_comparisons_and_invalid_queries_are_refused(service: Service, wrench: str) -> None:
+    assert service.http.get("/compare?a=nosuchfold&b=nosuchfold").status_code == 404
     wrong = ("from=-1", "stride=0", "wait=999", "from=x", "to=-3")
     queries = [f"/folds/{wrench}/batch?{query}" for query in wrong]
     for path in (*queries, "/compare?a=%3Cscript%3E&b=x"):

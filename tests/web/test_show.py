@@ -2,8 +2,7 @@
 
 import socket
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,11 +13,12 @@ import viser
 from planner import Plan, fold
 from planner.chain.chain import Chain
 from planner.errors import InputError, TimelineError
-from planner.motion.timeline import Timeline, TimelineWriter
+from planner.motion.timeline import Timeline
 from planner.pipeline.workspace import Workspace
 from planner.progress import Progress
 from tests.planner.peels import snake
-from tests.web.conftest import FINAL_ERROR_RAD
+from tests.server.service_process import wait_until
+from tests.web.conftest import FINAL_ERROR_RAD, Growing
 from web.palette import (
     NO_ERROR_RGB,
     SELECTED_RGB,
@@ -32,21 +32,11 @@ from web.timeline.view import TimelineView
 from web.viser import Live, Shown, show
 from web.viser.viewer import COLOUR_ALONG_CHAIN
 
-TIMEOUT_S = 60.0
-
 
 @pytest.fixture
 def shown(timeline_path: Path) -> Iterator[Shown]:
     with show(timeline_path, port=0) as shown:
         yield shown
-
-
-def wait_until(true: Callable[[], bool]) -> None:
-    """Wait until a condition is true that another thread fulfils."""
-    deadline = time.monotonic() + TIMEOUT_S
-    while not true():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
 
 
 def colours(shown: Shown) -> np.ndarray:
@@ -151,9 +141,7 @@ def test_notebook_gets_an_escaped_iframe(shown: Shown) -> None:
     assert 'x/">' not in shown._repr_html_()
 
 
-def test_newest_frame_is_followed_until_another_is_chosen(
-    growing: tuple[Path, TimelineWriter, Callable[[int], None]],
-) -> None:
+def test_newest_frame_is_followed_until_another_is_chosen(growing: Growing) -> None:
     path, writer, add = growing
     with show(Timeline.open(path), port=0) as shown:
         assert shown._controls.slider.max == 10

@@ -1,8 +1,9 @@
-"""Scripts as browsers get them: without comments, and only those that a page needs at once."""
+"""Scripts as browsers get them: without comments, only those that a page needs, and their types."""
 
 import re
 from difflib import SequenceMatcher
 
+from docs.make_api_types import FILE, types
 from tests.case import case
 from web.static_files import STATIC, code_of, scripts_of, text_of
 
@@ -53,3 +54,7 @@ def test_scripts_of_a_page_are_imported_at_once_or_later() -> None:
 def test_page_loads_no_more_scripts_at_once_than_its_requests_allow() -> None:
     for name, most in MAX_SCRIPTS.items():
         assert len(scripts_of(f"js/pages/{name}.js", later=False)) <= most, name
+
+
+def test_types_of_answers_are_those_of_the_description() -> None:
+    assert types() == FILE.read_text(encoding="utf-8"), "run `python -m docs.make_api_types`"

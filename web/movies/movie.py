@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, Self
@@ -204,7 +204,10 @@ def _one_of(name: str, value: object, choices: tuple[str, ...]) -> None:
 
 
 def _within(name: str, value: float, low: float, high: float, unit: str) -> None:
-    if not (math.isfinite(value) and low <= value <= high):
+    if not low <= value <= high:
+        # An integer may be too large for the conversion to a float.
+        readable = -sys.float_info.max < value < sys.float_info.max
+        shown = f"{value:g}" if readable else "a number that is too large or undefined"
         raise InputError(
-            "bad-movie", f"got {value:g}, expected {low:g} to {high:g}{unit}.", where=name
+            "bad-movie", f"got {shown}, expected {low:g} to {high:g}{unit}.", where=name
         )

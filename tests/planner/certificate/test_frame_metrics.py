@@ -21,9 +21,8 @@ from planner.motion.motion import Phase
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.parameters.parameters import Parameters
 from planner.pipeline.workspace import Workspace
-from tests.planner.chains import anchored, coil, random_angles
+from tests.planner.chains import Array, anchored, coil, random_angles
 
-Array = NDArray[np.float64]
 PARAMETERS = Parameters()
 
 
@@ -45,12 +44,6 @@ def figures_of(
     path = timeline.with_name("figures")
     write_figures(timeline, path, parameters, certificate=certificate)
     return Figures.load(path)
-
-
-def closing(chain: Chain, frames: int) -> Array:
-    """Return angles of all hinges from straight to folded, at rest at both ends."""
-    way = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, frames))
-    return way[:, None] * chain.folded_rad
 
 
 def by_brute_force(chain: Chain, angles: Array, size: float) -> tuple[Array, NDArray[np.int64]]:
@@ -124,7 +117,8 @@ def test_figures_agree_with_the_certificate(folded: Callable[..., Any], tmp_path
 def test_figures_of_several_chunks_are_computed_and_read_in_any_range(tmp_path: FilePath) -> None:
     # 300 frames are three chunks, and the playback begins within the first.
     chain = coil(8)
-    angles = closing(chain, 260)
+    share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 260))  # at rest at both ends
+    angles = share[:, None] * chain.folded_rad
     exploded = angles[::-1][220:]
     timeline_of(tmp_path / "t", chain, ("explosion", exploded), ("playback", angles), error=0.1)
     figures = figures_of(tmp_path / "t", PARAMETERS)

@@ -11,6 +11,7 @@ import pytest
 from planner.errors import InputError
 from planner.motion.angle_encoding import encode_frames, plan_columns
 from planner.plan.plan import PLAN_FORMAT, Plan
+from tests.case import case
 from tests.planner.plans import with_values
 
 EARLIER = FilePath(__file__).parent / "earlier_plans"
@@ -46,9 +47,9 @@ def test_plan_is_read_back_from_documented_fields(plan: Plan, tmp_path: FilePath
     assert moved.rest()["angles"] is None
 
 
-@pytest.mark.parametrize(
-    ("at", "change"),
-    [
+def test_invalid_plan_is_refused(plan: Plan, tmp_path: FilePath) -> None:
+    path, whole = tmp_path / "plan.json", plan.as_dict()
+    changes: tuple[tuple[str, Callable[[Any], Any] | None], ...] = (
         ("format", lambda _: "foldback-plan/99"),
         ("certificate", None),
         ("certificate", lambda data: {**data, "beauty": 1}),
@@ -57,16 +58,13 @@ def test_plan_is_read_back_from_documented_fields(plan: Plan, tmp_path: FilePath
         ("time_s", lambda times: times[:-1]),
         ("chain", lambda data: {**data, "module": "sphere"}),
         ("motion", lambda _: "jumps"),
-    ],
-)
-def test_invalid_plan_is_refused(
-    at: str, change: Callable[[Any], Any] | None, plan: Plan, tmp_path: FilePath
-) -> None:
-    path, values = tmp_path / "plan.json", plan.as_dict()
-    value = values.pop(at)
-    path.write_text(json.dumps({**values, at: change(value)} if change else values))
-    with pytest.raises(InputError, match=path.name):
-        Plan.load(path)
+    )
+    for number, (at, change) in enumerate(changes):
+        values = dict(whole)
+        value = values.pop(at)
+        path.write_text(json.dumps({**values, at: change(value)} if change else values))
+        with case(number), pytest.raises(InputError, match=path.name):
+            Plan.load(path)
 
 
 def test_plan_with_angles_in_two_forms_is_refused(plan: Plan, tmp_path: FilePath) -> None:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import CUBE, TETRAHEDRON, Module
@@ -14,9 +13,6 @@ from planner.kernels.clearance_bounds import (
     relative_motion_bound,
 )
 from planner.kernels.motion_bounds import (
-    ACCELERATION,
-    ANGULAR_ACCELERATION,
-    ANGULAR_VELOCITY,
     BODY_COLUMNS,
     DISPLACEMENT_BOUND,
     ROTATION,
@@ -24,8 +20,8 @@ from planner.kernels.motion_bounds import (
     move_bodies,
     rod_body,
 )
+from tests.planner.chains import Array
 
-Array = NDArray[np.float64]
 MODULES = st.sampled_from([CUBE, TETRAHEDRON])
 
 
@@ -46,39 +42,6 @@ def motion(
     # some hinges are at rest
     rates = rng.uniform(-step, step, hinges) * rng.integers(0, 2, hinges)
     return rng.uniform(-1.5, 1.5, hinges), rates, int(root * (count - 1))
-
-
-@given(MODULES, st.integers(3, 14), st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
-def test_derivatives_agree_with_differences(
-    module: Module, count: int, seed: int, at: float
-) -> None:
-    angles, rates, root = motion(module, count, seed, 1.0, at)
-    bodies = bodies_of(module, angles, rates, 0.1, root)
-    tiny = 1e-4
-    moments = np.array([-tiny, 0.0, tiny])[:, None]
-    poses = forward_kinematics(module, angles + moments * rates, root=root)
-    low, middle, high = poses.positions
-    np.testing.assert_allclose(bodies[:, :3], middle, atol=1e-9)
-    turned = poses.rotations
-    np.testing.assert_allclose(bodies[:, ROTATION:VELOCITY].reshape(-1, 3, 3), turned[1], atol=1e-9)
-    scale = 1.0 + np.abs(rates).sum() ** 3 * count
-    velocity = (high - low) / (2 * tiny)
-    np.testing.assert_allclose(bodies[:, VELOCITY : VELOCITY + 3], velocity, atol=1e-7 * scale)
-    acceleration = (high - 2 * middle + low) / tiny**2
-    np.testing.assert_allclose(
-        bodies[:, ACCELERATION : ACCELERATION + 3], acceleration, atol=1e-5 * scale
-    )
-    # Ṙ Rᵀ is the matrix of ω; R̈ Rᵀ is the matrix of ω̇ plus the square of that of ω.
-    spin = (turned[2] - turned[0]) / (2 * tiny) @ turned[1].swapaxes(1, 2)
-    found = np.cross(bodies[:, None, ANGULAR_VELOCITY : ANGULAR_VELOCITY + 3], np.eye(3)).swapaxes(
-        1, 2
-    )
-    np.testing.assert_allclose(found, spin, atol=1e-6 * scale)
-    change = (turned[2] - 2 * turned[1] + turned[0]) / tiny**2 @ turned[1].swapaxes(1, 2)
-    changed = np.cross(
-        bodies[:, None, ANGULAR_ACCELERATION : ANGULAR_ACCELERATION + 3], np.eye(3)
-    ).swapaxes(1, 2)
-    np.testing.assert_allclose(changed + found @ found, change, atol=1e-5 * scale)
 
 
 @pytest.mark.slow

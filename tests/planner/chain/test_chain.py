@@ -2,23 +2,20 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.close_points import first_close_pair
 from planner.chain.kinematics import forward_kinematics
-from planner.chain.module import CUBE, MODULES, Module, module_named
+from planner.chain.module import CUBE
 from planner.chain.path import MAX_COORDINATE, Path
 from planner.chain.rotations import matrix_from_wxyz
 from planner.errors import InputError
-from tests.planner.lattice import walks
+from tests.case import case
+from tests.planner.chains import chain_of
+from tests.planner.lattice import Ints, walks
+from tests.refusal import refused
 
 QUARTER = np.pi / 2
-Cells = NDArray[np.int64]
-
-
-def chain_of(cells: Cells) -> Chain:
-    return Chain.from_path(Path.from_cells(cells))
 
 
 def test_angles_of_a_known_fold(hook_chain: Chain) -> None:
@@ -29,7 +26,7 @@ def test_angles_of_a_known_fold(hook_chain: Chain) -> None:
 
 
 @given(walks())
-def test_folded_chain_is_in_the_cells_of_its_path(cells: Cells) -> None:
+def test_folded_chain_is_in_the_cells_of_its_path(cells: Ints) -> None:
     chain = chain_of(cells)
     np.testing.assert_allclose(chain.folded_poses.positions, cells, atol=1e-12)
     assert len(chain) == len(cells)
@@ -38,7 +35,7 @@ def test_folded_chain_is_in_the_cells_of_its_path(cells: Cells) -> None:
 
 
 @given(walks())
-def test_chain_from_the_angles_of_a_path_has_its_shape(cells: Cells) -> None:
+def test_chain_from_the_angles_of_a_path_has_its_shape(cells: Ints) -> None:
     folded = chain_of(cells)
     again = Chain.from_angles(CUBE, folded.folded_rad.reshape(-1, 2))
     frame = matrix_from_wxyz(folded.folded_wxyz)
@@ -47,7 +44,7 @@ def test_chain_from_the_angles_of_a_path_has_its_shape(cells: Cells) -> None:
 
 
 @given(walks(), st.data())
-def test_overlapping_modules_are_named(cells: Cells, data: st.DataObject) -> None:
+def test_overlapping_modules_are_named(cells: Ints, data: st.DataObject) -> None:
     # The tail is folded onto the chain: four quarter turns about z close a square.
     at = data.draw(st.integers(0, len(cells) - 3))
     angles = chain_of(cells).folded_rad.reshape(-1, 2)
@@ -68,23 +65,17 @@ def test_modules_that_graze_are_refused() -> None:
     assert len(Chain.from_angles(CUBE, np.deg2rad([60.0, 0.0] * 3))) == 5
 
 
-@pytest.mark.parametrize(
-    ("angles_deg", "code", "where"),
-    [
+def test_angles_out_of_range_are_refused() -> None:
+    for angles_deg, code, where in (
         ([], "wrong-count", None),
         ([0.0, 0.0, 0.0], "wrong-count", None),
         ([0.0, np.nan], "not-finite", "angle 1"),
         ([0.0, 0.0, np.inf, 0.0], "not-finite", "angle 2"),
         ([0.0, 0.0, 0.0, 93.0], "out-of-range", "joint 1"),
         ([-360.0, 0.0], "out-of-range", "joint 0"),
-    ],
-)
-def test_angles_out_of_range_are_refused(
-    angles_deg: list[float], code: str, where: str | None
-) -> None:
-    with pytest.raises(InputError) as refusal:
-        Chain.from_angles(CUBE, np.deg2rad(angles_deg))
-    assert (refusal.value.code, refusal.value.where) == (code, where)
+    ):
+        with case((angles_deg, code)), refused(code, where):
+            Chain.from_angles(CUBE, np.deg2rad(angles_deg))
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 60), st.floats(0.5, 8.0))
@@ -105,21 +96,13 @@ def test_thousands_of_points_in_one_place_need_little_memory() -> None:
     assert first_close_pair(np.zeros((20_000, 3)), 0.98) is not None
 
 
-@given(walks())
-def test_self_avoiding_walk_is_a_path(cells: NDArray[np.int64]) -> None:
-    path = Path.from_cells(cells)
-    np.testing.assert_array_equal(path.cells, cells)
-    assert len(path) == len(cells)
-    assert not path.cells.flags.writeable
-
-
-@pytest.mark.parametrize(
-    ("cells", "code", "where"),
-    [
+def test_invalid_paths_are_refused_with_their_place() -> None:
+    for cells, code, where in (
         ([], "not-cells", None),
         ([(0, 0, 0)], "too-few-cells", None),
         ([(0, 0), (1, 0), (2, 0)], "not-cells", None),
         ([("a", "b", "c")] * 3, "not-cells", None),
+        ([[True, False, True]] * 3, "not-cells", None),
         ([(0, 0, 0), (1, 0, 0), (1, 1.5, 0)], "not-whole", "cell 2"),
         ([(0, 0, 0), (np.nan, 0, 0), (1, 1, 0)], "not-finite", "cell 1"),
         ([(0, 0, 0), (np.inf, 0, 0), (1, 1, 0)], "not-finite", "cell 1"),
@@ -127,48 +110,12 @@ def test_self_avoiding_walk_is_a_path(cells: NDArray[np.int64]) -> None:
         ([(0, 0, 0), (1, 0, 0), (0, 0, 0)], "repeated-cell", "cells 0 and 2"),
         ([(0, 0, 0), (1, 0, 0), (3, 0, 0)], "not-adjacent", "cells 1 and 2"),
         ([(0, 0, 0), (1, 1, 0), (2, 1, 0)], "not-adjacent", "cells 0 and 1"),
-    ],
-)
-def test_invalid_paths_are_refused_with_their_place(
-    cells: object, code: str, where: str | None
-) -> None:
-    with pytest.raises(InputError) as refusal:
-        Path.from_cells(cells)  # type: ignore[arg-type]
-    assert (refusal.value.code, refusal.value.where) == (code, where)
+    ):
+        with case((cells, code)), refused(code, where):
+            Path.from_cells(cells)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("pitch_m", [0.0, -1.0, float("nan"), 2000.0])
 def test_pitch_out_of_range_is_refused(pitch_m: float) -> None:
-    with pytest.raises(InputError) as refusal:
+    with refused("bad-pitch"):
         Path.from_cells([(0, 0, 0), (1, 0, 0), (2, 0, 0)], pitch_m=pitch_m)
-    assert refusal.value.code == "bad-pitch"
-
-
-@pytest.mark.parametrize("module", MODULES.values(), ids=MODULES)
-def test_geometry_of_modules(module: Module) -> None:
-    for vectors in (module.axes, module.face_normals, module.edge_directions):
-        np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), 1.0, atol=1e-12)
-    np.testing.assert_allclose(module.turn @ module.turn.T, np.eye(3), atol=1e-12)
-    assert np.linalg.det(module.turn) == pytest.approx(1.0)
-    np.testing.assert_allclose(module.vertices.mean(axis=0), 0.0, atol=1e-12)
-    assert module.inner_radius <= module.radius
-    assert 2.0 * module.inner_radius <= np.linalg.norm(module.anchor + module.offset) + 1e-12
-
-
-def test_measures_of_a_cube() -> None:
-    assert CUBE.radius == pytest.approx(np.sqrt(3.0) / 2.0)
-    assert CUBE.inner_radius == pytest.approx(0.5)
-    assert len(CUBE.vertices) == 8
-    np.testing.assert_allclose(CUBE.inertia, 1.0 / 6.0)
-
-
-def test_joint_names() -> None:
-    assert len(CUBE.joint_names(160)) == 316
-    assert len(CUBE.joint_names(2)) == 0
-    assert CUBE.joint_names(4) == ("joint_1_z", "joint_1_y", "joint_2_z", "joint_2_y")
-
-
-def test_unknown_module_is_refused() -> None:
-    with pytest.raises(InputError, match="expected one of: .*cube") as refusal:
-        module_named("sphere")
-    assert refusal.value.code == "unknown-module"

@@ -52,16 +52,6 @@ def test_frames_that_are_not_finite_or_too_few_have_no_torques() -> None:
     assert np.isnan(few).all()
 
 
-@pytest.mark.parametrize("modules", [3, 12])
-def test_torque_of_a_straight_chain(modules: int) -> None:
-    # 1 + 2 + … of the modules beyond the root on its longer side.
-    chain = line(modules)
-    beyond = modules - 1 - chain.root
-    before = chain.root - 1
-    wanted = max(beyond * (beyond + 1) / 2, before * (before + 1) / 2)
-    assert static_torque(chain, np.zeros_like(chain.folded_rad)) == pytest.approx(wanted)
-
-
 @pytest.mark.parametrize("modules", [5, 14])
 def test_torque_in_the_worst_direction_agrees_with_mujoco(modules: int) -> None:
     # Torques are linear in gravity, so that three directions suffice.

@@ -1,39 +1,22 @@
-from collections import Counter
-
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from planner.chain.chain import Chain
-from planner.chain.honeycomb import TETRAHEDRA_PER_RING, dodecahedron_pairs, ring_pairs
+from planner.chain.honeycomb import dodecahedron_pairs, ring_pairs
 from planner.chain.module import TETRAHEDRON
 from planner.chain.trail import Trail, hinge_axes
 from planner.clearance.clearance import closest
 from planner.errors import InputError
 from planner.pathfinding.eulerian_circuits import cut_open, eulerian_circuit, free_cuts
-
-Ints = NDArray[np.int64]
-
-
-@st.composite
-def polycubes(draw: st.DrawFn) -> Ints:
-    """Draw cells joined by their faces, one after the other."""
-    cells = [(0, 0, 0)]
-    for _ in range(draw(st.integers(0, 20))):
-        base = draw(st.sampled_from(cells))
-        axis = draw(st.integers(0, 2))
-        cell = tuple(
-            c + (draw(st.sampled_from((-1, 1))) if k == axis else 0) for k, c in enumerate(base)
-        )
-        if cell not in cells:
-            cells.append(cell)  # pyright: ignore[reportArgumentType]
-    return np.array(cells)
+from tests.case import case
+from tests.planner.lattice import Ints, box_array, connected_sets
+from tests.refusal import refused
 
 
-@given(cells=polycubes())
+@given(cells=connected_sets(most=20))
 def test_joined_cells_have_a_circuit_that_turns_where_four_meet(cells: Ints) -> None:
     pairs = ring_pairs(cells)
     nodes = eulerian_circuit(pairs)
@@ -58,9 +41,8 @@ def test_opened_trail_starts_where_it_is_cut() -> None:
 
 
 def test_separate_cells_have_no_circuit() -> None:
-    with pytest.raises(InputError, match="in 2 parts") as refusal:
+    with refused("no-trail", match="in 2 parts"):
         eulerian_circuit(ring_pairs(np.array([[0, 0, 0], [5, 0, 0]])))
-    assert refusal.value.code == "no-trail"
 
 
 def test_odd_node_is_named() -> None:
@@ -69,20 +51,15 @@ def test_odd_node_is_named() -> None:
     assert refusal.value.where.startswith("node (")
 
 
-@pytest.mark.parametrize(
-    ("nodes", "code", "where"),
-    [
+def test_bad_trails_are_refused_with_their_place() -> None:
+    for nodes, code, where in (
         ([[1, 0, 0], [1, 1, 0], [1, 1, 1]], "not-a-node", "node 2"),
         ([[1, 0, 0], [1, 1, 0], [1, 0, 1]], "not-adjacent", "node 1"),
         ([[1, 0, 0], [1, 1, 0], [1, 0, 0]], "repeated-cell", "modules 0 and 1"),
         ([[1, 0, 0], [1, 1, 0]], "too-few-nodes", None),
-    ],
-)
-def test_bad_trails_are_refused_with_their_place(nodes, code: str, where: str | None) -> None:
-    with pytest.raises(InputError) as refusal:
-        Trail.from_nodes(nodes)
-    assert refusal.value.code == code
-    assert refusal.value.where == where
+    ):
+        with case((nodes, code)), refused(code, where):
+            Trail.from_nodes(nodes)
 
 
 def test_hinge_axes_lie_along_the_odd_or_the_even_coordinate() -> None:
@@ -107,23 +84,6 @@ def folded_corners(chain: Chain) -> NDArray[np.float64]:
     return poses.positions[:, None, :] + turned
 
 
-def box(*sides: int) -> Ints:
-    return np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), axis=-1).reshape(-1, 3)
-
-
-@pytest.mark.parametrize(
-    ("pairs", "count"),
-    [(ring_pairs, TETRAHEDRA_PER_RING), (dodecahedron_pairs, TETRAHEDRA_PER_DODECAHEDRON)],
-)
-def test_cells_meet_every_node_an_even_number_of_times(pairs, count: int) -> None:
-    found = pairs(ONE)
-    assert len(found) == count
-    assert len({tuple(sorted(map(tuple, pair.tolist()))) for pair in found}) == count
-    degrees = Counter(map(tuple, found.reshape(-1, 3).tolist()))
-    assert set(degrees.values()) <= {2, 4}
-    assert all(sum(c % 2 for c in node) in (1, 2) for node in degrees)
-
-
 def test_dodecahedron_has_twelve_faces() -> None:
     found = np.concatenate([corners(pair) for pair in dodecahedron_pairs(ONE)])
     hull = ConvexHull(found)
@@ -136,7 +96,7 @@ def test_dodecahedron_has_twelve_faces() -> None:
     "pairs",
     [
         ring_pairs(ONE),
-        ring_pairs(box(2, 2, 2)),
+        ring_pairs(box_array(2, 2, 2)),
         ring_pairs(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1]])),
         dodecahedron_pairs(np.array([[0, 0, 0], [2, 2, 0], [2, 0, 2]])),
     ],

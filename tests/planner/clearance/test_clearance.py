@@ -5,14 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from planner.chain.module import CUBE
 from planner.kernels.clearance import pair_separation
 from planner.simulation.reduced_state import turned
-from tests.planner.chains import random_rotation
+from tests.planner.chains import Array, random_rotation
 
-Array = NDArray[np.float64]
 UPRIGHT = np.eye(3)
 ON_EDGE = turned(np.array([0.0, 0.0, np.pi / 4]))
 # The diagonal of the cube is along x: a corner points at the other module.

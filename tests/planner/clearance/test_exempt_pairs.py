@@ -1,28 +1,20 @@
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.clearance.exempt_pairs import exempt_pairs
 from planner.exports.mjcf import mjcf
-from tests.planner.chains import anchored, coil, line
-
-Array = NDArray[np.float64]
-
-
-def turned(z: Array, y: Array) -> Array:
-    """Return (N, 3, 3) rotations of the next cube: hinge z, then hinge y."""
-    return Rotation.from_euler("ZY", np.stack([z, y], axis=-1)).as_matrix()
+from tests.planner.chains import Array, anchored, coil, line
 
 
 def whole_range(count: int) -> Array:
-    """Return rotations over the whole range of the joint, including its ends."""
+    """Return (N, 3, 3) rotations of the next cube, by hinge z, then y, over their whole range."""
     angles = np.linspace(-CUBE.angle_limit_rad, CUBE.angle_limit_rad, count)
     z, y = (values.ravel() for values in np.meshgrid(angles, angles))
-    return turned(z, y)
+    return Rotation.from_euler("ZY", np.stack([z, y], axis=-1)).as_matrix()
 
 
 def points_of_relieved_cube(size: float, count: int) -> Array:

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
@@ -19,11 +18,10 @@ from planner.clearance.margins import (
 from planner.clearance.sweep import disturbed_sweep, pair_clearance, sweep
 from planner.kernels.clearance_bounds import Tolerance
 from planner.motion.motion import Motion, as_motion
-from tests.planner.chains import coil
+from tests.planner.chains import Array, coil
 from tests.planner.clearance.test_proof import random_chain
 from tests.planner.peels import peel
 
-Array = NDArray[np.float64]
 SIZE = 0.8
 
 
@@ -31,13 +29,9 @@ SIZE = 0.8
 def folding() -> tuple[Chain, Motion, Margins]:
     chain = coil(24)
     motion = peel(chain, width=4, step=0.5)
-    return chain, motion, _margins(chain, motion)
-
-
-def _margins(chain: Chain, motion: Motion) -> Margins:
     found = margins(chain, motion, sweep(chain, motion, size=SIZE), size=SIZE)
     assert found is not None
-    return found
+    return chain, motion, found
 
 
 def _is_clear(chain: Chain, angles: Array, size: float = SIZE) -> bool:

@@ -1,14 +1,11 @@
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.kernels import pairs as module
 from planner.kernels.pairs import PairLimits, max_inverse_step_limit, near_pairs
 from planner.simulation.mujoco_models import Material
 from planner.simulation.segments import Segments
-from tests.planner.chains import line, random_state
-
-Array = NDArray[np.float64]
+from tests.planner.chains import Array, line, random_state
 
 
 def random_walk(count: int, seed: int, stiffness: float) -> Array:

@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
 from planner.motion.motion import Motion, as_motion
 from tests.conftest import examples
-from tests.planner.chains import coil, line, unvalidated
+from tests.planner.chains import Array, coil, line, unvalidated
 from tests.planner.clearance.reference import Interval, prove
 from tests.planner.peels import windows_of
 
-Array = NDArray[np.float64]
 TOLERANCE = 1e-9
 """Maximum difference of two bounds due to rounding, in pitches. Measured: 4e-13."""
 

@@ -1,15 +1,12 @@
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.clearance.clearance import closest
 from planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
 from planner.motion.motion import as_motion
-from tests.planner.chains import coil, line
-
-Array = NDArray[np.float64]
+from tests.planner.chains import Array, coil, line
 
 
 def clearance_of(chain: Chain, angles: Array, size: float) -> float:

@@ -7,10 +7,10 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
-from planner.chain.path import Path
 from planner.clearance.sweep import pair_clearance, sweep
 from planner.errors import InputError
 from planner.motion.motion import Motion
+from tests.planner.chains import chain_of
 from tests.planner.peels import peel, snake, windows_of
 
 
@@ -34,7 +34,7 @@ def swinging_rod(rod: int, *, post: bool) -> tuple[Chain, Motion, int]:
     cells = [*([(7, 0, 0)] if post else []), *beam, (-1, 0, 0), (0, 0, 0)]
     hinge = 2 * (len(cells) - 2)
     cells += [(0, y, 0) for y in range(1, rod + 1)]
-    chain = Chain.from_path(Path.from_cells(cells, name="swing"))
+    chain = chain_of(cells)
     turned = chain.folded_rad[hinge : hinge + 2]
     about = hinge + int(np.argmax(np.abs(turned)))
     angles = [np.array([-1.4]), np.array([1.1])]

@@ -1,7 +1,6 @@
 import numpy as np
 
 from planner.chain.chain import Chain
-from planner.chain.path import Path
 from planner.explosion.blocks_first import TETHER_CHECK_STEPS, Tethers, block_starts
 from planner.explosion.explosion_loop import Watch
 from planner.explosion.simultaneous import Simultaneous
@@ -11,7 +10,7 @@ from planner.progress import never, silent
 from planner.simulation.mujoco_models import Material
 from planner.simulation.rigid_blocks import Blocks
 from planner.simulation.segments import Segments
-from tests.planner.chains import coil, folded_state
+from tests.planner.chains import chain_of, coil, folded_state
 
 DEFAULT = ExplosionParameters()
 
@@ -21,7 +20,7 @@ def solid(x: int, y: int, z: int) -> Chain:
     coarse = np.argwhere(np.ones((x, y, z), dtype=bool))
     cells = assembly_path(coarse, np.random.default_rng(0), side=4)
     assert cells is not None
-    return Chain.from_path(Path.from_cells(cells, name="solid"))
+    return chain_of(cells)
 
 
 def engine(chain: Chain, starts: np.ndarray) -> Blocks:

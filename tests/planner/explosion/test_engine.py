@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
@@ -15,10 +14,9 @@ from planner.simulation.contact_finder import ContactFinder
 from planner.simulation.engine import Engine, build_chain_model
 from planner.simulation.mujoco_models import Material, tree_spec
 from planner.simulation.reduced_state import Acceleration, State
-from tests.planner.chains import coil, line, random_rotation, random_state
+from tests.planner.chains import Array, coil, line, random_rotation, random_state
 from tests.planner.mujoco_tree import accelerate, scale_masses, solve_exactly
 
-Array = NDArray[np.float64]
 CHAINS = {
     "cubes": coil(32),
     "line": line(60),

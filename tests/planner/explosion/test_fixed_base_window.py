@@ -5,7 +5,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.simulation.contact_finder import ContactFinder
@@ -19,9 +18,8 @@ from planner.simulation.mujoco_models import (
     set_inertia,
 )
 from planner.simulation.reduced_state import Acceleration, State
-from tests.planner.chains import line
+from tests.planner.chains import Array, line
 
-Array = NDArray[np.float64]
 MATERIAL = Material(geom_size=0.98, stiffness=2.0, armature=3.0, stop_rad=1.6)
 MAX_ROD_MASS = 4
 BOX = (np.array([[0.0, 0.0, 0.0]]), np.array([[0.5, 0.5, 0.5]]))

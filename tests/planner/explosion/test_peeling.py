@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from planner.chain.chain import Chain
-from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.explosion.explosion_loop import Watch, return_to_checkpoint, step
@@ -25,13 +24,9 @@ from planner.motion.record import Record
 from planner.parameters.explosion import PeelingParameters
 from planner.pathfinding.snake import snake_path
 from planner.progress import Progress, never, silent
-from tests.planner.chains import coil, line
+from tests.planner.chains import chain_of, coil, line
 
 DEFAULT = PeelingParameters()
-
-
-def chain_of(cells: np.ndarray) -> Chain:
-    return Chain.from_path(Path.from_cells(cells, name="peeled"))
 
 
 @cache

@@ -2,16 +2,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.explosion import published_explosion
 from planner.explosion.published_explosion import explode_as_published
 from planner.parameters.published import PaperExplosionParameters
 from planner.simulation.reduced_state import Acceleration, State
 from planner.simulation.segments import Segments
-from tests.planner.chains import coil
+from tests.planner.chains import Array, coil
 
-Array = NDArray[np.float64]
 PAPER = PaperExplosionParameters()
 
 

@@ -3,7 +3,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.clearance.sweep import sweep
 from planner.errors import SimulationError
@@ -12,9 +11,8 @@ from planner.explosion.whole_chain import WholeChain
 from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.knots import knot_of
 from planner.simulation.reduced_state import Acceleration
-from tests.planner.chains import coil, knotted, line
+from tests.planner.chains import Array, coil, knotted, line
 
-Array = NDArray[np.float64]
 DEFAULT = ExplosionParameters()
 
 

@@ -9,32 +9,31 @@ import pytest
 
 from planner.certificate.table_certificate import table_certificate
 from planner.chain.chain import Chain
-from planner.chain.path import Path
 from planner.explosion.peeling_window import Peelable, WindowConfiguration
 from planner.explosion.recorder import Refusal
 from planner.explosion.table_explosion import explode_on_table
 from planner.explosion.table_guard import MAX_TABLE_PENETRATION_PITCH, Guard
 from planner.motion.record import Record
 from planner.parameters.explosion import TableParameters
-from tests.planner.chains import line
+from tests.planner.chains import chain_of, line
 from tests.planner.table_search import table_paths
 
 BOX = np.array([(x, y, z) for x in range(2) for y in range(2) for z in range(2)])
 
 
-def chain_of(cells: np.ndarray) -> Chain:
-    return Chain.from_path(Path.from_cells(table_paths(cells, most=1)[0].cells, name="box"))
+def on_table(cells: np.ndarray) -> Chain:
+    return chain_of(table_paths(cells, most=1)[0].cells)
 
 
 @pytest.fixture(scope="module")
 def record() -> Record:
-    return explode_on_table(chain_of(BOX), TableParameters(), seed=0)
+    return explode_on_table(on_table(BOX), TableParameters(), seed=0)
 
 
 def test_box_becomes_straight_within_the_torque_bound(record: Record, tmp_path: FilePath) -> None:
     assert record.status == "straight", record.reason
     assert record.frames.is_windowed
-    chain = chain_of(BOX)
+    chain = on_table(BOX)
     found = table_certificate(
         chain, record.frames, base="free", on_table=True, height=chain.table_height
     )
@@ -49,7 +48,7 @@ def test_box_becomes_straight_within_the_torque_bound(record: Record, tmp_path: 
 
 def test_steps_beyond_the_largest_torque_are_taken_back() -> None:
     weak = replace(TableParameters(), first_bound=0.2, most_torque=0.3)
-    found = explode_on_table(chain_of(BOX), weak)
+    found = explode_on_table(on_table(BOX), weak)
     assert found.status == "stalled"
     assert "0.30 w·p" in found.reason
     assert found.table.bound == pytest.approx(0.3)
@@ -58,7 +57,7 @@ def test_steps_beyond_the_largest_torque_are_taken_back() -> None:
 
 
 def test_module_bent_into_the_table_is_refused_and_raises_no_bound() -> None:
-    chain = chain_of(BOX)
+    chain = on_table(BOX)
     parameters = replace(TableParameters(), refusals=0)
     guard = Guard(chain, Peelable(chain), parameters)
     flat = WindowConfiguration(time_s=0.0, first=0, angles=np.zeros_like(chain.folded_rad))

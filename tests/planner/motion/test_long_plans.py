@@ -13,17 +13,14 @@ import pytest
 from planner.certificate.certificate import certify
 from planner.certificate.metrics_store import Curves, Figures
 from planner.chain.chain import Chain
-from planner.chain.floating_torques import floating_torques
 from planner.errors import InputError, TimelineError
 from planner.explosion.strategies import ranked_strategies
 from planner.exports.mjcf import keys_of, mjcf
 from planner.exports.mjcf_pieces import MODULES_PER_TREE, starts_of
-from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.parameters.parameters import Parameters, preset
-from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage, run_stages
 from planner.plan.plan import Plan
 from planner.plan.shape_writers import write_chain
@@ -31,9 +28,10 @@ from planner.playback.playback import Playback
 from planner.verification.replay import replay
 from planner.verification.verify import verify
 from tests.case import case
-from tests.planner.chains import anchored, shuffled
+from tests.planner.chains import shuffled
 from tests.planner.folds import write_request
 from tests.planner.peels import peel, snake
+from tests.refusal import refused
 
 BOX = (4, 4, 4)
 
@@ -57,10 +55,7 @@ def test_peeled_plan_is_verified_and_read_back(directory: FilePath, plan: Plan) 
     assert plan.certificate.verdict == "verified (kinematics only)"
     assert plan.explosion is not None and plan.explosion["strategy"] == "peel"
     assert plan.playback is not None and plan.playback["kind"] == "kinematic"
-    assert plan.summary()["explosion"]["strategy"] == "peel"
     assert [attempt["strategy"] for attempt in plan.attempts] == ["peel"]
-    assert plan.parameters["strategy"] == "peel"
-    assert Record.load(directory / "record.npz").strategy == "peel"
     ends = plan.part(0, 1), plan.part(len(plan.motion) - 1, len(plan.motion))
     np.testing.assert_array_equal(ends[0].joint_angles_rad, 0.0)
     np.testing.assert_allclose(ends[1].joint_angles_rad[0], plan.chain.folded_rad, atol=1e-7)
@@ -73,9 +68,6 @@ def test_peeled_plan_is_verified_and_read_back(directory: FilePath, plan: Plan) 
     data = json.loads((directory / "plan.json").read_bytes())
     assert (data["format"], data["motion"]) == ("foldback-plan/3", "windows")
     assert "joint_angles_rad" not in data
-    again = Plan.load(directory / "plan.json")
-    for name, values in again.motion.columns().items():
-        np.testing.assert_allclose(values, plan.motion.columns()[name], rtol=0, atol=1e-11)
     found = verify(directory)
     assert found.problems == ()
     assert found.certificate.min_clearance == plan.certificate.min_clearance
@@ -139,9 +131,8 @@ def test_plan_with_invalid_windows_is_refused(directory: FilePath, tmp_path: Fil
         {"phase": ["straight"]},
     ):
         (tmp_path / "plan.json").write_text(json.dumps({**data, **change}))
-        with case(change), pytest.raises(InputError) as refused:
+        with case(change), refused("not-a-plan"):
             Plan.load(tmp_path / "plan.json")
-        assert refused.value.code == "not-a-plan"
 
 
 def test_forged_window_is_found(directory: FilePath, plan: Plan, tmp_path: FilePath) -> None:
@@ -159,14 +150,6 @@ def test_forged_window_is_found(directory: FilePath, plan: Plan, tmp_path: FileP
         verify(place)
     xml = (directory / "model.xml").read_text()
     assert replay(forged, xml).overlap > 0.1
-    assert replay(plan, xml, stride=7).frames == 2 * -(-len(plan.motion) // 7) - (
-        (len(plan.motion) - 1) % 7 == 0
-    )
-    record = Record.load(directory / "record.npz")
-    playback = Playback.load(directory / "playback.npz")
-    refused = certify(plan.chain, record, replace(playback, frames=forged.motion), Parameters())
-    assert "overlap" in refused.verdict
-    assert refused.min_clearance_record == pytest.approx(plan.certificate.min_clearance)
 
 
 def test_certify_refuses_windows_that_are_not_finite_or_out_of_range(
@@ -202,22 +185,6 @@ def test_curves_agree_with_the_certificate(directory: FilePath, plan: Plan) -> N
     assert curves.hinges_moving[start + 1 :].mean() == pytest.approx(
         plan.certificate.hinges_moving_mean, rel=0.03
     )
-
-
-def test_inverse_dynamics_of_a_sine(plan: Plan) -> None:
-    """A hinge swings as a sine: the torques equal those from its derivatives."""
-    chain = plan.chain
-    time_s = np.linspace(0.0, 2.0, 801)
-    angles = np.zeros((len(time_s), len(chain.folded_rad)))
-    angles[:, 60], rates, bent = np.sin(time_s), np.zeros_like(angles), np.zeros_like(angles)
-    rates[:, 60], bent[:, 60] = np.cos(time_s), -np.sin(time_s)
-    frames = anchored("playback", angles, time_s=time_s)
-    found = inverse_dynamics(chain, frames)
-    expected = np.abs(floating_torques(chain.module, angles, rates, bent)).max(axis=1)
-    assert found.frames.tolist() == list(range(1, 800))
-    np.testing.assert_allclose(found.largest, expected[1:-1], rtol=2e-3, atol=1e-2)
-    assert 0.0 < found.rms < found.peak == found.largest.max()
-    assert inverse_dynamics(chain, frames[:2]).peak == 0.0
 
 
 def test_model_of_a_long_chain_is_cut_into_connected_trees(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -282,9 +249,6 @@ def test_unsuitable_strategy_is_refused(tmp_path: FilePath) -> None:
             ranked(chain, wish, name)
     with pytest.raises(InputError, match="strategy"):
         ranked(small, "peel", refolds=True)
-    with pytest.raises(InputError) as refused:
-        FoldRequest(strategy="fastest").check()
-    assert (refused.value.code, refused.value.where) == ("unknown-strategy", "strategy")
     # The error is raised when the input is read, before anything is computed.
     with pytest.raises(InputError, match="expected one of: auto, simultaneous"):
         run_stage("read", write_request(tmp_path, strategy="blocks", preset="paper"))

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from planner.chain.chain import Chain
-from planner.chain.path import Path
 from planner.motion.motion import PHASES, Motion
+from tests.planner.chains import chain_of
 
 CELLS = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
 
 
 @pytest.fixture
 def chain() -> Chain:
-    return Chain.from_path(Path.from_cells(CELLS, name="snake"))
+    return chain_of(CELLS)
 
 
 def frames_of(chain: Chain) -> Motion:

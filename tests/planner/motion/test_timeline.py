@@ -1,6 +1,7 @@
 import json
 import shutil
 from pathlib import Path as FilePath
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -134,7 +135,7 @@ def test_killed_writer_leaves_only_complete_frames(
     writer.append(some_frames(5))
     writer.flush()
     # The writer is killed when the columns have grown and the count has not been written yet.
-    monkeypatch.setattr(writer, "_mark", _killed)
+    monkeypatch.setattr(writer, "_mark", Mock(side_effect=KeyboardInterrupt))
     writer.append(some_frames(7, start=5))
     with pytest.raises(KeyboardInterrupt):
         writer.flush()
@@ -147,10 +148,6 @@ def test_killed_writer_leaves_only_complete_frames(
     with TimelineWriter.reopen(place) as again:
         again.append(some_frames(2, start=90))
     assert Timeline.open(place).frames().time_s.tolist() == [0.0, 0.1, 0.2, 0.3, 0.4, 9.0, 9.1]
-
-
-def _killed(status: str) -> None:
-    raise KeyboardInterrupt(status)
 
 
 def test_reopened_writer_continues_after_the_frames_it_keeps(

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
-from planner.errors import InputError
 from planner.pathfinding.block_merging import (
     FACES,
     Tree,
@@ -16,29 +14,13 @@ from planner.pathfinding.block_merging import (
     joint_options,
 )
 from planner.pathfinding.knots import knot_of
-from planner.pathfinding.lattice import STEPS, spread, spreads_of_cuts, surface
+from planner.pathfinding.lattice import spread, spreads_of_cuts, surface
 from planner.pathfinding.loose_block_merging import block_corners, loose_block_path
 from planner.shapes.shape import Shape
 from tests.conftest import examples
+from tests.planner.lattice import Ints, connected_sets
 
-Ints = NDArray[np.int64]
 TREES: tuple[Tree, ...] = ("bfs", "dfs", "random")
-
-
-def connected_sets(most: int = 40) -> st.SearchStrategy[Ints]:
-    """Return a strategy for connected sets of cells: each new one is adjacent to an earlier one."""
-    picks = st.tuples(st.integers(0, most), st.integers(0, 5))
-    return st.lists(picks, max_size=most).map(grow)
-
-
-def grow(picks: list[tuple[int, int]]) -> Ints:
-    cells = [(0, 0, 0)]
-    for which, side in picks:
-        x, y, z = cells[which % len(cells)]
-        a, b, c = STEPS[side]
-        if (x + a, y + b, z + c) not in cells:
-            cells.append((x + a, y + b, z + c))
-    return np.array(cells, dtype=np.int64)
 
 
 def is_path_through(path: Ints, cells: Ints) -> bool:
@@ -76,12 +58,6 @@ def test_blocks_can_be_joined_by_every_face_and_edge() -> None:
         for links, edges in found:
             assert edges[face] == edge and len(set(edges)) == 6
             assert all(other in links[corner] for corner, other in edges)
-
-
-def test_blocks_in_two_parts_are_refused() -> None:
-    with pytest.raises(InputError, match="2 parts") as refused:
-        block_path(np.array([(0, 0, 0), (2, 0, 0)]), np.random.default_rng(0))
-    assert refused.value.code == "disconnected"
 
 
 def test_block_cycle_is_not_knotted() -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from bench.feasible_sets import feasible_sets
 from bench.paths import RESULTS, check_stored
@@ -18,10 +17,8 @@ from planner.pathfinding.lattice import neighbours, spread, surface
 from planner.pathfinding.no_path_proofs import obstacles
 from planner.pathfinding.sat_paths import find_path_by_sat
 from planner.shapes.shape import Shape
-from tests.conftest import examples
-from tests.planner.lattice import box, walks
-
-Ints = NDArray[np.int64]
+from tests.case import case
+from tests.planner.lattice import Ints, box, walks
 
 
 def check(found: Ints | None, cells: Ints) -> None:
@@ -59,22 +56,14 @@ def test_search_agrees_with_trying_everything(cells: set[tuple[int, int, int]]) 
         assert not has_path(shape.cells)
 
 
-@given(walk=walks(most=120), seed=st.integers(0, 99))
-def test_path_of_the_cells_of_a_walk_is_found(walk: Ints, seed: int) -> None:
+@given(walk=walks(most=120), seed=st.integers(0, 99), has_start=st.booleans())
+def test_path_of_the_cells_of_a_walk_is_found(walk: Ints, seed: int, has_start: bool) -> None:
+    start = (int(walk[0, 0]), int(walk[0, 1]), int(walk[0, 2])) if has_start else None
     shape = Shape.from_cells(walk)
     if len(shape) >= 3:
-        check(exact_path(shape, seed=seed).cells, shape.cells)
-
-
-@given(walk=walks(most=60))
-@examples(one_of=3)
-def test_path_from_the_start_of_a_walk_is_found(walk: Ints) -> None:
-    start = (int(walk[0, 0]), int(walk[0, 1]), int(walk[0, 2]))
-    shape = Shape.from_cells(walk)
-    if len(shape) >= 3:
-        found = exact_path(shape, start=start).cells
+        found = exact_path(shape, seed=seed, start=start).cells
         check(found, shape.cells)
-        assert found is not None and tuple(found[0]) == start
+        assert found is not None and start in (None, tuple(found[0]))
 
 
 def test_ends_are_on_the_surface_if_requested() -> None:
@@ -158,21 +147,17 @@ def test_circuit_is_interrupted_by_ctrl_c() -> None:
         signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.parametrize(
-    ("nodes", "arcs", "status"),
-    [
+def test_circuit_solver_small_graphs_are_found_or_infeasible() -> None:
+    for nodes, arcs, status in (
         (2, [(0, 1), (1, 0)], "found"),
         (3, [(0, 1), (1, 0)], "infeasible"),  # no arc at node 2
         (4, [(0, 1), (1, 0), (2, 3), (3, 2)], "infeasible"),  # two circuits only
         (3, [(0, 1), (1, 2), (2, 0), (1, 0)], "found"),
-    ],
-)
-def test_circuit_solver_small_graphs_are_found_or_infeasible(
-    nodes: int, arcs: list[tuple[int, int]], status: str
-) -> None:
-    found, order = CircuitSolver(nodes, arcs, seed=0, effort=1.0).solve()
-    assert found == status
-    assert order == (list(range(nodes)) if status == "found" else [])
+    ):
+        with case((nodes, arcs)):
+            found, order = CircuitSolver(nodes, arcs, seed=0, effort=1.0).solve()
+            assert found == status
+            assert order == (list(range(nodes)) if status == "found" else [])
 
 
 def test_circuit_solver_counts_down_to_the_fewest_arcs() -> None:

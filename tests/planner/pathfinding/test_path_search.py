@@ -9,6 +9,7 @@ from planner.pathfinding.path_search import find_paths, ranked
 from planner.pathfinding.removal_analysis import analyse_removal
 from planner.pathfinding.snake import snake_path
 from planner.shapes.shape import Shape
+from tests.case import case
 from tests.planner.lattice import box
 from tests.planner.pathfinding.test_knots import OVERHAND, walk
 
@@ -19,17 +20,14 @@ BOX = Shape.from_cells(box(4, 3, 2), name="box")
 STEP = Shape.from_cells(box(4, 2, 2) + [(x + 1, y, z + 2) for x, y, z in box(2, 2, 2)])
 
 
-@pytest.mark.parametrize(
-    ("shape", "made_by"), [(BOX, "snake"), (BENT, "blocks"), (STEP, "blocks"), (PLATE, "exact")]
-)
-def test_method_is_chosen_by_the_shape(shape: Shape, made_by: str) -> None:
-    search = find_paths(shape)
-    assert search.method == made_by
-    assert 1 <= len(search.paths) <= 4
-    assert search.reason == ""
-    for path in search.paths:
-        assert np.array_equal(np.unique(path.cells, axis=0), shape.cells)
-        assert (path.name, path.pitch_m) == (shape.name, shape.pitch_m)
+def test_method_is_chosen_by_the_shape() -> None:
+    for shape, method in ((BOX, "snake"), (BENT, "blocks"), (STEP, "blocks"), (PLATE, "exact")):
+        search = find_paths(shape)
+        assert (search.method, search.reason) == (method, "")
+        assert 1 <= len(search.paths) <= 4
+        for path in search.paths:
+            assert np.array_equal(np.unique(path.cells, axis=0), shape.cells)
+            assert (path.name, path.pitch_m) == (shape.name, shape.pitch_m)
 
 
 def test_large_shapes_are_peeled() -> None:
@@ -75,41 +73,35 @@ def test_ends_are_on_the_surface_if_requested() -> None:
     assert spreads == sorted(spreads)  # those with the closest neighbours come first
 
 
-@pytest.mark.parametrize(
-    ("shape", "method", "start"),
-    [
+def test_path_starts_in_the_requested_cell() -> None:
+    for shape, method, start in (
         (BENT, "blocks", (0, 5, 1)),
         (STEP, "blocks", (2, 1, 3)),
         (BOX, "auto", (2, 1, 1)),
         (PLATE, "exact", (0, 3, 1)),
-    ],
-)
-def test_path_starts_in_the_requested_cell(
-    shape: Shape, method: str, start: tuple[int, int, int]
-) -> None:
-    search = find_paths(shape, method=method, start=start)
-    assert search.paths
-    for path in search.paths:
-        assert tuple(path.cells[0]) == start
+    ):
+        with case((shape, method)):
+            search = find_paths(shape, method=method, start=start)
+            assert search.paths
+            for path in search.paths:
+                assert tuple(path.cells[0]) == start
 
 
 PARTS = Shape.from_cells(box(2, 2, 2) + [(x + 4, y, z) for x, y, z in box(2, 2, 2)])
 
 
-@pytest.mark.parametrize(
-    ("shape", "method", "word"),
-    [
+def test_no_path_is_explained() -> None:
+    for shape, method, word in (
         (PLATE, "blocks", "2×2×2"),
         (BENT, "snake", "box"),
         (Shape.from_cells([(0, 0, 0), (1, 0, 0), (5, 0, 0)]), "auto", "parts"),
         (Shape.from_cells([*box(2, 2, 2), (9, 0, 0)]), "exact", "parts"),
         *((PARTS, method, "parts") for method in ("auto", "blocks")),
-    ],
-)
-def test_no_path_is_explained(shape: Shape, method: str, word: str) -> None:
-    search = find_paths(shape, method=method)
-    assert search.paths == ()
-    assert word in search.reason
+    ):
+        with case((shape, method)):
+            search = find_paths(shape, method=method)
+            assert search.paths == ()
+            assert word in search.reason
 
 
 def test_options_out_of_range_are_refused() -> None:

@@ -10,17 +10,16 @@ from planner.chain.chain import Chain
 from planner.chain.honeycomb import TETRAHEDRA_PER_RING
 from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path
-from planner.clearance.clearance import closest
 from planner.clearance.margins import largest_size
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.pathfinding.path_options import PathOptions
 from planner.pathfinding.trail_search import find_trails
 from planner.pipeline.prepare import Preparation, prepare
-from planner.plan.shape_writers import write_chain, write_path
-from planner.readers import read
+from planner.plan.shape_writers import write_path
 from planner.readers.angle_strings import read_angle_string
 from planner.shapes.shape import Shape
+from tests.refusal import refused
 
 RING = "- - - + - - - + - - -"
 
@@ -28,49 +27,6 @@ RING = "- - - + - - - + - - -"
 def cube(side: int) -> Chain:
     cells = np.array(list(product(range(side), repeat=3)))
     return Chain.from_trail(find_trails(Shape.from_cells(cells)).trails[0])
-
-
-def test_linked_tetrahedra_are_checked_too() -> None:
-    """A hinge separates two tetrahedra only up to a right angle; cubes share their joint."""
-    chain = Chain.from_angles(TETRAHEDRON, np.zeros(2))
-    poses = chain.poses(np.deg2rad([100.0, 0.0]), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    found = closest(TETRAHEDRON, poses.positions, poses.rotations, size=0.99)
-    assert found.clearance < 0.0
-    assert found.modules == (0, 1)
-
-
-def test_chain_file_keeps_its_place() -> None:
-    chain = cube(2)
-    again = read(write_chain(chain, title="Cube", tags=("solid",)))
-    assert isinstance(again, Chain)
-    np.testing.assert_allclose(
-        again.folded_poses.positions, chain.folded_poses.positions, atol=1e-9
-    )
-    np.testing.assert_array_equal(again.folded_rad, chain.folded_rad)
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "code"),
-    [
-        ("first_wxyz", [0, 0, 0, 0], "bad-orientation"),
-        ("first_wxyz", [1, 0, 0], "wrong-type"),
-        ("first_position", ["a", 0, 0], "wrong-type"),
-        ("joint_angles_deg", [0, 91.5], "out-of-range"),
-        ("joint_angles_deg", [[0, 90], 0], "wrong-count"),
-    ],
-)
-def test_bad_chain_files_are_refused(key: str, value: object, code: str) -> None:
-    import json
-
-    document = {
-        "format": "foldback-chain/1",
-        "module": "tetrahedron",
-        "joint_angles_deg": [0, 90],
-        key: value,
-    }
-    with pytest.raises(InputError) as refusal:
-        read(json.dumps(document).encode())
-    assert refusal.value.code == code
 
 
 def test_largest_size_without_a_collision() -> None:
@@ -107,12 +63,8 @@ def test_chain_of_tetrahedra_starts_in_the_requested_cell() -> None:
     made = prepare_chain(write_path(Path.from_cells(U)), start=(2, 1, 0), ends="surface")
     assert tuple(made.cells[0]) == (2, 1, 0)
     assert made.not_started == ""
-    with pytest.raises(InputError) as refusal:
+    with refused("not-a-cell"):
         prepare_chain(write_path(Path.from_cells(U)), start=(7, 7, 7))
-    assert refusal.value.code == "not-a-cell"
-    with pytest.raises(InputError) as refusal:
-        prepare(b"[[0,0,0],[1,0,0],[2,0,0]]", None, PathOptions(module="sphere"))
-    assert refusal.value.code == "unknown-module"
 
 
 def test_separate_parts_are_dropped_on_request_only() -> None:

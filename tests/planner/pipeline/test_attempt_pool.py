@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path as FilePath
+from types import SimpleNamespace
 from typing import Any
 
 import psutil
@@ -132,9 +133,9 @@ def test_number_of_attempts_of_a_fold_is_limited(
     fold = read(tmp_path / "fold", write_path(COIL), seed=3)
     started: list[Trial] = []
 
-    def begin(_: FilePath, trial: Trial) -> Running:
+    def begin(_: FilePath, trial: Trial) -> SimpleNamespace:
         started.append(trial)
-        return Running()
+        return SimpleNamespace(running=True, attempt=lambda: None, end=lambda: None)
 
     monkeypatch.setattr("planner.pipeline.attempt_pool._AttemptProcess", begin)
     many = RetryPolicy(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
@@ -142,18 +143,6 @@ def test_number_of_attempts_of_a_fold_is_limited(
         pool.schedule(many, [], Trial(0, 3, "peel"))
         pool.with_speculation(silent)(STALLING)
     assert len(started) == MAX_EXPLOSIONS - 1
-
-
-class Running:
-    """Attempt that keeps running."""
-
-    running = True
-
-    def attempt(self) -> None:
-        return None
-
-    def end(self) -> None:
-        return None
 
 
 SCRIPT = """

@@ -119,10 +119,7 @@ def test_smoothings_are_not_in_the_lookahead() -> None:
     assert portfolio.lookahead(tried[:2], Trial(0, 5, "peel")) == []
 
 
-@pytest.mark.parametrize(
-    ("prefer", "best"), [("computing", 0), ("time", 1), ("torque", 2), ("clearance", 3)]
-)
-def test_best_plan_by_each_preference(prefer: Preference, best: int) -> None:
+def test_best_plan_by_each_preference() -> None:
     """A slow plan needs little torque; one as fast as the others may need most."""
     trial = Trial(0, 5, "peel")
     tried = [
@@ -133,9 +130,11 @@ def test_best_plan_by_each_preference(prefer: Preference, best: int) -> None:
         verified(trial, fold_time_s=None, peak_torque_nm=None, clearance_bound=None),
         refused(trial),
     ]
-    assert best_of(tried, prefer) == best
-    assert best_of([*tried, *tried], prefer) == best, "of equal ones the earlier"
-    assert best_of([refused(trial)], prefer) is None
+    best: dict[Preference, int] = {"computing": 0, "time": 1, "torque": 2, "clearance": 3}
+    for prefer, number in best.items():
+        assert best_of(tried, prefer) == number
+        assert best_of([*tried, *tried], prefer) == number, "of equal ones the earlier"
+        assert best_of([refused(trial)], prefer) is None
 
 
 def test_preference_is_refused_if_there_is_one_plan() -> None:
@@ -144,7 +143,7 @@ def test_preference_is_refused_if_there_is_one_plan() -> None:
     for other in ({"preset": "paper"}, {"smooth": True}, {"strategy": "one-by-one"}):
         with pytest.raises(InputError, match="got the preference time for the .* one plan") as got:
             FoldRequest.of(prefer="time", **other).check()
-        assert got.value.where == "prefer"
+        assert (got.value.code, got.value.where) == ("unsuited-prefer", "prefer")
     for prefer in PREFERENCES:
         FoldRequest(prefer=prefer, strategy="peel").check()
 

@@ -1,23 +1,11 @@
 """Order of attempts, and the failure that is shown of several."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
-import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.explosion.diagnosis import Diagnosis, diagnose
-from planner.explosion.simultaneous import explode
-from planner.motion.motion import Motion
-from planner.motion.record import Record, Spent
-from planner.motion.timeline import Timeline
-from planner.parameters.explosion import ExplosionParameters
-from planner.parameters.parameters import Parameters
+from planner.explosion.diagnosis import Diagnosis
 from planner.pipeline.attempt import (
     MAX_EXPLOSIONS,
     Attempt,
@@ -34,7 +22,6 @@ from planner.pipeline.next_step import (
     Certify,
     Explode,
     PlayBack,
-    Step,
     before_explosion,
     before_playback,
     next_step,
@@ -43,11 +30,8 @@ from planner.pipeline.next_step import (
 from planner.pipeline.preference import PlanFigures
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.stages import run_stages
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_path
-from tests.planner.chains import SQUARE, coil
-from tests.planner.folds import write_request
+from tests.case import case
+from tests.planner.chains import coil
 from tests.planner.peels import snake
 
 BOTH = ("simultaneous", "peel")
@@ -132,17 +116,6 @@ def test_attempts_from_the_other_end_and_gentle_ones_depend_on_the_strategy() ->
     assert not any(found.gentle for found in laid)
 
 
-def test_finer_frames_are_no_attempt_and_another_strategy_comes_last() -> None:
-    choice = RetryPolicy(strategies=(BOTH,), seed=0, forces=True)
-    first = Attempt(trial=Trial(0, 0, "simultaneous"), status="straight")
-    for tried in ([first], [first, replace(first, finer=4)]):
-        assert choice.next_attempt(tried) == Trial(0, 1, "simultaneous")
-    tried = list[Attempt]()
-    while isinstance(step := next_step(tried, choice), Explode):
-        tried.append(Attempt(trial=step.trial, status="straight", played=True, verdict="failed: …"))
-    assert [attempt.trial.strategy for attempt in tried] == ["simultaneous"] * 3 + ["peel"]
-
-
 def test_chain_from_its_other_end_fills_the_same_cells() -> None:
     box = snake((3, 3, 4))
     other = box.from_other_end()
@@ -150,79 +123,6 @@ def test_chain_from_its_other_end_fills_the_same_cells() -> None:
     np.testing.assert_allclose(
         other.folded_poses.positions, box.folded_poses.positions[::-1], atol=1e-12
     )
-
-
-def at_rest(chain: Chain, *, status: Any = "stalled", strategy: str = "simultaneous") -> Record:
-    folded = chain.folded_poses
-    frames = Motion.from_frames(
-        phase="explosion",
-        time_s=np.zeros(1),
-        joint_angles_rad=chain.folded_rad[None],
-        root_position=folded.positions[chain.root][None],
-        root_wxyz=folded.wxyzs[chain.root][None],
-    )
-    return Record(
-        status=status,
-        reason="it is stuck",
-        frames=frames,
-        steps=1,
-        seconds=0.1,
-        strategy=strategy,
-        spent=Spent("pushes", 40, 41),
-    )
-
-
-def finding(chain: Chain, record: Record) -> tuple[str, tuple[int, ...]] | None:
-    """Return the kind of a diagnosis and the modules that it names."""
-    found = diagnose(chain, record, Parameters())
-    if found is not None:
-        json.dumps(found.as_dict())
-    return None if found is None else (found.kind, found.modules)
-
-
-def test_diagnosis_names_the_kind_and_the_modules() -> None:
-    box = snake((3, 3, 3))
-    turns = np.abs(box.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
-    assert finding(box, at_rest(box)) == ("contacts", tuple((np.flatnonzero(turns) + 1).tolist()))
-    found = diagnose(box, at_rest(box), Parameters())
-    assert found is not None and "16 hinges were still bent, by up to 90°" in found.words
-    assert finding(box, at_rest(box, status="straight")) is None
-    assert finding(box, at_rest(box, status="cancelled")) is None
-    steps = [(k, k, 0) for k in range(7)]
-    stairs = Chain.from_path(
-        Path.from_cells([cell for x, y, z in steps for cell in ((x, y, z), (x + 1, y, z))])
-    )
-    record = at_rest(stairs)
-    for status, share, kind in (
-        ("stalled", 1.0, "joints"),
-        ("timeout", 0.0, "limit"),
-        ("stalled", 0.5, "joints"),
-        ("diverged", 0.5, "broken"),
-        ("timeout", 0.5, "limit"),
-    ):
-        bent = record.frames.with_columns(joint_angles_rad=share * stairs.folded_rad[None])
-        found = finding(stairs, replace(record, frames=bent, status=status))
-        assert found is not None and found[0] == kind, (status, share)
-        assert bool(found[1]) == (kind != "limit"), (status, share)
-
-
-@pytest.mark.slow
-def test_plan_holds_all_attempts_and_their_diagnoses(
-    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def stall_explosion(chain: Chain, *arguments: Any, **more: Any) -> Record:
-        hasty = ExplosionParameters(max_steps=40)
-        return replace(explode(chain, hasty, **more), status="stalled", reason="it sticks")
-
-    monkeypatch.setattr("planner.explosion.strategies.explode", stall_explosion)
-    failed = run_stages(write_request(tmp_path, write_path(SQUARE), strategy="simultaneous"))
-    assert failed["status"] == "failed" and "it sticks" in failed["reason"]
-    tried = Plan.load(tmp_path / "plan.npz").attempts
-    assert len(tried) > 1
-    assert failed["stuck"] in [attempt["diagnosis"] for attempt in tried]
-    assert {attempt["status"] for attempt in tried} == {"stalled"}
-    assert {attempt["strategy"] for attempt in tried} == {"simultaneous"}
-    assert len(Timeline.open(tmp_path / "timeline.zarr")) > 0
 
 
 POLICY = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=0)
@@ -254,9 +154,8 @@ JUDGED = replace(SHOWN, verdict="failed: the explosion stalled")
 NOTHING = Attempt(trial=FIRST, status="none")
 
 
-@pytest.mark.parametrize(
-    ("policy", "history", "step"),
-    [
+def test_next_step_of_a_history() -> None:
+    for policy, history, step in (
         (POLICY, [], Explode(FIRST)),
         (POLICY, [STALLED], Explode(PEELED)),
         (POLICY, [replace(STALLED, status="cancelled")], PlayBack()),
@@ -288,17 +187,13 @@ NOTHING = Attempt(trial=FIRST, status="none")
         (PUBLISHED, [replace(NOTHING, played=True)], Certify()),
         (PUBLISHED, [replace(REFUSED, status="none")], None),
         (POLICY, [replace(REFUSED, status="none")], None),
-    ],
-)
-def test_next_step_of_a_history(
-    policy: RetryPolicy, history: Sequence[Attempt], step: Step | None
-) -> None:
-    assert next_step(history, policy) == step
+    ):
+        with case((policy, history)):
+            assert next_step(history, policy) == step
 
 
-@pytest.mark.parametrize(
-    ("history", "kept"),
-    [
+def test_explosions_run_again_after_the_last_verdict() -> None:
+    for history, kept in (
         ([], 0),
         ([replace(STALLED, status="begun")], 0),
         ([STALLED, STRAIGHT], 0),
@@ -308,29 +203,24 @@ def test_next_step_of_a_history(
         ([BETWEEN, AGAIN], 2),
         ([VERIFIED], 0),
         ([JUDGED, STALLED], 0),
-    ],
-)
-def test_explosions_run_again_after_the_last_verdict(history: Sequence[Attempt], kept: int) -> None:
-    assert before_explosion(history, POLICY) == tuple(history[:kept])
+    ):
+        with case((history, kept)):
+            assert before_explosion(history, POLICY) == tuple(history[:kept])
 
 
-@pytest.mark.parametrize(
-    ("history", "before"),
-    [
+def test_playback_run_again_has_no_verdict() -> None:
+    for history, before in (
         ([], []),
         ([STRAIGHT], [STRAIGHT]),
         ([VERIFIED], [STRAIGHT]),
         ([REFUSED], [STRAIGHT]),
         ([BETWEEN], [BETWEEN, replace(STRAIGHT, finer=REPEATED_PLAYBACK_REFINEMENT)]),
         ([BETWEEN, AGAIN], [BETWEEN, replace(STRAIGHT, finer=REPEATED_PLAYBACK_REFINEMENT)]),
-    ],
-)
-def test_playback_run_again_has_no_verdict(
-    history: Sequence[Attempt], before: Sequence[Attempt]
-) -> None:
-    found = before_playback(history, POLICY)
-    assert found == tuple(before)
-    assert before_playback(found, POLICY) == found
+    ):
+        with case((history, before)):
+            found = before_playback(history, POLICY)
+            assert found == tuple(before)
+            assert before_playback(found, POLICY) == found
 
 
 def test_choice_is_marked_at_the_latest_playback() -> None:
@@ -340,18 +230,14 @@ def test_choice_is_marked_at_the_latest_playback() -> None:
     assert [each.chosen for each in with_choice(history, 2)] == [False, False, True]
 
 
-@pytest.mark.parametrize(
-    ("values", "retries"),
-    [
+def test_published_recipes_and_baselines_have_one_attempt() -> None:
+    for values, retries in (
         ({}, True),
         ({"smooth": True}, True),
         ({"strategy": "one-by-one"}, False),
         ({"preset": "paper"}, False),
         ({"preset": "direct"}, False),
-    ],
-)
-def test_published_recipes_and_baselines_have_one_attempt(
-    values: dict[str, Any], retries: bool
-) -> None:
-    candidates = Candidates((coil(8),), two_ended=False)
-    assert RetryPolicy.of(FoldRequest(**values), candidates).retries_refused == retries
+    ):
+        with case((values, retries)):
+            candidates = Candidates((coil(8),), two_ended=False)
+            assert RetryPolicy.of(FoldRequest(**values), candidates).retries_refused == retries

@@ -1,5 +1,4 @@
 from dataclasses import asdict, fields, replace
-from typing import Any
 
 import pytest
 
@@ -13,10 +12,9 @@ from planner.parameters.settings_text import (
     value_of,
     with_settings,
 )
-from planner.pipeline.fold import fold, refold
 from planner.pipeline.request import FoldRequest
 from tests.case import case
-from tests.planner.chains import SQUARE
+from tests.refusal import refused
 
 PAPER = preset("paper")
 
@@ -42,7 +40,6 @@ def test_settings_text_is_canonical() -> None:
 
 
 def test_settings_reach_their_parameters_of_each_preset() -> None:
-    assert with_settings(PAPER, {"density_kg_m3": 1000.0}).density_kg_m3 == 1000.0
     assert with_settings(preset("direct"), {"friction": 0.3}).playback.friction == 0.3
     for name in ("default", "paper"):
         changed = with_settings(preset(name), read_settings("simulated_modules=5000"))
@@ -53,9 +50,8 @@ def test_settings_reach_their_parameters_of_each_preset() -> None:
     assert value_of(step, replace(preset("direct"), playback=direct)) == 0.005
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
+def test_read_settings_refuses_other_names_and_values() -> None:
+    for text, words in (
         ("speed=1", "got 'speed=1', expected NAME=VALUE with one of: radial_gain"),
         ("damping", "got 'damping', expected NAME=VALUE"),
         ("damping=", "damping = '', expected a number from 0 to 0.9"),
@@ -72,13 +68,12 @@ def test_settings_reach_their_parameters_of_each_preset() -> None:
         ("table_base=", "got table_base = '', expected clamped or free"),
         ("damping=0.1,damping=0.2", "got damping twice, expected only one value"),
         ("a" * 501, "got 501 characters of settings, expected at most 500"),
-    ],
-)
-def test_read_settings_refuses_other_names_and_values(text: str, words: str) -> None:
-    with pytest.raises(InputError) as refused:
-        read_settings(text)
-    assert refused.value.code == "bad-settings"
-    assert words in refused.value.detail
+    ):
+        with case((text, words)):
+            with pytest.raises(InputError) as refused:
+                read_settings(text)
+            assert refused.value.code == "bad-settings"
+            assert words in refused.value.detail
 
 
 def test_preset_refuses_settings_that_it_does_not_use_or_that_do_not_fit() -> None:
@@ -101,22 +96,10 @@ def test_settings_equal_to_the_preset_do_not_change_the_request() -> None:
         assert request.canonical() == FoldRequest(preset=name, settings=kept)
 
 
-@pytest.mark.slow
-def test_fold_and_refold_take_settings() -> None:
-    few = "simulated_modules=2"
-    plan = fold(SQUARE, settings=few)
-    for made in (plan, refold(plan, SQUARE, settings=few)):
-        assert made.parameters["playback"]["dynamic_up_to"] == 2
-        assert made.certificate.verdict == "verified (kinematics only)"
-    with pytest.raises(InputError, match="radial_gain for the preset default") as refused:
-        fold(SQUARE, settings="radial_gain=20")
-    assert refused.value.code == "bad-settings"
-
-
-@pytest.mark.parametrize(
-    ("values", "code"),
-    [
+def test_request_out_of_range_is_refused() -> None:
+    for values, code in (
         ({"preset": "ours"}, "unknown-preset"),
+        ({"strategy": "fastest"}, "unknown-strategy"),
         ({"seed": -1}, "bad-seed"),
         ({"seed": 2**63}, "bad-seed"),
         ({"module_size": 0.01}, "bad-module-size"),
@@ -127,11 +110,12 @@ def test_fold_and_refold_take_settings() -> None:
         ({"world": "table", "module": "tetrahedron"}, "unsuited-world"),
         ({"world": "table", "strategy": "blocks"}, "unsuited-world"),
         ({"world": "table", "refold": True}, "unsuited-world"),
+        ({"world": "table", "prefer": "time"}, "unsuited-world"),
+        ({"world": "table", "method": "exact"}, "unsuited-world"),
+        ({"world": "table", "ends": "surface"}, "unsuited-world"),
+        ({"world": "table", "start": (0, 0, 0)}, "unsuited-world"),
         ({"settings": "table_torque=4"}, "bad-settings"),
         ({"settings": "table_base=free"}, "bad-settings"),
-    ],
-)
-def test_request_out_of_range_is_refused(values: dict[str, Any], code: str) -> None:
-    with pytest.raises(InputError) as refused:
-        FoldRequest(**values).check()
-    assert refused.value.code == code
+    ):
+        with case((values, code)), refused(code):
+            FoldRequest(**values).check()

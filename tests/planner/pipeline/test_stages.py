@@ -4,25 +4,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any
 
-import numpy as np
 import pytest
 
 from planner.certificate.certificate import Place
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.explosion.simultaneous import explode
-from planner.motion.motion import PHASES
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.fold_layout import result_path
 from planner.pipeline.stages import next_stage, run_stage
 from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_path
 from planner.playback.playback import Playback
 from planner.progress import STAGES, Progress
 from planner.simulation.reduced_state import Acceleration
 from planner.simulation.segments import Segments
-from tests.planner.chains import SQUARE
 from tests.planner.folds import compare_motions, falsify, untimed, write_request
 
 pytestmark = pytest.mark.slow
@@ -91,27 +87,6 @@ def test_all_stages_make_a_verified_plan(full: FullFold) -> None:
     assert Plan.load(full.directory / "plan.json").verified
 
 
-def test_timeline_holds_explosion_then_playback(full: FullFold) -> None:
-    timeline = Timeline.open(full.directory / "timeline.zarr")
-    record = Record.load(full.directory / "record.npz")
-    playback = Playback.load(full.directory / "playback.npz")
-    frames = timeline.frames()
-    assert timeline.status == "complete"
-    explosion = int((frames.phase == PHASES.index("explosion")).sum())
-    assert explosion == len(record.frames)
-    assert (np.diff(frames.phase.astype(int)) >= 0).all()
-    assert (np.diff(frames.time_s) >= 0).all()
-    np.testing.assert_array_equal(
-        frames.joint_angles_rad[explosion:], playback.frames.joint_angles_rad
-    )
-    assert np.isnan(frames.joint_error_rad[:explosion]).all()
-    assert np.isfinite(frames.joint_error_rad[explosion:]).all()
-    # The playback starts where the explosion has left the chain.
-    np.testing.assert_allclose(
-        frames.root_position[explosion], frames.root_position[explosion - 1], atol=1e-9
-    )
-
-
 class Killed(BaseException):
     """Error that stands for the end of the process."""
 
@@ -178,17 +153,6 @@ def test_failed_explosion_in_the_directory_of_a_good_fold_gives_a_failed_plan(
     timeline = Timeline.open(copy / "timeline.zarr")
     assert timeline.status == "failed"
     assert len(timeline) == len(Record.load(copy / "record.npz").frames)
-
-
-def test_direct_servoing_has_no_explosion(tmp_path: FilePath) -> None:
-    write_request(tmp_path, write_path(SQUARE), preset="direct")
-    _, explode, play_back, certify, export = run(tmp_path, *STAGES)
-    assert explode["status"] == "none"
-    assert play_back["steps"] > 0
-    assert certify["min_clearance_record"] is None
-    assert export["explosion"] == {"steps": 0, "frames": 0, "seconds": 0.0}
-    timeline = Timeline.open(tmp_path / "timeline.zarr")
-    assert set(timeline.frames().phase.tolist()) == {PHASES.index("playback")}
 
 
 @pytest.mark.parametrize("stage", ["explode", "play_back", "certify"])

@@ -9,7 +9,6 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from examples.run_gallery import SHAPES
 from planner.certificate.table_forces import TableForces
 from planner.errors import InputError
 from planner.parameters.explosion import TableParameters
@@ -20,10 +19,11 @@ from planner.pipeline.request import FoldRequest
 from planner.plan.plan import Plan
 from planner.verification.plan_parameters import plan_parameters
 from planner.verification.verify import verify
+from tests.planner.conftest import SHAPES
 from tests.planner.folds import run_fold
+from tests.refusal import refused
 
 CELLS = json.dumps([[x, y, z] for z in range(2) for y in range(2) for x in range(2)]).encode()
-ON_TABLE = FoldRequest(world="table", as_voxels=True)
 FRICTION = "table_friction=0.1"
 
 
@@ -114,10 +114,9 @@ def test_settings_of_a_table_are_its_parameters() -> None:
 
 def test_shape_without_a_path_for_a_table_is_refused_with_the_reason() -> None:
     shape = (SHAPES / "wrench-24.json").read_bytes()
-    prepared = prepare(shape, "wrench-24.json", ON_TABLE.path_options())
+    options = FoldRequest(world="table", as_voxels=True).path_options()
     with pytest.raises(InputError, match="turns back directly above itself"):
-        _ = prepared.chain
+        _ = prepare(shape, "wrench-24.json", options).chain
     path = [[0, 0, 1], [1, 0, 1], [2, 0, 1], [2, 0, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 1, 0]]
-    with pytest.raises(InputError) as error:
+    with refused("not-for-a-table"):
         prepare(json.dumps(path).encode(), None, FoldRequest(world="table").path_options())
-    assert error.value.code == "not-for-a-table"

@@ -123,21 +123,11 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
         beside.append(part)
         return nullcontext()
 
-    def noted(name: str) -> None:
-        monkeypatch.setattr(module, name, lambda *_, **__: calls.append(name))  # pyright: ignore[reportUnknownLambdaType]
-
     first = ["warm_up_clearance", "warm_up_torques", "warm_up_motions"]
-    rest = [
-        "retime",
-        "smooth_plan",
-        "table_certificate",
-        "_many_contacts",
-        "_explode_as_published",
-        "_peel",
-    ]
-    rest.append("warm_up_paths")
+    rest = ["retime", "smooth_plan", "table_certificate", "_many_contacts"]
+    rest += ["_explode_as_published", "_peel", "warm_up_paths"]
     for name in first + rest:
-        noted(name)
+        monkeypatch.setattr(module, name, lambda *_, name=name, **__: calls.append(name))
     plan = SimpleNamespace(chain=None, motion=None)
     monkeypatch.setattr(module, "fold", lambda *_, **__: plan)  # pyright: ignore[reportUnknownLambdaType]
     monkeypatch.setattr(module, "beside", start)

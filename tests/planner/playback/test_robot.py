@@ -32,15 +32,12 @@ def with_robot(robot: RobotParameters) -> PlaybackParameters:
     return PlaybackParameters(robot=robot)
 
 
-def make_robot(chain: Chain, robot: RobotParameters, seed: int = 0) -> Robot:
-    contacts = robot_contacts(chain, geom_size=0.3, step_s=0.08)
-    contacts.prepare(len(chain))
-    return Robot(chain, contacts, robot, peak_torque=10.0, seed=[seed], step_s=0.08)
-
-
 @pytest.mark.parametrize("chain", [line(7), coil(40)], ids=len)
 def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None:
-    robot = make_robot(chain, replace(FAULTLESS, mass_error=0.1, torque_limit=100.0), seed=3)
+    contacts = robot_contacts(chain, geom_size=0.3, step_s=0.08)
+    contacts.prepare(len(chain))
+    parameters = replace(FAULTLESS, mass_error=0.1, torque_limit=100.0)
+    robot = Robot(chain, contacts, parameters, peak_torque=10.0, seed=[3], step_s=0.08)
     assert robot.errors.masses.std() > 0.05
     hinges = len(chain.folded_rad)
     rng = np.random.default_rng(5)

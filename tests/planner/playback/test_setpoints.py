@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.playback.setpoints import STALL_STEPS, Backwards, SnapshotSetpoints
-
-Array = NDArray[np.float64]
+from tests.planner.chains import Array
 
 
 def paper_guide(snapshots: Array, least_steps: int = 1) -> SnapshotSetpoints:

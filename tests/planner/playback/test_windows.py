@@ -6,7 +6,6 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.floating_torques import floating_torques
@@ -16,10 +15,10 @@ from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
 from planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
 from planner.simulation.window_robot import RigidEnds, WindowRobot
+from tests.planner.chains import Array
 from tests.planner.mujoco_tree import tree_with
 from tests.planner.peels import peel, snake
 
-Array = NDArray[np.float64]
 FAULTLESS = RobotParameters(mass_error=0.0, friction=0.0, encoder_rad=0.0, noise_rad=0.0, runs=1)
 SIZE = 0.3
 """Size of modules that touch nothing in an unchecked motion, pitches."""
@@ -36,14 +35,6 @@ def chain() -> Chain:
 @pytest.fixture(scope="module")
 def peeled(chain: Chain) -> Motion:
     return peel(chain, width=24, step=1.0)
-
-
-def with_window_angles(chain: Chain, angles: Array) -> Array:
-    """Return (J,) angles of a chain that is folded before a window and straight after it."""
-    found = np.zeros(len(chain.folded_rad))
-    found[: HINGES.start] = chain.folded_rad[: HINGES.start]
-    found[HINGES] = angles
-    return found
 
 
 @pytest.mark.parametrize("stretch", [(FIRST, JOINTS), (0, JOINTS), (70, 24)], ids=str)
@@ -82,7 +73,8 @@ def test_step_agrees_with_a_mujoco_tree_whose_other_hinges_are_held(chain: Chain
     model = tree_with(chain, SIZE, errors.masses)
     data: Any = mujoco.MjData(model)
     dofs = np.array([model.joint(name).dofadr[0] for name in chain.joint_names])
-    for name, angle in zip(chain.joint_names, with_window_angles(chain, angles), strict=True):
+    whole = np.where(np.arange(len(dofs)) < HINGES.start, chain.folded_rad, 0.0)
+    for name, angle in zip(chain.joint_names, whole, strict=True):
         data.joint(name).qpos[0] = angle
     model.dof_armature[dofs] = 1e12
     model.dof_armature[dofs[HINGES]] = inertia

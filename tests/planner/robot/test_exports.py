@@ -20,7 +20,6 @@ import yaml
 import yourdfpy
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from planner.chain.kinematics import Poses
@@ -33,8 +32,8 @@ from planner.exports.urdf import DRAKE_NAMESPACE, centre_of
 from planner.pipeline.fold import fold
 from planner.plan.plan import Plan
 from planner.readers.angle_strings import read_angle_string
+from tests.planner.chains import Array
 
-Array = NDArray[np.float64]
 HOSTILE_NAME = "</robot>\x00\x1b[31m\ud800\u202e\uffff \"'&<]]>\n- -- \U0001f980"
 
 
@@ -180,18 +179,14 @@ def test_urdf_links_have_the_mass_and_inertia_of_solid_modules(plan: Plan) -> No
     np.testing.assert_allclose(limits, [chain.module.angle_limit_rad] * len(chain.joint_names))
 
 
-def exempt_names(plan: Plan) -> set[tuple[str, str]]:
-    pairs = plan.chain.module.exempt_pairs(len(plan.chain))
-    return {(f"module_{i}", f"module_{j}") for i, j in pairs}
-
-
 def test_srdf_and_drake_groups_name_the_exempt_pairs(plan: Plan) -> None:
     srdf = ElementTree.fromstring(exported("srdf", plan))
     urdf = ElementTree.fromstring(exported("urdf", plan))
     assert srdf.get("name") == urdf.get("name")
     links = {link.get("name") for link in urdf.iter("link")}
     disabled = {(e.get("link1"), e.get("link2")) for e in srdf.iter("disable_collisions")}
-    assert disabled == exempt_names(plan)
+    exempt = plan.chain.module.exempt_pairs(len(plan.chain))
+    assert disabled == {(f"module_{i}", f"module_{j}") for i, j in exempt}
     assert {name for pair in disabled for name in pair} <= links
     groups = urdf.findall(f"{{{DRAKE_NAMESPACE}}}collision_filter_group")
     members = set()

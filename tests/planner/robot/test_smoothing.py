@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
@@ -9,19 +8,10 @@ from planner.kernels.smoothing import mark_blamed_hinges
 from planner.playback.reference_curve import record_lengths
 from planner.robot.motion_quality import Quality
 from planner.robot.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth
-from tests.planner.chains import coil, line, random_angles
+from tests.planner.chains import Array, coil, line, random_angles
 from tests.planner.conftest import Fold
 
 pytestmark = pytest.mark.slow
-
-Array = NDArray[np.float64]
-
-
-def recorded(folded: Fold) -> tuple[Chain, Array]:
-    """Chain and its record from straight to folded."""
-    fold = folded("wrench-24")
-    assert fold.record is not None
-    return fold.chain, np.ascontiguousarray(fold.record.frames.joint_angles_rad[::-1])
 
 
 def length(chain: Chain, angles: Array) -> float:
@@ -34,7 +24,10 @@ def travel(angles: Array) -> float:
 
 
 def test_smoothed_motion_is_shorter_and_as_clear_in_even_steps(folded: Fold) -> None:
-    chain, before = recorded(folded)
+    fold = folded("wrench-24")
+    assert fold.record is not None
+    chain = fold.chain
+    before = np.ascontiguousarray(fold.record.frames.joint_angles_rad[::-1])
     after = smooth(chain, before, size=0.95).angles
     steps = np.diff(record_lengths(chain, after, DISTANCE_WEIGHT))
     assert steps.max() <= 1.2 * FRAME_SPACING_RANGE_RAD[1]

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.plan.shape_writers import write_chain, write_path, write_shape
 from planner.readers import read
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
-from planner.shapes.voxelise import voxelise
+from tests.planner.chains import chain_of
 from tests.planner.solids_made import MESH_KINDS, as_binvox, as_grid, as_vox, exported
 
 CELLS = np.argwhere(np.ones((2, 3, 2)))
@@ -25,7 +24,7 @@ FILES = {
     "npy": as_grid(CELLS),
     "json": write_shape(Shape.from_cells(CELLS)),
     "path": write_path(Path.from_cells(WALK, name="some path")),
-    "chain": write_chain(Chain.from_path(Path.from_cells(WALK))),
+    "chain": write_chain(chain_of(WALK)),
     "csv": b"x,y,z\n" + b"".join(b"%d,%d,%d\n" % cell for cell in WALK),
     "xyz": b"6\na chain of carbon\n" + b"".join(b"C %d.0 %d.0 %d.0\n" % cell for cell in WALK),
 }
@@ -89,27 +88,9 @@ def test_mutated_files_are_read_or_refused(kind: str) -> None:
     assert len(outcomes) >= 2, outcomes
 
 
-@pytest.mark.slow
-def test_mutated_meshes_are_voxelised_or_refused() -> None:
-    rng = random.Random("voxels of stl")
-    count = 0
-    while count < 3:
-        try:
-            found = read(mutate(FILES["stl"], rng, SPICE))
-            if not isinstance(found, Solid):
-                continue
-            count += 1
-            voxels = voxelise(found, cells=rng.choice([1, 30]))
-        except InputError as refusal:
-            assert refusal.detail.endswith(".")
-        else:
-            assert len(voxels.shape) >= 1
-            assert 0 <= voxels.iou <= 1
-
-
 def test_noise_after_a_signature_is_refused() -> None:
     rng = random.Random(1)
-    texts = (b"ply\n", b"OFF\n", b"#binvox", b"solid facet", b"v 0 0 0\nf ")
+    texts = (b"", b"ply\n", b"OFF\n", b"#binvox", b"solid facet", b"v 0 0 0\nf ")
     for signature in (*texts, b"glTF", b"VOX ", b"PK\x03\x04"):
         for _ in range(100):
             with pytest.raises(InputError):

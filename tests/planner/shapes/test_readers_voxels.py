@@ -7,21 +7,30 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from planner.chain.path import Path
 from planner.plan.shape_writers import write_shape
 from planner.readers import read
 from planner.shapes.shape import Shape
+from tests.case import case
+from tests.planner.lattice import Ints
 from tests.planner.reading import refusal_of, shape_in
-from tests.planner.solids_made import VOXEL_WRITERS, as_binvox, as_vox, chunk, vox_file, vox_model
+from tests.planner.solids_made import (
+    VOXEL_WRITERS,
+    as_binvox,
+    as_vox,
+    chunk,
+    vox_file,
+    vox_model,
+    vox_shape,
+    vox_transform,
+)
 from tests.planner.solids_made import words as pairs
 
-Cells = NDArray[np.int64]
 L_SHAPE = np.array([[0, 0, 0], [0, 1, 0], [0, 2, 0], [1, 0, 0], [1, 0, 1]])
 
 
-def sets(most: int) -> st.SearchStrategy[Cells]:
+def sets(most: int) -> st.SearchStrategy[Ints]:
     """Return a strategy for sets of cells whose smallest coordinates are zero."""
     number = st.integers(0, most)
     cells = st.lists(st.tuples(number, number, number), min_size=1, max_size=30)
@@ -30,31 +39,29 @@ def sets(most: int) -> st.SearchStrategy[Cells]:
 
 @pytest.mark.parametrize("writer", VOXEL_WRITERS)
 @given(cells=sets(20))
-def test_written_voxels_are_read_back(writer: Callable[[Cells], bytes], cells: Cells) -> None:
+def test_written_voxels_are_read_back(writer: Callable[[Ints], bytes], cells: Ints) -> None:
     np.testing.assert_array_equal(shape_in(writer(cells)).cells, cells)
 
 
 @given(sets(900), st.floats(1e-6, 1e3))
-def test_written_shape_is_read_back(cells: Cells, pitch_m: float) -> None:
+def test_written_shape_is_read_back(cells: Ints, pitch_m: float) -> None:
     shape = Shape.from_cells(cells - 400, name="some shape", pitch_m=pitch_m)
     back = shape_in(write_shape(shape))
     np.testing.assert_array_equal(back.cells, shape.cells)
     assert (back.name, back.pitch_m) == ("some shape", pitch_m)
 
 
-@pytest.mark.parametrize(
-    "data",
-    [
+def test_lists_of_cells_are_read_as_voxels_on_request() -> None:
+    for data in (
         json.dumps(L_SHAPE.tolist()[::-1]).encode(),
         b"x,y,z\n" + b"".join(b"%d,%d,%d\n" % tuple(c) for c in L_SHAPE[::-1]),
         b"".join(b"%d %d %d\n" % tuple(c) for c in L_SHAPE[::-1]),
-    ],
-)
-def test_lists_of_cells_are_read_as_voxels_on_request(data: bytes) -> None:
-    np.testing.assert_array_equal(shape_in(data, as_voxels=True).cells, L_SHAPE)
-    refusal = refusal_of(data)
-    assert refusal.code == "not-adjacent"
-    assert "read them as voxels" in refusal.detail
+    ):
+        with case(data):
+            np.testing.assert_array_equal(shape_in(data, as_voxels=True).cells, L_SHAPE)
+            refusal = refusal_of(data)
+            assert refusal.code == "not-adjacent"
+            assert "read them as voxels" in refusal.detail
 
 
 def test_paths_grids_and_axes_of_voxels() -> None:
@@ -77,24 +84,16 @@ def test_models_of_a_vox_scene_are_placed_by_its_nodes() -> None:
     # Node 0 moves a group of two moved shapes; the second is rotated by a quarter turn about z.
     turned = str(1 | (0 << 2) | (1 << 4))
 
-    def moved(node: int, child: int, **place: str) -> bytes:
-        body = struct.pack("<I", node) + pairs() + struct.pack("<IiiI", child, -1, 0, 1)
-        return chunk(b"nTRN", body + pairs(**place))
-
-    def shown(node: int, model: int) -> bytes:
-        body = struct.pack("<I", node) + pairs() + struct.pack("<II", 1, model) + pairs()
-        return chunk(b"nSHP", body)
-
     group = chunk(b"nGRP", struct.pack("<I", 1) + pairs() + struct.pack("<III", 2, 2, 4))
     data = vox_file(
         vox_model(bar),
         vox_model(bar[:1]),
-        moved(0, 1),
+        vox_transform(0, 1),
         group,
-        moved(2, 3, _t="10 0 0", _r=turned),
-        shown(3, 0),
-        moved(4, 5, _t="10 0 2"),
-        shown(5, 1),
+        vox_transform(2, 3, _t="10 0 0", _r=turned),
+        vox_shape(3, 0),
+        vox_transform(4, 5, _t="10 0 2"),
+        vox_shape(5, 1),
     )
     # The bar rotates about a corner of its middle cell, as in MagicaVoxel.
     assert shape_in(data).cells.tolist() == [[0, 0, 0], [0, 1, 0], [0, 2, 0], [1, 1, 2]]
@@ -115,9 +114,8 @@ def test_binvox_of_too_many_cells_is_refused_before_it_is_unpacked() -> None:
     assert len(shape_in(head + b"\x00\xff" * 19_999 + b"\x01\xff")) == 255
 
 
-@pytest.mark.parametrize(
-    ("data", "code"),
-    [
+def test_invalid_voxel_files_are_refused() -> None:
+    for data, code in (
         (b"#binvox 1\ndata\n", "damaged"),
         (b"#binvox 1\ndim 99999999999999 1 1\ndata\n\x01\x08", "damaged"),
         (b"#binvox 1\ndim 2 2 2\ndata\n\x01\x08\x01", "truncated"),
@@ -140,7 +138,6 @@ def test_binvox_of_too_many_cells_is_refused_before_it_is_unpacked() -> None:
         (b'{"format": "foldback-voxels/1", "cells": []}', "empty"),
         (b'{"format": "foldback-voxels/1"}', "wrong-type"),
         (b'{"format": "foldback-voxels/1", "cells": [[0, 0, 0.5]]}', "not-whole"),
-    ],
-)
-def test_invalid_voxel_files_are_refused(data: bytes, code: str) -> None:
-    assert refusal_of(data).code == code
+    ):
+        with case((data, code)):
+            assert refusal_of(data).code == code

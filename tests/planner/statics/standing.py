@@ -1,21 +1,14 @@
 """Chains that stand on a floor, and their equilibrium by a second formulation."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from planner.chain.cantilever_statics import hinge_frames
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
-from planner.chain.path import Path
 from planner.statics.balance import Standing
 from planner.statics.contacts import Contacts
-
-Array = NDArray[np.float64]
-
-
-def chain_of(cells: list[tuple[int, int, int]]) -> Chain:
-    return Chain.from_path(Path.from_cells(cells, name="cells"))
+from tests.planner.chains import Array
 
 
 def standing(chain: Chain, lift: float = 0.5) -> tuple[Array, Array, Array]:
@@ -44,27 +37,22 @@ def by_joint_wrenches(
     unknowns = pushes + 6 * links + 1
     balance, load = np.zeros((6 * n, unknowns)), np.zeros(6 * n)
     load[2::6] = 1.0  # supports a module's weight
+
+    def act(column: int, body: int, point: Array, force: Array, moment: Array | float) -> None:
+        around = np.cross(point - positions[body], force) + moment
+        balance[6 * body : 6 * body + 6, column] += np.concatenate([force, around])
+
     for r in range(pushes):
         c = int(which[r])
         for body, sign in ((found.first[c], 1.0), (found.second[c], -1.0)):
             if body >= 0:
-                arm = found.points[c] - positions[body]
-                balance[6 * body : 6 * body + 3, r] += sign * forces[r]
-                balance[6 * body + 3 : 6 * body + 6, r] += sign * np.cross(arm, forces[r])
+                act(r, body, found.points[c], sign * forces[r], 0.0)
     for i in range(links):
         joint = i - module.rigid_links
         at = anchors[joint] if joint >= 0 else positions[i]
-        for k in range(6):
-            column = pushes + 6 * i + k
+        for k, unit in enumerate(np.eye(6)):
             for body, sign in ((i + 1, 1.0), (i, -1.0)):
-                unit = sign * np.eye(3)[k % 3]
-                if k < 3:
-                    balance[6 * body : 6 * body + 3, column] += unit
-                    balance[6 * body + 3 : 6 * body + 6, column] += np.cross(
-                        at - positions[body], unit
-                    )
-                else:
-                    balance[6 * body + 3 : 6 * body + 6, column] += unit
+                act(pushes + 6 * i + k, body, at, sign * unit[:3], sign * unit[3:])
     rows = []
     for joint in range(len(anchors)):
         for axis in axes[joint]:

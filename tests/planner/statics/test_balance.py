@@ -9,8 +9,8 @@ from planner.chain.module import TETRAHEDRON
 from planner.statics.balance import Balance
 from planner.statics.friction import rays
 from planner.statics.stable_poses import resting_poses
-from tests.planner.chains import coil, line, random_angles
-from tests.planner.statics.standing import by_joint_wrenches, chain_of, imbalance, standing
+from tests.planner.chains import chain_of, coil, line, random_angles
+from tests.planner.statics.standing import by_joint_wrenches, imbalance, standing
 
 
 def test_flat_or_upright_chain_needs_no_torque() -> None:

@@ -5,9 +5,9 @@ import pytest
 
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON
-from planner.statics.contacts import FLOOR, MODULE_GAP, contacts, solid_of
-from tests.planner.chains import line
-from tests.planner.statics.standing import chain_of, standing
+from planner.statics.contacts import FLOOR, MODULE_GAP, contacts
+from tests.planner.chains import chain_of, line
+from tests.planner.statics.standing import standing
 
 
 def turned(axis: int, angle: float) -> np.ndarray:
@@ -94,19 +94,6 @@ def test_contacts_of_linked_tetrahedra() -> None:
     arms = apart.points - [0.5, 0.0, 9.0]
     near = (apart.first == 1) & (apart.second == 0) | (apart.first == 0) & (apart.second == 1)
     assert np.abs(arms[near][:, :2]).max(initial=0.0) < 1e-6  # none except on the hinge itself
-
-
-def test_faces_and_edges_of_solids() -> None:
-    for module, faces, edges, corners in ((CUBE, 6, 12, 4), (TETRAHEDRON, 4, 6, 3)):
-        solid = solid_of(module, 1.0)
-        assert (len(solid.normals), len(solid.edges), solid.loops.shape[1]) == (
-            faces,
-            edges,
-            corners,
-        )
-        for normal, loop in zip(solid.normals, solid.loops, strict=True):
-            p, q, r = solid.vertices[loop[:3]]
-            assert np.cross(q - p, r - q) @ normal > 0.0
 
 
 def test_floor_bears_corners_up_to_a_bound() -> None:

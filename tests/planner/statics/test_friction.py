@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
@@ -19,7 +18,6 @@ from planner.statics.friction import (
 from tests.planner.chains import line
 from tests.planner.statics.standing import by_joint_wrenches, imbalance, standing
 
-Array = NDArray[np.float64]
 STEP = 1e-3
 
 

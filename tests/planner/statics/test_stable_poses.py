@@ -8,8 +8,7 @@ from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import TETRAHEDRON
 from planner.statics.balance import Balance
 from planner.statics.stable_poses import resting_poses
-from tests.planner.chains import coil, line, random_angles, random_rotation
-from tests.planner.statics.standing import chain_of
+from tests.planner.chains import chain_of, coil, line, random_angles, random_rotation
 
 
 def test_resting_poses_of_a_rod() -> None:

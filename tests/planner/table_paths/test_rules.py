@@ -2,15 +2,14 @@ from itertools import product
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.table_paths.base_sides import prefix_margins, sides_of, stands
 from planner.table_paths.layer import Layer, Work, ways
-from planner.table_paths.rules import Rule, rule_violations
+from planner.table_paths.rules import rule_violations
 from planner.table_paths.score import WEIGHTS, Parts, levers, parts_of
-
-Ints = NDArray[np.int64]
+from tests.case import case
+from tests.planner.lattice import Ints, box_array
 
 
 def path(start: tuple[int, int, int], steps: str) -> Ints:
@@ -20,9 +19,8 @@ def path(start: tuple[int, int, int], steps: str) -> Ints:
     return np.cumsum([start, *(moves[step] for step in steps)], axis=0)
 
 
-@pytest.mark.parametrize(
-    ("steps", "rule", "codes"),
-    [
+def test_faults_of_paths() -> None:
+    for steps, rule, codes in (
         ("eenwwuse", "layers", []),
         ("eenwwuse", "falls", []),
         ("ue", "layers", ["first-link"]),
@@ -34,12 +32,11 @@ def path(start: tuple[int, int, int], steps: str) -> Ints:
         ("ennuwd", "layers", ["goes-down"]),
         ("ennuwd", "falls", []),  # down beside modules that stand
         ("eennwwsued", "falls", ["boxed-in"]),
-    ],
-)
-def test_faults_of_paths(steps: str, rule: Rule, codes: list[str]) -> None:
-    faults = rule_violations(path((5, 5, 2), steps), rule=rule)
-    assert [fault.code for fault in faults] == codes
-    assert all(fault.cells and "expected" in fault.detail for fault in faults)
+    ):
+        with case((steps, rule)):
+            faults = rule_violations(path((5, 5, 2), steps), rule=rule)
+            assert [fault.code for fault in faults] == codes
+            assert all(fault.cells and "expected" in fault.detail for fault in faults)
 
 
 def test_cells_that_are_no_path_are_refused() -> None:
@@ -48,12 +45,9 @@ def test_cells_that_are_no_path_are_refused() -> None:
 
 
 def test_different_base_sides_of_boxes() -> None:
-    def box(*sides: int) -> Ints:
-        return np.array(list(product(*map(range, sides))))
-
-    assert [side.down for side in sides_of(box(2, 2, 2))] == ["-z"]
-    assert len(list(sides_of(box(2, 3, 4)))) == 3
-    wedge = np.concatenate([box(3, 2, 1), np.array([(0, 0, 1)])])
+    assert [side.down for side in sides_of(box_array(2, 2, 2))] == ["-z"]
+    assert len(list(sides_of(box_array(2, 3, 4)))) == 3
+    wedge = np.concatenate([box_array(3, 2, 1), np.array([(0, 0, 1)])])
     assert len(list(sides_of(wedge))) == 6
     for side in sides_of(wedge):
         assert np.linalg.det(side.turn) == pytest.approx(1.0)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from planner.chain.chain import Chain
-from planner.chain.path import Path
 from planner.explosion.diagnosis import Diagnosis, diagnose
 from planner.explosion.simultaneous import explode
 from planner.motion.record import Record, Spent, TableRecord
@@ -21,8 +20,9 @@ from planner.plan.plan import Plan
 from planner.verification.failure_evidence import check_reason
 from planner.verification.plan_failure import reason_of
 from planner.verification.verify import verify
-from tests.planner.chains import anchored, coil, knotted, shuffled
+from tests.planner.chains import anchored, chain_of, coil, knotted, shuffled
 from tests.planner.folds import write_request
+from tests.planner.peels import snake
 from tests.planner.plans import with_values
 
 DEFAULTS: Final = Parameters()
@@ -66,6 +66,28 @@ def with_one(items: list[Values], **values: Any) -> list[Values]:
     return [{**items[0], **values}, *items[1:]]
 
 
+def test_diagnosis_names_the_kind_and_the_modules() -> None:
+    box = snake((3, 3, 3))
+    turns = np.abs(box.folded_rad).reshape(-1, 2).max(axis=1) > 1.0
+    _, record, parameters, data = stuck(box)
+    assert data["kind"] == "contacts"
+    assert data["modules"] == (np.flatnonzero(turns) + 1).tolist()
+    assert "16 hinges were still bent, by up to 90°" in data["words"]
+    for status in ("straight", "cancelled"):
+        assert diagnose(box, replace(record, status=status), parameters) is None
+    steps = [(k, k, 0) for k in range(7)]
+    stairs = chain_of([cell for x, y, z in steps for cell in ((x, y, z), (x + 1, y, z))])
+    for status, share, kind in (
+        ("stalled", 1.0, "joints"),
+        ("timeout", 0.0, "limit"),
+        ("stalled", 0.5, "joints"),
+        ("diverged", 0.5, "broken"),
+        ("timeout", 0.5, "limit"),
+    ):
+        data = stuck(stairs, angles=share * stairs.folded_rad, status=status)[3]
+        assert (data["kind"], bool(data["modules"])) == (kind, kind != "limit"), (status, share)
+
+
 @pytest.fixture(scope="module")
 def knot() -> Stuck:
     return stuck(knotted(6))
@@ -74,7 +96,7 @@ def knot() -> Stuck:
 @pytest.fixture(scope="module")
 def spirals() -> Stuck:
     cells = [(int(cell[0]), int(cell[1]), 0) for cell in SPIRALS.split()]
-    return stuck(Chain.from_path(Path.from_cells(cells, name="spirals")))
+    return stuck(chain_of(cells, "spirals"))
 
 
 @pytest.fixture(scope="module")
@@ -245,6 +267,9 @@ def test_failed_fold_is_verified_with_its_reason(
     summary = run_stages(write_request(tmp_path, strategy="simultaneous"))
     assert summary["status"] == "failed"
     assert summary["stuck"]["evidence"]["spent"] == "steps"
+    tried = Plan.load(tmp_path / "plan.npz").attempts
+    assert len(tried) > 1
+    assert summary["stuck"] in [attempt["diagnosis"] for attempt in tried]
     found = verify(tmp_path)
     assert found.reason is not None and found.reason.confirmed
     assert found.as_dict()["reason"]["words"] == summary["stuck"]["words"]

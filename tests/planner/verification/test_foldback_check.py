@@ -9,7 +9,6 @@ from typing import Any, Final
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import foldback_check
 import foldback_check_refusals
@@ -22,13 +21,12 @@ from planner.plan.claim import geometry_of
 from planner.plan.packed_fold import unpack
 from planner.plan.plan import Plan
 from tests.case import case
-from tests.planner.chains import unvalidated
+from tests.planner.chains import Array, unvalidated
 from tests.planner.conftest import SHAPES, Fold
 from tests.planner.peels import peel, snake, windows_of
 from tests.planner.plans import unverified
 from tests.planner.verification.forged_plans import FALSE, SIZE, forge, rewrite, save
 
-Array = NDArray[np.float64]
 FINISHED: Final = FilePath(__file__).parents[3] / "server" / "shipped_folds"
 PRISM: Final = {
     # A hexagonal prism along x, whose joint is at the centre of its face and turns about y.

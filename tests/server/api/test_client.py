@@ -1,10 +1,7 @@
 """Python client with the real service, also through a relay that causes failures."""
 
 import json
-import os
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,11 +13,11 @@ import pytest
 from foldback_client import Client, Problem, Progress, Retries
 from foldback_client.upload import FoldOptions, MovieOptions, ShapeOptions
 from tests.case import case
+from tests.run_python import ROOT, run_python
 from tests.server.relay import Relay, Trouble, running_relay
-from tests.server.service_process import SNAKE, TIMEOUT_S, Service
+from tests.server.service_process import SNAKE, TIMEOUT_S, FinishedFold, Service
 from tests.server.service_thread import ServiceThread
 
-ROOT = Path(__file__).parents[3]
 QUICK = Retries(first_s=0.01)
 FOLDS = "/api/folds"
 
@@ -41,10 +38,10 @@ def via_relay(
         yield client, relay
 
 
-def test_fold_is_followed_and_downloaded(service: Service, finished: Any, tmp_path: Path) -> None:
+def test_fold_is_followed_and_downloaded(finished: FinishedFold, tmp_path: Path) -> None:
     reports: list[Progress] = []
-    with client_of(service) as client:
-        fold = client.get(finished["id"]).wait(TIMEOUT_S, reports.append)
+    with client_of(finished.service) as client:
+        fold = client.get(finished.id).wait(TIMEOUT_S, reports.append)
         assert fold.verified and reports[-1].status == "verified"
         assert reports[-1].frames == fold.state["progress"]["frames"] > 0
         (page,) = fold.frames(stride=7, poses=True)
@@ -60,14 +57,14 @@ def test_fold_is_followed_and_downloaded(service: Service, finished: Any, tmp_pa
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
 
 
-def test_frames_of_long_fold_come_in_pages(service: Service, finished: Any) -> None:
+def test_frames_of_long_fold_come_in_pages(finished: FinishedFold) -> None:
     # A second web process on the same folds, which sends few frames per response.
     with (
-        ServiceThread(service.data_dir, frames_per_answer=20).start() as sparing,
+        ServiceThread(finished.service.data_dir, frames_per_answer=20).start() as sparing,
         client_of(sparing) as client,
     ):
-        pages = list(client.get(finished["id"]).frames(start=3))
-        sparse = list(client.get(finished["id"]).frames(stride=2))
+        pages = list(client.get(finished.id).frames(start=3))
+        sparse = list(client.get(finished.id).frames(stride=2))
     assert len(pages) > 2 and max(map(len, pages)) <= 20
     assert [page.start for page in pages[1:]] == [page.stop for page in pages[:-1]]
     assert (pages[0].start, pages[-1].stop) == (3, pages[-1].total)
@@ -114,17 +111,17 @@ def test_client_options_are_those_of_the_interface(idle: Service) -> None:
 
 
 @pytest.mark.long
-def test_movie_is_requested_and_downloaded(service: Service, finished: Any, tmp_path: Path) -> None:
+def test_movie_is_requested_and_downloaded(finished: FinishedFold, tmp_path: Path) -> None:
     drawn: list[tuple[int, int]] = []
     small: Any = {"width": 64, "height": 64, "fps": 5, "seconds": 1.0, "timeout_s": TIMEOUT_S}
-    with client_of(service) as client:
-        fold = client.get(finished["id"])
+    with client_of(finished.service) as client:
+        fold = client.get(finished.id)
         path = fold.movie(
             tmp_path / "fold.gif", on_progress=lambda done, of: drawn.append((done, of)), **small
         )
         assert path.read_bytes().startswith(b"GIF8")
         assert drawn and drawn[0][1] == 5
-        with pytest.raises(Problem, match="422"):
+        with pytest.raises(Problem, match="bad-movie"):
             fold.movie(tmp_path / "large.mp4", width=100_000)
     assert not (tmp_path / "large.mp4").exists()
 
@@ -215,53 +212,32 @@ def test_fold_is_followed_without_its_events(idle: Service, trouble: int | str) 
             assert [path.endswith("/events") for _, path in relay.asked].count(True) == 3
 
 
-def test_download_is_complete_or_absent(service: Service, finished: Any, tmp_path: Path) -> None:
+def test_download_is_complete_or_absent(finished: FinishedFold, tmp_path: Path) -> None:
     def cut_off(until: int) -> Trouble:
         return lambda method, path, time: "cut" if "plan" in path and time < until else None
 
     file = tmp_path / "plan.npz"
-    with via_relay(service, cut_off(3)) as (client, _):
-        client.get(finished["id"]).download("plan.npz", file)
-    assert file.read_bytes() == (service.directory(finished["id"]) / "plan.npz").read_bytes()
+    with via_relay(finished.service, cut_off(3)) as (client, _):
+        client.get(finished.id).download("plan.npz", file)
+    assert file.read_bytes() == (finished.directory / "plan.npz").read_bytes()
     file.write_bytes(b"older")
-    with via_relay(service, cut_off(100)) as (client, _), pytest.raises(ConnectionError):
-        client.get(finished["id"]).download("plan.npz", file)
+    with via_relay(finished.service, cut_off(100)) as (client, _), pytest.raises(ConnectionError):
+        client.get(finished.id).download("plan.npz", file)
     assert file.read_bytes() == b"older"
     assert [path.name for path in tmp_path.iterdir()] == ["plan.npz"]
 
 
-def run(*arguments: str, cwd: Path) -> str:
-    """Return Python's output, run elsewhere with arguments; warnings are errors."""
-    done = subprocess.run(
-        [sys.executable, "-W", "error", *arguments],
-        cwd=cwd,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT_S,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 WITHOUT_PACKAGES = """
 import sys
-
-class Blocked:
-    def find_spec(self, name, path=None, target=None):
-        mine = ("mujoco", "fastapi", "numpy", "pydantic", "planner", "server", "web", "scipy")
-        if name.partition(".")[0] in mine:
-            raise ImportError(f"{name} is not to be imported")
-
-sys.meta_path.insert(0, Blocked())
+for name in ("mujoco", "fastapi", "numpy", "pydantic", "planner", "server", "web", "scipy"):
+    sys.modules[name] = None  # an import of it fails
 """
 
 
 def test_code_of_the_api_page_runs_and_needs_only_httpx(service: Service, tmp_path: Path) -> None:
     (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "api.md").read_text(), re.S)
     code = code.replace("http://127.0.0.1:8000", str(service.http.base_url).rstrip("/"))
-    output = run("-c", WITHOUT_PACKAGES + code, cwd=tmp_path)
+    output = run_python("-W", "error", "-c", WITHOUT_PACKAGES + code, cwd=tmp_path)
     assert "verified" in output and "urdf" in output
     assert list(tmp_path.iterdir()) == [tmp_path / "plan.npz"]
 
@@ -270,6 +246,6 @@ def test_code_of_the_api_page_runs_and_needs_only_httpx(service: Service, tmp_pa
 def test_example_07_runs(service: Service, tmp_path: Path) -> None:
     example = ROOT / "examples" / "07_fold_by_api.py"
     arguments = ("--url", str(service.http.base_url), "--shape", "wrench-24")
-    printed = run(str(example), *arguments, cwd=tmp_path)
+    printed = run_python("-W", "error", str(example), *arguments, cwd=tmp_path)
     assert "clearance" in printed and "joints, folded" in printed
     assert len(list(tmp_path.iterdir())) == 2

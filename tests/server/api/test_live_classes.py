@@ -25,8 +25,7 @@ def fold(service: Service) -> str:
 
 
 def open_socket(service: Service, path: str, **headers: str) -> ClientConnection:
-    address = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
-    return connect(f"{address}{path}", additional_headers=headers)
+    return connect(f"ws://{service.netloc}{path}", additional_headers=headers)
 
 
 def refusal(service: Service, path: str, **headers: str) -> int:
@@ -48,7 +47,7 @@ def test_followers_see_the_view_of_the_leader_until_it_leaves(service: Service, 
     with open_socket(service, f"/api/class/lead?fold={fold}") as leader:
         message = json.loads(leader.recv(TIMEOUT_S))
         assert message["picture"].startswith("data:image/svg+xml")
-        path = message["link"].removeprefix(str(service.http.base_url).rstrip("/"))
+        path = message["link"].removeprefix(f"http://{service.netloc}")
         code = path.removeprefix("/c/")
         joined = service.http.get(path.lower())
         assert (joined.status_code, joined.headers["location"]) == (

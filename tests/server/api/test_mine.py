@@ -13,7 +13,7 @@ from server.store.folds import Store
 from server.store.owned_items import change_fold, folds_made
 from server.store.owner import Owner, new_token
 from tests.server.rows import SOMEBODY, a_fold
-from tests.server.service_process import SNAKE, Service, bearer
+from tests.server.service_process import SNAKE, FinishedFold, Service, bearer
 from tests.server.service_thread import ServiceThread
 
 
@@ -58,19 +58,19 @@ def test_pages_of_folds_with_equal_times_are_complete(store: Store) -> None:
     assert (rest.next, rest.total) == (None, 4)
 
 
-def test_renamed_fold_shows_its_name_everywhere_at_once(service: Service, finished: Any) -> None:
-    path, token = f"/folds/{finished['id']}", finished["accepted"]["owner_token"]
-    service.http.get(path)  # fills the response cache
-    before, plan = service.state(finished["id"]), service.http.get(f"/api{path}/plan.json")
-    answer = service.http.patch(
+def test_renamed_fold_shows_its_name_everywhere_at_once(finished: FinishedFold) -> None:
+    path, token = finished.page, finished.token
+    finished.http.get(path)  # fills the response cache
+    before, plan = finished.service.state(finished.id), finished.http.get(f"/api{path}/plan.json")
+    answer = finished.http.patch(
         f"/api{path}", json={"name": " wrench-7 \u202e\n"}, headers=bearer(token)
     )
     assert (answer.json()["name"], answer.json()["title"]) == ("wrench-7", "wrench-7")
-    for address in (path, f"{path}/facts", f"/api{path}", f"/embed/{finished['id']}"):
-        assert "wrench-7" in service.http.get(address).text, address
-    assert 'property="og:title" content="wrench-7' in service.http.get(path).text
-    assert service.http.get(f"/api{path}/plan.json").content == plan.content
-    service.http.patch(f"/api{path}", json={"name": before["name"]}, headers=bearer(token))
+    for address in (path, f"{path}/facts", f"/api{path}", f"/embed/{finished.id}"):
+        assert "wrench-7" in finished.http.get(address).text, address
+    assert 'property="og:title" content="wrench-7' in finished.http.get(path).text
+    assert finished.http.get(f"/api{path}/plan.json").content == plan.content
+    finished.http.patch(f"/api{path}", json={"name": before["name"]}, headers=bearer(token))
 
 
 def test_bad_names_and_tokens_are_refused(idle: Service) -> None:
@@ -82,14 +82,6 @@ def test_bad_names_and_tokens_are_refused(idle: Service) -> None:
     for body in (*bodies, {"names": "a"}, {"owner_token": "short"}, {"owner_token": "é" * 30}):
         assert idle.http.patch(path, json=body, headers=mine).status_code == 422, body
     assert idle.state(fold["id"])["name"] == before
-
-
-def test_upload_repeated_after_a_transfer_is_a_new_fold(idle: Service) -> None:
-    old = new_token()
-    fold = idle.fold(SNAKE, seed="21", token=old)
-    path, body = f"/api/folds/{fold['id']}", {"owner_token": new_token()}
-    assert idle.http.patch(path, json=body, headers=bearer(old)).status_code == 200
-    assert idle.fold(SNAKE, seed="21", token=old)["id"] != fold["id"]
 
 
 def test_name_of_the_input_does_not_replace_that_of_the_owner(store: Store) -> None:
@@ -114,19 +106,18 @@ def test_expiry_of_folds_by_their_kind(tmp_path: Any) -> None:
             assert store.kept_until(a_fold(name, **values)) == until, name
 
 
-def test_listing_folds_does_not_postpone_their_expiry(service: Service, finished: Any) -> None:
-    token = finished["accepted"]["owner_token"]
-    drawing = create(service, token)["folds"][0]["links"]["drawing"]
-    with closing(Store(Settings(data_dir=service.data_dir))) as store:
-        store._change(finished["id"], seen_at=1e9)
-        answer = service.http.get(drawing)
+def test_listing_folds_does_not_postpone_their_expiry(finished: FinishedFold) -> None:
+    token = finished.token
+    drawing = create(finished.service, token)["folds"][0]["links"]["drawing"]
+    with closing(Store(Settings(data_dir=finished.service.data_dir))) as store:
+        store._change(finished.id, seen_at=1e9)
+        answer = finished.http.get(drawing)
         assert answer.headers["content-type"] == "image/svg+xml" and "<svg" in answer.text
         assert answer.headers["content-security-policy"] == "default-src 'none'"
-        create(service, token)
-        assert store.fold(finished["id"]).seen_at == 1e9
-        service.http.get(f"/folds/{finished['id']}/facts")
-        assert (store.fold(finished["id"]).seen_at or 0) > 1e9
-    assert service.http.get("/folds/nosuchfold/drawing.svg").status_code == 404
+        create(finished.service, token)
+        assert store.fold(finished.id).seen_at == 1e9
+        finished.http.get(f"{finished.page}/facts")
+        assert (store.fold(finished.id).seen_at or 0) > 1e9
 
 
 def test_previews_of_an_owner_are_listed_with_their_last_options(idle: Service) -> None:

@@ -2,41 +2,16 @@
 
 import shutil
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 
 from planner.file_names import PLANS_DIR, PLAYABLE
 from planner.pipeline.expected_cost import expected_cost
 from planner.pipeline.request import FoldRequest
-from planner.plan.plan import Plan
-from tests.server.service_process import STAIRS, Service
+from tests.server.service_process import FinishedFold, Service
 from words.plan_choice import choice_of
 
 PLAIN, CHOOSING = FoldRequest(), FoldRequest(prefer="time")
-
-
-@pytest.mark.slow
-@pytest.mark.long
-def test_fold_that_prefers_time_has_the_fastest_of_its_plans(service: Service) -> None:
-    quickest = service.wait_over(service.fold(STAIRS, prefer="time")["id"])
-    assert (quickest["status"], quickest["prefer"]) == ("verified", "time")
-    plan = Plan.load(service.directory(quickest["id"]) / "plan.npz")
-    times = [each["figures"]["fold_time_s"] for each in plan.attempts if "figures" in each]
-    assert len(times) > 2
-    assert quickest["summary"]["certificate"]["fold_time_s"] == min(times)
-    facts = service.http.get(f"/folds/{quickest['id']}/facts").json()
-    plans = facts["choice"]["plans"]
-    assert [plan["chosen"] for plan in plans].count(True) == 1
-    assert f"fastest of {len(plans)} plans" in facts["verdict"]["text"]
-    (first,) = (way for way in facts["compare"] if way["text"] == "First verified plan")
-    assert first["form"]["prefer"] == "computing"
-
-
-def test_preference_of_a_baseline_is_refused(idle: Service) -> None:
-    status, problem = idle.refusal(shape="mallet-64", prefer="torque", preset="paper")
-    assert (status, problem["code"], problem["where"]) == (422, "unsuited-prefer", "prefer")
-    assert "got the preference torque" in problem["detail"]
 
 
 def test_preference_raises_the_expected_time_within_bounds() -> None:
@@ -49,15 +24,15 @@ def test_preference_raises_the_expected_time_within_bounds() -> None:
 
 
 @pytest.fixture
-def stored(service: Service, finished: dict[str, Any]) -> Iterator[str]:
+def stored(finished: FinishedFold) -> Iterator[str]:
     """Id of a fold with one more plan, that of its first attempt."""
-    directory = service.directory(finished["id"])
+    directory = finished.directory
     plan = directory / PLANS_DIR / "0"
     plan.mkdir(parents=True)
     for name in PLAYABLE:
         copy = shutil.copytree if (directory / name).is_dir() else shutil.copyfile
         copy(directory / name, plan / name)
-    yield finished["id"]
+    yield finished.id
     shutil.rmtree(directory / PLANS_DIR)
 
 

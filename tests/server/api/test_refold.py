@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
+from planner.plan.packed_fold import unpack
 from planner.plan.plan import Plan
-from planner.readers.gallery import Gallery
 from planner.verification.verify import verify
-from server.cli.command_line import application
 from tests.planner.plans import with_values
+from tests.server.cli.test_command_line import foldback
+from tests.server.files.test_damage import SMALL
 from tests.server.service_process import SNAKE, Service, owner
 
 
@@ -45,7 +45,6 @@ def test_finished_fold_is_refolded_into_another_shape_unlisted(
 def test_shapes_that_fit_are_listed_and_others_are_refused(service: Service, wrench: str) -> None:
     found = service.http.get(service.state(wrench)["links"]["refolds"]).json()["shapes"]
     assert [(s["name"], s["modules"]) for s in found] == [("mallet-24", 24)]
-    assert service.http.get("/api/folds/nosuchfold/refolds").status_code == 404
     for shape, what in (("mallet-64", "64 cubes"), ("tetra-dodecahedron", "24 tetrahedra")):
         status, problem = service.refusal(refold=wrench, shape=shape)
         assert (status, problem["code"]) == (422, "refold-differs")
@@ -63,10 +62,10 @@ def test_refold_that_differs_after_a_search_fails(service: Service, wrench: str)
 
 
 def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(
-    idle: Service, service: Service, wrench: str
+    idle: Service, tmp_path: Path
 ) -> None:
     waiting = idle.fold(SNAKE, seed="31")
-    forms = {"refold": {"refold": waiting["id"], "shape": "mallet-24"}}
+    forms = {"refold": {"refold": waiting["id"], "shape": "tetra-cube-2"}}
     forms["smooth"] = {"smooth": waiting["id"]}
 
     def refused(use: str) -> tuple[int, str, str]:
@@ -76,48 +75,33 @@ def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(
     assert [refused(use)[:2] for use in forms] == [(409, f"{use}-not-ready") for use in forms]
     idle.http.post(f"/api/folds/{waiting['id']}/cancel", headers=owner(waiting))
     assert [refused(use)[:2] for use in forms] == [(422, f"{use}-no-plan") for use in forms]
-    assert idle.refusal(refold="nosuchfold", shape="mallet-24")[0] == 404
-    theirs, mine = service.directory(wrench), idle.directory(waiting["id"])
-    shutil.copyfile(theirs / "chain.json", mine / "chain.json")
-    plan = Plan.load(theirs / "plan.npz")
+    assert idle.refusal(refold="nosuchfold", shape="tetra-cube-2")[0] == 404
+    unpack(SMALL.read_bytes(), tmp_path)
+    mine = idle.directory(waiting["id"])
+    shutil.copyfile(tmp_path / "chain.json", mine / "chain.json")
+    plan = Plan.load(tmp_path / "plan.npz")
     other = with_values(plan, joint_angles_rad=0.9 * plan.joint_angles_rad)
     other.save_npz(mine / "plan.npz")
     status, code, detail = refused("refold")
     assert (status, code) == (422, "refold-not-folded")
-    assert "wrench-24 that does not start straight and end folded" in detail
+    assert "that does not start straight and end folded" in detail
     failed = replace(plan.certificate, verdict="failed: it overlaps")
     replace(plan, certificate=failed).save_npz(mine / "plan.npz")
     assert refused("smooth")[:2] == (422, "smooth-not-verified")
     assert not idle.http.get(f"/folds/{waiting['id']}/facts").json()["smoothable"]
 
 
-def cli(*arguments: object) -> tuple[int, str]:
-    result = CliRunner().invoke(application(), ["refold", *map(str, arguments)])
-    return result.exit_code, result.output
-
-
 @pytest.mark.long
 @pytest.mark.slow
 def test_examples_and_directories_are_refolded_on_the_command_line(tmp_path: Path) -> None:
-    code, text = cli("wrench-24", "mallet-24", "--out", tmp_path, "--json")
-    assert code == 0, text
-    summary = json.loads(text.splitlines()[-1])
+    done = foldback("refold", "wrench-24", "mallet-24", "--out", tmp_path, "--json")
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout.splitlines()[-1])
     assert (summary["status"], summary["refold"]["start"]) == ("verified", "wrench-24")
     # Directories of plans are accepted on either side.
-    code, text = cli(tmp_path, tmp_path / "start", "--out", tmp_path / "back", "--module-size", 0.9)
-    assert code == 0, text
+    start, out = str(tmp_path / "start"), str(tmp_path / "back")
+    done = foldback("refold", tmp_path, start, "--out", out, "--module-size", "0.9")
+    assert done.returncode == 0, done.stderr
     back = Plan.load(tmp_path / "back" / "plan.npz")
     assert back.certificate.module_size == 0.9
     assert (back.start.name, back.chain.name) == ("mallet-24", "wrench-24")
-
-
-def test_command_line_refuses_refolds_that_differ_or_have_no_plan(tmp_path: Path) -> None:
-    code, text = cli("wrench-160", "hammer", "--out", tmp_path, "--json")
-    error = json.loads(text.splitlines()[-1])["error"]
-    assert (code, error["code"]) == (2, "refold-differs")
-    fitting = [s.name for s in Gallery().fitting("cube", 160)]
-    assert f"examples that fit: {', '.join(fitting[:6])}" in error["detail"]
-    assert not list(tmp_path.rglob("timeline.zarr"))
-    code, text = cli(tmp_path, "hammer", "--out", tmp_path / "out")
-    assert code == 2
-    assert "plan.npz" in text

@@ -2,9 +2,11 @@
 
 import contextlib
 import json
+import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +18,14 @@ from websockets import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from planner.plan.plan import Plan
-from server.files import trajectories
+from server.settings import Settings
+from server.store.folds import Store, new_id
 from tests.case import case
 from tests.server.cli.test_command_line import foldback
-from tests.server.service_process import SNAKE, Service
-from tests.server.service_thread import ServiceThread
+from tests.server.rows import SOMEBODY, a_fold
+from tests.server.service_process import FinishedFold, Service
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "06_drive_a_robot.py"
-Finished = dict[str, Any]
 LIMITS = {"max_speed": 0.5, "max_acceleration": 1.0}
 LIMIT_OPTIONS = ("--max-speed", "0.5", "--max-acceleration", "1")
 """Options for the same limits on the command line."""
@@ -55,22 +57,21 @@ class Robot:
         """Report an error, or angles, for the last target."""
         self.send("report", number=self.last["number"], **error)
 
-    def follow_until(self, wanted: str, error: float = 0.0) -> dict[str, Any]:
-        """Follow all targets with an error until a message of the given kind arrives."""
+    def follow_until(self, wanted: str) -> dict[str, Any]:
+        """Follow all targets until a message of the given kind arrives."""
         while (message := self.receive())["is"] != wanted:
             if message["is"] in ("begin", "target"):
-                self.report(error_rad=error)
+                self.report(error_rad=0.0)
         return message
 
 
 def address(service: Service, fold_id: str, **options: object) -> str:
-    base = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
-    return f"{base}/api/folds/{fold_id}/play?{urlencode(options)}"
+    return f"ws://{service.netloc}/api/folds/{fold_id}/play?{urlencode(options)}"
 
 
 @contextlib.contextmanager
-def playing(service: Service, finished: Finished, **options: object) -> Iterator[Robot]:
-    with connect(address(service, finished["id"], **options), max_size=None) as socket:
+def playing(service: Service, fold_id: str, **options: object) -> Iterator[Robot]:
+    with connect(address(service, fold_id, **options), max_size=None) as socket:
         yield Robot(socket)
 
 
@@ -92,11 +93,9 @@ def refusal(robot: Robot) -> tuple[str, int]:
     return message["code"], shut.value.rcvd.code
 
 
-def test_robot_that_follows_is_led_to_the_folded_shape(
-    service: Service, finished: Finished
-) -> None:
-    plan = service.http.get(f"/api/folds/{finished['id']}/plan.json").json()
-    with playing(service, finished, speed=20, speeds=True) as robot:
+def test_robot_that_follows_is_led_to_the_folded_shape(finished: FinishedFold) -> None:
+    plan = finished.http.get(f"{finished.api}/plan.json").json()
+    with playing(finished.service, finished.id, speed=20, speeds=True) as robot:
         begin = robot.receive()
         assert (begin["is"], begin["schema"]) == ("begin", "foldback-play/1")
         assert begin["joint_names"] == plan["joint_names"]
@@ -117,10 +116,8 @@ def test_robot_that_follows_is_led_to_the_folded_shape(
         assert robot.last["joint_angles_rad"] == folded
 
 
-def test_first_target_waits_for_the_robot_to_be_at_the_start(
-    service: Service, finished: Finished
-) -> None:
-    with playing(service, finished, rate_hz=100, speed=0.1) as robot:
+def test_first_target_waits_for_the_robot_to_be_at_the_start(finished: FinishedFold) -> None:
+    with playing(finished.service, finished.id, rate_hz=100, speed=0.1) as robot:
         angles = robot.receive()["joint_angles_rad"]
         assert robot.receive()["because"] == "start"
         robot.send("report", joint_angles_rad=[angle + 1.5 for angle in angles])
@@ -139,11 +136,9 @@ def test_first_target_waits_for_the_robot_to_be_at_the_start(
         assert (message["because"], message["error_rad"]) == ("error", pytest.approx(0.4, abs=0.02))
 
 
-def test_play_waits_for_a_slow_robot_and_is_paused_and_stopped(
-    service: Service, finished: Finished
-) -> None:
+def test_play_waits_for_a_slow_robot_and_is_paused_and_stopped(finished: FinishedFold) -> None:
     """test_robot_clock.py tests robots in error or without reports."""
-    with playing(service, finished, speed=0.1, silence_s=30) as robot:
+    with playing(finished.service, finished.id, speed=0.1, silence_s=30) as robot:
         robot.follow_until("going")
         answered = robot.last["number"]
         assert robot.receive_until("waiting")["because"] == "behind"
@@ -158,7 +153,7 @@ def test_play_waits_for_a_slow_robot_and_is_paused_and_stopped(
         assert robot.follow_until("end")["because"] == "stop"
 
 
-def test_bad_messages_are_refused_and_start_nothing(service: Service, finished: Finished) -> None:
+def test_bad_messages_are_refused_and_start_nothing(finished: FinishedFold) -> None:
     for text in (
         "no JSON",
         *("[]", '{"do": "fly"}', '{"do": "report"}'),
@@ -166,122 +161,108 @@ def test_bad_messages_are_refused_and_start_nothing(service: Service, finished: 
         '{"do": "report", "joint_angles_rad": [0, 1]}',
         '{"do": "report", "error_rad": 0, "joint_angles_rad": []}',
     ):
-        with case(text), playing(service, finished) as robot:
+        with case(text), playing(finished.service, finished.id) as robot:
             robot.socket.send(text)
             while (message := robot.receive())["is"] != "problem":
                 assert message["is"] != "going"
             assert message["code"] == "bad-message"
 
 
-def test_bad_options_of_play_are_refused(service: Service, finished: Finished) -> None:
+def test_bad_options_of_play_are_refused(finished: FinishedFold) -> None:
     for wrong in ("speed=0", "speed=fast", "threshold_rad=9", "rate_hz=1e9", "sped=1"):
-        assert denial(address(service, finished["id"]) + wrong) == ("bad-request", 422), wrong
+        assert denial(address(finished.service, finished.id) + wrong) == ("bad-request", 422), wrong
 
 
-def test_only_finished_and_verified_folds_are_played(
-    service: Service, idle: Service, finished: Finished, service_with: Callable[..., ServiceThread]
-) -> None:
-    assert denial(address(idle, "no-such-fold")) == ("no-such-fold", 404)
-    assert denial(address(idle, idle.fold(SNAKE)["id"])) == ("not-ready", 409)
-    doubtful = service_with()
-    doubtful.copy_from(service, finished["id"])
-    path = doubtful.directory(finished["id"]) / "plan.npz"
+def test_only_finished_and_verified_folds_are_played(finished: FinishedFold) -> None:
+    """tests/server/http/test_security.py asks for a fold that is not ready."""
+    service, doubtful = finished.service, new_id()
+    assert denial(address(service, "no-such-fold")) == ("no-such-fold", 404)
+    with closing(Store(Settings(data_dir=service.data_dir))) as store:
+        store.add(a_fold(doubtful), SOMEBODY)
+    path = shutil.copytree(finished.directory, service.directory(doubtful)) / "plan.npz"
     plan = Plan.load(path)
     failed = replace(plan.certificate, verdict="failed: so it says")
     replace(plan, certificate=failed).save_npz(path)
     path.with_name("manifest.json").unlink()  # otherwise the plan would count as damaged
-    with playing(doubtful.start(), finished) as robot:
+    with playing(service, doubtful) as robot:
         assert refusal(robot) == ("not-verified", 1008)
 
 
-def test_number_of_robots_of_a_visitor_is_limited(
-    service: Service, finished: Finished, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # A second service on the same folds, which lets each visitor drive one robot.
-    monkeypatch.setattr(trajectories, "STREAMS_OF_ADDRESS", 0)
-    with ServiceThread(service.data_dir, max_robots_of_visitor=1).start() as other:
-        with playing(other, finished) as first:
-            assert first.receive()["is"] == "begin"
-            assert denial(address(other, finished["id"])) == ("too-many-robots", 429)
-        # No trajectories are sent either, of which an address may have none at once here.
-        busy = other.http.get(f"/api/folds/{finished['id']}/trajectory")
-    assert (busy.status_code, busy.json()["code"]) == (429, "too-many-motions")
-    assert busy.headers["retry-after"]
+def test_number_of_robots_of_a_visitor_is_limited(finished: FinishedFold) -> None:
+    with ExitStack() as robots:
+        for _ in range(Settings().max_robots_of_visitor):
+            robots.enter_context(playing(finished.service, finished.id))
+        assert denial(address(finished.service, finished.id)) == ("too-many-robots", 429)
 
 
-def test_messages_are_bounded_in_size_and_rate(service: Service, finished: Finished) -> None:
-    with playing(service, finished) as robot:
+def test_messages_are_bounded_in_size_and_rate(finished: FinishedFold) -> None:
+    with playing(finished.service, finished.id) as robot:
         robot.send("report", error_rad=0.0, nonsense="x" * 100_000)
         assert robot.receive_until("problem")["code"] == "too-large"
-    with playing(service, finished, speed=0.01) as robot:
+    with playing(finished.service, finished.id, speed=0.01) as robot:
         with contextlib.suppress(ConnectionClosed):  # the connection may be closed at once
             for _ in range(1200):  # within the same second, or the next
                 robot.send("resume")
         assert robot.receive_until("problem")["code"] == "too-fast"
 
 
-def test_messages_of_play_have_a_schema(service: Service, finished: Finished) -> None:
-    schema = service.http.get("/api/play-schema").json()
+def test_messages_of_play_have_a_schema(finished: FinishedFold) -> None:
+    schema = finished.http.get("/api/play-schema").json()
     assert {"Ask", "Begin", "Target", "Waiting", "Going", "Report", "End"} <= set(schema["$defs"])
-    answer = service.http.get(f"/api/folds/{finished['id']}/play")
-    assert (answer.status_code, answer.json()["code"]) == (426, "websocket")
 
 
-def test_trajectory_is_given_as_json_and_csv(service: Service, finished: Finished) -> None:
-    path = f"/api/folds/{finished['id']}/trajectory"
-    document = service.http.get(path, params=LIMITS).json()
+def test_trajectory_is_given_as_json_and_csv(finished: FinishedFold) -> None:
+    path = f"{finished.api}/trajectory"
+    document = finished.http.get(path, params=LIMITS).json()
     assert document["plan_verified"] is True
     assert 0.0 < document["clearance_bound"] <= document["min_clearance"]
     assert np.abs(document["joint_speeds_rad_s"]).max() <= 0.5 + 1e-6
-    table = service.http.get(path, params={**LIMITS, "format": "csv", "rate": 20})
+    table = finished.http.get(path, params={**LIMITS, "format": "csv", "rate": 20})
     assert table.headers["content-type"].startswith("text/csv")
     rows = [line.split(",") for line in table.text.splitlines()]
     assert len(rows[0]) == 1 + 2 * len(document["joint_names"])
     assert float(rows[-1][0]) == pytest.approx(document["duration_s"], abs=1e-6)
     slow = {"max_speed": 1e-3, "rate": 1e4}
     for wrong, status in (({"max_speed": 0}, 422), ({"format": "xml"}, 422), (slow, 413)):
-        assert service.http.get(path, params=wrong).status_code == status
+        assert finished.http.get(path, params=wrong).status_code == status
 
 
-def test_motors_are_judged_by_their_torque(service: Service, finished: Finished) -> None:
-    path = f"/api/folds/{finished['id']}/motors"
+def test_motors_are_judged_by_their_torque(finished: FinishedFold) -> None:
+    path = f"{finished.api}/motors"
     query = {"module_mass": 0.1, "pitch": 0.05, "motor_torque": 0.01}
-    weak = service.http.get(path, params=query).json()
+    weak = finished.http.get(path, params=query).json()
     assert weak["would_do"] is False
     assert weak["verdict"].startswith("No: joint_")
-    assert service.http.get(path, params={**query, "motor_torque": 100}).json()["would_do"] is True
-    table = service.http.get(path, params={**query, "format": "csv"}).text.splitlines()
+    assert finished.http.get(path, params={**query, "motor_torque": 100}).json()["would_do"] is True
+    table = finished.http.get(path, params={**query, "format": "csv"}).text.splitlines()
     assert len(table) == 1 + len(weak["joints"])
-    falling = service.http.get(path, params={**query, "floating": True})
+    falling = finished.http.get(path, params={**query, "floating": True})
     assert (falling.status_code, falling.json()["code"]) == (422, "bad-build")
-    assert service.http.get(path).status_code == 422
+    assert finished.http.get(path).status_code == 422
 
 
 def test_retime_on_the_command_line_gives_the_same_as_the_api(
-    service: Service, finished: Finished, tmp_path: Path
+    finished: FinishedFold, tmp_path: Path
 ) -> None:
     out, table = tmp_path / "robot.json", tmp_path / "motors.csv"
-    command = ["retime", str(service.directory(finished["id"])), "--json", *LIMIT_OPTIONS]
+    command = ["retime", str(finished.directory), "--json", *LIMIT_OPTIONS]
     torques = ["--module-mass", "0.1", "--pitch", "0.05", "--table", str(table)]
-    done = foldback(*command, "--out", str(out), *torques, "--motor-torque", "0.01")
+    done = foldback(*command, "--out", out, *torques, "--motor-torque", "0.01")
     assert done.returncode == 3, done.stderr
     report = json.loads(done.stdout.splitlines()[-1])
-    path = f"/api/folds/{finished['id']}"
+    path = finished.api
     assert report["plan_verified"] is True
-    trajectory = service.http.get(f"{path}/trajectory", params=LIMITS).json()
+    trajectory = finished.http.get(f"{path}/trajectory", params=LIMITS).json()
     assert json.loads(out.read_text()) == trajectory
     query = {**LIMITS, "module_mass": 0.1, "pitch": 0.05, "motor_torque": 0.01}
-    assert report["motors"] == service.http.get(f"{path}/motors", params=query).json()
+    assert report["motors"] == finished.http.get(f"{path}/motors", params=query).json()
     assert len(table.read_text().splitlines()) == 1 + len(report["motors"]["joints"])
-    refused = foldback(*command, "--out", str(tmp_path / "robot.txt"))
-    assert refused.returncode == 2
-    assert json.loads(refused.stdout)["error"]["code"] == "unknown-form"
 
 
 def test_retimed_plan_without_proved_clearance_exits_with_3(
-    service: Service, finished: Finished, tmp_path: Path
+    finished: FinishedFold, tmp_path: Path
 ) -> None:
-    plan = Plan.load(service.directory(finished["id"]) / "plan.npz")
+    plan = Plan.load(finished.directory / "plan.npz")
     # Modules of full size touch: they do not overlap, but no clearance can be proved.
     full = replace(plan.certificate, module_size=1.0)
     replace(plan, certificate=full).save_npz(tmp_path / "plan.npz")
@@ -293,8 +274,8 @@ def test_retimed_plan_without_proved_clearance_exits_with_3(
     assert foldback(*command, "--out", out, "--no-check").returncode == 0
 
 
-def test_example_06_drives_a_simulated_robot(service: Service, finished: Finished) -> None:
-    options = ("--url", str(service.http.base_url).rstrip("/"), "--fold", finished["id"])
+def test_example_06_drives_a_simulated_robot(finished: FinishedFold) -> None:
+    options = ("--url", f"http://{finished.service.netloc}", "--fold", finished.id)
     command = [sys.executable, "-W", "error", str(EXAMPLE), *options]
     command += ["--speed", "5", "--stiffness", "0.05"]
     more: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 120, "check": False}

@@ -1,149 +1,127 @@
 """Smoothed folds through HTTP, with a real worker, and on the command line."""
 
-import json
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from planner.plan.plan import Plan
 from planner.verification.verify import verify
 from server.admin.fold_tasks import AdminTasks
-from server.cli.command_line import application
+from server.processes.children import Reader
 from server.store.folds import Store
-from tests.server.service_process import Service, owner
+from tests.server.cli.test_command_line import foldback
+from tests.server.service_process import FinishedFold, bearer
 from tests.server.service_thread import ServiceThread
 
 
 @pytest.fixture(scope="module")
-def plain(finished: dict[str, Any]) -> str:
-    """Id of the fold that is smoothed."""
-    return finished["id"]
+def smoothed(finished: FinishedFold) -> FinishedFold:
+    """Fold that was smoothed from the finished one."""
+    accepted = finished.service.fold(smooth=finished.id)
+    state = finished.service.wait_over(accepted["id"])
+    return FinishedFold(finished.service, accepted, [], state)
 
 
-@pytest.fixture(scope="module")
-def smoothed(service: Service, plain: str) -> dict[str, Any]:
-    """Smoothed fold: the answer to its request, and its final state."""
-    accepted = service.fold(smooth=plain)
-    return {"accepted": accepted, "state": service.wait_over(accepted["id"])}
-
-
-def test_verified_fold_is_smoothed(service: Service, plain: str, smoothed: dict[str, Any]) -> None:
-    state = smoothed["state"]
+def test_verified_fold_is_smoothed(finished: FinishedFold, smoothed: FinishedFold) -> None:
+    state = smoothed.state
     assert state["status"] == "verified", state
-    assert (state["smooths"], state["refold"]) == (plain, None)
-    assert state["name"] == service.state(plain)["name"]
+    assert (state["smooths"], state["refold"]) == (finished.id, None)
+    assert state["name"] == finished.state["name"]
     figures = state["summary"]["smoothing"]
-    recorded = Plan.load(service.directory(plain) / "plan.npz")
+    recorded = Plan.load(finished.directory / "plan.npz")
     assert figures["before"]["frames"] == len(recorded.time_s)
     assert figures["after"]["length_rad"] < figures["before"]["length_rad"]
-    path = f"/api/folds/{state['id']}"
-    body = service.http.get(f"{path}/frames").json()
+    body = smoothed.http.get(f"{smoothed.api}/frames").json()
     assert {body["phases"][i] for i in body["phase"]} == {"playback"}
     assert len(body["phase"]) == figures["after"]["frames"]
-    assert service.http.get(f"{path}/plan.json").json()["smoothing"] == figures
-    assert verify(service.directory(state["id"])).verified
+    assert smoothed.http.get(f"{smoothed.api}/plan.json").json()["smoothing"] == figures
+    assert verify(smoothed.directory).verified
+    copy = smoothed.directory / "recorded.npz"
+    assert copy.read_bytes() == (finished.directory / "plan.npz").read_bytes()
 
 
 def test_page_of_smoothed_fold_compares_figures(
-    service: Service, plain: str, smoothed: dict[str, Any]
+    finished: FinishedFold, smoothed: FinishedFold
 ) -> None:
-    facts = service.http.get(f"/folds/{smoothed['state']['id']}/facts").json()
+    facts = smoothed.http.get(f"{smoothed.page}/facts").json()
     assert facts["name"].endswith(", smoothed") and not facts["smoothable"]
     rows = {row["label"]: row for row in facts["smoothing"]["rows"]}
-    figures = smoothed["state"]["summary"]["smoothing"]
     for when in ("before", "after"):
-        assert rows["Frames"][when] == str(figures[when]["frames"])
+        frames = smoothed.state["summary"]["smoothing"][when]["frames"]
+        assert rows["Frames"][when] == str(frames)
     assert {"Folding time", "Largest torque", "Clearance"} < set(rows)
-    assert facts["compare"][0]["id"] == plain
-    assert service.http.get(facts["smoothing"]["compare"]).status_code == 200
-    recorded = service.http.get(f"/folds/{plain}/facts").json()
+    assert facts["compare"][0]["id"] == finished.id
+    assert smoothed.http.get(facts["smoothing"]["compare"]).status_code == 200
+    recorded = finished.http.get(f"{finished.page}/facts").json()
     assert (recorded["smoothable"], recorded["smoothing"]) == (True, None)
 
 
 def test_smoothed_fold_is_requested_once_and_unlisted(
-    service: Service, plain: str, smoothed: dict[str, Any]
+    finished: FinishedFold, smoothed: FinishedFold
 ) -> None:
-    fold_id, token = smoothed["accepted"]["id"], smoothed["accepted"]["owner_token"]
-    for form in ({"smooth": plain}, {"fold": fold_id}):
-        again = service.fold(**form, token=token)
-        assert (again["existing"], again["id"]) == (True, fold_id)
-    assert fold_id not in {f["id"] for f in service.http.get("/api/folds").json()["folds"]}
-    plan = service.directory(plain) / "plan.npz"
-    assert (service.directory(fold_id) / "recorded.npz").read_bytes() == plan.read_bytes()
+    for form in ({"smooth": finished.id}, {"fold": smoothed.id}):
+        again = smoothed.service.fold(**form, token=smoothed.token)
+        assert (again["existing"], again["id"]) == (True, smoothed.id)
+    listed = smoothed.http.get("/api/folds").json()["folds"]
+    assert smoothed.id not in {fold["id"] for fold in listed}
 
 
 def test_smoothed_fold_outlives_the_original_and_starts_again_from_its_record(
-    service: Service,
-    plain: str,
-    smoothed: dict[str, Any],
+    finished: FinishedFold,
+    smoothed: FinishedFold,
     service_with: Callable[..., ServiceThread],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    shown = smoothed["state"]["id"]
-    assert plain in service.http.get(f"/folds/{shown}").text
+    # No process that reads is started, as the input has been read before.
+    read = {"name": "path", "module": "cube", "modules": 16}
+    monkeypatch.setattr(Reader, "check", lambda *_, **__: read)
+    plain, shown = finished.id, smoothed.id
+    assert plain in smoothed.http.get(smoothed.page).text
     # A page of the original does not reveal the link of the smoothed fold.
-    embedded = service.http.get(f"/embed/{shown}").text
+    embedded = smoothed.http.get(f"/embed/{shown}").text
     assert shown in embedded and plain not in embedded
     # Here the folds are private and no worker takes the queued one.
     other = service_with()
-    other.copy_from(service, plain, shown)
+    other.copy_from(smoothed.service, plain, shown)
     other.start()
-    before = other.http.get(f"/folds/{shown}/facts").json()
+    before = other.http.get(f"{smoothed.page}/facts").json()
     assert before["smoothing"]["compare"] == f"/compare?a={plain}&b={shown}"
     with closing(Store(other.settings)) as store:
         assert store.delete(plain)
-    facts = other.http.get(f"/folds/{shown}/facts").json()
+    facts = other.http.get(f"{smoothed.page}/facts").json()
     assert facts["smoothing"]["rows"] and facts["smoothing"]["compare"] is None
     assert [each["text"] for each in facts["compare"]] == ["Another seed"]
-    assert plain not in other.http.get(f"/folds/{shown}").text
+    assert plain not in other.http.get(smoothed.page).text
     recorded = other.directory(shown) / "recorded.npz"
     known = recorded.read_bytes()
     with closing(AdminTasks(other.settings)) as admin_tasks:
         admin_tasks.requeue(shown, force=True)
     assert (other.state(shown)["status"], recorded.read_bytes()) == ("queued", known)
-    other.http.post(f"/api/folds/{shown}/cancel", headers=owner(smoothed["accepted"]))
+    other.http.post(f"{smoothed.api}/cancel", headers=bearer(smoothed.token))
     again = other.fold(fold=shown)
     assert (again["existing"], other.state(again["id"])["smooths"]) == (False, plain)
 
 
 def test_options_that_do_not_suit_smoothing_are_refused(
-    service: Service, plain: str, smoothed: dict[str, Any]
+    finished: FinishedFold, smoothed: FinishedFold
 ) -> None:
     for form, status, code in (
-        ({"smooth": plain, "preset": "paper"}, 422, "smooth-preset"),
-        ({"smooth": plain, "strategy": "peel"}, 422, "smooth-strategy"),
-        ({"smooth": plain, "shape": "mallet-24"}, 422, "file-or-shape"),
-        ({"fold": smoothed["accepted"]["id"], "preset": "direct"}, 422, "smooth-preset"),
+        ({"smooth": finished.id, "preset": "paper"}, 422, "smooth-preset"),
+        ({"smooth": finished.id, "strategy": "peel"}, 422, "smooth-strategy"),
+        ({"smooth": finished.id, "shape": "mallet-24"}, 422, "file-or-shape"),
+        ({"fold": smoothed.id, "preset": "direct"}, 422, "smooth-preset"),
         ({"smooth": "nosuchfold"}, 404, "no-such-fold"),
     ):
-        answer, problem = service.refusal(**form)
+        answer, problem = finished.service.refusal(**form)
         assert (answer, problem["code"]) == (status, code), problem
 
 
-def cli(*arguments: object) -> tuple[int, str]:
-    result = CliRunner().invoke(application(), ["smooth", *map(str, arguments)])
-    return result.exit_code, result.output
-
-
 @pytest.mark.long
-def test_plan_is_smoothed_on_the_command_line(service: Service, plain: str, tmp_path: Path) -> None:
-    code, text = cli(service.directory(plain), "--out", tmp_path)
-    assert code == 0, text
+def test_plan_is_smoothed_on_the_command_line(finished: FinishedFold, tmp_path: Path) -> None:
+    done = foldback("smooth", finished.directory, "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
     for word in ("verified (simulated)", "Largest torque", "Before", "After", "×"):
-        assert word in text
+        assert word in done.stdout
     assert verify(tmp_path).verified
-
-
-def test_command_line_smooths_only_plans_into_another_directory(
-    service: Service, plain: str, tmp_path: Path
-) -> None:
-    plain_dir = service.directory(plain)
-    for source, out, refused in (
-        (tmp_path, tmp_path / "out", "not-a-plan"),
-        (plain_dir, plain_dir, "smooth-in-place"),
-    ):
-        code, text = cli(source, "--out", out, "--json")
-        assert (code, json.loads(text.splitlines()[-1])["error"]["code"]) == (2, refused)

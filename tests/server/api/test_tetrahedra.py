@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from tests.case import case
 from tests.server.cli.test_command_line import foldback
 from tests.server.service_process import Service
 
@@ -26,25 +25,11 @@ def test_typed_chain_is_folded_and_its_largest_module_size_found(tmp_path: Path)
     assert 0.95 <= json.loads(checked.stdout.splitlines()[-1])["largest_size"] <= 1.0
 
 
-def test_bad_chains_are_refused_on_the_command_line(tmp_path: Path) -> None:
-    for arguments, code, where in (
-        (("--angles", "0 - x +"), "stray-character", "character 5"),
-        (("--angles", RING, "wrench-24"), "no-input", None),
-        ((), "no-input", None),
-        (("wrench-24", "--module", "sphere"), "unknown-module", "module"),
-    ):
-        with case(arguments):
-            answer = foldback("fold", *arguments, "--out", str(tmp_path / "out"), "--json")
-            assert answer.returncode == 2
-            error = json.loads(answer.stdout.splitlines()[-1])["error"]
-            assert (error["code"], error["where"]) == (code, where)
-
-
 def test_shape_command_writes_a_chain_for_a_mesh(tmp_path: Path) -> None:
     mesh, out = tmp_path / "ball.stl", tmp_path / "ball.json"
     trimesh.creation.icosphere(subdivisions=2).export(mesh)
     wanted = ("--module", "tetrahedron", "--modules", "48", "--out", str(out), "--json")
-    answer = foldback("shape", str(mesh), *wanted)
+    answer = foldback("shape", mesh, *wanted)
     assert answer.returncode == 0, answer.stderr
     report = json.loads(answer.stdout.splitlines()[-1])
     written = json.loads(out.read_text())
@@ -53,7 +38,7 @@ def test_shape_command_writes_a_chain_for_a_mesh(tmp_path: Path) -> None:
     assert report["modules"] % 12 == 0
 
 
-def test_uploads_of_tetrahedra_are_checked_and_their_shapes_listed(idle: Service) -> None:
+def test_uploads_of_tetrahedra_are_checked(idle: Service) -> None:
     apart = json.dumps({"format": "foldback-voxels/1", "cells": [[0, 0, 0], [3, 0, 0]]})
     for text, form, status, code, where in (
         ("foldback-angles/1\n0 + ?", {}, 422, "stray-character", "character 5"),
@@ -64,8 +49,3 @@ def test_uploads_of_tetrahedra_are_checked_and_their_shapes_listed(idle: Service
         answer = idle.http.post("/api/folds", files=file, data=form)
         body = answer.json()
         assert (answer.status_code, body.get("code"), body.get("where")) == (status, code, where)
-    shapes = idle.http.get("/api/shapes").json()["shapes"]
-    kinds = {shape["name"]: shape["module"] for shape in shapes}
-    assert (kinds["tetra-ring"], kinds["wrench-160"]) == ("tetrahedron", "cube")
-    drawing = idle.http.get("/shapes/tetra-ring.svg")
-    assert drawing.headers["content-type"].startswith("image/svg+xml")

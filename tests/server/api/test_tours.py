@@ -3,66 +3,56 @@
 import base64
 from typing import Any
 
-import pytest
-
 from planner.plan.module_values import VALUES_FORMAT
 from planner.plan.tour import Tour
-from tests.server.service_process import Service, bearer
+from tests.server.service_process import FinishedFold, Service, bearer
 from words.certificate import clearance, torque
 
 
-@pytest.fixture(scope="module")
-def token(finished: dict[str, Any]) -> str:
-    """Token of the owner of the finished fold."""
-    return finished["accepted"]["owner_token"]
-
-
-def put(service: Service, address: str, body: object, token: str) -> tuple[int, Any]:
-    answer = service.http.put(address, json=body, headers=bearer(token))
+def put(finished: FinishedFold, address: str, body: object) -> tuple[int, Any]:
+    answer = finished.http.put(address, json=body, headers=bearer(finished.token))
     return answer.status_code, answer.json()
 
 
 def test_draft_is_replaced_by_the_tour_of_the_owner_until_it_is_deleted(
-    service: Service, finished: dict[str, Any], token: str
+    finished: FinishedFold,
 ) -> None:
-    address, page = f"/api/folds/{finished['id']}/tour", f"/folds/{finished['id']}/tour.json"
-    draft = service.http.get(address).json()
+    address, page = f"{finished.api}/tour", f"{finished.page}/tour.json"
+    draft = finished.http.get(address).json()
     assert Tour.from_dict(draft).as_dict() == draft
     captions = " ".join(stop["caption"] for stop in draft["stops"])
-    certificate = service.http.get(f"/api/folds/{finished['id']}/certificate.json").json()
+    certificate = finished.http.get(f"{finished.api}/certificate.json").json()
     assert str(clearance(certificate)) in captions
     assert "{}: {}.".format(*torque(certificate)) in captions
-    assert service.http.get(page).json() == draft
+    assert finished.http.get(page).json() == draft
 
     mine = {**draft, "title": "Mine", "stops": [{**draft["stops"][0], "caption": "a\u202e  b"}]}
-    status, stored = put(service, address, mine, token)
+    status, stored = put(finished, address, mine)
     assert (status, stored["stops"][0]["caption"]) == (200, "a b")
     for shown in (address, page):
-        assert service.http.get(shown).json()["title"] == "Mine"
-    assert service.http.get(f"{address}?draft=true").json() == draft
-    assert service.http.delete(address, headers=bearer(token)).status_code == 204
-    assert service.http.get(address).json() == draft
+        assert finished.http.get(shown).json()["title"] == "Mine"
+    assert finished.http.get(f"{address}?draft=true").json() == draft
+    assert finished.http.delete(address, headers=bearer(finished.token)).status_code == 204
+    assert finished.http.get(address).json() == draft
 
 
-def test_invalid_tour_is_refused_and_not_stored(
-    service: Service, finished: dict[str, Any], token: str
-) -> None:
+def test_invalid_tour_is_refused_and_not_stored(finished: FinishedFold) -> None:
     """tests/words/test_tour.py has the list of invalid tours."""
-    address = f"/api/folds/{finished['id']}/tour"
-    draft = service.http.get(address).json()
+    address = f"{finished.api}/tour"
+    draft = finished.http.get(address).json()
     stop, frames = draft["stops"][0], draft["stops"][-1]["frame"]
     for change, place in (
         ({"frame": frames + 1}, "frame"),
-        ({"modules": [service.state(finished["id"])["modules"] + 1]}, "modules"),
+        ({"modules": [finished.state["modules"] + 1]}, "modules"),
         ({"camera": "javascript:1"}, "camera"),
         ({"html": "<b>"}, "html"),
     ):
-        status, problem = put(service, address, {**draft, "stops": [{**stop, **change}]}, token)
+        status, problem = put(finished, address, {**draft, "stops": [{**stop, **change}]})
         assert (status, place in str(problem)) == (422, True), change
     huge = {**draft, "title": "x" * 300_000}
-    assert put(service, address, huge, token)[0] == 413
-    assert put(service, address, [], token)[0] == 422
-    assert service.http.get(address).json() == draft
+    assert put(finished, address, huge)[0] == 413
+    assert put(finished, address, [])[0] == 422
+    assert finished.http.get(address).json() == draft
 
 
 def test_fold_without_frames_has_no_tour(idle: Service) -> None:
@@ -70,21 +60,18 @@ def test_fold_without_frames_has_no_tour(idle: Service) -> None:
     answer = idle.http.get(f"/api/folds/{waiting}/tour")
     assert (answer.status_code, answer.json()["code"]) == (409, "not-ready")
     assert idle.http.get(f"/folds/{waiting}/tour.json").status_code == 204
-    assert idle.http.get("/api/folds/nothere/tour").status_code == 404
 
 
-def test_numbers_of_the_owner_are_stored_and_wrong_ones_are_refused(
-    service: Service, finished: dict[str, Any], token: str
-) -> None:
-    address, page = f"/api/folds/{finished['id']}/values", f"/folds/{finished['id']}/values.json"
-    modules = service.state(finished["id"])["modules"]
+def test_numbers_of_the_owner_are_stored_and_wrong_ones_are_refused(finished: FinishedFold) -> None:
+    address, page = f"{finished.api}/values", f"{finished.page}/values.json"
+    modules = finished.state["modules"]
 
     def values(**changed: object) -> dict[str, Any]:
         data = base64.b64encode(bytes(2 * modules)).decode()
         scale = {"name": "a\u202e  b", "unit": "K", "low": -1, "high": 2.5}
         return {"format": VALUES_FORMAT, **scale, "rows": 2, "data": data, **changed}
 
-    assert service.http.get(address).status_code == 404
+    assert finished.http.get(address).status_code == 404
     for wrong, place in (
         ({"format": "foldback-values/2"}, "format"),
         ({"name": "x" * 81}, "name"),
@@ -94,13 +81,13 @@ def test_numbers_of_the_owner_are_stored_and_wrong_ones_are_refused(
         ({"data": "<b>"}, "data"),
         ({"html": "<b>"}, "html"),
     ):
-        status, problem = put(service, address, values(**wrong), token)
+        status, problem = put(finished, address, values(**wrong))
         assert (status, place in str(problem)) == (422, True), wrong
-    assert put(service, address, values(data="A" * 300_000), token)[0] == 413
-    assert service.http.get(page).status_code == 204
-    assert put(service, address, values(), token)[0] == 200
+    assert put(finished, address, values(data="A" * 300_000))[0] == 413
+    assert finished.http.get(page).status_code == 204
+    assert put(finished, address, values())[0] == 200
     stored = {**values(), "name": "a b"}
-    assert service.http.get(address).json() == service.http.get(page).json() == stored
-    assert stored["data"] in service.http.get(f"/folds/{finished['id']}/standalone.html").text
-    assert service.http.delete(address, headers=bearer(token)).status_code == 204
-    assert service.http.get(page).status_code == 204
+    assert finished.http.get(address).json() == finished.http.get(page).json() == stored
+    assert stored["data"] in finished.http.get(f"{finished.page}/standalone.html").text
+    assert finished.http.delete(address, headers=bearer(finished.token)).status_code == 204
+    assert finished.http.get(page).status_code == 204

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
-from alembic import command
 from click.testing import Result
 from typer.testing import CliRunner
 
@@ -22,11 +21,10 @@ from server.admin.errors import AdminError
 from server.cli.admin import admin
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store
-from server.store.schema_version import config
 from server.store.tables import engine_for
 from tests.case import case
 from tests.server.postgres import Postgres
-from tests.server.rows import SOMEBODY, a_fold
+from tests.server.rows import SOMEBODY, a_fold, upgrade
 from tests.server.service_thread import copy_tables
 
 
@@ -239,10 +237,7 @@ def test_migration_is_announced_before_it_is_done(tmp_path: Path) -> None:
     assert "nothing to back up" in site.run("backup", tmp_path / "copy").stderr
     site.settings.make_directories()
     engine = engine_for(site.settings.store_url)
-    alembic = config()
-    with engine.begin() as connection:
-        alembic.attributes["connection"] = connection
-        command.upgrade(alembic, "0015")
+    upgrade(engine, "0015")
     result = site.run("migrate", "--check")
     assert result.exit_code == 3
     assert result.stdout == "would migrate tables of folds: version 0016\n"

@@ -11,7 +11,6 @@ from urllib.parse import urlsplit
 import pytest
 import sqlalchemy as sa
 import typer
-from alembic import command
 from sqlalchemy.orm import Session
 
 from server.cli.doctor import doctor
@@ -20,11 +19,11 @@ from server.doctor.check_result import CheckResult, examine
 from server.doctor.doctor import CHECKS
 from server.processes.movie_task import GL_SETTING
 from server.settings import Settings
-from server.store.schema_version import config
 from server.store.tables import engine_for, migrate
+from tests.case import case
 from tests.server.cli.test_command_line import foldback
 from tests.server.postgres import Postgres
-from tests.server.rows import a_fold
+from tests.server.rows import a_fold, upgrade
 from tests.server.service_process import Service
 from tests.web.blog import Blog
 
@@ -42,13 +41,9 @@ def check_finding(found: CheckResult, verdict: str, *words: str) -> None:
 
 @pytest.mark.long
 @pytest.mark.processes
-def test_doctor_of_a_sound_machine_finds_no_problem_and_writes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in os.environ:
-        if name.startswith("FOLDBACK_"):
-            monkeypatch.delenv(name)
-    answer = foldback("doctor", "--json", "--port", "0", "--data-dir", str(tmp_path / "data"))
+@pytest.mark.usefixtures("without_settings")
+def test_doctor_of_a_sound_machine_finds_no_problem_and_writes_nothing(tmp_path: Path) -> None:
+    answer = foldback("doctor", "--json", "--port", "0", "--data-dir", tmp_path / "data")
     found = json.loads(answer.stdout)
     assert answer.returncode == 0, answer.stdout
     assert [finding["name"] for finding in found] == [name for name, _ in CHECKS]
@@ -95,15 +90,27 @@ def test_package_that_is_too_old_is_a_problem(
     check_finding(machine.python(settings(tmp_path)), "problem", "numpy is 0.1, expected")
 
 
-def test_closed_full_or_volatile_data_directory_is_reported(tmp_path: Path) -> None:
-    closed = data.directory(settings(tmp_path, data_dir="/proc/foldback"))  # closed also to root
-    check_finding(closed, "problem", "/proc cannot be written (")
+FINDINGS: tuple[tuple[Any, dict[str, Any], str, str], ...] = (
+    (data.directory, {"data_dir": "/proc/foldback"}, "problem", "/proc cannot be written ("),
+    (data.directory, {"min_free_disk_bytes": 2**60}, "problem", "MiB free"),
+    (data.directory, {"data_dir": "/dev/shm/foldback-nowhere"}, "warning", "tmpfs"),
+    (machine.port, {"host": "203.0.113.1", "port": 8123}, "problem", "FOLDBACK_HOST"),
+    (machine.memory, {"child_memory_bytes": 2**28}, "ok", ""),
+    (machine.memory, {"workers": 64, "folds_per_worker": 64}, "warning", "4096 folds at once"),
+    (machine.names, {}, "ok", ""),
+    (machine.names, {"host": "0.0.0.0"}, "warning", ""),
+    (machine.names, {"allowed_hosts": "*"}, "warning", ""),
+    (machine.names, {"host": "0.0.0.0", "allowed_hosts": "fold.example.org"}, "ok", ""),
+)
+"""Checks, settings, and what is found; /proc is closed also to root."""
+
+
+def test_unsuitable_settings_are_found(tmp_path: Path) -> None:
+    for check, values, verdict, words in FINDINGS:
+        with case((check.__name__, values)):
+            check_finding(check(settings(tmp_path, **values)), verdict, words)
     # Tests may run in memory, which causes a warning.
     assert data.directory(settings(tmp_path)).verdict != "problem"
-    full = data.directory(settings(tmp_path, min_free_disk_bytes=2**60))
-    check_finding(full, "problem", "MiB free", "expire")
-    volatile = data.directory(settings(tmp_path, data_dir="/dev/shm/foldback-nowhere"))
-    check_finding(volatile, "warning", "tmpfs")
 
 
 def test_missing_and_damaged_databases_are_reported(tmp_path: Path, postgres: Postgres) -> None:
@@ -125,10 +132,7 @@ def test_missing_and_damaged_databases_are_reported(tmp_path: Path, postgres: Po
 def test_schema_behind_or_ahead_is_reported(tmp_path: Path) -> None:
     given = settings(tmp_path, data_dir=tmp_path)
     engine = engine_for(given.store_url)
-    with engine.begin() as connection:
-        alembic = config()
-        alembic.attributes["connection"] = connection
-        command.upgrade(alembic, "0001")
+    upgrade(engine, "0001")
     check_finding(data.database(given), "warning", "version 0001, ", "foldback serve")
     migrate(engine)
     assert data.database(given).verdict == "ok"
@@ -148,16 +152,12 @@ def test_storage_that_is_no_directory_is_a_problem(tmp_path: Path) -> None:
     check_finding(data.storage(given), "problem", "NotADirectoryError")
 
 
-def test_taken_port_and_foreign_address_are_problems(
-    tmp_path: Path, blog: Blog, idle: Service
-) -> None:
+def test_port_of_another_program_is_a_problem(tmp_path: Path, blog: Blog, idle: Service) -> None:
     blog.html = '{"status": "ok"}'
     alien = settings(tmp_path, port=blog.server_port)
     check_finding(machine.port(alien), "problem", "another program")
     ours = urlsplit(str(idle.http.base_url)).port
     check_finding(machine.port(settings(tmp_path, port=ours)), "ok", "foldback already answers")
-    away = settings(tmp_path, host="203.0.113.1", port=8123)
-    check_finding(machine.port(away), "problem", "FOLDBACK_HOST")
 
 
 def test_limit_of_open_files_is_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -169,22 +169,9 @@ def test_limit_of_open_files_is_judged(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_too_little_memory_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert machine.memory(settings(tmp_path, child_memory_bytes=2**28)).verdict == "ok"
-    many = machine.memory(settings(tmp_path, workers=64, folds_per_worker=64))
-    check_finding(many, "warning", "4096 folds at once")
     monkeypatch.setattr(machine, "_allowed_bytes", lambda: [1500 * 2**20])
     little = machine.memory(settings(tmp_path, child_memory_bytes=2**28))
     check_finding(little, "warning", "6 processes that read uploads")
-
-
-def test_open_host_names_are_a_warning(tmp_path: Path) -> None:
-    for verdict, values in (
-        ("ok", {}),
-        ("warning", {"host": "0.0.0.0"}),
-        ("warning", {"allowed_hosts": "*"}),
-        ("ok", {"host": "0.0.0.0", "allowed_hosts": "fold.example.org"}),
-    ):
-        assert machine.names(settings(tmp_path, **values)).verdict == verdict, values
 
 
 def test_clock_set_back_is_a_warning(tmp_path: Path) -> None:

@@ -4,10 +4,9 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from planner.pipeline.request import MAX_SEED
-from server.cli.command_line import application
+from tests.server.cli.test_command_line import foldback
 from tests.server.service_process import Service
 
 BAD = {
@@ -31,10 +30,9 @@ def test_api_and_command_line_refuse_with_the_same_message(
 ) -> None:
     value, code = BAD[name]
     option = f"--{OPTIONS.get(name, name)}={value}"
-    command = ["fold", "mallet-64", "--out", str(tmp_path / "out"), option, "--json"]
-    result = CliRunner().invoke(application(), command)
-    assert result.exit_code == 2, result.output
-    typed = json.loads(result.output)
+    result = foldback("fold", "mallet-64", "--out", tmp_path / "out", option, "--json")
+    assert result.returncode == 2, result.stderr
+    typed = json.loads(result.stdout)
     assert typed["status"] == "invalid"
     assert (typed["error"]["code"], typed["error"]["where"]) == (code, name)
     assert value.partition("=")[0] in typed["error"]["detail"]

@@ -1,7 +1,6 @@
 """Settings: how they are read, and the errors of invalid ones."""
 
 import logging
-import os
 from pathlib import Path
 
 import pytest
@@ -95,12 +94,10 @@ def test_every_command_reports_bad_settings(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.usefixtures("without_settings")
 def test_unknown_setting_is_reported_with_a_suggestion(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    for name in list(os.environ):
-        if name.startswith("FOLDBACK_"):
-            monkeypatch.delenv(name)
     monkeypatch.setenv("foldback_port", "8001")  # in any case
     assert machine.variables(Settings()).verdict == "ok"
     monkeypatch.setenv("FOLDBACK_ORIGIN", "https://a.org")

@@ -5,36 +5,29 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
 from planner.certificate.table_figures import TableCertificate
 from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters
-from server.cli.command_line import application
 from tests.planner.certificate.test_table_certificate import swing
 from tests.planner.chains import line
 from tests.planner.plans import unverified
 from tests.server.api.test_table import SLAB
-
-
-def table(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(
-        application(), ["table", *map(str, arguments)], prog_name="foldback", terminal_width=200
-    )
+from tests.server.cli.test_command_line import foldback
 
 
 def test_shape_without_a_path_for_a_table_lists_versions_that_have_one(tmp_path: Path) -> None:
     slab, out = tmp_path / "slab.json", tmp_path / "path.json"
     slab.write_text(json.dumps(SLAB))
     command = ("shape", str(slab), "--as-voxels", "--world", "table", "--out", str(out))
-    none = CliRunner().invoke(application(), command)
-    assert none.exit_code == 3 and not out.exists()
+    none = foldback(*command)
+    assert none.returncode == 3 and not out.exists()
     assert none.stderr.splitlines()[1:] == [
         "Has a path: --repair (9 modules)",
         "Has a path: --method blocks (64 modules)",
     ]
-    repaired = CliRunner().invoke(application(), [*command, "--repair", "--json"])
-    assert repaired.exit_code == 0, repaired.output
+    repaired = foldback(*command, "--repair", "--json")
+    assert repaired.returncode == 0, repaired.stderr
     data = json.loads(repaired.stdout.splitlines()[-1])
     assert (data["modules"], data["offers"]) == (9, [])
     assert len(json.loads(out.read_bytes())["cells"]) == 9
@@ -45,8 +38,8 @@ def test_shape_of_a_long_path_for_a_table_warns(tmp_path: Path) -> None:
     for length, warned in ((96, False), (97, True)):
         row.write_text(json.dumps([[x, 0, 0] for x in range(length)]))
         command = ("shape", str(row), "--world", "table", "--out", str(out))
-        done = CliRunner().invoke(application(), command)
-        assert done.exit_code == 0, done.output
+        done = foldback(*command)
+        assert done.returncode == 0, done.stderr
         assert ("usually get stuck on a table" in done.stderr) == warned
 
 
@@ -59,8 +52,8 @@ def plan(tmp_path: Path) -> Path:
 
 
 def test_plan_that_rests_on_a_table_is_certified(plan: Path) -> None:
-    done = table(plan, "--module-kg", "0.1", "--pitch-mm", "50", "--bound", "12")
-    assert done.exit_code == 0, done.output
+    done = foldback("table", plan, "--module-kg", "0.1", "--pitch-mm", "50", "--bound", "12")
+    assert done.returncode == 0, done.stderr
     assert "stays on the table" in done.stdout
     assert "frictionless" in done.stdout
     found = TableCertificate.from_dict(json.loads((plan / "table.json").read_text()))
@@ -70,19 +63,9 @@ def test_plan_that_rests_on_a_table_is_certified(plan: Path) -> None:
 
 
 def test_plan_that_does_not_rest_exits_with_3(plan: Path) -> None:
-    done = table(plan / "plan.npz", "--base", "free", "--out", plan / "mine.json", "--json")
-    assert done.exit_code == 3
+    out = plan / "mine.json"
+    done = foldback("table", plan / "plan.npz", "--base", "free", "--out", out, "--json")
+    assert done.returncode == 3
     data = json.loads(done.stdout.splitlines()[-1])
     assert data["verdict"].startswith("failed: the chain would tip over")
-    assert json.loads((plan / "mine.json").read_text()) == data
-
-
-def test_bad_input_of_table_exits_with_2(plan: Path) -> None:
-    for options, words in (
-        (("--base", "held"), "expected clamped or free"),
-        (("--friction", "-1"), "friction"),
-        (("--pitch-mm", "0"), "pitch_m"),
-    ):
-        done = table(plan, *options)
-        assert (done.exit_code, words in done.stderr) == (2, True), options
-    assert table(plan / "none").exit_code == 2
+    assert json.loads(out.read_text()) == data

@@ -24,7 +24,7 @@ from planner.verification.integrity import check
 from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from server.app import ROUTERS
 from server.pages.pictures import file_of
-from tests.server.service_process import SNAKE, Service
+from tests.server.service_process import SNAKE, FinishedFold, Service
 from tests.server.service_thread import ServiceThread
 
 SMALL = SHIPPED_FOLDS_DIR / "tetra-cube-2.fold"
@@ -42,63 +42,58 @@ MOTION_ROUTES = ("bundle", "batch", "figures", "standalone.html", "recording.vis
 
 
 @pytest.fixture(scope="module")
-def fold(service: Service) -> str:
+def whole(service: Service) -> FinishedFold:
+    """Fold of its own, as others would see its damage."""
     accepted = service.fold(SNAKE, seed=3)
-    assert service.wait_over(accepted["id"])["status"] == "verified"
-    return accepted["id"]
+    return FinishedFold(service, accepted, [], service.wait_over(accepted["id"]))
 
 
 @pytest.fixture
-def directory(service: Service, fold: str, tmp_path: Path) -> Iterator[Path]:
-    """Directory of a fold, whose files are restored afterwards."""
-    place = service.directory(fold)
-    shutil.copytree(place, tmp_path / "whole")
-    yield place
-    shutil.rmtree(place)
-    shutil.copytree(tmp_path / "whole", place)
+def fold(whole: FinishedFold, tmp_path: Path) -> Iterator[FinishedFold]:
+    """Fold whose files are restored afterwards."""
+    shutil.copytree(whole.directory, tmp_path / "whole")
+    yield whole
+    shutil.rmtree(whole.directory)
+    shutil.copytree(tmp_path / "whole", whole.directory)
 
 
-def test_fold_with_lost_chunks_shows_no_motion(
-    service: Service, fold: str, directory: Path
-) -> None:
-    for chunk in (directory / "timeline.zarr" / "joint_angles_rad" / "c").rglob("*"):
+def test_fold_with_lost_chunks_shows_no_motion(fold: FinishedFold) -> None:
+    for chunk in (fold.directory / "timeline.zarr" / "joint_angles_rad" / "c").rglob("*"):
         if chunk.is_file():
             chunk.unlink()
     for name in MOTION_ROUTES:
-        answer = service.http.get(f"/folds/{fold}/{name}")
+        answer = fold.http.get(f"{fold.page}/{name}")
         assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data")
         assert answer.json()["detail"].startswith(MOTION)
-    answer = service.http.get(f"/api/folds/{fold}/frames")
+    answer = fold.http.get(f"{fold.api}/frames")
     assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data")
-    for path in (f"/folds/{fold}", f"/embed/{fold}", f"/compare?a={fold}&b={fold}"):
-        assert MOTION in service.http.get(path).text
-    facts = service.http.get(f"/folds/{fold}/facts").json()
+    for path in (fold.page, f"/embed/{fold.id}", f"/compare?a={fold.id}&b={fold.id}"):
+        assert MOTION in fold.http.get(path).text
+    facts = fold.http.get(f"{fold.page}/facts").json()
     assert (facts["frames"], facts["verdict"]["text"], facts["downloads"]) == (0, MOTION, [])
-    log = service.log.read_text()
-    assert "joint_angles_rad" in log
-    assert fold in log
+    log = fold.service.log.read_text()
+    assert "joint_angles_rad" in log and fold.id in log
 
 
-def test_damaged_download_is_refused(service: Service, fold: str, directory: Path) -> None:
+def test_damaged_download_is_refused(fold: FinishedFold) -> None:
     for name in ("plan.npz", "plan.json", "model.xml", "certificate.json", "record.npz"):
-        data = bytearray((directory / name).read_bytes())
+        data = bytearray((fold.directory / name).read_bytes())
         data[len(data) // 3] ^= 4
-        (directory / name).write_bytes(bytes(data))
-        answer = service.http.get(f"/api/folds/{fold}/{name}")
+        (fold.directory / name).write_bytes(bytes(data))
+        answer = fold.http.get(f"{fold.api}/{name}")
         assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data"), name
-    answer = service.http.get(f"/folds/{fold}/standalone.html")  # the page contains the plan
+    answer = fold.http.get(f"{fold.page}/standalone.html")  # the page contains the plan
     assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data")
 
 
-def test_private_picture_and_data_directory_are_closed_to_others(
-    service: Service, fold: str
-) -> None:
+def test_private_picture_and_data_directory_are_closed_to_others(whole: FinishedFold) -> None:
     """The database and the files of folds are closed as well, by their own modes."""
-    answer = service.http.get(f"/folds/{fold}/picture.png")
+    answer = whole.http.get(f"{whole.page}/picture.png")
     assert (answer.status_code, answer.headers["Cache-Control"]) == (200, "private, no-cache")
     assert answer.content.startswith(b"\x89PNG")
-    assert service.data_dir.stat().st_mode & 0o077 == 0
-    written = [*service.data_dir.glob("*.db*"), *service.data_dir.rglob("plan.json")]
+    data_dir = whole.service.data_dir
+    assert data_dir.stat().st_mode & 0o077 == 0
+    written = [*data_dir.glob("*.db*"), *data_dir.rglob("plan.json")]
     assert written
     assert all(path.stat().st_mode & 0o077 == 0 for path in written)
 
@@ -135,51 +130,49 @@ DAMAGES: tuple[Callable[[Path], None], ...] = (
 
 
 @pytest.mark.long
-def test_fold_with_any_damaged_file_is_answered_in_sentences(
-    service: Service, fold: str, directory: Path
-) -> None:
+def test_fold_with_any_damaged_file_is_answered_in_sentences(fold: FinishedFold) -> None:
     """Every file is damaged in turn, and every route requested: undamaged parts are still shown."""
-    logged_before = service.log.stat().st_size
+    directory, log = fold.directory, fold.service.log
+    logged_before = log.stat().st_size
     files = [path for path in sorted(directory.iterdir()) if path.is_file()]
     files += [directory / "timeline.zarr" / "zarr.json", directory / "figures.zarr" / "zarr.json"]
     for path, damage in zip(files, cycle(DAMAGES), strict=False):
         whole = path.read_bytes()
         damage(path)
         for route in ROUTES:
-            answer = service.http.get(route.format(id=fold))
+            answer = fold.http.get(route.format(id=fold.id))
             assert answer.status_code < 500 or answer.json()["code"] == "damaged-data", (
                 f"{path.name}: {route} {answer.status_code} {answer.text[:300]}"
             )
         if path.is_dir():
             path.rmdir()
         path.write_bytes(whole)
-    assert b"Traceback" not in service.log.read_bytes()[logged_before:]
+    assert b"Traceback" not in log.read_bytes()[logged_before:]
 
 
 @pytest.mark.parametrize("name", ["input", "request.json"])
-def test_fold_made_again_of_damaged_input_is_refused(
-    service: Service, fold: str, directory: Path, name: str
-) -> None:
-    whole = (directory / name).read_bytes()
+def test_fold_made_again_of_damaged_input_is_refused(fold: FinishedFold, name: str) -> None:
+    path = fold.directory / name
+    data = path.read_bytes()
     for damage in (mistype, truncate, scribble):
-        (directory / name).write_bytes(whole)
-        damage(directory / name)
+        path.write_bytes(data)
+        damage(path)
         for field in ("fold", "smooth"):
-            answer = service.http.post("/api/folds", data={field: fold})
-            assert (answer.status_code, answer.json()["code"]) == (500, "damaged-data")
-    (directory / "manifest.json").unlink()  # the state of a failed fold
+            status, problem = fold.service.refusal(**{field: fold.id})
+            assert (status, problem["code"]) == (500, "damaged-data")
+    path.with_name("manifest.json").unlink()  # the state of a failed fold
     if name == "request.json":
-        status, problem = service.refusal(fold=fold)
+        status, problem = fold.service.refusal(fold=fold.id)
         assert problem["code"] in ("no-input", "damaged-data"), status
 
 
 @contextmanager
-def service_with_shipped_fold(place: Path) -> Iterator[ServiceThread]:
+def service_with_shipped_fold(place: Path, **settings: object) -> Iterator[ServiceThread]:
     """Yield a service that came with one finished fold."""
     shutil.copy(SMALL, place)
     with (
         patch("server.api.shipped_folds.SHIPPED_FOLDS_DIR", place),
-        ServiceThread(place / "data", finished_folds=True).start() as service,
+        ServiceThread(place / "data", finished_folds=True, **settings).start() as service,
     ):
         yield service
 

@@ -16,6 +16,7 @@ from server.doctor.data import database, directory
 from server.settings import Settings
 from server.store.tables import read_only_engine
 from tests.server.files.test_damage import ROUTES, service_with_shipped_fold
+from tests.server.service_process import check_problem
 from tests.server.service_thread import ServiceThread
 
 WORDS = "New folds cannot be accepted: the disk is read-only."
@@ -90,9 +91,7 @@ def test_change_on_read_only_disk_is_refused_in_the_same_words(
         ("DELETE", api),
     ):
         answer = service.http.request(method, path, data={"x": "y"})
-        assert (answer.status_code, answer.json()["code"]) == (507, "read-only"), path
-        assert answer.json()["detail"] == WORDS
-        assert answer.headers["content-type"] == "application/problem+json"
+        assert check_problem(answer, 507, "read-only") == WORDS
         page = service.http.request(method, path, headers={"Accept": "text/html"})
         assert (page.status_code, WORDS in page.text) == (507, True)
 

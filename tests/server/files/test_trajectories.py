@@ -4,7 +4,6 @@ import asyncio
 import json
 import os
 import threading
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, BinaryIO, cast
@@ -23,6 +22,7 @@ from server.files.trajectories import (
     PLAN,
     STREAMS_OF_ADDRESS,
     MotorsWanted,
+    Retimed,
     Trajectories,
     Wanted,
 )
@@ -52,7 +52,6 @@ for task, more in (
         (Path(place) / "request.json").write_text(json.dumps({**request, **more}))
         task(Path(place))
 """
-Make = Callable[..., Trajectories]
 
 
 class TasksInProcess:
@@ -72,19 +71,24 @@ class TasksInProcess:
         pass
 
 
-@pytest.fixture
-def tasks() -> TasksInProcess:
-    return TasksInProcess()
+class Motions:
+    """Trajectories of a plan, which this process computes."""
 
+    def __init__(self, place: Path, plan: Path) -> None:
+        self.place, self.plan, self.tasks = place, plan, TasksInProcess()
 
-@pytest.fixture
-def make(tasks: TasksInProcess, tmp_path: Path) -> Make:
-    def make_trajectories(**more: int) -> Trajectories:
+    def trajectories(self, **more: int) -> Trajectories:
+        """Return trajectories within bounds, of which none has been computed."""
         bounds = {"total": 12, "per_visitor": 4, **more}
-        motions, scratch = Scratch(tmp_path / "motions"), Scratch(tmp_path / "scratch")
-        return Trajectories(cast("Pool", tasks), motions, scratch, **bounds)
+        motions, scratch = Scratch(self.place / "motions"), Scratch(self.place / "scratch")
+        return Trajectories(cast("Pool", self.tasks), motions, scratch, **bounds)
 
-    return make_trajectories
+    def wanted(self, speed: float = 1.0) -> Wanted:
+        return Wanted.of(self.plan, speed, 2.0)
+
+    def retime(self, **bounds: int) -> Retimed:
+        """Return the motion as the service computes it."""
+        return asyncio.run(self.trajectories(**bounds).of(self.wanted(), "a"))
 
 
 @pytest.fixture(scope="module")
@@ -95,11 +99,14 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory / "plan.npz"
 
 
-def test_trajectory_is_that_of_the_planner_and_leaves_no_files(
-    make: Make, plan: Path, tmp_path: Path
-) -> None:
-    found = asyncio.run(make().of(Wanted.of(plan, 1.0, 2.0), "a"))
-    meant = retime_plan(Plan.load(plan), 1.0, 2.0)
+@pytest.fixture
+def motions(tmp_path: Path, plan: Path) -> Motions:
+    return Motions(tmp_path, plan)
+
+
+def test_trajectory_is_that_of_the_planner_and_leaves_no_files(motions: Motions) -> None:
+    found = motions.retime()
+    meant = retime_plan(Plan.load(motions.plan), 1.0, 2.0)
     times = np.linspace(0.0, meant.duration_s, 101)
     for one, other in zip(found.trajectory.at(times), meant.at(times), strict=True):
         assert np.array_equal(one, other)
@@ -107,13 +114,13 @@ def test_trajectory_is_that_of_the_planner_and_leaves_no_files(
     assert found.trajectory.joint_names == meant.joint_names
     assert found.trajectory.deviation_rad == meant.deviation_rad
     assert found.verified
-    assert [*(tmp_path / "scratch").iterdir(), *(tmp_path / "motions").iterdir()] == []
+    assert [*(motions.place / "scratch").iterdir(), *(motions.place / "motions").iterdir()] == []
 
 
 def test_hijacked_child_changes_no_plan_and_no_trajectory(
-    make: Make, tasks: TasksInProcess, plan: Path, monkeypatch: pytest.MonkeyPatch
+    motions: Motions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before, call = plan.read_bytes(), tasks.call
+    before, call = motions.plan.read_bytes(), motions.tasks.call
     held: list[BinaryIO] = []
 
     def hijacked(task: str, place: Path) -> dict[str, Any]:
@@ -122,25 +129,25 @@ def test_hijacked_child_changes_no_plan_and_no_trajectory(
         held.append((place / FRAMES_FILE).open("r+b"))
         return answer
 
-    monkeypatch.setattr(tasks, "call", hijacked)
-    found = asyncio.run(make().of(Wanted.of(plan, 1.0, 2.0), "a"))
-    now = plan.read_bytes()
-    plan.write_bytes(before)
+    monkeypatch.setattr(motions.tasks, "call", hijacked)
+    found = motions.retime()
+    now = motions.plan.read_bytes()
+    motions.plan.write_bytes(before)
     assert now == before
     with held[0] as frames:
         frames.write(bytes(1 << 16))
     corners = found.trajectory.path.frames
-    assert np.array_equal(corners, retime_plan(Plan.load(plan), 1.0, 2.0).path.frames)
+    assert np.array_equal(corners, retime_plan(Plan.load(motions.plan), 1.0, 2.0).path.frames)
 
 
 def test_files_of_the_child_are_read_within_bounds(
-    make: Make, tasks: TasksInProcess, plan: Path, monkeypatch: pytest.MonkeyPatch
+    motions: Motions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    call, spoiled = tasks.call, Path()
+    call, spoiled = motions.tasks.call, Path()
 
     def hijacked(task: str, place: Path) -> dict[str, Any]:
         answer = call(task, place)
-        if str(spoiled) == REST_FILE and not most:
+        if str(spoiled) == REST_FILE and not bounds:
             (place / REST_FILE).write_bytes(b"rubbish")
         elif str(spoiled) == REST_FILE:
             with ZipFile(place / REST_FILE, "a", ZIP_DEFLATED) as parts:
@@ -149,17 +156,16 @@ def test_files_of_the_child_are_read_within_bounds(
             os.truncate(place / spoiled, 2**32)
         return answer
 
-    monkeypatch.setattr(tasks, "call", hijacked)
-    wanted = Wanted.of(plan, 1.0, 2.0)
-    for name, most, kind in (
-        (FRAMES_FILE, 2**24, TooLarge),
-        (REST_FILE, 2**24, TooLarge),
-        (REST_FILE, 0, Unavailable),
+    monkeypatch.setattr(motions.tasks, "call", hijacked)
+    wanted = motions.wanted()
+    for name, bounds, kind in (
+        (FRAMES_FILE, {"used_bytes": 2**24}, TooLarge),
+        (REST_FILE, {"used_bytes": 2**24}, TooLarge),
+        (REST_FILE, {}, Unavailable),
     ):
         spoiled = Path(name)
-        trajectories = make(used_bytes=most) if most else make()
         with pytest.raises(kind):
-            asyncio.run(trajectories.of(wanted, "a"))
+            motions.retime(**bounds)
     spoiled = Path(MOTORS_FILE)
     robot = MotorsWanted(
         module_mass_kg=0.1,
@@ -170,11 +176,11 @@ def test_files_of_the_child_are_read_within_bounds(
         form="csv",
     )
     with pytest.raises(TooLarge):
-        asyncio.run(make().motors(wanted, robot, "a"))
+        asyncio.run(motions.trajectories().motors(wanted, robot, "a"))
 
 
-def test_trajectories_sent_to_one_address_are_limited(make: Make) -> None:
-    trajectories = make()
+def test_trajectories_sent_to_one_address_are_limited(motions: Motions) -> None:
+    trajectories = motions.trajectories()
     places = [trajectories.stream("a") for _ in range(STREAMS_OF_ADDRESS)]
     with pytest.raises(TooMany) as refused:
         trajectories.stream("a")
@@ -189,68 +195,64 @@ def test_retiming_compiles_nothing_after_the_start(plan: Path) -> None:
     assert compiled_later(IMPORTS, WORK, str(plan)) == []
 
 
-def test_equal_requests_share_one_trajectory_without_threads(
-    make: Make, tasks: TasksInProcess, plan: Path
-) -> None:
+def test_equal_requests_share_one_trajectory_without_threads(motions: Motions) -> None:
     async def ask() -> None:
         asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
-        trajectories = make()
-        tasks.go_on.clear()
-        wanted = [Wanted.of(plan, speed, 2.0) for speed in (1.0, 2.0, 3.0, 4.0, 5.0)]
+        trajectories = motions.trajectories()
+        motions.tasks.go_on.clear()
+        wanted = [motions.wanted(speed) for speed in (1.0, 2.0, 3.0, 4.0, 5.0)]
         same = [asyncio.create_task(trajectories.of(wanted[0], f"v{k}")) for k in range(24)]
         others = [asyncio.create_task(trajectories.of(w, "v0")) for w in wanted[1:4]]
         await asyncio.sleep(0)
         assert await asyncio.wait_for(asyncio.to_thread(lambda: "free"), 10.0) == "free"
         with pytest.raises(TooMany):
             await trajectories.of(wanted[4], "v0")
-        tasks.go_on.set()
+        motions.tasks.go_on.set()
         assert len({id(found) for found in await asyncio.gather(*same)}) == 1
         await asyncio.gather(*others)
-        assert tasks.calls == ["retime"] * 4
+        assert motions.tasks.calls == ["retime"] * 4
         trajectories.close()
 
     asyncio.run(ask())
 
 
-def test_cached_trajectories_are_bounded_by_bytes_and_share_frames(
-    make: Make, tasks: TasksInProcess, plan: Path
-) -> None:
+def test_cached_trajectories_are_bounded_by_bytes_and_share_frames(motions: Motions) -> None:
     async def ask() -> None:
-        one = (await make().of(Wanted.of(plan, 1.0, 2.0), "a")).trajectory
-        trajectories = make(kept_bytes=3 * one.nbytes)
+        one = (await motions.trajectories().of(motions.wanted(), "a")).trajectory
+        trajectories = motions.trajectories(kept_bytes=3 * one.nbytes)
         for k in range(20):
-            await trajectories.of(Wanted.of(plan, 1.0 + k, 2.0), "a")
+            await trajectories.of(motions.wanted(1.0 + k), "a")
             assert trajectories.nbytes <= 3 * one.nbytes
-        before = len(tasks.calls)
-        await trajectories.of(Wanted.of(plan, 20.0, 2.0), "a")
-        assert len(tasks.calls) == before  # the last one is still cached
-        await trajectories.of(Wanted.of(plan, 1.0, 2.0), "a")
-        assert len(tasks.calls) == before + 1  # the first one is not
-        used = [await trajectories.of(Wanted.of(plan, 50.0 + k, 2.0), "a") for k in range(8)]
+        before = len(motions.tasks.calls)
+        await trajectories.of(motions.wanted(20.0), "a")
+        assert len(motions.tasks.calls) == before  # the last one is still cached
+        await trajectories.of(motions.wanted(), "a")
+        assert len(motions.tasks.calls) == before + 1  # the first one is not
+        used = [await trajectories.of(motions.wanted(50.0 + k), "a") for k in range(8)]
         assert len({id(found.trajectory.path.frames) for found in used}) == 1
         assert trajectories.nbytes < 4 * one.nbytes + 8 * (one.nbytes - one.path.frames.nbytes)
 
     asyncio.run(ask())
 
 
-def test_trajectories_in_use_are_bounded(make: Make, plan: Path) -> None:
+def test_trajectories_in_use_are_bounded(motions: Motions) -> None:
     async def ask() -> None:
-        one = (await make().of(Wanted.of(plan, 1.0, 2.0), "a")).trajectory
-        trajectories = make(used_bytes=int(1.5 * one.nbytes), kept_bytes=0)
-        held = [await trajectories.of(Wanted.of(plan, 1.0, 2.0), "a")]
+        one = (await motions.trajectories().of(motions.wanted(), "a")).trajectory
+        trajectories = motions.trajectories(used_bytes=int(1.5 * one.nbytes), kept_bytes=0)
+        held = [await trajectories.of(motions.wanted(), "a")]
         with pytest.raises(Unavailable) as refused:
             for k in range(10):
-                held.append(await trajectories.of(Wanted.of(plan, 2.0 + k, 2.0), "a"))
+                held.append(await trajectories.of(motions.wanted(2.0 + k), "a"))
         assert refused.value.code == "busy"
         held.clear()
         del refused  # its traceback refers to the refused one
-        await trajectories.of(Wanted.of(plan, 30.0, 2.0), "a")
+        await trajectories.of(motions.wanted(30.0), "a")
 
     asyncio.run(ask())
 
 
 def test_rate_at_which_modules_overlap_is_refused_with_advice(
-    make: Make, tasks: TasksInProcess, plan: Path, monkeypatch: pytest.MonkeyPatch
+    motions: Motions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for enough, advice in ((4.0, "use rate=4"), (None, "request a higher rate")):
 
@@ -259,6 +261,6 @@ def test_rate_at_which_modules_overlap_is_refused_with_advice(
             found = {"min_clearance": -0.36, "clearance_bound": -0.36, "overlap": True}
             return {**found, "sufficient_rate_hz": enough}
 
-        monkeypatch.setattr(tasks, "call", refuse_overlap)
+        monkeypatch.setattr(motions.tasks, "call", refuse_overlap)
         with pytest.raises(Unusable, match=advice):
-            asyncio.run(make().clearance(Wanted.of(plan, 1.0, 2.0), 1.0, "visitor"))
+            asyncio.run(motions.trajectories().clearance(motions.wanted(), 1.0, "visitor"))

@@ -1,8 +1,6 @@
 """Response cache: responses are reused for one second, and only marked ones."""
 
-from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import httpx
 import pytest
@@ -11,8 +9,6 @@ from fastapi.responses import Response
 
 from server.http.response_cache import RESPONSE_CACHE_S, ResponseCache, mark
 from tests.server.asgi import send_request
-from tests.server.service_process import Service, owner
-from tests.server.service_thread import ServiceThread
 
 
 class CountingApp:
@@ -76,20 +72,3 @@ def test_deletion_ends_reuse_at_once(counting_app: CountingApp) -> None:
         counting_app.get(path)
     counting_app.get("/folds/a", method="DELETE")
     assert (counting_app.get("/folds/a").text, counting_app.get("/folds/b").text) == ("a 3", "b 2")
-
-
-def test_deleted_fold_is_gone_from_all_its_addresses(
-    service: Service, finished: dict[str, Any], service_with: Callable[..., ServiceThread]
-) -> None:
-    other = service_with()
-    other.copy_from(service, finished["id"])
-    other.start()
-    fold_id = finished["id"]
-    places = [f"/folds/{fold_id}", f"/folds/{fold_id}/batch?to=4", f"/api/folds/{fold_id}"]
-    for place in places:
-        a, b = other.http.get(place), other.http.get(place)
-        assert (a.status_code, b.status_code, b.content) == (200, 200, a.content)
-        assert a.headers["x-request-id"] != b.headers["x-request-id"]
-        assert a.headers["content-security-policy"] == b.headers["content-security-policy"]
-    other.http.delete(f"/api/folds/{fold_id}", headers=owner(finished["accepted"]))
-    assert [other.http.get(place).status_code for place in places] == [404, 404, 404]

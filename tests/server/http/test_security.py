@@ -28,7 +28,7 @@ def test_every_answer_carries_the_headers(idle: Service) -> None:
 
 
 def test_pages_of_others_change_nothing(idle: Service) -> None:
-    form, host = {"shape": "mallet-64", "seed": "77"}, netloc(idle)
+    form, host = {"shape": "mallet-64", "seed": "77"}, idle.netloc
     for method, path in (
         ("POST", "/api/folds"),
         ("PATCH", "/api/folds/x"),
@@ -47,14 +47,10 @@ def test_pages_of_others_change_nothing(idle: Service) -> None:
     assert not [name for name in answer.headers if name.startswith("access-control")]
 
 
-def netloc(service: Service) -> str:
-    return service.http.base_url.netloc.decode()
-
-
 def test_websockets_of_others_are_refused(idle: Service) -> None:
-    address = f"ws://{netloc(idle)}/api/folds/{idle.fold(SNAKE, seed='78')['id']}/play"
+    address = f"ws://{idle.netloc}/api/folds/{idle.fold(SNAKE, seed='78')['id']}/play"
     # 409: the fold is not ready.
-    for origin, status in (("http://evil.example", 403), (f"http://{netloc(idle)}", 409)):
+    for origin, status in (("http://evil.example", 403), (f"http://{idle.netloc}", 409)):
         with pytest.raises(InvalidStatus) as refused, connect(address, origin=Origin(origin)):
             pass
         assert refused.value.response.status_code == status

@@ -23,7 +23,14 @@ INTERNAL = re.compile(
 CLASSES = re.compile(r"\b[A-Z]\w+(Error|Exception)\b|\bNoneType\b")
 """Words of the implementation: libraries, modules, classes, addresses and paths of files."""
 BAD_VALUES = ("", "-1", "1e999", "NaN", "\u202e", "%00", "'\"<x>;--", "9" * 400, "../../etc", "[]")
-BAD_FIELDS = {"seed": "x", "settings": "a=b,", "preset": "no", "preview": "p", "fold": "f"}
+BAD_FIELDS = {
+    "file": "x",
+    "seed": "x",
+    "settings": "a=b,",
+    "preset": "no",
+    "preview": "p",
+    "fold": "f",
+}
 BAD_BODIES = (b"", b"null", b"[", b'{"name":', b'{"name": 7, "owner_token": {}}', b"\xff\xfe\x00")
 
 

@@ -5,7 +5,7 @@ import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from typing import Any
+from pathlib import Path
 
 import httpx
 import pytest
@@ -16,21 +16,19 @@ from websockets.sync.client import connect
 from server.http.client_address import address_of
 from server.limits.token_buckets import TokenBuckets
 from server.settings import Settings
+from tests.server.files.test_damage import service_with_shipped_fold
 from tests.server.http.test_threats_uploads import connect_to, status_of
-from tests.server.service_process import SNAKE, Service
-from tests.server.service_thread import ServiceThread
+from tests.server.service_process import SNAKE, FinishedFold, Service, check_problem
 
 ServiceWith = Callable[..., Service]
 
 
-def test_robots_that_wait_for_their_motion_hold_up_no_others(
-    service: Service, finished: dict[str, Any]
-) -> None:
-    fold = finished["id"]
-    play = f"ws://{netloc(service)}/api/folds/{fold}/play"
+def test_robots_that_wait_for_their_motion_hold_up_no_others(finished: FinishedFold) -> None:
+    fold = finished.id
+    play = f"ws://{finished.service.netloc}/api/folds/{fold}/play"
     with connect(f"{play}?max_speed=0.5") as robot:
         robot.recv(timeout=60)  # the child that computes them runs
-    (retimer,) = service.children("retimer")
+    (retimer,) = finished.service.children("retimer")
     retimer.send_signal(signal.SIGSTOP)
     with ExitStack() as stack:
         stack.callback(retimer.send_signal, signal.SIGCONT)
@@ -39,23 +37,24 @@ def test_robots_that_wait_for_their_motion_hold_up_no_others(
             robot = connect(f"{play}?max_speed={1 + k}", additional_headers=visitor)
             stack.enter_context(robot)
         for path in ("/health", f"/folds/{fold}", f"/folds/{fold}/bundle", f"/api/folds/{fold}"):
-            assert service.http.get(path, timeout=20.0).status_code == 200
+            assert finished.http.get(path, timeout=20.0).status_code == 200
         retimer.send_signal(signal.SIGCONT)
         assert '"begin"' in str(robot.recv(timeout=60))
 
 
-def test_websocket_holds_its_connection_until_it_is_closed(
-    service: Service, finished: dict[str, Any]
-) -> None:
-    # A second service on the same folds, for which 127.0.0.1 is a visitor.
-    other = ServiceThread(
-        service.data_dir, trusted_proxies="192.0.2.0/24", max_connections_of_visitor=2
-    )
-    with other.start(), ExitStack() as stack:
-        for _ in range(2):
-            is_open(stack.enter_context(connect_to(other)), finished["id"])
-        assert status_of(stack.enter_context(connect_to(other)), b"/api/shapes") == 503
-        assert status_of(stack.enter_context(connect_to(other)), b"/health") == 200
+def test_websocket_holds_its_connection_until_it_is_closed(tmp_path: Path) -> None:
+    visitors = {"trusted_proxies": "192.0.2.0/24", "max_connections_of_visitor": 2}
+    with service_with_shipped_fold(tmp_path, **visitors) as service, ExitStack() as stack:
+        for _ in range(2):  # from 127.0.0.1, which is a visitor here
+            assert is_open(stack.enter_context(connect_to(service)), shipped_id(service))
+        assert status_of(stack.enter_context(connect_to(service)), b"/api/shapes") == 503
+        assert status_of(stack.enter_context(connect_to(service)), b"/health") == 200
+
+
+def shipped_id(service: Service) -> str:
+    """Return the id of the only fold, without a connection to the service."""
+    (directory,) = service.directory(".").iterdir()
+    return directory.name
 
 
 def test_refused_websocket_is_closed_whatever_its_peer_does(idle: Service) -> None:
@@ -67,16 +66,16 @@ def test_refused_websocket_is_closed_whatever_its_peer_does(idle: Service) -> No
         assert data.endswith(b"}")  # the complete problem, then the end of the connection
 
 
-def test_pings_are_limited_by_a_rate(service: Service, finished: dict[str, Any]) -> None:
+def test_pings_are_limited_by_a_rate(tmp_path: Path) -> None:
     with (
-        ServiceThread(service.data_dir, requests_per_second_of_visitor=1).start() as other,
-        connect_to(other) as client,
+        service_with_shipped_fold(tmp_path, requests_per_second_of_visitor=1) as service,
+        connect_to(service) as client,
     ):
-        assert is_open(client, finished["id"])
+        assert is_open(client, shipped_id(service))
         client.sendall(b"\x89\x80\0\0\0\0" * 3000)
         for k in range(8):
             address = from_address(f"10.{k}.0.1")
-            assert other.http.get("/api/shapes", headers=address).status_code == 200
+            assert service.http.get("/api/shapes", headers=address).status_code == 200
         client.setblocking(False)
         pongs = client.recv(65536).count(b"\x8a\x00")
     assert 0 < pongs < 1500
@@ -103,10 +102,10 @@ def test_requests_are_limited_by_a_rate(service_with: ServiceWith) -> None:
     answers = [service.http.get("/api/shapes", headers=own) for _ in range(4)]
     assert [answer.status_code for answer in answers] == [200, 200, 200, 429]
     refused = answers[-1]
-    assert refused.json()["code"] == "too-many-requests"
-    assert 0 < int(refused.headers["retry-after"]) <= 100
+    check_problem(refused, 429, "too-many-requests", retry=True)
+    assert int(refused.headers["retry-after"]) <= 100
     assert refused.headers["x-content-type-options"] == "nosniff"
-    address = f"ws://{netloc(service)}/api/folds/x/play"
+    address = f"ws://{service.netloc}/api/folds/x/play"
     with pytest.raises(InvalidStatus), connect(address, additional_headers=own):
         pass
     for path, visitor, status in (
@@ -136,10 +135,6 @@ def test_few_addresses_cannot_take_all_streams() -> None:
     assert 16 * settings.max_streams_of_visitor <= settings.max_streams
 
 
-def netloc(service: Service) -> str:
-    return service.http.base_url.netloc.decode()
-
-
 def from_address(address: str) -> dict[str, str]:
     """Return the headers by which a proxy in front of the service reports a visitor."""
     return {"X-Forwarded-For": address}
@@ -160,12 +155,8 @@ def test_event_streams_are_bounded(service_with: ServiceWith) -> None:
             assert next(lines[-1]) == "event: progress"
         for visitor, whose in (("203.0.113.1", "of yours"), ("192.0.2.1", "in all")):
             with follow(visitor) as refused:
-                assert refused.status_code == 429
                 refused.read()
-                assert refused.headers["content-type"] == "application/problem+json"
-                assert int(refused.headers["retry-after"]) > 0
-                assert refused.json()["code"] == "too-many-streams"
-                assert whose in refused.json()["detail"]
+                assert whose in check_problem(refused, 429, "too-many-streams", retry=True)
     for _ in range(600):  # once the service has noticed that the first ones are closed
         with follow("203.0.113.1") as again:
             if again.status_code == 200:

@@ -4,7 +4,7 @@ from typing import Any
 
 from server.store.owner import new_token
 from tests.server.http.test_threats_strangers import path_file
-from tests.server.service_process import SNAKE, Service, bearer, owner
+from tests.server.service_process import SNAKE, FinishedFold, Service, bearer, owner
 
 
 def upload(idle: Service, filename: str, data: bytes, token: str | None = None) -> dict[str, Any]:
@@ -32,14 +32,12 @@ def test_link_to_a_fold_gives_no_ownership(idle: Service) -> None:
     assert changes(idle, mine["id"], mine["owner_token"]) == [202, 204]
 
 
-def test_folds_made_by_strangers_from_one_fold_are_separate(
-    service: Service, finished: dict[str, Any]
-) -> None:
+def test_folds_made_by_strangers_from_one_fold_are_separate(finished: FinishedFold) -> None:
     for use, cells in (("smooth", None), ("refold", SNAKE[::-1])):
-        wanted = {use: finished["id"], "seed": "103"}
-        folds = [service.fold(cells, **wanted, token=new_token()) for _ in range(2)]
+        wanted = {use: finished.id, "seed": "103"}
+        folds = [finished.service.fold(cells, **wanted, token=new_token()) for _ in range(2)]
         for fold in folds:
-            service.http.delete(f"/api/folds/{fold['id']}", headers=owner(fold))
+            finished.http.delete(f"/api/folds/{fold['id']}", headers=owner(fold))
         assert [fold["existing"] for fold in folds] == [False, False]
         assert folds[0]["id"] != folds[1]["id"]
 

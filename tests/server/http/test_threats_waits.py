@@ -2,7 +2,6 @@
 
 import asyncio
 import threading
-import time
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
@@ -18,7 +17,7 @@ from server.api import player_data as frame_routes
 from server.jobs.eta import EtaEstimator
 from server.store.tables import FoldRow
 from tests.server.http.test_threats_crowding import from_address
-from tests.server.service_process import SNAKE, TIMEOUT_S, Service
+from tests.server.service_process import SNAKE, TIMEOUT_S, Service, wait_until
 from tests.web.conftest import unfolding
 from web.timeline.view import TimelineView
 
@@ -84,10 +83,7 @@ def test_waits_share_one_thread_and_are_answered_together(
         return refresh(view, at_once=at_once)
 
     def grow() -> None:
-        deadline = time.monotonic() + TIMEOUT_S
-        while refreshes["frame-waits"] < 2:
-            assert time.monotonic() < deadline, refreshes
-            time.sleep(0.01)
+        wait_until(lambda: refreshes["frame-waits"] >= 2)
         writer.append(unfolding(chain, 5))
         writer.flush()
 

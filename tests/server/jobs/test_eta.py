@@ -23,54 +23,69 @@ USUAL = {"read": 0.5, "explode": 8.0, "play_back": 4.0, "certify": 2.0, "export"
 NOW = 1_000_000.0
 
 
-@pytest.fixture
-def clock() -> Clock:
-    return Clock(NOW)
+class Folds:
+    """Folds of a store whose remaining time is estimated, with a clock that tests advance."""
+
+    def __init__(self, place: Path, store: Store) -> None:
+        self.store = store
+        self.clock = Clock(NOW)
+        self._leases = Leases(store, WorkerIdentities(Settings(data_dir=place)), 1000.0)
+        self._leases.heartbeat("one", host="here", pid=1, folds_at_once=1)
+        self.remaining = self.new_estimator()
+
+    def new_estimator(self, estimates: Estimates | None = None) -> EtaEstimator:
+        """Return an estimator without memory, whose clock starts anew."""
+        clock = Clock(NOW)
+        self.clock = clock
+        return EtaEstimator(self.store, self._leases, estimates, clock=clock)
+
+    def left(self, fold_id: str) -> int | None:
+        return self.remaining.of(self.store.fold(fold_id)).remaining_s
+
+    def progress(self, fold_id: str) -> dict[str, Any]:
+        return progress_of(self.store.fold(fold_id), self.remaining)
+
+    def add(self, name: str, *, modules: int = 160, **how: Any) -> None:
+        """Add finished folds that are enough for an estimate."""
+        took = {"started_at": NOW - 100.0, "ended_at": NOW - 100.0 + sum(USUAL.values())}
+        values = {"modules": modules, "progress": {"stage_s": USUAL}, **took, **how}
+        for k in range(MIN_SIMILAR_FOLDS):
+            self.store.add(a_fold(f"{name} {k}", **values), SOMEBODY)
+
+    def add_queued(self, name: str, **how: Any) -> str:
+        self.store.add(a_fold(name, status="queued", modules=160, **how), SOMEBODY)
+        return name
+
+    def add_running(self, stage: str, fraction: float, *, began_at: float, **how: Any) -> str:
+        before = list(USUAL)[: list(USUAL).index(stage)]
+        values = {
+            "stage": stage,
+            "fraction": fraction,
+            "stage_s": {name: USUAL[name] for name in before},
+            "began_at": began_at,
+        }
+        row = a_fold("now", status="running", stage=stage, modules=160, progress=values, **how)
+        self.store.add(row, SOMEBODY)
+        return row.id
 
 
 @pytest.fixture
-def remaining(tmp_path: Path, store: Store, clock: Clock) -> EtaEstimator:
-    leases = Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), 1000.0)
-    leases.heartbeat("one", host="here", pid=1, folds_at_once=1)
-    return EtaEstimator(store, leases, clock=clock)
+def folds(tmp_path: Path, store: Store) -> Folds:
+    return Folds(tmp_path, store)
 
 
-def add(store: Store, name: str, *, modules: int = 160, times: float = 1.0, **how: Any) -> None:
-    stage_s = {stage: times * seconds for stage, seconds in USUAL.items()}
-    took = {"started_at": NOW - 100.0, "ended_at": NOW - 100.0 + sum(stage_s.values())}
-    for k in range(MIN_SIMILAR_FOLDS):
-        row = a_fold(f"{name} {k}", modules=modules, progress={"stage_s": stage_s}, **took, **how)
-        store.add(row, SOMEBODY)
-
-
-def add_running(store: Store, stage: str, fraction: float, *, began_at: float, **how: Any) -> str:
-    before = list(USUAL)[: list(USUAL).index(stage)]
-    values = {
-        "stage": stage,
-        "fraction": fraction,
-        "stage_s": {name: USUAL[name] for name in before},
-        "began_at": began_at,
-    }
-    row = a_fold("now", status="running", stage=stage, modules=160, progress=values, **how)
-    store.add(row, SOMEBODY)
-    return row.id
-
-
-def test_remaining_uses_only_similar_folds(
-    store: Store, remaining: EtaEstimator, clock: Clock
-) -> None:
-    fold = add_running(store, "explode", 0.0, began_at=NOW)
-    expected = remaining.of(store.fold(fold)).remaining_s
+def test_remaining_uses_only_similar_folds(folds: Folds) -> None:
+    fold = folds.add_running("explode", 0.0, began_at=NOW)
+    expected = folds.left(fold)
     assert expected is not None and expected < sum(USUAL.values())
-    add(store, "much longer", modules=1600)
-    add(store, "another preset", preset="paper")
-    add(store, "one that failed", status="failed")
-    clock.now += 10.0
-    fresh = EtaEstimator(store, remaining._leases, clock=lambda: NOW)
-    assert fresh.of(store.fold(fold)).remaining_s == expected
-    add(store, "one like it")
-    fresh = EtaEstimator(store, remaining._leases, clock=lambda: NOW)
-    assert (fresh.of(store.fold(fold)).remaining_s or 0) > expected
+    folds.add("much longer", modules=1600)
+    folds.add("another preset", preset="paper")
+    folds.add("one that failed", status="failed")
+    folds.remaining = folds.new_estimator()
+    assert folds.left(fold) == expected
+    folds.add("one like it")
+    folds.remaining = folds.new_estimator()
+    assert (folds.left(fold) or 0) > expected
 
 
 def test_typical_duration_is_the_median_of_folds_of_its_size() -> None:
@@ -90,83 +105,60 @@ def test_typical_duration_is_the_median_of_folds_of_its_size() -> None:
     assert typical_s(several, a_fold("now", modules=0)) is None
 
 
-def test_remaining_is_the_rest_of_the_stage_and_those_after_it(
-    store: Store, remaining: EtaEstimator
-) -> None:
-    for name in ("first", "second", "third"):
-        add(store, name)
-    fold = add_running(store, "explode", 0.5, began_at=NOW - 4.0)
-    assert remaining.of(store.fold(fold)).remaining_s == round(4.0 + 4.0 + 2.0 + 0.5)
+def test_remaining_is_the_rest_of_the_stage_and_those_after_it(folds: Folds) -> None:
+    folds.add("another")
+    fold = folds.add_running("explode", 0.5, began_at=NOW - 4.0)
+    assert folds.left(fold) == round(4.0 + 4.0 + 2.0 + 0.5)
+    folds.clock.now -= 5 * 3600.0
+    assert abs((folds.left(fold) or 0) - round(10.5)) <= 1, "the clock was set back"
 
 
-def test_remaining_runs_down_and_follows_reports_gradually(
-    store: Store, remaining: EtaEstimator, clock: Clock
-) -> None:
-    add(store, "another")
-    fold = add_running(store, "play_back", 0.0, began_at=NOW)
+def test_remaining_runs_down_and_follows_reports_gradually(folds: Folds) -> None:
+    folds.add("another")
+    fold = folds.add_running("play_back", 0.0, began_at=NOW)
     estimates: list[int | None] = []
     for _ in range(12):
-        estimates.append(remaining.of(store.fold(fold)).remaining_s)
-        clock.now += 0.25
+        estimates.append(folds.left(fold))
+        folds.clock.now += 0.25
     assert estimates[0] == round(4.0 + 2.0 + 0.5)
     assert estimates == sorted(estimates, key=lambda s: -(s or 0)), "it does not rise"
     assert estimates[-1] == 4
     # A report of less progress raises the estimate, but gradually.
-    progress = store.fold(fold).progress | {"fraction": 0.3, "began_at": NOW - 7.0}
-    store.report(fold, 0, progress)
-    after = [remaining.of(store.fold(fold)).remaining_s or 0]
+    progress = folds.store.fold(fold).progress | {"fraction": 0.3, "began_at": NOW - 7.0}
+    folds.store.report(fold, 0, progress)
+    after = [folds.left(fold) or 0]
     for _ in range(8):
-        clock.now += 1.0
-        after.append(remaining.of(store.fold(fold)).remaining_s or 0)
+        folds.clock.now += 1.0
+        after.append(folds.left(fold) or 0)
     assert after[0] - (estimates[-1] or 0) <= 2
     assert max(after) > after[0]
 
 
-def test_clock_that_is_set_back_changes_little(
-    store: Store, remaining: EtaEstimator, clock: Clock
-) -> None:
-    add(store, "another")
-    fold = add_running(store, "explode", 0.5, began_at=NOW - 4.0)
-    before = remaining.of(store.fold(fold)).remaining_s
-    clock.now -= 5 * 3600.0
-    after = remaining.of(store.fold(fold)).remaining_s
-    assert before is not None and after is not None
-    assert abs(after - before) <= 1
-
-
-def test_remaining_of_an_overdue_fold_ends_at_zero(
-    store: Store, remaining: EtaEstimator, clock: Clock
-) -> None:
-    add(store, "another")
-    fold = add_running(store, "certify", 0.4, began_at=NOW)
+def test_remaining_of_an_overdue_fold_ends_at_zero(folds: Folds) -> None:
+    folds.add("another")
+    fold = folds.add_running("certify", 0.4, began_at=NOW)
     for _ in range(7):
-        assert (remaining.of(store.fold(fold)).remaining_s or 0) >= 1
-        clock.now += 1.0
-    clock.now += 1.0
-    assert remaining.of(store.fold(fold)).remaining_s == 0
+        assert (folds.left(fold) or 0) >= 1
+        folds.clock.now += 1.0
+    folds.clock.now += 1.0
+    assert folds.left(fold) == 0
 
 
-def test_remaining_in_the_queue_includes_the_wait(store: Store, remaining: EtaEstimator) -> None:
-    add(store, "another")
-    first = a_fold("first", status="queued", modules=160)
-    second = a_fold("second", status="queued", modules=160)
-    for row in (first, second):
-        store.add(row, SOMEBODY)
-    one, two = remaining.of(store.fold("first")), remaining.of(store.fold("second"))
-    assert (one.place, two.place) == (1, 2)
-    assert one.remaining_s == sum(USUAL.values())
-    assert two.remaining_s == 2 * sum(USUAL.values())
+def test_remaining_in_the_queue_includes_the_wait(folds: Folds) -> None:
+    folds.add("another")
+    places = [folds.remaining.of(folds.store.fold(folds.add_queued(k))) for k in ("a", "b")]
+    assert [each.place for each in places] == [1, 2]
+    assert [each.remaining_s for each in places] == [sum(USUAL.values()), 2 * sum(USUAL.values())]
 
 
-def test_fraction_of_an_earlier_stage_is_not_used(store: Store, remaining: EtaEstimator) -> None:
-    add(store, "another")
-    fold = add_running(store, "explode", 1.0, began_at=NOW - 8.0)
-    progress = store.fold(fold).progress
-    store.report(fold, 0, progress | {"stage_s": {"read": 0.5, "explode": 8.0}})
-    store.begin(fold, "play_back", "one")
-    row = store.fold(fold)
-    assert progress_of(row, remaining)["fraction"] == 0.0
-    assert 6 <= (remaining.of(row).remaining_s or 0) <= 7
+def test_fraction_of_an_earlier_stage_is_not_used(folds: Folds) -> None:
+    folds.add("another")
+    fold = folds.add_running("explode", 1.0, began_at=NOW - 8.0)
+    progress = folds.store.fold(fold).progress
+    folds.store.report(fold, 0, progress | {"stage_s": {"read": 0.5, "explode": 8.0}})
+    folds.store.begin(fold, "play_back", "one")
+    assert folds.progress(fold)["fraction"] == 0.0
+    assert 6 <= (folds.left(fold) or 0) <= 7
 
 
 def test_slow_stages_raise_the_estimate_of_later_ones() -> None:
@@ -188,55 +180,49 @@ def test_estimate_with_a_preference_repeats_stages() -> None:
 
 
 def test_wait_of_queued_fold_includes_the_rest_of_preparing(
-    store: Store, remaining: EtaEstimator, monkeypatch: pytest.MonkeyPatch
+    folds: Folds, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    add(store, "another")
-    queued = a_fold("waiting", status="queued", modules=160)
-    store.add(queued, SOMEBODY)
-    now = add_running(store, "read", 0.0, began_at=NOW)
-    ready = {key: remaining.of(store.fold(key)) for key in (queued.id, now)}
+    folds.add("another")
+    both = (folds.add_queued("waiting"), folds.add_running("read", 0.0, began_at=NOW))
+    ready = [folds.remaining.of(folds.store.fold(fold)) for fold in both]
     preparing = Preparing(fraction=0.5, remaining_s=30.0)
     monkeypatch.setattr(Leases, "preparing", lambda self: preparing)
-    fresh = EtaEstimator(store, remaining._leases, clock=lambda: NOW)
-    later = {key: fresh.of(store.fold(key)) for key in (queued.id, now)}
-    assert {outlook.preparing for outlook in later.values()} == {preparing}
-    assert (later[queued.id].wait_s or 0) - (ready[queued.id].wait_s or 0) == 30.0
-    for key, outlook in later.items():
-        assert (outlook.remaining_s or 0) - (ready[key].remaining_s or 0) == 30
+    folds.remaining = folds.new_estimator()
+    later = [folds.remaining.of(folds.store.fold(fold)) for fold in both]
+    assert {outlook.preparing for outlook in later} == {preparing}
+    assert (later[0].wait_s or 0) - (ready[0].wait_s or 0) == 30.0
+    for before, after in zip(ready, later, strict=True):
+        assert (after.remaining_s or 0) - (before.remaining_s or 0) == 30
 
 
-def test_queued_and_running_folds_report_compiling(store: Store, remaining: EtaEstimator) -> None:
-    queued = a_fold("waiting", status="queued", modules=160)
-    store.add(queued, SOMEBODY)
-    assert progress_of(store.fold(queued.id), remaining)["running_before"] == 0
-    now = add_running(store, "read", 0.25, began_at=NOW)
-    progress = progress_of(store.fold(queued.id), remaining)
+def test_queued_and_running_folds_report_compiling(folds: Folds) -> None:
+    queued = folds.add_queued("waiting")
+    assert folds.progress(queued)["running_before"] == 0
+    now = folds.add_running("read", 0.25, began_at=NOW)
+    progress = folds.progress(queued)
     assert (progress["running_before"], progress["preparing"]) == (1, None)
-    store.report(now, 0, store.fold(now).progress | {"message": COMPILING})
-    for fold in (queued.id, now):
-        progress = progress_of(store.fold(fold), remaining)
+    folds.store.report(now, 0, folds.store.fold(now).progress | {"message": COMPILING})
+    for fold in (queued, now):
+        progress = folds.progress(fold)
         assert progress["preparing"] == {"fraction": 0.25, "remaining_s": None}
         # Nobody knows how long that takes.
         assert (progress["wait_s"], progress["remaining_s"]) == (None, None)
 
 
-def test_smoothing_before_its_first_report_is_not_an_explosion(
-    store: Store, remaining: EtaEstimator
-) -> None:
-    fold = add_running(store, "explode", 0.0, began_at=NOW, smooths="another")
-    assert progress_of(store.fold(fold), remaining)["message"] == "smoothing"
+def test_smoothing_before_its_first_report_is_not_an_explosion(folds: Folds) -> None:
+    fold = folds.add_running("explode", 0.0, began_at=NOW, smooths="another")
+    assert folds.progress(fold)["message"] == "smoothing"
 
 
 @pytest.mark.parametrize("measured", [False, True])
-def test_estimates_of_preview_and_fold_agree(
-    store: Store, remaining: EtaEstimator, measured: bool
-) -> None:
+def test_estimates_of_preview_and_fold_agree(folds: Folds, measured: bool) -> None:
     for k in range(MIN_SIMILAR_FOLDS - (not measured)):
-        store.add(a_fold(f"ended {k}", modules=160, progress={"stage_s": USUAL}), SOMEBODY)
-    shape, estimates = {"modules": 160, "module": "cube"}, Estimates(store)
+        ended = a_fold(f"ended {k}", modules=160, progress={"stage_s": USUAL})
+        folds.store.add(ended, SOMEBODY)
+    shape, estimates = {"modules": 160, "module": "cube"}, Estimates(folds.store)
     preview = ExpectedTimes.of(shape, "floating", estimates.total_s)
-    store.add(a_fold("asked", status="queued", modules=160, created_at=time.time()), SOMEBODY)
-    outlook = EtaEstimator(store, remaining._leases, estimates).of(store.fold("asked"))
+    asked = folds.store.fold(folds.add_queued("asked", created_at=time.time()))
+    outlook = folds.new_estimator(estimates).of(asked)
     assert outlook.remaining_s == round(preview.expected_s)
 
     def expected(**options: str) -> object:

@@ -3,48 +3,50 @@
 tests/bench/test_load.py checks that outages of each, and of what they share, are survived.
 """
 
-import json
-import shutil
-from collections.abc import Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import psutil
-import psycopg
 import pytest
 
+from server.settings import Settings
+from server.store.object_store import open_storage
 from server.store.owner import new_token
-from tests.server.bucket import Bucket
-from tests.server.hosts import Hosts
-from tests.server.jobs.test_movies import SMALL
-from tests.server.jobs.test_movies import wait as wait_movie
 from tests.server.postgres import Postgres
 from tests.server.service_process import SNAKE, TIMEOUT_S, Service, bearer, over, owner
-from tests.tools import OPENGL
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
-def hosts(tmp_path: Path, postgres: Postgres, bucket: Bucket) -> Iterator[Hosts]:
-    with closing(Hosts(tmp_path, postgres, bucket)) as hosts:
-        yield hosts
+def machine(tmp_path: Path, postgres: Postgres, bucket_url: str) -> Callable[[], Service]:
+    """Function that adds a machine, which shares only a database and a storage with the others."""
+    shared = {"database_url": postgres.migrated(), "storage_url": bucket_url, "workers": 0}
+    numbers = count()
+    return lambda: Service(tmp_path / f"machine-{next(numbers)}", **shared)
 
 
-def check_whole(service: Service, fold_id: str) -> dict[str, Any]:
+def check_whole(service: Service, fold_id: str) -> bytes:
+    """Check that a fold is verified and complete, and return its plan."""
     state = service.wait_over(fold_id)
     assert state["status"] == "verified", state
     body = service.http.get(f"/api/folds/{fold_id}/frames?stride=10").json()
     assert body["status"] == "complete", body["detail"]
-    assert service.http.get(f"/api/folds/{fold_id}/plan.npz").status_code == 200
-    return state
+    plan = service.http.get(f"/api/folds/{fold_id}/plan.npz")
+    assert plan.status_code == 200
+    return plan.content
 
 
 @pytest.mark.long
-def test_machines_take_in_compute_show_and_cancel_folds(hosts: Hosts) -> None:
-    first, second = hosts.web(), hosts.web()
+def test_machines_take_in_compute_show_and_cancel_folds(
+    machine: Callable[[], Service], bucket_url: str, tmp_path: Path
+) -> None:
+    first, second = machine().start(), machine().start()
+    storage = open_storage(Settings(data_dir=tmp_path, storage_url=bucket_url))
+    assert storage is not None
     token = new_token()
     with ThreadPoolExecutor(8) as threads:
         # Large enough to be observed on a fast machine; the token makes it the visitor's own.
@@ -54,7 +56,7 @@ def test_machines_take_in_compute_show_and_cancel_folds(hosts: Hosts) -> None:
         )
     (fold_id,) = {accepted["id"] for accepted in got}
     assert second.state(fold_id)["progress"]["wait_s"] is None  # no worker runs yet
-    with hosts.worker() as worker:
+    with machine().worker() as worker:
         seen: set[int] = set()
 
         def growing(state: dict[str, Any]) -> bool:
@@ -65,17 +67,13 @@ def test_machines_take_in_compute_show_and_cancel_folds(hosts: Hosts) -> None:
 
         second.wait(fold_id, growing)
         assert len(seen) > 2, "the explosion was not seen while it was computed"
-        check_whole(first, fold_id)
-        check_whole(second, fold_id)
-        plans = {s.http.get(f"/api/folds/{fold_id}/plan.npz").content for s in (first, second)}
-        assert len(plans) == 1
-        held = hosts.stored_names()
-        assert any(f"folds/{fold_id}/1/plan.npz" in name for name in held)
-        assert not any(f"folds/{fold_id}/0/" in name for name in held)
+        plans = [check_whole(web, fold_id) for web in (first, second)]
+        assert plans[0] == plans[1]
+        assert storage.below(f"folds/{fold_id}") == ["1"]  # the files of the first epoch
         answer = second.http.delete(f"/api/folds/{fold_id}", headers=bearer(token))
         assert answer.status_code == 204
         assert first.http.get(f"/api/folds/{fold_id}/plan.npz").status_code == 404
-        assert not any(fold_id in name for name in hosts.stored_names())
+        assert fold_id not in storage.below("folds")
         unwanted = first.fold(shape="wrench-160", preset="paper")
         first.wait_exploding(unwanted["id"])
         computing = [
@@ -88,53 +86,4 @@ def test_machines_take_in_compute_show_and_cancel_folds(hosts: Hosts) -> None:
         second.wait_over(unwanted["id"])
         assert not psutil.wait_procs(computing, timeout=TIMEOUT_S)[1]
         check_whole(first, second.fold(SNAKE)["id"])
-
-
-@pytest.mark.long
-def test_two_web_processes_share_previews_files_and_movies(hosts: Hosts) -> None:
-    OPENGL.get()
-    one, other = hosts.web(), hosts.web()
-
-    def size(fold_id: str) -> int:
-        with psycopg.connect(hosts.database_url) as connection:
-            sizes = (
-                "SELECT bytes + (SELECT coalesce(sum(bytes), 0) FROM movies WHERE fold_id = %s) "
-                "FROM folds WHERE id = %s"
-            )
-            return connection.execute(sizes, [fold_id, fold_id]).fetchone()[0]  # type: ignore[index]
-
-    with hosts.worker():
-        # A preview is viewed and folded on the other machine.
-        file = {"file": ("path.json", json.dumps(SNAKE))}
-        preview = one.http.post("/api/shapes/preview", files=file).json()
-        for part in (f"scene/{preview['key']}", f"drawing.svg?key={preview['key']}"):
-            assert other.http.get(f"/previews/{preview['id']}/{part}").status_code == 200
-        fold_id = other.fold(preview=preview["id"])["id"]
-        assert one.wait_over(fold_id)["status"] == "verified"
-
-        # Derived files are made wherever they are requested, also after a copy was dropped.
-        for path in (
-            f"/api/folds/{fold_id}/plan.npz",
-            f"/api/folds/{fold_id}/exports/urdf",
-            f"/folds/{fold_id}/picture.png",
-        ):
-            assert one.http.get(path).status_code == other.http.get(path).status_code == 200, path
-            for copy in (other.data_dir / "cache").iterdir():
-                shutil.rmtree(copy)
-            assert other.http.get(path).status_code == 200, path
-
-        # A movie is requested here, followed there, and removed from both.
-        before = size(fold_id)
-        movies = f"/api/folds/{fold_id}/movies"
-        movie = one.http.post(movies, json=SMALL).json()
-        assert other.http.post(movies, json=SMALL).json()["token"] is None
-        ready = wait_movie(other, movie, lambda m: m["status"] in ("ready", "failed"))
-        assert (ready["status"], ready["frames_done"]) == ("ready", 4), ready
-        made = other.http.get(movie["links"]["file"]).content
-        assert made[4:8] == b"ftyp"
-        assert one.http.get(movie["links"]["file"]).content == made
-        assert size(fold_id) == before + len(made)
-        headers = bearer(movie["token"])
-        assert other.http.delete(movie["links"]["self"], headers=headers).status_code == 204
-        assert one.http.get(movie["links"]["file"]).json()["code"] == "no-such-movie"
-        assert size(fold_id) == before
+    assert [first.stop(), second.stop()] == [0, 0]

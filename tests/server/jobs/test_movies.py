@@ -9,11 +9,10 @@ from typing import Any
 
 import psutil
 import pytest
-from typer.testing import CliRunner
 
-from server.cli.command_line import application
 from server.processes.movie_task import is_on_table
-from tests.server.service_process import TIMEOUT_S, Service, bearer
+from tests.server.cli.test_command_line import foldback
+from tests.server.service_process import TIMEOUT_S, FinishedFold, Service, bearer, wait_until
 from tests.tools import OPENGL
 from web.movies.encoding import find_ffmpeg
 
@@ -26,8 +25,8 @@ def backend() -> str:
     return OPENGL.get()
 
 
-def ask(service: Service, fold_id: str, **options: Any) -> dict[str, Any]:
-    answer = service.http.post(f"/api/folds/{fold_id}/movies", json=options)
+def ask(finished: FinishedFold, **options: Any) -> dict[str, Any]:
+    answer = finished.http.post(f"{finished.api}/movies", json=options)
     assert answer.status_code == 202, answer.text
     return answer.json()
 
@@ -56,84 +55,73 @@ def children(service: Service) -> list[psutil.Process]:
     return [*makers, *(child for maker in makers for child in maker.children())]
 
 
-def test_movie_is_requested_made_downloaded_and_deleted(
-    service: Service, finished: dict[str, Any]
-) -> None:
-    answer = service.http.post(f"/api/folds/{finished['id']}/movies", json={**SMALL, "tour": True})
+def test_movie_is_requested_made_downloaded_and_deleted(finished: FinishedFold) -> None:
+    answer = finished.http.post(f"{finished.api}/movies", json={**SMALL, "tour": True})
     assert answer.status_code == 202
     movie = answer.json()
     assert answer.headers["Location"] == movie["links"]["self"]
     assert answer.headers["Retry-After"] == "1"
     assert (movie["frames_total"], movie["problem"]) == (4, None)
-    early = service.http.get(movie["links"]["file"])
+    early = finished.http.get(movie["links"]["file"])
     assert early.status_code in (200, 409)
-    ready = wait(service, movie, over)
+    ready = wait(finished.service, movie, over)
     assert (ready["status"], ready["frames_done"]) == ("ready", 4)
-    file = service.http.get(movie["links"]["file"])
+    file = finished.http.get(movie["links"]["file"])
     assert file.headers["Content-Type"] == "video/mp4"
     assert file.headers["Content-Disposition"].endswith('.mp4"')
     assert file.content[4:8] == b"ftyp"
-    part = service.http.get(movie["links"]["file"], headers={"Range": "bytes=4-7"})
+    part = finished.http.get(movie["links"]["file"], headers={"Range": "bytes=4-7"})
     assert (part.status_code, part.content) == (206, b"ftyp")
     # Equivalent options give the same movie, which exists.
-    again = ask(service, finished["id"], **{**SMALL, "format": "mp4", "theme": None}, tour=True)
+    again = ask(finished, **SMALL, format="mp4", theme=None, tour=True)
     assert (again["id"], again["status"], again["token"]) == (movie["id"], "ready", None)
     path = movie["links"]["self"]
     for headers in ({}, bearer("x" * 32)):
-        refused = service.http.delete(path, headers=headers)
+        refused = finished.http.delete(path, headers=headers)
         assert (refused.status_code, refused.json()["code"]) == (403, "not-owner")
-    assert movie["token"].encode() not in (service.data_dir / "foldback.db").read_bytes()
-    assert delete(service, movie) == 204
-    assert service.http.get(movie["links"]["self"]).json()["code"] == "no-such-movie"
-    assert service.http.get(movie["links"]["file"]).status_code == 404
+    assert movie["token"].encode() not in (finished.service.data_dir / "foldback.db").read_bytes()
+    assert delete(finished.service, movie) == 204
+    assert finished.http.get(movie["links"]["self"]).json()["code"] == "no-such-movie"
+    assert finished.http.get(movie["links"]["file"]).status_code == 404
 
 
-def test_bad_movies_are_refused(service: Service, finished: dict[str, Any]) -> None:
-    path = f"/api/folds/{finished['id']}/movies"
+def test_bad_movies_are_refused(finished: FinishedFold) -> None:
+    path = f"{finished.api}/movies"
     for options, code, where in (
         ({"width": 127}, "bad-movie", "width"),
+        ({"width": 10**400}, "bad-movie", "width"),
         ({"seconds": 3600}, "bad-movie", "seconds"),
         ({"format": "avi"}, "bad-request", "body.format"),
         ({"widht": 128}, "bad-request", "body.widht"),
     ):
-        answer = service.http.post(path, json=options)
+        answer = finished.http.post(path, json=options)
         assert answer.status_code == 422
         assert (answer.json()["code"], answer.json()["where"]) == (code, where)
-    for fold_id, code in (("nosuchfold", "no-such-fold"), (finished["id"], "no-such-movie")):
-        answer = service.http.get(f"/api/folds/{fold_id}/movies/0123456789ab")
-        assert (answer.status_code, answer.json()["code"]) == (404, code)
-    assert service.http.post("/api/folds/nosuchfold/movies", json={}).status_code == 404
+    assert finished.http.get(f"{path}/0123456789ab").json()["code"] == "no-such-movie"
+    assert finished.http.post("/api/folds/nosuchfold/movies", json={}).status_code == 404
 
 
 @pytest.mark.long
-def test_movie_deleted_while_it_is_made_stops(service: Service, finished: dict[str, Any]) -> None:
-    movie = ask(service, finished["id"], **LONG)
-    wait(service, movie, lambda m: m["frames_done"] > 1)
-    making = children(service)
+def test_movie_deleted_while_it_is_made_stops(finished: FinishedFold) -> None:
+    movie = ask(finished, **LONG)
+    wait(finished.service, movie, lambda m: m["frames_done"] > 1)
+    making = children(finished.service)
     assert len(making) == 2  # the process and its encoder
-    assert delete(service, movie) == 204
+    assert delete(finished.service, movie) == 204
     _, alive = psutil.wait_procs(making, timeout=30)
     assert not alive
     # The next request takes its place.
-    following = ask(service, finished["id"], **SMALL, theme="dark")
-    assert wait(service, following, over)["status"] == "ready"
-    scratch = service.data_dir / "scratch"
-    deadline = time.monotonic() + TIMEOUT_S
-    while list(scratch.iterdir()):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-
-
-def film(directory: Path, out: Path, *words: str, **environment: str) -> Any:
-    arguments = ["movie", str(directory), "--out", str(out), *words]
-    return CliRunner().invoke(application(), arguments, env=environment)
+    following = ask(finished, **SMALL, theme="dark")
+    assert wait(finished.service, following, over)["status"] == "ready"
+    scratch = finished.service.data_dir / "scratch"
+    wait_until(lambda: not list(scratch.iterdir()))
 
 
 def test_movie_without_opengl_names_the_missing_package(
-    service: Service, finished: dict[str, Any], tmp_path: Path
+    finished: FinishedFold, tmp_path: Path
 ) -> None:
-    failed = film(service.directory(finished["id"]), tmp_path / "fold.mp4", MUJOCO_GL="off")
-    assert failed.exit_code == 1
+    failed = foldback("movie", finished.directory, "--out", tmp_path / "fold.mp4", MUJOCO_GL="off")
+    assert failed.returncode == 1
     assert failed.stderr.count("no-gl: there is no OpenGL") == 1
     assert "apt-get install libegl1" in failed.stderr
     assert not list(tmp_path.iterdir())
@@ -141,28 +129,19 @@ def test_movie_without_opengl_names_the_missing_package(
 
 @pytest.mark.long
 def test_movie_command_films_with_any_ffmpeg_and_gif_without(
-    service: Service, finished: dict[str, Any], tmp_path: Path, without_ffmpeg: dict[str, str]
+    finished: FinishedFold, tmp_path: Path, without_ffmpeg: dict[str, str]
 ) -> None:
-    directory, out = service.directory(finished["id"]), tmp_path / "out"
+    directory, out = finished.directory, tmp_path / "out"
     out.mkdir()
-    for name, words, output in (
-        ("fold.avi", [], ".mp4 or .gif"),
-        ("fold.gif", ["--width", "65"], "expected"),
-        ("none/fold.mp4", [], "folder of the movie does not exist"),
-    ):
-        refused = film(directory, out / name, *words)
-        assert refused.exit_code == 2 and output in refused.stderr
-    empty = film(tmp_path, out / "fold.mp4", "--tour")
-    assert empty.exit_code == 2 and "foldback fold" in empty.stderr
-    failed = film(directory, out / "fold.mp4", **without_ffmpeg)
-    assert failed.exit_code == 1
+    failed = foldback("movie", directory, "--out", out / "fold.mp4", **without_ffmpeg)
+    assert failed.returncode == 1
     assert "no-encoder: MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or" in (
         failed.stderr
     )
     assert "pip install 'foldback[movies]', or request a .gif." in failed.stderr
     assert not list(out.iterdir())
     size = ["--width", "128", "--height", "72", "--fps", "10", "--seconds", "0.3"]
-    assert film(directory, out / "fold.gif", *size, **without_ffmpeg).exit_code == 0
+    foldback("movie", directory, "--out", out / "fold.gif", *size, **without_ffmpeg)
     assert (out / "fold.gif").read_bytes().startswith(b"GIF89a")
     # An encoder outside /usr and Python: the process is confined, but may run it.
     program = tmp_path / "own" / "bin" / "ffmpeg"
@@ -170,8 +149,8 @@ def test_movie_command_films_with_any_ffmpeg_and_gif_without(
     shutil.copy(find_ffmpeg(), program)
     environment = {**without_ffmpeg, "PATH": str(program.parent)}
     backwards = ["--from", "5", "--to", "0", "--json"]
-    done = film(directory, out / "fold.mp4", *size, *backwards, **environment)
-    assert done.exit_code == 0, done.stderr
+    done = foldback("movie", directory, "--out", out / "fold.mp4", *size, *backwards, **environment)
+    assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["pictures"] == 3
 
 

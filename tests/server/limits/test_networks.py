@@ -135,3 +135,10 @@ def test_hidden_visitor_has_hidden_networks_and_fits_its_column() -> None:
     assert len(one) <= 64
     assert "2001" not in hidden(HOME[0], b"other") and hidden(HOME[0], b"other") != one
     assert networks_of(PSEUDONYM_SEPARATOR.join("abc")) == ("a", "a|b")
+
+
+def test_ipv4_address_within_ipv6_is_the_ipv4_visitor() -> None:
+    for text in ("::ffff:203.0.113.7", "64:ff9b::203.0.113.7", "2002:cb00:7107::1"):
+        assert visitor_at(text) == visitor_at("203.0.113.7"), text
+    # Other translators' prefixes and tunnels hold no address that can be trusted.
+    assert visitor_at("64:ff9b:1::203.0.113.7").startswith("64:ff9b:1::/48")

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from server.ops.logs import JsonLines, TextLines, about, escaped
-from tests.server.service_process import TIMEOUT_S, Service
+from tests.server.service_process import TIMEOUT_S, FinishedFold, Service
 
 FORGED = 'x\n{"level": "error", "message": "forged"}\r\x1b[2K\u2028\x85'
 
@@ -135,12 +135,12 @@ def test_requests_cannot_forge_lines(log_tail: LogTail) -> None:
     assert {line["level"] for line in lines(log_tail)} == {"info"}
 
 
-def test_worker_logs_its_fold(service: Service, finished: dict[str, Any]) -> None:
-    log_tail = service.log.read_text()
-    words = ('"foldback.worker"', finished["id"], "verified")
+def test_worker_logs_its_fold(finished: FinishedFold) -> None:
+    log_tail = finished.service.log.read_text()
+    words = ('"foldback.worker"', finished.id, "verified")
     (end,) = [line for line in log_tail.splitlines() if all(word in line for word in words)]
     assert json.loads(end)["worker"].endswith("/0")
-    assert finished["accepted"]["owner_token"] not in log_tail
+    assert finished.token not in log_tail
 
 
 @pytest.mark.processes

@@ -18,7 +18,7 @@ from server.store.leases import Leases
 from server.store.stats import Stats
 from server.store.tables import WorkerRow
 from tests.server.rows import a_fold, statements
-from tests.server.service_process import METRICS_TOKEN, SNAKE, Service
+from tests.server.service_process import METRICS_TOKEN, SNAKE, FinishedFold, Service
 
 
 def figures(service: Service) -> dict[tuple[str, tuple[tuple[str, str], ...]], float]:
@@ -40,9 +40,9 @@ def value(found: dict[Any, float], name: str, **labels: str) -> float:
     return found[(f"foldback_{name}", tuple(sorted(labels.items())))]
 
 
-def test_finished_folds_are_counted_and_timed(service: Service, finished: dict[str, Any]) -> None:
-    found = figures(service)
-    assert finished["state"]["status"] == "verified"
+def test_finished_folds_are_counted_and_timed(finished: FinishedFold) -> None:
+    found = figures(finished.service)
+    assert finished.state["status"] == "verified"
     assert value(found, "folds", status="verified") >= 1
     assert value(found, "folds", status="queued") == value(found, "queue_length")
     for name in ("workers", "database_up", "storage_up", "disk_up"):

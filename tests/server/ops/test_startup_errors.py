@@ -1,6 +1,5 @@
 """Messages when the service cannot start, with a remedy."""
 
-import os
 from itertools import product
 from pathlib import Path
 
@@ -38,13 +37,11 @@ def test_missing_database_or_storage_is_reported_with_a_remedy(
         assert words in output and "foldback doctor" in output
 
 
+@pytest.mark.usefixtures("without_settings")
 @pytest.mark.parametrize("command", ["serve", "worker"])
 def test_unusable_data_directory_is_reported_with_a_remedy(
     command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in os.environ:
-        if name.startswith("FOLDBACK_"):
-            monkeypatch.delenv(name)
     monkeypatch.setenv("FOLDBACK_DATA_DIR", "/proc/foldback")
     monkeypatch.setenv("FOLDBACK_WORKERS", "0")
     keep_process_state(monkeypatch)

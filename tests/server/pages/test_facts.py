@@ -30,7 +30,7 @@ from server.store.leases import Leases, Preparing
 from server.store.worker_identity import WorkerIdentities
 from tests.case import case
 from tests.server.rows import SOMEBODY, a_fold
-from tests.server.service_process import SNAKE, Service
+from tests.server.service_process import SNAKE, FinishedFold
 from tests.web.conftest import unfolding
 from words import quantities
 from words.fold import ShownFold
@@ -90,10 +90,8 @@ def failed_fold(directory: Path, frames: int, **values: Any) -> Found:
     return Found(ShownFold(**row), directory)
 
 
-def test_facts_are_read_without_the_whole_plan(
-    service: Service, finished: dict[str, Any], tmp_path: Path
-) -> None:
-    shutil.copyfile(service.directory(finished["id"]) / "plan.npz", tmp_path / "plan.npz")
+def test_facts_are_read_without_the_whole_plan(finished: FinishedFold, tmp_path: Path) -> None:
+    shutil.copyfile(finished.directory / "plan.npz", tmp_path / "plan.npz")
     (tmp_path / "plan.json").write_text("not for pages: its frames may take a hundred megabytes")
     summary = {"explosion": {"strategy": "simultaneous"}}
     facts = fold_facts(failed_fold(tmp_path, 0, status="verified", summary=summary))

@@ -15,40 +15,65 @@ from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from server.files.artifacts import Artifacts, newer
 from server.files.pictures import MAX_CACHED_PICTURES, recent_pictures
-from server.pages import pictures
+from server.pages import pictures as pictures_module
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store
 from tests.server.rows import SOMEBODY
 from tests.server.store.test_rows import row
 
 
-class DrawnNames(list[str]):
-    """Names of the chains whose pictures were drawn; drawing is replaced by a short text."""
+class Pictures:
+    """Routes of pictures of a store's folds; a short text replaces each drawing.
 
-    def __init__(self) -> None:
-        super().__init__()
+    Attributes:
+        drawn: Names of the chains whose pictures were drawn.
+        moments: Moments that were drawn.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self.store = store
         self.recent = recent_pictures()
+        self.drawn: list[str] = []
         self.moments: list[dict[str, object]] = []
 
-    def drawn(self, path: Path, moment: dict[str, object]) -> bytes:
+    def draw(self, path: Path, moment: dict[str, object]) -> bytes:
         chain = chain_from_attributes(json.loads(path.read_bytes()))
-        self.append(chain.name)
+        self.drawn.append(chain.name)
         self.moments.append(moment)
         return f"a picture of {chain.name}".encode()
 
+    def add_fold(self, status: str) -> Path:
+        """Return the directory of a new fold with the chain of a first candidate."""
+        added = row(status=status)
+        self.store.add(added, SOMEBODY)
+        self.store.directory(added.id).mkdir()
+        write_chain_file(self.store.directory(added.id), "first")
+        return self.store.directory(added.id)
+
+    def request(self, directory: Path, times: int = 1, query: str = "") -> list[httpx.Response]:
+        """Return the answers to ``times`` simultaneous requests."""
+
+        async def ask() -> list[httpx.Response]:
+            app = FastAPI()
+            app.state.context = SimpleNamespace(
+                store=self.store,
+                artifacts=Artifacts(self.store),
+                pictures=SimpleNamespace(recent=self.recent, drawn=self.draw),
+                timelines=SimpleNamespace(get=lambda _: None),  # pyright: ignore
+                settings=SimpleNamespace(read_only=False),
+            )
+            app.include_router(pictures_module.router)
+            transport = httpx.ASGITransport(app)
+            async with httpx.AsyncClient(transport=transport, base_url="http://here") as http:
+                address = f"/folds/{directory.name}/picture.png{query}"
+                return await asyncio.gather(*(http.get(address) for _ in range(times)))
+
+        return asyncio.run(ask())
+
 
 @pytest.fixture
-def drawn() -> DrawnNames:
-    return DrawnNames()
-
-
-def fold_in(store: Store, status: str) -> Path:
-    """Return the directory of a new fold with the chain of a first candidate."""
-    added = row(status=status)
-    store.add(added, SOMEBODY)
-    store.directory(added.id).mkdir()
-    write_chain_file(store.directory(added.id), "first")
-    return store.directory(added.id)
+def pictures(store: Store) -> Pictures:
+    return Pictures(store)
 
 
 def write_chain_file(directory: Path, name: str) -> None:
@@ -56,72 +81,49 @@ def write_chain_file(directory: Path, name: str) -> None:
     (directory / "chain.json").write_text(json.dumps(chain_attributes(chain)))
 
 
-def request_picture(
-    store: Store, directory: Path, drawn: DrawnNames, times: int = 1, query: str = ""
-) -> list[httpx.Response]:
-    """Return the answers to ``times`` simultaneous requests."""
-
-    async def ask() -> list[httpx.Response]:
-        app = FastAPI()
-        app.state.context = SimpleNamespace(
-            store=store,
-            artifacts=Artifacts(store),
-            pictures=drawn,
-            timelines=SimpleNamespace(get=lambda _: None),  # pyright: ignore
-            settings=SimpleNamespace(read_only=False),
-        )
-        app.include_router(pictures.router)
-        transport = httpx.ASGITransport(app)
-        async with httpx.AsyncClient(transport=transport, base_url="http://here") as http:
-            address = f"/folds/{directory.name}/picture.png{query}"
-            return await asyncio.gather(*(http.get(address) for _ in range(times)))
-
-    return asyncio.run(ask())
-
-
-def test_picture_is_drawn_once_for_many_requests(store: Store, drawn: DrawnNames) -> None:
-    directory = fold_in(store, "verified")
-    answers = request_picture(store, directory, drawn, 20)
+def test_picture_is_drawn_once_for_many_requests(pictures: Pictures) -> None:
+    directory = pictures.add_fold("verified")
+    answers = pictures.request(directory, 20)
     assert {answer.content for answer in answers} == {b"a picture of first"}
     assert {answer.headers["Cache-Control"] for answer in answers} == {"private, no-cache"}
-    request_picture(store, directory, drawn)
-    assert drawn == ["first"]
+    pictures.request(directory)
+    assert pictures.drawn == ["first"]
 
 
 def test_picture_drawn_since_a_request_looked_for_it_is_not_drawn_again(
-    store: Store, drawn: DrawnNames, monkeypatch: pytest.MonkeyPatch
+    pictures: Pictures, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    directory = fold_in(store, "verified")
-    request_picture(store, directory, drawn)
+    directory = pictures.add_fold("verified")
+    pictures.request(directory)
     looks = iter([False])
 
     def newer_after_the_first_look(path: Path, source: Path) -> bool:
         return next(looks, newer(path, source))
 
-    monkeypatch.setattr(pictures, "newer", newer_after_the_first_look)
-    (answer,) = request_picture(store, directory, drawn)
-    assert (answer.content, drawn) == (b"a picture of first", ["first"])
+    monkeypatch.setattr(pictures_module, "newer", newer_after_the_first_look)
+    (answer,) = pictures.request(directory)
+    assert (answer.content, pictures.drawn) == (b"a picture of first", ["first"])
 
 
-def test_picture_of_a_view_is_drawn_once_and_not_stored(store: Store, drawn: DrawnNames) -> None:
-    directory = fold_in(store, "failed")
+def test_picture_of_a_view_is_drawn_once_and_not_stored(pictures: Pictures) -> None:
+    directory = pictures.add_fold("failed")
     query = "?view=12,-62,24,1.2"
-    answers = request_picture(store, directory, drawn, 20, query)
-    answers += request_picture(store, directory, drawn, 1, query)
+    answers = pictures.request(directory, 20, query)
+    answers += pictures.request(directory, 1, query)
     assert {answer.content for answer in answers} == {b"a picture of first"}
-    assert drawn == ["first"]
-    assert drawn.moments[0]["view"] == "12,-62,24,1.2"
+    assert pictures.drawn == ["first"]
+    assert pictures.moments[0]["view"] == "12,-62,24,1.2"
     caption = {"name": "snake", "verdict": "Not verified", "tone": "bad"}
-    assert drawn.moments[0]["caption"] == caption
+    assert pictures.moments[0]["caption"] == caption
     assert os.listdir(directory) == ["chain.json"]
 
 
-def test_picture_of_a_nonsense_view_is_refused(store: Store, drawn: DrawnNames) -> None:
-    directory = fold_in(store, "verified")
+def test_picture_of_a_nonsense_view_is_refused(pictures: Pictures) -> None:
+    directory = pictures.add_fold("verified")
     for view in ("1", "1,2,3,x", "1,,,1,2", "9" * 70, "..%2F,,,1"):
-        (answer,) = request_picture(store, directory, drawn, query=f"?view={view}")
+        (answer,) = pictures.request(directory, query=f"?view={view}")
         assert answer.status_code == 422, view
-    assert drawn == []
+    assert pictures.drawn == []
 
 
 def test_recent_pictures_beyond_the_limit_are_dropped() -> None:
@@ -134,27 +136,27 @@ def test_recent_pictures_beyond_the_limit_are_dropped() -> None:
 
 
 def test_picture_of_an_earlier_chain_or_of_a_running_fold_is_drawn_again(
-    store: Store, drawn: DrawnNames
+    pictures: Pictures,
 ) -> None:
     for status, stored in (("verified", True), ("running", False)):
-        directory = fold_in(store, status)
-        (first,) = request_picture(store, directory, drawn)
+        directory = pictures.add_fold(status)
+        (first,) = pictures.request(directory)
         assert first.headers["Cache-Control"] == "private, no-cache"
         cards = list((directory / EXPORTS_DIR).glob("card-*.png"))
         assert bool(cards) == stored
         write_chain_file(directory, "second")
         later = max(path.stat().st_mtime for path in directory.iterdir()) + 1.0
         os.utime(directory / "chain.json", (later, later))
-        (answer,) = request_picture(store, directory, drawn)
+        (answer,) = pictures.request(directory)
         assert answer.content == b"a picture of second"
 
 
 def test_picture_is_shown_although_the_disk_is_full(
-    store: Store, drawn: DrawnNames, monkeypatch: pytest.MonkeyPatch
+    pictures: Pictures, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail_on_full_disk(path: Path, data: bytes) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(pictures, "write_whole", fail_on_full_disk)
-    (answer,) = request_picture(store, fold_in(store, "failed"), drawn)
+    monkeypatch.setattr(pictures_module, "write_whole", fail_on_full_disk)
+    (answer,) = pictures.request(pictures.add_fold("failed"))
     assert (answer.status_code, answer.content) == (200, b"a picture of first")

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -14,7 +13,7 @@ import psutil
 import pytest
 
 from planner.progress import COMPILING
-from server.processes import children
+from server.processes import children, fork_server
 from server.processes.children import LOST, ChildError
 from server.processes.fork_server import ForkServer, Kind
 from tests.server.processes.test_children import (
@@ -22,7 +21,7 @@ from tests.server.processes.test_children import (
     upload_in,
     without_libraries,
 )
-from tests.server.service_process import TIMEOUT_S
+from tests.server.service_process import TIMEOUT_S, wait_until
 from tests.server.service_thread import FORKS
 
 pytestmark = pytest.mark.processes
@@ -84,6 +83,29 @@ def test_children_of_a_killed_fork_server_end_and_it_is_replaced(
     assert pid_of(server) != first
 
 
+def test_hung_fork_server_is_replaced(
+    server: ForkServer, directory: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fork_server, "MAX_SILENCE_S", 0.5)
+    monkeypatch.setattr(fork_server, "PING_INTERVAL_S", 0.1)
+    monkeypatch.setattr(children, "KILL_S", 0.5)
+    with make_child("stages", fork_server=server) as child:
+        child.call("read", directory, wall_s=60)
+        first = pid_of(server)
+        os.kill(first, signal.SIGSTOP)
+        with make_child("stages", fork_server=server) as waiting:
+            with pytest.raises(ChildError, match="did not start") as refused:
+                waiting.call("read", directory, wall_s=60)
+            assert refused.value.temporary
+    with make_child("stages", fork_server=server) as child:
+        assert child.call("read", directory, wall_s=60) == {}
+        assert pid_of(server) != first
+        # Nor does the end of a running child wait for it.
+        os.kill(pid_of(server), signal.SIGSTOP)
+        child.kill()
+        assert not child.alive
+
+
 def test_child_ended_before_it_was_forked_does_not_stay(
     server: ForkServer, directory: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -101,11 +123,8 @@ def test_child_ended_before_it_was_forked_does_not_stay(
         # It is forked in turn, and ends at once, as its client is gone.
         with make_child("stages", fork_server=server) as after:
             after.call("read", directory, wall_s=60)
-            deadline = time.monotonic() + TIMEOUT_S
-            wanted = {child.pid, after.pid}
-            while {one.pid for one in psutil.Process(pid_of(server)).children()} != wanted:
-                assert time.monotonic() < deadline
-                time.sleep(0.01)
+            wanted, forking = {child.pid, after.pid}, psutil.Process(pid_of(server))
+            wait_until(lambda: {one.pid for one in forking.children()} == wanted)
 
 
 def test_reason_why_a_fork_server_cannot_start_is_reported(tmp_path: Path, directory: Path) -> None:

@@ -18,7 +18,7 @@ from server.processes.children import Child
 from server.processes.limits import ChildLimits, environment_of_child
 from server.store.owner import new_token
 from tests.server.processes.test_children import without_libraries
-from tests.server.service_process import SNAKE, Service, bearer
+from tests.server.service_process import SNAKE, FinishedFold, Service, bearer, check_problem
 from tests.server.service_thread import ServiceThread
 
 PAGE = {"Accept": "text/html,application/xhtml+xml"}
@@ -52,10 +52,7 @@ def test_without_a_database_every_route_reports_when_to_retry(broken: tuple[Serv
     service, fold_id = broken
     for route in ROUTES:
         answer = service.http.get(f"/api/folds/{fold_id}{route}", headers=PAGE)
-        assert answer.status_code == 503, answer.text
-        assert answer.headers["content-type"] == "application/problem+json"
-        assert int(answer.headers["retry-after"]) > 0
-        assert answer.json()["code"] == "no-database"
+        check_problem(answer, 503, "no-database", retry=True)
         assert "sqlite" not in answer.text.lower()
     for method, path in CHANGES:
         more = {"json": {}} if "movies" in path else {"data": {"shape": "mallet-64"}}
@@ -89,33 +86,28 @@ def test_health_and_metrics_work_without_a_database(broken: tuple[Service, str])
     assert "foldback_database_up 0.0" in metrics.text and "foldback_folds{" not in metrics.text
 
 
-def test_full_disk_refuses_uploads_and_nothing_else(
-    service: Service, finished: dict[str, Any]
-) -> None:
+def test_full_disk_refuses_uploads_and_nothing_else(finished: FinishedFold) -> None:
     token = new_token()
 
     def upload() -> dict[str, Any]:
         file = ("snake.json", json.dumps(SNAKE) + 10_000 * " ")
-        answer = service.http.post("/api/folds", files={"file": file}, headers=bearer(token))
+        answer = finished.http.post("/api/folds", files={"file": file}, headers=bearer(token))
         assert answer.status_code == 202, answer.text
         return answer.json()
 
     fold_id = upload()["id"]
-    before = resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE)
-    resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, (1000, before[1]))
+    before = resource.prlimit(finished.service.process.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(finished.service.process.pid, resource.RLIMIT_FSIZE, (1000, before[1]))
     try:
         for data in (b"[" * 3_000_000, b"[" * 10_000):  # during and after the upload
             for path in ("/api/folds", "/api/shapes/preview"):
-                answer = service.http.post(path, files={"file": ("a.json", data)})
-                assert answer.status_code == 507, answer.text
-                assert answer.headers["content-type"] == "application/problem+json"
-                assert int(answer.headers["retry-after"]) > 0
-                assert answer.json()["code"] == "no-room"
-        assert service.http.get(f"/folds/{finished['id']}").status_code == 200
+                answer = finished.http.post(path, files={"file": ("a.json", data)})
+                check_problem(answer, 507, "no-room", retry=True)
+        assert finished.http.get(finished.page).status_code == 200
     finally:
-        resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE, before)
+        resource.prlimit(finished.service.process.pid, resource.RLIMIT_FSIZE, before)
     assert upload()["id"] == fold_id  # the file is stored before the row
-    assert [p.name for p in service.data_dir.glob("uploads/*/*")] == []
+    assert [p.name for p in finished.service.data_dir.glob("uploads/*/*")] == []
 
 
 @pytest.mark.parametrize(

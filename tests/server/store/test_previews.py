@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import fields
 from io import BytesIO
 from pathlib import Path
@@ -12,10 +12,11 @@ from typing import Any, cast
 import pytest
 import sqlalchemy as sa
 
+from planner.files import write_sealed_json
 from planner.pipeline.request import PreviewRequest
 from server.errors import TooMany, Unusable
 from server.files import preview_reports
-from server.files.preview_reports import Asker, PreviewReports
+from server.files.preview_reports import Asker, PreviewReports, read_report
 from server.files.uploads import Uploads
 from server.processes.children import ChildError, Reader
 from server.settings import Settings
@@ -31,7 +32,6 @@ from server.store.previews import (
 )
 from server.store.tables import PreviewRow
 from tests.case import case
-from tests.server.postgres import DATABASES
 from tests.server.rows import new_owner
 from tests.server.service_thread import copy_tables
 
@@ -80,33 +80,23 @@ class Site:
     def _compute(_task: str, place: Path, **_: object) -> None:
         if '"seed": 666' in (place / "request.json").read_text():
             raise ChildError("crashed", "It crashed.")
-        (place / "report.json").write_text('{"cells": []}')
+        write_sealed_json(place / "report.json", {"cells": []})
+
+
+SiteWith = Callable[..., Site]
 
 
 @pytest.fixture
-def database() -> str:
-    """Kind of database; tests of both kinds override it."""
-    return "sqlite"
-
-
-@pytest.fixture
-def site_with(
-    request: pytest.FixtureRequest, database: str, tmp_path: Path
-) -> Iterator[Callable[..., Site]]:
+def site_with(tmp_path: Path) -> Iterator[SiteWith]:
     """Function that creates the previews of a web process with some settings."""
-    sites: list[Site] = []
-    sqlite = database == "sqlite"
-    url = None if sqlite else request.getfixturevalue("postgres").migrated()
+    with ExitStack() as sites:
 
-    def make(name: str = "here", **settings: Any) -> Site:
-        chosen = Settings(data_dir=tmp_path / name, database_url=url, **settings)
-        copy_tables(chosen)
-        sites.append(Site(chosen))
-        return sites[-1]
+        def make(**settings: Any) -> Site:
+            chosen = Settings(**{"data_dir": tmp_path / "here", **settings})
+            copy_tables(chosen)
+            return sites.enter_context(closing(Site(chosen)))
 
-    yield make
-    for site in sites:
-        site.close()
+        yield make
 
 
 def size(name: str, seen_at: float, mib: int, visitor: str) -> PreviewSize:
@@ -144,13 +134,12 @@ def test_superfluous_with_many_small_previews_returns_the_oldest_of_the_largest_
     assert deleted(settings, stored, 20.0) == ["b0", "b1", "b2", "b3"]
 
 
-@pytest.mark.parametrize("database", DATABASES)
 def test_reports_of_strangers_leave_the_uploader_its_own(
-    site_with: Callable[..., Site], monkeypatch: pytest.MonkeyPatch
+    site_with: SiteWith, each_settings: Settings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     most = 20
     monkeypatch.setattr(preview_reports, "MAX_OPTION_SETS", most)
-    site = site_with()
+    site = site_with(database_url=each_settings.database_url)
     preview_id = site.add()
     for seed in range(most):
         site.report(preview_id, seed, "stranger")
@@ -161,7 +150,7 @@ def test_reports_of_strangers_leave_the_uploader_its_own(
     assert stored.own < 64 * 1024 < most * 4096 <= stored.foreign
 
 
-def test_reports_that_fail_count_once(site_with: Callable[..., Site]) -> None:
+def test_reports_that_fail_count_once(site_with: SiteWith) -> None:
     site = site_with()
     preview_id = site.add()
     for _ in range(2):
@@ -170,7 +159,7 @@ def test_reports_that_fail_count_once(site_with: Callable[..., Site]) -> None:
     assert site.previews.reports(preview_id, foreign=False) == 1
 
 
-def test_remove_leaves_the_files_to_the_sweep(site_with: Callable[..., Site]) -> None:
+def test_remove_leaves_the_files_to_the_sweep(site_with: SiteWith) -> None:
     site, owner = site_with(), new_owner()
     preview_id = site.add(owner=owner)
     assert not site.previews.remove(preview_id, new_owner())
@@ -181,11 +170,10 @@ def test_remove_leaves_the_files_to_the_sweep(site_with: Callable[..., Site]) ->
     assert not site.names
 
 
-@pytest.mark.parametrize("database", DATABASES)
 def test_sweep_deletes_expired_previews_and_measures_no_files(
-    site_with: Callable[..., Site], monkeypatch: pytest.MonkeyPatch
+    site_with: SiteWith, each_settings: Settings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    site = site_with(preview_keep_s=1000.0)
+    site = site_with(database_url=each_settings.database_url, preview_keep_s=1000.0)
     old, new = site.add(), site.add()
     monkeypatch.setattr(previews_module, "blocks_of", None)
     assert all(stored.own >= 4096 for stored in site.previews._sizes())  # a file of two bytes
@@ -195,7 +183,7 @@ def test_sweep_deletes_expired_previews_and_measures_no_files(
 
 
 def test_sweep_deletes_files_without_a_row_and_rows_without_files(
-    site_with: Callable[..., Site],
+    site_with: SiteWith,
 ) -> None:
     site = site_with()
     for name in ("of-an-earlier-version", ".being-fetched"):
@@ -212,7 +200,7 @@ def test_sweep_deletes_files_without_a_row_and_rows_without_files(
 
 
 def test_sweep_leaves_the_newest_uploads_until_they_are_read(
-    site_with: Callable[..., Site],
+    site_with: SiteWith,
 ) -> None:
     site = site_with(most_previews=1)
     uploads = [site.add() for _ in range(MAX_PROTECTED_UPLOADS + 1)]
@@ -224,7 +212,7 @@ def test_sweep_leaves_the_newest_uploads_until_they_are_read(
     assert len(site.names) == 1
 
 
-def test_flood_of_previews_leaves_those_of_others(site_with: Callable[..., Site]) -> None:
+def test_flood_of_previews_leaves_those_of_others(site_with: SiteWith) -> None:
     site = site_with(previews_bytes=8 * MIB)
     mine = site.add("a", size=MIB)
     flood = [site.add("b", size=MIB) for _ in range(12)]
@@ -260,7 +248,7 @@ def test_previews_in_an_object_store_are_fetched_and_deleted_everywhere(
         assert (other.previews.directory(large) / "input").stat().st_size == 600_000
         key = PreviewRequest(seed=3).key
         one.report(large, 3)
-        assert (other.previews.place(large, key) / "report.json").read_text() == '{"cells": []}'
+        assert read_report(other.previews.place(large, key)) == {"cells": []}
         mine = other.add(owner=owner)
         assert one.exists(mine)
         storage = one.store.folders.storage
@@ -276,3 +264,17 @@ def test_previews_in_an_object_store_are_fetched_and_deleted_everywhere(
         other.previews.sweep()
         assert set(storage.below("previews")) == one.names == {small}
         assert large not in other.names and not other.exists(large)
+
+
+def test_damaged_report_is_computed_again(site_with: Callable[..., Site]) -> None:
+    site = site_with()
+    preview_id = site.add()
+    site.report(preview_id)
+    place = site.previews.place(preview_id, PreviewRequest().key)
+    file = place / "report.json"
+    whole = file.read_bytes()
+    for damaged in (b"{}", b'{"has_path": 1}', whole[:-1], whole.replace(b"cells", b"cellt"), b""):
+        file.write_bytes(damaged)
+        assert read_report(place) is None
+        site.report(preview_id)
+        assert file.read_bytes() == whole

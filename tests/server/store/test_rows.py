@@ -40,7 +40,7 @@ def test_content_keys_secrets_and_ids_are_checked(store: Store) -> None:
     assert store.secret("visitors", b"first") == b"first"
     assert store.secret("visitors", b"second") == b"first"
     assert store.secret("others", b"third") == b"third"
-    for bad in ("", "..", "a/b", "a.b", "é", "a" * 33, "a\n"):
+    for bad in ("", "..", "a.b", "é", "a" * 33, "a\n"):
         with pytest.raises(NoSuchFoldError):
             store.directory(bad)
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 import sqlalchemy as sa
-from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 
@@ -16,10 +15,10 @@ from server.cli.serve import server_of
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.owner import Owner
-from server.store.schema_version import NewerSchemaError, Schema, config
+from server.store.schema_version import NewerSchemaError, Schema
 from server.store.tables import STATUSES, Base, FoldRow, engine_for, migrate
 from tests.server.postgres import DATABASES
-from tests.server.rows import a_fold, new_owner
+from tests.server.rows import a_fold, new_owner, upgrade
 from words.fold import RUNNING_STATUSES
 
 TOKEN = "a-token-that-somebody-got-long-ago"
@@ -41,46 +40,41 @@ def engine(url: str) -> Iterator[sa.Engine]:
     engine.dispose()
 
 
-def upgrade(engine: sa.Engine, revision: str) -> None:
-    with engine.begin() as connection:
-        alembic = config()
-        alembic.attributes["connection"] = connection
-        command.upgrade(alembic, revision)
+UNUSUAL: dict[str, dict[str, Any]] = {
+    "queued": {"stage": None, "started_at": None, "ended_at": None},
+    "running": {
+        "ended_at": None,
+        "module_size": 0.9,
+        "progress": {"message": "größer", "steps": 10},
+    },
+    "verified": {
+        **{"name": "wrench ✓", "shape": "mallet-64", "public": True},
+        "summary": {"status": "verified", "certificate": {"pairs": [1, 2.5]}},
+    },
+    "failed": {
+        "seed": 2**53 - 1,
+        "error": {"code": "crossing", "detail": "Cells 3 and 9 touch.", "where": "cell 3"},
+    },
+    "cancelled": {"content_key": None, "cancel_requested": True},
+}
+"""Values of the first version's folds that differ from the usual ones, by their status."""
 
 
 def first_folds() -> list[dict[str, Any]]:
     """Return rows as the first version wrote them: one of each status, and unusual values."""
-    progress = {"stage": "explode", "fraction": 0.25, "steps": 10, "message": "größer"}
-    folds = [
-        {
-            "id": f"{status}2345678901234"[:20],
-            "name": "wrench ✓" if status == "verified" else "a shape",
-            "status": status,
-            "stage": None if status == "queued" else "explode",
-            "created_at": 1.7e9 + n + 0.125,
-            "started_at": None if status == "queued" else 1.7e9 + n + 1.5,
-            "ended_at": None if status in ("queued", "running") else 1.7e9 + n + 60.25,
-            "modules": 16,
-            "module": "cube",
-            "shape": "mallet-64" if status == "verified" else None,
-            "public": status == "verified",
-            "preset": "default",
-            "seed": 2**53 - 1 if status == "failed" else 0,
-            "module_size": 0.9 if status == "running" else None,
-            "content_key": None if status == "cancelled" else hashlib.sha256(b"%d" % n).hexdigest(),
-            "visitor": "0123456789abcdef0123456789abcdef",
-            "cancel_requested": status == "cancelled",
-            "progress": progress if status == "running" else {},
-            "summary": {"status": "verified", "certificate": {"pairs": [1, 2.5]}}
-            if status == "verified"
-            else {},
-            "error": {"code": "crossing", "detail": "Cells 3 and 9 touch.", "where": "cell 3"}
-            if status == "failed"
-            else None,
-        }
-        for n, status in enumerate(STATUSES)
+    assert set(UNUSUAL) == set(STATUSES)
+    usual = {
+        **{"name": "a shape", "stage": "explode", "modules": 16, "module": "cube", "shape": None},
+        **{"public": False, "preset": "default", "seed": 0, "module_size": None, "error": None},
+        **{"created_at": 1.7e9 + 0.125, "started_at": 1.7e9 + 1.5, "ended_at": 1.7e9 + 60.25},
+        **{"visitor": "0123456789abcdef0123456789abcdef", "cancel_requested": False},
+        **{"progress": {}, "summary": {}},
+    }
+    return [
+        {**usual, "id": f"{status}2345678901234"[:20], "status": status, "content_key": status * 4}
+        | values
+        for status, values in UNUSUAL.items()
     ]
-    return folds
 
 
 def test_migrations_lead_to_the_tables_of_the_code(engine: sa.Engine) -> None:

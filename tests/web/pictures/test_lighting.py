@@ -3,7 +3,7 @@ import pytest
 
 from web.pictures.camera import View
 from web.pictures.ground_shadow import MODULE_WIDTH_PITCH, ground_shadow
-from web.pictures.lighting import THEMES, fill_light, key_light, shade_colours
+from web.pictures.lighting import fill_light, key_light
 from web.pictures.occlusion import MAX_OCCLUDER_DISTANCE, face_light
 
 VIEW = View(target=np.zeros(3), azimuth_rad=0.7, elevation_rad=0.4, distance=9.0)
@@ -56,14 +56,6 @@ def test_shadows_of_higher_modules_are_wider_fainter_and_lean() -> None:
     lean = np.array([0.5, -0.25])
     shadow = ground_shadow(np.array([[0.0, 0.0, 4.0]]), ground=0.0, lean=lean)
     assert shadow.middle == pytest.approx(4.0 * lean)
-
-
-def test_ground_goes_from_its_colour_to_its_shade() -> None:
-    shadow = ground_shadow(np.zeros((1, 3)), ground=-0.5, lean=np.zeros(2))
-    for theme in THEMES.values():
-        colours = shade_colours(shadow, theme)
-        assert tuple(colours[0, 0]) == theme.ground
-        assert (colours[256, 256] < colours[0, 0]).all()
 
 
 def test_lights_go_with_the_camera() -> None:

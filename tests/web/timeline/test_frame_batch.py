@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ from planner.motion.motion import PHASES, Motion
 from planner.motion.timeline import Timeline, TimelineWriter
 from tests.planner import peels
 from tests.web import long_folds
+from tests.web.conftest import Growing
 from web.timeline.columns import decode
 from web.timeline.frame_batch import batch_of, cached_batch, chosen, thinned, unpacked_bytes
 from web.timeline.view import TimelineView
@@ -53,7 +53,7 @@ def test_batch_has_a_stride_and_a_largest_size_and_ends_with_the_timeline(
 
 
 def test_batch_has_no_frames_of_a_timeline_that_was_replaced(
-    growing: tuple[Path, TimelineWriter, Callable[[int], None]],
+    growing: Growing,
     chain: Chain,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -87,9 +87,7 @@ def test_batch_of_a_finished_timeline_is_made_once(
     assert cached_batch(again, 3, 90, 7) == first
 
 
-def test_batch_is_made_anew_when_its_timeline_grows(
-    growing: tuple[Path, TimelineWriter, Callable[[int], None]],
-) -> None:
+def test_batch_is_made_anew_when_its_timeline_grows(growing: Growing) -> None:
     path, writer, add = growing
     timeline = TimelineView(path)
     first, _ = decode(cached_batch(timeline))

@@ -1,5 +1,4 @@
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +9,8 @@ from planner.errors import TimelineError
 from planner.motion.timeline import Timeline, TimelineWriter
 from tests.planner import peels
 from tests.web import long_folds
-from tests.web.conftest import FINAL_ERROR_RAD, unfolding
+from tests.web.conftest import FINAL_ERROR_RAD, Growing, unfolding
 from web.timeline.view import TimelineView
-
-Growing = tuple[Path, TimelineWriter, Callable[[int], None]]
 
 
 def test_first_frame_is_folded_and_middle_is_straight(timeline_path: Path, chain: Chain) -> None:
