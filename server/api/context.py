@@ -23,6 +23,7 @@ from server.jobs.eta import EtaEstimator
 from server.jobs.movies import Movies
 from server.limits.concurrency_quota import Quota
 from server.limits.networks import hidden
+from server.limits.robot_rates import RobotRates
 from server.limits.single_flight import SingleFlight
 from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
@@ -53,6 +54,7 @@ class Context(Viewing):
     fold_states: FoldStates
     streams: Quota
     robots: Quota
+    robot_rates: RobotRates
     classes: LiveClasses
     trajectories: Trajectories
     answers: SingleFlight

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections import deque
+from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any, Final, Literal, cast
 
 import msgspec
@@ -276,7 +278,8 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
             found = await _retimed(context, wanted, visitor)
             if not found.verified:
                 raise _not_verified()
-            await _RobotSession(websocket, found, ask, fold_id).play()
+            charge = partial(context.robot_rates.charge, visitor)
+            await _RobotSession(websocket, found, ask, fold_id, charge).play()
             await _close(websocket, DONE)
         except (ServiceError, DamagedError) as error:
             refused = Damaged.of(error) if isinstance(error, DamagedError) else error
@@ -324,8 +327,16 @@ def _not_verified() -> Conflict:
 class _RobotSession:
     """One robot being driven."""
 
-    def __init__(self, websocket: WebSocket, found: Retimed, ask: Ask, fold_id: str) -> None:
+    def __init__(
+        self,
+        websocket: WebSocket,
+        found: Retimed,
+        ask: Ask,
+        fold_id: str,
+        charge: Callable[[int], float],
+    ) -> None:
         self._websocket = websocket
+        self._charge = charge
         self._trajectory = found.trajectory
         self._ask = ask
         self._fold_id = fold_id
@@ -410,13 +421,15 @@ class _RobotSession:
                         Waiting(because=reason, time_s=pace.time_s, error_rad=pace.error_rad)
                     )
             # Whoever does not answer is not sent more than it takes to remind it.
+            wait_s = 0.0
             if self._there and (reason not in ("silence", "behind") or now - told >= REMINDER_S):
                 told = now
                 await self._send_target()
+                wait_s = self._charge(len(self._sent[-1][1]) * (2 if self._ask.speeds else 1))
             if pace.over(now):
                 await self._end("folded")
                 return
-            due = max(due + period, self._clock())
+            due = max(due + period, self._clock() + wait_s)
             await asyncio.sleep(due - self._clock())
 
     async def _send_target(self) -> None:

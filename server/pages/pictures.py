@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import hashlib
 import json
 from pathlib import Path
@@ -120,7 +121,8 @@ async def _picture_of_view(request: Request, found: Found, view: str) -> Respons
             )
         except DamagedError:
             raise
-        except (InputError, ChildError, OSError, TimelineError):
+        except (InputError, ChildError, OSError, TimelineError) as error:
+            _refuse_on_read_only_disk(context, error)
             return None
         if over:
             recent.keep(key, made)
@@ -164,6 +166,17 @@ def picture_answer(data: bytes, *, listed: bool, over: bool = True) -> Response:
     return Response(data, media_type="image/png", headers=headers)
 
 
+def _refuse_on_read_only_disk(context: Context, error: Exception) -> None:
+    """Refuse a picture that cannot be drawn because nothing can be written.
+
+    Raises:
+        NoRoom: The disk was read-only at the start, or has become so.
+    """
+    became_so = isinstance(error, OSError) and error.errno == errno.EROFS
+    if context.settings.read_only or became_so:
+        raise read_only() from error
+
+
 def _stored_picture(path: Path) -> bytes | None:
     """Return the picture in a fold's directory, if it is one of its chain."""
     try:
@@ -183,8 +196,7 @@ def _picture_of(context: Context, found: Found, path: Path, *, keep: bool) -> by
             chain, moment_of(caption_of(found.row.title, found.row.status))
         )
     except (InputError, ChildError, OSError) as error:
-        if context.settings.read_only:
-            raise read_only() from error
+        _refuse_on_read_only_disk(context, error)
         return None
     if keep:
         with contextlib.suppress(OSError):  # a full disk takes no picture from anybody

@@ -10,7 +10,7 @@ from playwright.sync_api import Page, expect
 from server.store.owner import new_token
 from tests.browser.conftest import WIDTH, Visit, preview_file, wait_for_preview
 from tests.server.files.test_preview import CROSS, stl, voxels
-from tests.server.service_process import SNAKE, Service, bearer
+from tests.server.service_process import SNAKE, Service
 
 pytestmark = pytest.mark.long
 
@@ -72,8 +72,7 @@ def test_paper_with_a_film_is_accessible(visit: Visit) -> None:
 def test_my_folds_is_accessible(visit: Visit, service: Service) -> None:
     token = new_token()
     fold = service.fold(SNAKE, seed="960", token=token)
-    files = {"file": ("brick.stl", stl())}
-    service.http.post("/api/shapes/preview", files=files, headers=bearer(token))
+    service.preview("brick.stl", stl(), token=token)
     service.wait_over(fold["id"])
     page = visit("/health")
     page.evaluate("key => localStorage.setItem('foldback:token', key)", new_token())

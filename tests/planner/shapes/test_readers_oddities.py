@@ -2,8 +2,6 @@
 
 import json
 import re
-import zipfile
-from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -15,9 +13,18 @@ from planner.readers import read
 from planner.shapes.solid import Solid, signed_volume
 from planner.shapes.voxelise import voxelise
 from tests.planner.reading import cells_of, refusal_of, solid_in
-from tests.planner.shapes.test_readers_faults import CORE, archive, mesh_xml, scene
+from tests.planner.shapes.test_readers_faults import CORE, archive, mesh_xml
 from tests.planner.shapes.test_readers_meshes import add_accessor
-from tests.planner.solids_made import Mesh, box, chunk, exported, vox_file, vox_model, words
+from tests.planner.solids_made import (
+    Mesh,
+    box,
+    exported,
+    scene,
+    vox_file,
+    vox_model,
+    vox_transform,
+    zipped,
+)
 
 BOX = box(2, 3, 4)
 OBJ = exported("obj", BOX)
@@ -126,19 +133,12 @@ def with_a_matrix(document: dict[str, Any]) -> None:
     document["scenes"] = [{"nodes": [0]}]
 
 
-def zip_of(*files: tuple[str, str]) -> bytes:
-    stream = BytesIO()
-    with zipfile.ZipFile(stream, "w") as file:
-        for name, text in files:
-            file.writestr(name, text)
-    return stream.getvalue()
-
-
-def model_xml(encoding: str = "UTF-8", side: float = 2) -> str:
-    return (
+def model_xml(encoding: str = "UTF-8", side: float = 2) -> bytes:
+    text = (
         f"<?xml version='1.0' encoding='{encoding}'?><model xmlns='{CORE}'><resources>"
         f"{mesh_xml(side, 3, 4)}</resources><build><item objectid='1'/></build></model>"
     )
+    return text.encode()
 
 
 FLOATS_PLY = PLY.replace(b"list uchar int", b"list uchar float").replace(
@@ -160,16 +160,7 @@ REFUSED: dict[str, tuple[bytes, str, str]] = {
         "\u0661",
     ),
     "a position with an underscore": (
-        vox_file(
-            vox_model(np.array([[0, 0, 0]])),
-            chunk(
-                b"nTRN",
-                bytes(4)
-                + words()
-                + np.array([1, -1, -1, 1], "<i4").tobytes()
-                + words(_t="1_0 0 0"),
-            ),
-        ),
+        vox_file(vox_model(np.array([[0, 0, 0]])), vox_transform(0, 1, _t="1_0 0 0")),
         "damaged",
         "no valid position",
     ),
@@ -193,11 +184,11 @@ REFUSED: dict[str, tuple[bytes, str, str]] = {
     "floats as indices": (scene(with_floats_as_indices), "damaged", "whole numbers"),
     "a matrix of perspective": (scene(with_a_matrix), "damaged", "last row"),
     "two models of one name": (
-        zip_of(("3D/a.model", model_xml()), ("3D/A.MODEL", model_xml(side=9))),
+        zipped(**{"3D__a_model": model_xml(), "3D__A_model": model_xml(side=9)}),
         "damaged",
         "two models of one name",
     ),
-    "an unknown encoding": (zip_of(("3D/a.model", model_xml("x-1"))), "damaged", "encoding"),
+    "an unknown encoding": (zipped(a_model=model_xml("x-1")), "damaged", "encoding"),
     "supports alone": (archive(mesh_xml(2, 3, 4, kind="solidsupport"), 1), "empty", "supports"),
     "a shape of truth values": (
         b"\x93NUMPY\x01\x00\x36\x00{'descr':'<i8','fortran_order':False,'shape':(True,3)}"

@@ -1,6 +1,7 @@
 """Pictures of folds that accompany links to them."""
 
 import asyncio
+import errno
 import json
 import os
 from pathlib import Path
@@ -13,6 +14,7 @@ from fastapi import FastAPI
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes, chain_from_attributes
+from server.errors import NoRoom
 from server.files.artifacts import Artifacts, newer
 from server.files.pictures import MAX_CACHED_PICTURES, recent_pictures
 from server.pages import pictures as pictures_module
@@ -160,3 +162,16 @@ def test_picture_is_shown_although_the_disk_is_full(
     monkeypatch.setattr(pictures_module, "write_whole", fail_on_full_disk)
     (answer,) = pictures.request(pictures.add_fold("failed"))
     assert (answer.status_code, answer.content) == (200, b"a picture of first")
+
+
+@pytest.mark.parametrize("query", ["", "?view=1,30,20,1"])
+def test_picture_on_disk_that_became_read_only_is_refused_in_words(
+    pictures: Pictures, monkeypatch: pytest.MonkeyPatch, query: str
+) -> None:
+    def fail_on_read_only_disk(*_: object) -> bytes:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(pictures_module, "moment_of", lambda *_: {})
+    monkeypatch.setattr(pictures, "draw", fail_on_read_only_disk)
+    with pytest.raises(NoRoom, match="read-only"):
+        pictures.request(pictures.add_fold("failed"), query=query)
