@@ -8,9 +8,9 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
 from server.store.owner import new_token
-from tests.browser.conftest import Visit, preview_file, wait_for_preview
+from tests.browser.conftest import WIDTH, Visit, preview_file, wait_for_preview
 from tests.server.files.test_preview import CROSS, stl, voxels
-from tests.server.service_process import SNAKE, Service, bearer
+from tests.server.service_process import SNAKE, Service
 
 pytestmark = pytest.mark.long
 
@@ -47,7 +47,10 @@ PAGES = (
 
 @pytest.mark.parametrize("path", PAGES)
 def test_pages_without_a_fold_are_accessible(visit: Visit, path: str) -> None:
-    assert findings(visit(path)) == {}
+    page = visit(path)
+    assert findings(page) == {}
+    page.set_viewport_size({"width": 320, "height": 640})
+    assert page.evaluate(WIDTH) == 320  # nothing needs scrolling sideways
 
 
 def test_api_page_is_accessible(visit: Visit) -> None:
@@ -69,8 +72,7 @@ def test_paper_with_a_film_is_accessible(visit: Visit) -> None:
 def test_my_folds_is_accessible(visit: Visit, service: Service) -> None:
     token = new_token()
     fold = service.fold(SNAKE, seed="960", token=token)
-    files = {"file": ("brick.stl", stl())}
-    service.http.post("/api/shapes/preview", files=files, headers=bearer(token))
+    service.preview("brick.stl", stl(), token=token)
     service.wait_over(fold["id"])
     page = visit("/health")
     page.evaluate("key => localStorage.setItem('foldback:token', key)", new_token())

@@ -24,9 +24,7 @@ from tests.server.service_process import STAIRS, Service
 
 @pytest.mark.long
 def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: Service) -> None:
-    found = service.http.post(
-        "/api/shapes/preview", files={"file": ("stairs.json", json.dumps(STAIRS[:5]))}
-    ).json()
+    found = service.preview("stairs.json", json.dumps(STAIRS[:5]))
     page = visit(found["links"]["page"], width=390, height=844, view=False)
     wait_for_preview(page)
     settings = page.locator("#paper-settings")

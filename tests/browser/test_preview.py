@@ -33,9 +33,7 @@ def wait_for_rest(page: Page) -> None:
 @pytest.fixture(scope="module")
 def brick(service: Service) -> dict[str, Any]:
     """Preview of a brick, requested without its full result."""
-    return service.http.post(
-        "/api/shapes/preview", files={"file": ("brick.stl", stl())}, data={"full": "false"}
-    ).json()
+    return service.preview("brick.stl", stl(), full="false")
 
 
 def warmth(image: np.ndarray) -> np.ndarray:
@@ -163,9 +161,7 @@ def test_chain_starts_in_the_clicked_module(
     assert np.abs(picture(page) - before).max() > 40  # the module is highlighted
     page.locator("#start-button").click()
     wait_for_rest(page)
-    cells = service.http.post(
-        "/api/shapes/preview", data={"preview": brick["id"], "modules": "64"}
-    ).json()["cells"]
+    cells = service.preview(preview=brick["id"], modules="64")["cells"]
     start = "%2C".join(map(str, cells[module - 1]))
     expect(page).to_have_url(re.compile(re.escape(f"start={start}")))
     page.locator("#start-button").click()

@@ -177,8 +177,7 @@ def test_view_in_fold_pages_is_harmless(
     visit: Visit, service: Service, wrench: str, address: str
 ) -> None:
     if address == "preview":
-        files = {"file": ("brick.stl", stl())}
-        address = service.http.post("/api/shapes/preview", files=files).json()["links"]["page"]
+        address = service.preview("brick.stl", stl())["links"]["page"]
     page = page_with_secrets(visit)
     logs = open_hostile(page, address.format(wrench))
     frames = hostile_clients(page)

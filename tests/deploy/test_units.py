@@ -71,10 +71,8 @@ def test_units_repeat_nothing_of_their_drop_in() -> None:
         own = set(lines(name))
         assert not own & set(shared)
         # The drop-in would override settings of a unit.
-        keys = {line.partition("=")[0] for line in own} & {
-            line.partition("=")[0] for line in shared
-        }
-        assert keys <= {"Environment", "After"}
+        keys, theirs = ({line.partition("=")[0] for line in each} for each in (own, shared))
+        assert keys & theirs <= {"Environment", "After"}
 
 
 def test_computing_processes_may_confine_themselves() -> None:

@@ -135,14 +135,36 @@ class Service:
                 continue
         return found
 
+    def upload(
+        self,
+        filename: str,
+        data: bytes | str | None,
+        path: str = "/api/folds",
+        /,
+        *,
+        token: str | None = None,
+        **form: Any,
+    ) -> httpx.Response:
+        """Return the answer to a form with a file, which is left out without data."""
+        files = None if data is None else {"file": (filename, data)}
+        headers = {} if token is None else bearer(token)
+        return self.http.post(path, data=form, files=files, headers=headers)
+
     def fold(
         self, cells: object = None, /, *, token: str | None = None, **form: Any
     ) -> dict[str, Any]:
         """Request a fold of cells or a gallery shape, by a new visitor unless a token is given."""
-        files = None if cells is None else {"file": ("path.json", json.dumps(cells))}
-        headers = {} if token is None else bearer(token)
-        answer = self.http.post("/api/folds", data=form, files=files, headers=headers)
+        data = None if cells is None else json.dumps(cells)
+        answer = self.upload("path.json", data, token=token, **form)
         assert answer.status_code == 202, answer.text
+        return answer.json()
+
+    def preview(
+        self, filename: str = "", data: bytes | str | None = None, /, **form: Any
+    ) -> dict[str, Any]:
+        """Return the preview of a file, or of one that was uploaded before."""
+        answer = self.upload(filename, data, "/api/shapes/preview", **form)
+        assert answer.status_code == 200, answer.text
         return answer.json()
 
     def refusal(self, **form: str) -> tuple[int, dict[str, Any]]:

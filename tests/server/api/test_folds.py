@@ -166,16 +166,13 @@ def test_settings_that_change_something_make_another_fold(idle: Service) -> None
 
 
 def test_previews_report_the_compilation(idle: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    def previewed() -> dict[str, Any]:
-        files = {"file": ("path.json", json.dumps(SNAKE))}
-        return idle.http.post("/api/shapes/preview", files=files).json()
-
-    before = previewed()
+    before = idle.preview("path.json", json.dumps(SNAKE))
     assert before["preparing"] is None
     monkeypatch.setattr(
         Leases, "preparing", MagicMock(return_value=Preparing(fraction=0.42, remaining_s=69.2))
     )
-    assert previewed()["preparing"] == {"fraction": 0.42, "remaining_s": 70}
+    later = idle.preview("path.json", json.dumps(SNAKE))
+    assert later["preparing"] == {"fraction": 0.42, "remaining_s": 70}
     page = idle.http.get(before["links"]["page"]).text
     assert "preparing the solvers, 42 % done" in page
 
@@ -185,6 +182,5 @@ def test_busy_reader_says_when_to_try_again(idle: Service, monkeypatch: pytest.M
         raise ChildError(BUSY, "the machine is too busy; try again in a minute.")
 
     monkeypatch.setattr(Reader, "check", busy)
-    files = {"file": ("path.json", json.dumps(STAIRS))}
-    answer = idle.http.post("/api/folds", files=files, data={"seed": "77"})
+    answer = idle.upload("path.json", json.dumps(STAIRS), seed="77")
     assert (answer.status_code, answer.headers["Retry-After"]) == (503, str(BUSY_RETRY_S))

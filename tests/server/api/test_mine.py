@@ -25,12 +25,8 @@ def create(service: Service, token: str, what: str = "folds", **query: Any) -> d
 
 
 def view_preview(service: Service, token: str, **form: Any) -> dict[str, Any]:
-    files = None if "preview" in form else {"file": ("part.json", json.dumps(SNAKE))}
-    answer = service.http.post(
-        "/api/shapes/preview", data={"full": "false", **form}, files=files, headers=bearer(token)
-    )
-    assert answer.status_code == 200, answer.text
-    return answer.json()
+    data = None if "preview" in form else json.dumps(SNAKE)
+    return service.preview("part.json", data, token=token, full="false", **form)
 
 
 def test_folds_of_an_owner_are_listed_in_pages(idle: Service) -> None:

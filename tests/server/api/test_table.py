@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from server.processes import children
-from tests.server.service_process import Service
+from tests.server.service_process import Service, check_problem
 from web.timeline.columns import decode
 
 SLAB = [[x, y, 0] for x in range(3) for y in range(3) if (x, y) != (1, 0)]
@@ -23,8 +23,8 @@ def voxels(*sides: int) -> bytes:
 
 
 def get_json(idle: Service, path: str = "/api/folds", **form: str) -> Any:
-    files = {} if {"shape", "fold"} & set(form) else {"file": ("box.npy", voxels(2, 2, 2))}
-    return idle.http.post(path, files=files or None, data=form)
+    data = None if {"shape", "fold"} & set(form) else voxels(2, 2, 2)
+    return idle.upload("box.npy", data, path, **form)
 
 
 def test_options_that_do_not_suit_a_table_are_refused(idle: Service) -> None:
@@ -44,10 +44,8 @@ def test_settings_and_paths_that_do_not_suit_the_world_are_refused(idle: Service
     assert "for a fold that floats" in get_json(idle, settings="table_torque=3").json()["detail"]
     assert get_json(idle, world="table", settings="table_torque=0").json()["code"] == "bad-settings"
     over = [[0, 0, 1], [1, 0, 1], [2, 0, 1], [2, 0, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 1, 0]]
-    file = {"file": ("over.json", str(over).encode())}
-    answer = idle.http.post("/api/folds", files=file, data={"world": "table"})
-    assert (answer.status_code, answer.json()["code"]) == (422, "not-for-a-table")
-    assert len(answer.json()["detail"]) < 800
+    answer = idle.upload("over.json", str(over), world="table")
+    assert len(check_problem(answer, 422, "not-for-a-table")) < 800
 
 
 def test_preview_for_a_table_has_a_path_of_its_own(idle: Service) -> None:
@@ -92,8 +90,7 @@ def test_fold_on_a_table_shows_its_torque_and_forces(service: Service) -> None:
 def slab_without_a_path(service: Service) -> tuple[dict[str, Any], dict[str, str]]:
     """Preview a slab that has no path for a table; return its report and the same options."""
     form = {"world": "table", "as_voxels": "true"}
-    file = {"file": ("slab.json", str(SLAB).encode())}
-    none = service.http.post("/api/shapes/preview", files=file, data=form).json()
+    none = service.preview("slab.json", str(SLAB), **form)
     assert not none["has_path"]
     return none, {**form, "preview": none["id"]}
 
@@ -106,7 +103,7 @@ def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(idle: Serv
     offers = idle.http.post("/api/shapes/offers", data=same).json()["offers"]
     assert [offer["kind"] for offer in offers] == ["repair", "blocks"]
     change = {k: v for k, v in offers[0]["change"].items() if v is not None}
-    better = idle.http.post("/api/shapes/preview", data={**same, **change}).json()
+    better = idle.preview(**same, **change)
     assert better["has_path"]
     assert better["modules"] == offers[0]["modules"] == len(SLAB) + len(offers[0]["added"])
     # Proposed cells, and those that were added, have colours of their own.

@@ -45,7 +45,6 @@ def test_uploads_of_tetrahedra_are_checked(idle: Service) -> None:
         (f"foldback-angles/1\n{RING}", {}, 202, None, None),
         (apart, {"module": "tetrahedron"}, 422, "no-path", None),
     ):
-        file = {"file": ("chain.txt", text.encode())}
-        answer = idle.http.post("/api/folds", files=file, data=form)
+        answer = idle.upload("chain.txt", text, **form)
         body = answer.json()
         assert (answer.status_code, body.get("code"), body.get("where")) == (status, code, where)

@@ -38,14 +38,11 @@ def stl() -> bytes:
 
 
 def ask(service: Service, data: bytes | None = None, /, **form: Any) -> httpx.Response:
-    files = None if data is None else {"file": ("thing.bin", data)}
-    return service.http.post("/api/shapes/preview", data=form, files=files)
+    return service.upload("thing.bin", data, "/api/shapes/preview", **form)
 
 
 def report(service: Service, data: bytes | None = None, /, **form: Any) -> dict[str, Any]:
-    answer = ask(service, data, **form)
-    assert answer.status_code == 200, answer.text
-    return answer.json()
+    return service.preview("thing.bin", data, **form)
 
 
 def is_path(cells: list[list[int]]) -> bool:
@@ -133,12 +130,9 @@ def test_blocks_are_not_offered_for_cells_apart(idle: Service) -> None:
     found = report(idle, apart, method="blocks")
     assert not found["has_path"]
     assert not any("There is always a path" in note for note in found["notes"])
-    refused = [
-        idle.http.post("/api/folds", files={"file": ("a.json", apart)}, data={"method": method})
-        for method in ("auto", "blocks")
-    ]
-    assert [answer.status_code for answer in refused] == [422, 422]
-    for answer in refused:
+    for method in ("auto", "blocks"):
+        answer = idle.upload("a.json", apart, method=method)
+        assert answer.status_code == 422
         assert "2 parts" in answer.json()["detail"]
         assert "'blocks'" not in answer.json()["detail"]
     whole = report(idle, voxels(CROSS), method="blocks")

@@ -3,7 +3,6 @@
 import json
 from typing import Any
 
-import httpx
 import pytest
 
 from planner.display_names import MAX_NAME_LENGTH, clean_name
@@ -59,8 +58,7 @@ def test_clean_name_keeps_visible_text() -> None:
 
 
 def _title(service: Service, data: object, filename: str = "ok.json") -> str:
-    file = {"file": (filename, json.dumps(data))}
-    answer: httpx.Response = service.http.post("/api/folds", files=file)
+    answer = service.upload(filename, json.dumps(data))
     assert answer.status_code == 202, answer.text
     return str(service.state(answer.json()["id"])["title"])
 
@@ -75,13 +73,8 @@ def named_by_file(service: Service, name: str) -> str:
 
 def named_in_preview(service: Service, name: str) -> str:
     named = {"format": "foldback-path/1", "name": name, "cells": SNAKE}
-    files: dict[str, Any] = {
-        "headers": bearer("N" * 32),
-        "files": {"file": ("ok.json", json.dumps(named))},
-    }
-    answer = service.http.post("/api/shapes/preview", data={"full": "false"}, **files)
-    assert answer.status_code == 200, answer.text
-    listed = service.http.get("/api/mine/previews", headers=files["headers"]).json()
+    service.preview("ok.json", json.dumps(named), token="N" * 32, full="false")
+    listed = service.http.get("/api/mine/previews", headers=bearer("N" * 32)).json()
     return str(listed["previews"][0]["title"])
 
 

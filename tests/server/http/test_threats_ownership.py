@@ -1,17 +1,8 @@
 """Attacks on the ownership of a fold: by its link, by the same file, by the same shape."""
 
-from typing import Any
-
 from server.store.owner import new_token
 from tests.server.http.test_threats_strangers import path_file
 from tests.server.service_process import SNAKE, FinishedFold, Service, bearer, owner
-
-
-def upload(idle: Service, filename: str, data: bytes, token: str | None = None) -> dict[str, Any]:
-    headers = {} if token is None else bearer(token)
-    answer = idle.http.post("/api/folds", files={"file": (filename, data)}, headers=headers)
-    assert answer.status_code == 202, answer.text
-    return answer.json()
 
 
 def changes(idle: Service, fold_id: str, token: str) -> list[int]:
@@ -44,15 +35,15 @@ def test_folds_made_by_strangers_from_one_fold_are_separate(finished: FinishedFo
 
 def test_same_file_of_another_visitor_reveals_nothing(idle: Service) -> None:
     data, me, stranger = path_file("a shape", 101), new_token(), new_token()
-    mine = upload(idle, "secret.json", data, me)
+    mine = idle.upload("secret.json", data, token=me).json()
     for token in (stranger, None):
-        theirs = upload(idle, "guess.json", data, token)
+        theirs = idle.upload("guess.json", data, token=token).json()
         assert theirs["existing"] is False
         assert theirs["id"] != mine["id"]
         assert theirs["owner_token"] and (token is None or theirs["owner_token"] == token)
         assert (idle.directory(theirs["id"]) / "request.json").read_text().count("secret") == 0
         assert changes(idle, theirs["id"], theirs["owner_token"]) == [202, 204]
-    again = upload(idle, "again.json", data, me)
+    again = idle.upload("again.json", data, token=me).json()
     other = idle.fold(fold=mine["id"], module_size="0.9", token=me)
     assert other["id"] != mine["id"]  # with other options
     assert (again["id"], again["existing"], again["owner_token"]) == (mine["id"], True, me)
@@ -61,7 +52,7 @@ def test_same_file_of_another_visitor_reveals_nothing(idle: Service) -> None:
 
 def test_gallery_fold_does_not_publish_an_equal_upload(idle: Service) -> None:
     data = idle.http.get("/api/shapes/mallet-24.json").content
-    mine = upload(idle, "mine.json", data)
+    mine = idle.upload("mine.json", data).json()
     gallery = idle.fold(shape="mallet-24")
     assert gallery["id"] != mine["id"]
     listed = {fold["id"] for fold in idle.http.get("/api/folds").json()["folds"]}

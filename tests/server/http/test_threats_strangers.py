@@ -14,7 +14,7 @@ from server.pages.page import script_json
 from server.settings import Settings
 from server.store.folds import new_id
 from server.store.owner import new_token
-from tests.server.service_process import FinishedFold, Service
+from tests.server.service_process import FinishedFold, Service, check_problem
 
 ServiceWith = Callable[..., Service]
 PAGE = {"Accept": "text/html"}
@@ -68,7 +68,7 @@ def test_hostile_filename_stays_a_name(idle: Service) -> None:
 def test_downloads_of_a_hostile_name_are_harmless(service: Service) -> None:
     name = '=1+1"</script><script>alert(1)</script>&\r\nX: y'
     path = {**json.loads(path_file(name, 0)), "cells": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]}
-    answer = service.http.post("/api/folds", files={"file": ("a.json", json.dumps(path))})
+    answer = service.upload("a.json", json.dumps(path))
     page = f"/folds/{answer.json()['id']}"
     service.wait_over(answer.json()["id"])
     files = [e["href"] for e in service.http.get(f"/api{page}/exports").json()["exports"]]
@@ -106,10 +106,9 @@ def test_ids_and_tokens_cannot_be_guessed() -> None:
 
 
 def test_private_links_are_not_indexed(idle: Service) -> None:
-    secret = idle.http.post("/api/folds", files={"file": ("a.json", path_file("s", 60))}).json()
+    secret = idle.upload("a.json", path_file("s", 60)).json()
     public = idle.fold(shape="mallet-64")["id"]
-    seen = {"file": ("a.json", path_file("s", 61))}
-    body = idle.http.post("/api/shapes/preview", files=seen, data={"full": "false"}).json()
+    body = idle.preview("a.json", path_file("s", 61), full="false")
     preview, page = body["links"]["page"], f"/folds/{secret['id']}"
     hidden = [page + part for part in ("", "/facts", "/picture.png", "/standalone.html")]
     hidden += [f"/api{page}{part}" for part in ("", "/plan.json", "/movies/abc")]
@@ -183,12 +182,9 @@ def test_hostile_settings_are_refused(idle: Service) -> None:
 def test_settings_of_endless_folds_are_refused_with_a_remedy(idle: Service) -> None:
     """tests/planner/pipeline/test_expected_cost.py has the list of such settings."""
     cells = [[x, y if x % 2 == 0 else 29 - y, 0] for x in range(20) for y in range(30)]
-    file = {"file": ("long.json", json.dumps(cells))}
     form = {"preset": "paper", "settings": "step_s=0.0001"}
-    answer = idle.http.post("/api/folds", data=form, files=file)
-    body = answer.json()
-    assert (answer.status_code, body["code"]) == (422, "too-long"), body
-    assert all(word in body["detail"] for word in ("got settings", "expected", "Use fewer modules"))
+    detail = check_problem(idle.upload("long.json", json.dumps(cells), **form), 422, "too-long")
+    assert all(word in detail for word in ("got settings", "expected", "Use fewer modules"))
 
 
 @pytest.mark.parametrize(("proxies", "same"), [("192.0.2.0/24", True), ("127.0.0.0/8,::1", False)])

@@ -7,6 +7,7 @@ import time
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
+from http.client import HTTPResponse, RemoteDisconnected
 from itertools import product
 from pathlib import Path
 
@@ -41,19 +42,13 @@ def connect_to(service: Service) -> Iterator[socket.socket]:
 
 
 def answer_of(client: socket.socket) -> tuple[int, dict[str, str], bytes]:
-    """Read status, headers and body, until the connection is closed or the answer is complete."""
-    data = b""
-    while b"\r\n\r\n" not in data:
-        piece = client.recv(65536)
-        if not piece:
-            return 0, {}, data
-        data += piece
-    head, _, body = data.partition(b"\r\n\r\n")
-    lines = head.decode("latin-1").split("\r\n")
-    headers = {k.lower(): v for k, _, v in (line.partition(": ") for line in lines[1:])}
-    while len(body) < int(headers.get("content-length", "0")):
-        body += client.recv(65536)
-    return int(lines[0].split()[1]), headers, body
+    """Return status, headers and body of an answer; 0 if the connection is closed without one."""
+    response = HTTPResponse(client)
+    try:
+        response.begin()
+    except RemoteDisconnected:
+        return 0, {}, b""
+    return response.status, dict(response.headers), response.read()
 
 
 def head(visitor: str, more: bytes, path: bytes = b"/api/folds") -> bytes:

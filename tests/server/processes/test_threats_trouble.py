@@ -90,8 +90,8 @@ def test_full_disk_refuses_uploads_and_nothing_else(finished: FinishedFold) -> N
     token = new_token()
 
     def upload() -> dict[str, Any]:
-        file = ("snake.json", json.dumps(SNAKE) + 10_000 * " ")
-        answer = finished.http.post("/api/folds", files={"file": file}, headers=bearer(token))
+        data = json.dumps(SNAKE) + 10_000 * " "
+        answer = finished.service.upload("snake.json", data, token=token)
         assert answer.status_code == 202, answer.text
         return answer.json()
 
