@@ -35,7 +35,7 @@ TEXT: Final = """\
 # Licences
 
 foldback itself is under the [MIT licence](../LICENSE). `make run` and the container image install
-these packages too. Each brings the text of its licence, in `site-packages/NAME.dist-info`.
+these packages too. The text of each licence is in `site-packages/NAME.dist-info`.
 `python -m docs.make_licences` writes this page.
 
 The image also contains Debian packages; their licences are in `/usr/share/doc`. One of them is

@@ -24,7 +24,7 @@ from planner.verification.integrity import check
 from web.pictures.knot_drawing import KnotDrawing, drawing_of
 from words.fold import ShownFold
 from words.messages import verdict_for_people
-from words.quantities import STRATEGY_LABELS, quantity, sentence
+from words.quantities import STRATEGY_LABELS, module_widths, quantity, sentence
 
 FAILURE_HEADINGS: Final = {
     "knot": "The chain is knotted",
@@ -143,15 +143,15 @@ def _blocks(told: BlockFigures) -> list[str]:
         degrees, (a, b) = abs(np.rad2deg(turn["turned_rad"])), turn["modules"]
         lines.append(
             f"Hinge {turn['hinge']} at module {turn['module'] + 1}, turned by {degrees:.0f}°: "
-            f"modules {a + 1} and {b + 1} overlap by {quantity(turn['overlap'], 'pitch', 2)}"
+            f"modules {a + 1} and {b + 1} overlap by {module_widths(turn['overlap'], 2)}"
         )
     for move in told["moves"]:
         axis = next(k for k, step in enumerate(move["direction"]) if step)
         way = f"{'+' if move['direction'][axis] > 0 else '−'}{'xyz'[axis]}"
         a, b = move["modules"]
         lines.append(
-            f"The next part, moved by {quantity(move['moved'], 'pitch')} along {way}: "
-            f"modules {a + 1} and {b + 1} overlap by {quantity(move['overlap'], 'pitch', 2)}"
+            f"The next part, moved by {module_widths(move['moved'])} along {way}: "
+            f"modules {a + 1} and {b + 1} overlap by {module_widths(move['overlap'], 2)}"
         )
     more = len(lines) - MAX_BLOCKING_LINES
     return lines if more <= 0 else [*lines[:MAX_BLOCKING_LINES], f"And {more} more"]
@@ -222,8 +222,7 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
         return {
             "modules": modules,
             "frame": place["frame"],
-            "words": f"at a module size of {size}, {which} overlap by "
-            f"{quantity(-clearance, 'pitch', 2)}",
+            "words": f"at a module size of {size}, {which} overlap by {module_widths(-clearance)}",
         }
     return None
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import Final
 
+from words.quantities import module_widths
+
 GOT_EXPECTED: Final = re.compile(
     r"\bgot (?P<got>.+?), expected (?P<expected>(?:[^;.]|\.(?=\d))+)", re.DOTALL
 )
@@ -12,7 +14,16 @@ GOT: Final = re.compile(r"\bgot (?=\S)")
 WRONG_KIND: Final = re.compile(
     r"this looks like (?P<kind>.+?), expected (?P<expected>.+)\.$", re.DOTALL
 )
+COMMON_FORMATS: Final = "a mesh (STL, OBJ, PLY, OFF, GLB or 3MF), a voxel model, a path or a chain"
+"""Files that people may upload; programs get the names of all formats."""
+ALL_FORMATS: Final = re.compile(r"a mesh \(STL.* foldback-chain/1 .*\)", re.DOTALL)
+"""Matches the formats as programs get them, ``READABLE_FORMATS``."""
 MESSAGES: Final = (
+    (
+        re.compile(r"got a mesh without triangles, .*"),
+        "This mesh has no triangles. Save it again as a closed surface.",
+    ),
+    (re.compile(r"Not Found"), "There is nothing at this address."),
     (re.compile(r"got an empty file\b.*"), "This file is empty."),
     (re.compile(r"got 0 angles, expected a positive\b.*"), "Type at least one angle: 0, + or −."),
     (
@@ -24,6 +35,8 @@ MESSAGES: Final = (
 )
 """Messages for people for the most frequent input errors: a pattern that matches the whole error
 text, and the message that replaces it."""
+PITCHES: Final = re.compile(r"(?<![\w.])(?P<pitches>-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) pitch(?:es)?\b")
+"""Matches a length in a verdict."""
 VERDICT_PHRASES: Final = (
     (
         re.compile(
@@ -45,7 +58,7 @@ def verdict_for_people(verdict: str) -> str:
     """Return a stored verdict, or its reason, in the words that people read."""
     for pattern, words in VERDICT_PHRASES:
         verdict = pattern.sub(words, verdict)
-    return verdict
+    return PITCHES.sub(lambda length: module_widths(float(length["pitches"])), verdict)
 
 
 def message_for_people(detail: str) -> str:
@@ -58,7 +71,8 @@ def message_for_people(detail: str) -> str:
         if match := pattern.fullmatch(detail):
             return message.format(**match.groupdict())
     if match := WRONG_KIND.fullmatch(detail):
-        return f"This looks like {match['kind']}. Please use {match['expected']}."
+        expected = ALL_FORMATS.sub(COMMON_FORMATS, match["expected"])
+        return f"This looks like {match['kind']}. Please use {expected}."
     text = GOT_EXPECTED.sub(r"expected \g<expected>, but found \g<got>", detail)
     text = GOT.sub("found ", text)
     head, separator, advice = text.partition("; ")

@@ -175,6 +175,14 @@ def quantity(value: object, unit: str = "", digits: int = SIGNIFICANT_DIGITS) ->
     return f"{value} {unit}".rstrip()
 
 
+def module_widths(pitches: float, digits: int = SIGNIFICANT_DIGITS) -> str:
+    """Return a length in module widths: ``1.03 module widths``, ``1.2 % of a module width``."""
+    if abs(pitches) < 0.1:
+        return f"{number(100.0 * pitches, digits)} % of a module width"
+    many = number(pitches, digits)
+    return f"{many} module width{'' if many == '1' else 's'}"
+
+
 def length_m(value: object) -> str | None:
     """Return a length in metres, or in millimetres if it is short."""
     if isinstance(value, bool) or not isinstance(value, int | float):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from planner.pathfinding.path_options import MAX_TABLE_MODULES
 from planner.pipeline.preference import Preference
 from words.plan_choice import PREFERENCE_WORDS
 
@@ -41,9 +42,15 @@ def another_seed(seed: int) -> Button:
     return Button("Another seed", f"Seed {seed}")
 
 
-def on_a_table(time: str) -> Button:
-    """Return the button for a fold on a table that takes a time in words."""
-    return Button("On a table", f"With gravity, takes {time}")
+def on_a_table(time: str, modules: int) -> Button:
+    """Return the button for a fold on a table that takes a time in words.
+
+    Args:
+        time: Time in words.
+        modules: Number of modules; long chains usually get stuck.
+    """
+    stuck = "; usually gets stuck with so many modules" if modules > MAX_TABLE_MODULES else ""
+    return Button("On a table", f"With gravity, takes {time}{stuck}")
 
 
 def preferring(preference: Preference, time: str) -> Button:

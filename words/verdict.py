@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Final, TypedDict
 
@@ -21,6 +22,8 @@ COVER_WAITING: Final = "Waiting for the first frame"
 NO_DOWNLOADS: Final = "Nothing to download here."
 NO_DOWNLOADS_YET: Final = "You can download the plan when the fold is finished."
 CANCELLED: Final = "Cancelled before it finished"
+UNIT_AFTER_NUMBER: Final = re.compile(r"(?<=\d) (?=%|modules?\b)")
+"""Matches the spaces of a verdict at which a browser must not wrap its line."""
 VIEW_FILES: Final = (
     ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
     ("recording.viser", "Recording", ".viser: for the viser client"),
@@ -75,7 +78,8 @@ def verdict_of(
 
 
 def _verdict(tone: str, *parts: str | None) -> Verdict:
-    return {"tone": tone, "text": " · ".join(part for part in parts if part)}
+    text = " · ".join(part for part in parts if part)
+    return {"tone": tone, "text": UNIT_AFTER_NUMBER.sub("\u00a0", text)}
 
 
 def problem_of(row: ShownFold, summary: FoldSummary) -> Problem | None:

@@ -222,7 +222,7 @@ def _unproved(directory: FilePath) -> Differences:
     """Yield what the independent checker cannot prove."""
     found = foldback_check.check(directory / PLAN)
     if found["verdict"] != "proved":
-        yield f"plan.npz: the independent checker proves nothing: {found['reason']}"
+        yield f"plan.npz: the independent checker cannot prove the plan: {found['reason']}"
 
 
 def _unproved_margins(plan: Plan) -> Differences:

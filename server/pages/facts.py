@@ -310,7 +310,7 @@ def _other_methods(
 
     others: list[Suggestion] = []
     if _may_rest(row) and not ruled_out_on_table(result_path(found.directory, CHAIN)):
-        button = on_a_table(time(FoldRequest(world="table")))
+        button = on_a_table(time(FoldRequest(world="table")), row.modules)
         others.append(_suggestion(button, _form(row, replace(plain, world="table"))))
     if row.preset == plain.preset:
         unlike: Preference = "time" if row.prefer == COMPUTING else COMPUTING

@@ -102,7 +102,7 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     heat = "Heat (K)\n" + "".join(f"{k}\n" for k in range(len(STAIRS)))
     numbers.set_input_files({"name": "a.csv", "mimeType": "text/csv", "buffer": heat.encode()})
     expect(page.locator("#legend-low")).to_have_text("0 K")
-    box.get_by_role("button", name="Keep with this fold").click()
+    box.get_by_role("button", name="Save with this fold").click()
     expect(box).to_contain_text("Everyone with a link to this fold can see them.")
     other.evaluate("() => { location.hash = '#colour=own'; }")
     expect(other.locator("#legend-low")).to_have_text("0 K")

@@ -16,6 +16,13 @@ PICTURE_SHARE = """() => {
   return places.filter((one) => one?.matches("iframe, canvas, .stage")).length / places.length;
 }"""
 """Script that returns the fraction of the page where nothing covers the picture."""
+MAX_LOW_HEIGHT_PX = 420
+"""Height up to which a page has one row of controls over its picture."""
+EDGES = """(parts) => parts.map((part) => {
+  const { left, right } = part.getBoundingClientRect();
+  return [Math.round(left), Math.round(right)];
+})"""
+"""Script that returns the left and the right edge of elements."""
 SIZES = {
     "fold": [(1366, 768), (390, 844), (640, 360), (683, 384)],
     "embed": [(640, 360), (300, 260), (300, 200)],
@@ -31,6 +38,10 @@ def test_picture_fills_most_of_the_page_at_each_size(visit: Visit, wrench: str, 
     for width, height in SIZES[kind]:
         page.set_viewport_size({"width": width, "height": height})
         shares[width, height] = page.evaluate(PICTURE_SHARE)
+        # It shows the name, the verdict and the buttons, in one row of this order if it is low.
+        edges = page.locator("#name, #verdict, #share, .whole > *").evaluate_all(EDGES)
+        assert all(0 <= left < right <= width for left, right in edges), edges
+        assert height > MAX_LOW_HEIGHT_PX or edges == sorted(edges)
     assert {size: share for size, share in shares.items() if share < MIN_PICTURE_SHARE} == {}
     # A button shows the rest.
     rest = page.locator("#loop, #speed, #jump, #follow, #colour-by").locator("visible=true")

@@ -75,8 +75,9 @@ def test_failure_lists_blocks_and_budgets() -> None:
     shown = failure(row(), {"stuck": {**KNOT, "kind": "buried", "evidence": evidence}})
     assert shown is not None and shown["heading"] == "Stalled: modules blocked each other"
     assert shown["blocks"] == [
-        "Hinge 7 at module 5, turned by 2°: modules 5 and 10 overlap by 0.012 pitch",
-        "The next part, moved by 0.5 pitch along −y: modules 6 and 3 overlap by 0.45 pitch",
+        "Hinge 7 at module 5, turned by 2°: modules 5 and 10 overlap by 1.2 % of a module width",
+        "The next part, moved by 0.5 module widths along −y: modules 6 and 3 overlap by "
+        "0.45 module widths",
     ]
     many = {**evidence, "turns": 30 * [turn]}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
@@ -106,7 +107,8 @@ def test_failure_by_an_overlap_has_its_frame() -> None:
     summary = {"certificate": certificate, "explosion": {"frames": 200}, "refold": None}
     shown = failure(row(), summary)
     assert shown is not None and shown["heading"] == "Modules overlap"
-    assert shown["text"] == "At a module size of 1, modules 4 and 8 overlap by 0.012 pitch."
+    text = "At a module size of 1, modules 4 and 8 overlap by 1.19 % of a module width."
+    assert shown["text"] == text
     assert (shown["modules"], shown["frame"]) == ([3, 7], 212.5)
     # Their timelines are those of their plans alone.
     for alone in ({"refold": {"start": "a"}}, {"smoothing": {"way": "smoothed"}}):

@@ -1,6 +1,7 @@
 """Messages for people, which pages show of an error, and details for programs."""
 
 from planner.errors import InputError
+from planner.readers.formats import READABLE_FORMATS
 from server.errors import Unusable
 from server.http.problems import Problem
 from words.certificate import headline
@@ -16,9 +17,17 @@ MESSAGES = {
     "this looks like a PDF document, expected a mesh (STL, OBJ) or cells.": (
         "This looks like a PDF document. Please use a mesh (STL, OBJ) or cells."
     ),
+    f"this looks like a PDF document, expected {READABLE_FORMATS}.": (
+        "This looks like a PDF document. Please use a mesh (STL, OBJ, PLY, OFF, GLB or 3MF), "
+        "a voxel model, a path or a chain."
+    ),
+    "got a mesh without triangles, expected a closed surface.": (
+        "This mesh has no triangles. Save it again as a closed surface."
+    ),
     "got 600 modules, expected at most 512; use a coarser shape.": (
         "Expected at most 512, but found 600 modules. Use a coarser shape."
     ),
+    "Not Found": "There is nothing at this address.",
     "The database does not answer.": "The database does not answer.",
 }
 VERDICTS = {
@@ -26,13 +35,19 @@ VERDICTS = {
         "stays on the table and needs at most 3.2 w·p in frame 4 (without friction)"
     ),
     "failed: the playback missed: the chain ended 0.2 pitches (RMS) from its target.": (
-        "failed: the chain ended 0.2 pitches (RMS) from its target."
+        "failed: the chain ended 0.2 module widths (RMS) from its target."
     ),
     "failed: the explosion stalled: modules 1 and 2 block each other": (
         "failed: modules 1 and 2 block each other"
     ),
     "failed: the chain floats and does not rest on a table; laid down in each frame, it": (
         "failed: the chain floats, so a table does not support it. Laid down in each frame, it"
+    ),
+    "failed: modules 2 and 9 overlap by 1.03 pitch at module size 0.95": (
+        "failed: modules 2 and 9 overlap by 1.03 module widths at module size 0.95"
+    ),
+    "failed: modules 2 and 9 overlap by 1 pitch, 5e-05 pitch before that": (
+        "failed: modules 2 and 9 overlap by 1 module width, 0.005 % of a module width before that"
     ),
     "failed: the explosion stalled: ": "failed: the explosion stalled: ",
     "verified (simulated)": "verified (simulated)",

@@ -384,7 +384,7 @@ def _server(host: str, port: int) -> viser.ViserServer:
         raise InputError(
             "no-such-address",
             f"got {host!r:.80} and port {port}, expected an address of this machine and a port of "
-            f"0 to {MAX_PORT}, as 127.0.0.1 and 8080 ({error}).",
+            f"0 to {MAX_PORT}, such as 127.0.0.1 and 8080 ({error}).",
         ) from error
 
 

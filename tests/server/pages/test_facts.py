@@ -161,8 +161,9 @@ def test_running_fold_shows_the_verdict_of_a_checked_plan(tmp_path: Path) -> Non
         stage: fold_facts(failed_fold(tmp_path, 0, status="running", stage=stage))["verdict"]
         for stage in ("certify", "export")
     }
-    assert facts["certify"] == {"tone": "busy", "text": "Computing · 16 modules"}
-    assert facts["export"] == {"tone": "good", "text": "Verified (simulated) · 16 modules"}
+    assert facts["certify"] == {"tone": "busy", "text": "Computing · 16\N{NO-BREAK SPACE}modules"}
+    text = "Verified (simulated) · 16\N{NO-BREAK SPACE}modules"
+    assert facts["export"] == {"tone": "good", "text": text}
     (tmp_path / "certificate.json").write_text('{"verdict": "failed: modules overlap"}')
     refused = fold_facts(failed_fold(tmp_path, 0, status="running", stage="export"))
     assert refused["verdict"]["tone"] == "busy"

@@ -114,7 +114,8 @@ test("a fold with a verdict is not to be cancelled or awaited while its files ar
     EventSource: class { addEventListener() {} },
     fetch: () => Promise.resolve(Response.json({ running: true, ...facts("good") })),
   });
-  const progress = new Progress({ id: "abc" }, { onDone() {}, onProgress() {} });
+  let told;
+  const progress = new Progress({ id: "abc" }, { onDone() {}, onProgress: (_now, _stage, verdict) => { told = verdict; } });
   progress.token = "key";
   const shown = async (stage) => {
     progress.show({ status: "running", stage, fraction: 0.5 });
@@ -123,5 +124,6 @@ test("a fold with a verdict is not to be cancelled or awaited while its files ar
   };
   assert.deepEqual(await shown("certify"), ["busy", false, false]);
   assert.deepEqual(await shown("export"), ["good", true, true]);
+  assert.equal(told.tone, "good"); // for the title of the tab
   assert.deepEqual(await shown("certify"), ["busy", false, true]); // it was interrupted, and is computed again
 });

@@ -32,7 +32,7 @@ export class OwnPanel {
     this.error = element("p", { class: "bad", role: "alert" });
     this.file = element("input", { class: "visually-hidden", type: "file", accept: ".csv,.tsv,.txt,.json", "aria-label": "File with numbers" });
     this.file.onchange = () => { if (this.file.files?.[0]) this.take(this.file.files[0]); this.file.value = ""; };
-    this.keep = button("button", "Keep with this fold", () => this.change("PUT"));
+    this.keep = button("button", "Save with this fold", () => this.change("PUT"));
     this.remove = button("button quiet", "Remove", () => this.change("DELETE"));
     this.box = element("section", { class: "tour own-values", "aria-label": "Your own numbers", hidden: true }, this.words, this.error,
       element("div", { class: "tour-ways" }, button("button primary", "Choose a file", () => this.file.click()), this.file, this.keep, this.remove,
@@ -96,7 +96,7 @@ export class OwnPanel {
     const rows = growing ? "" : `, or ${total} rows with ${chain.modules} each, one for each frame`;
     const more = own && own.rows > 1 ? `${own.rows} rows with ${chain.modules} numbers each` : `${chain.modules} numbers`;
     const where = kept ? "Everyone with a link to this fold can see them." : "They stay in this browser.";
-    const fewer = own && token && keptRows(own) < own.rows ? ` Only ${keptRows(own)} rows, evenly spread, can be kept with the fold.` : "";
+    const fewer = own && token && keptRows(own) < own.rows ? ` Only ${keptRows(own)} evenly spaced rows can be saved with the fold.` : "";
     this.words.textContent = own ? `${own.name}${own.unit && ` (${own.unit})`}: ${more}. ${where}${fewer}`
       : `Colour the modules by your own numbers: drop a CSV or JSON file here, or choose one. It has ${chain.modules} numbers, one for each module${rows}. The file stays in this browser.`;
     this.keep.hidden = !own || kept || !token;
@@ -114,7 +114,7 @@ export class OwnPanel {
       this.kept = !remove;
       if (remove) { this.own = null; this.legend.offer(null); this.legend.choose("error"); }
     } catch (error) {
-      this.error.textContent = error instanceof Refusal && error.gone ? "Only the owner of this fold can keep numbers with it." : wordsOf(error);
+      this.error.textContent = error instanceof Refusal && error.gone ? "Only the owner of this fold can save numbers with it." : wordsOf(error);
     }
     this.say();
   }

@@ -48,6 +48,7 @@ const sides = facts.map((fold, k) => {
   const now = /** @type {HTMLElement} */ (side.querySelector(".side-now"));
   const { player, stage } = playerOn(new Timeline(new Source(hrefOf(`/folds/${id}`)), { over: !running }), frame, canvas, { calm });
   player.on("state", (/** @type {State} */ { error_rad: error }) => {
+    now.toggleAttribute("data-error", error !== null);
     now.textContent = error === null ? "No error recorded here" : `Error ${radians(error)}`;
   });
   if (running) follow(id, /** @type {HTMLElement} */ (side.querySelector(".verdict")), player);

@@ -115,10 +115,11 @@ async function tryAgain({ form }) {
 show(facts);
 if (code) import("../tour/follower.js").then(({ Follower }) => new Follower(code, player, place)).catch((error) => toast(wordsOf(error)));
 if (facts.running) {
-  progress(([{ Progress }, { awaitOutcome, titleOf }]) => {
+  progress(([{ Progress }, { awaitOutcome, headingOf, titleOf }]) => {
     const end = awaitOutcome(toast);
     return new Progress(facts, {
-      onProgress: (now, stage) => { document.title = titleOf(now, facts.name, stage); }, onDone: (now) => { show(now); end(now); },
+      onProgress: (now, stage, verdict) => { document.title = verdict ? headingOf({ name: facts.name, verdict }) : titleOf(now, facts.name, stage); },
+      onDone: (now) => { show(now); end(now); },
     });
   });
 }

@@ -65,7 +65,7 @@ function movieForm(id) {
     choice("Shows", "part", [["fold", "The fold"], ["all", "Whole timeline"]]),
     choice("Camera", "turn", [["30", "Turns slightly"], ["0", "Stands still"], ["360", "Circles once"]]),
     choice("Ground", "theme", [["light", "Light"], ["dark", "Dark"]]),
-    choice("Captions", "captions", [["", "None"], ["tour", "Those of the tour"]]),
+    choice("Captions", "captions", [["", "None"], ["tour", "From the tour"]]),
     element("div", { class: "wide" }, element("button", { class: "button", type: "submit" }, "Create movie")));
   const stop = element("button", { class: "button quiet", type: "button", hidden: true }, "Stop");
   const state = element("p", { class: "movie-state", role: "status" });

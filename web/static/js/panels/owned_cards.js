@@ -25,7 +25,7 @@ const ago = (moment) => {
 };
 
 /** @param {string} moment */
-const keptFor = (moment) => `kept\u00a0${span(Math.max(0, Date.parse(moment) - Date.now()) / S)}\u00a0more`;
+const expiryOf = (moment) => `expires in\u00a0${span(Math.max(0, Date.parse(moment) - Date.now()) / S)}`;
 
 /**
  * @param {string} text
@@ -144,7 +144,7 @@ export class FoldCard extends Card {
     this.title.replaceChildren(element("a", { href: fold.links.page }, fold.title));
     this.verdict.textContent = text;
     this.verdict.dataset.status = tone;
-    const kept = fold.public ? "in the gallery" : fold.expires_at && keptFor(fold.expires_at);
+    const kept = fold.public ? "in the gallery" : fold.expires_at && expiryOf(fold.expires_at);
     this.facts.textContent = [`${whole(fold.modules)} ${PLURALS[fold.module] ?? "modules"}`, methodWords(fold), ago(fold.created_at), kept].filter(Boolean).join(" · ");
     this.ways.replaceChildren(
       way("Copy link", fold.title, () => this.copy()),
@@ -185,7 +185,7 @@ export class PreviewCard extends Card {
    */
   constructor({ id, title, module, modules, created_at: made, expires_at: end, page, drawing }, key, gone) {
     super(element("li", { class: "made", "data-id": id }, art(page, drawing)), key, gone);
-    const facts = `${whole(modules)} ${PLURALS[module] ?? "modules"} · ${ago(made)} · ${keptFor(end)}`;
+    const facts = `${whole(modules)} ${PLURALS[module] ?? "modules"} · ${ago(made)} · ${expiryOf(end)}`;
     this.item.append(element("h3", { class: "card-title" }, element("a", { href: page }, title)), element("p", { class: "card-count" }, facts),
       element("div", { class: "ways" }, this.deletion(title, `/api/mine/previews/${id}`, [`Delete “${title}”?`, "This permanently deletes the uploaded file. Folds made from it stay."])));
   }

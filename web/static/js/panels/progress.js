@@ -19,7 +19,7 @@ const OVER = ["verified", "failed", "cancelled"];
 export class Progress {
   /**
    * @param {Facts} facts
-   * @param {{ onDone: (facts: Facts) => void, onProgress: (now: Api.Progress, stage: string) => void }} around
+   * @param {{ onDone: (facts: Facts) => void, onProgress: (now: Api.Progress, stage: string, verdict: Facts["verdict"] | null) => void }} around
    */
   constructor(facts, { onDone, onProgress }) {
     this.facts = facts;
@@ -83,7 +83,7 @@ export class Progress {
     else this.verdict = null;
     this.offer();
     const { preparing } = now;
-    this.onProgress({ ...now, ...(now.status === "running" && { fraction: advance.fraction }) }, advance.name());
+    this.onProgress({ ...now, ...(now.status === "running" && { fraction: advance.fraction }) }, advance.name(), this.verdict);
     const queue = now.queue_position ?? 0;
     let text = advance.name();
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;

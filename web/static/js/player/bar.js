@@ -128,7 +128,7 @@ export class Bar {
       ...spans.map(({ name, x, width }) => svg("rect", { class: `phase-${name}`, x, width, height: 100 })),
       svg("path", { class: "errors", d: errors.map((error, k) => errorColumn(error, scale, (WIDE * k) / errors.length, (WIDE * (k + 1)) / errors.length)).join("") }));
     get("phases").replaceChildren(...spans.map(({ name, x, width }) => {
-      const label = element("span", {}, PHASES[name]);
+      const label = element("span", { class: name }, PHASES[name]);
       Object.assign(label.style, { left: `${(100 * x) / WIDE}%`, maxWidth: `${(100 * width) / WIDE}%` });
       return label;
     }));
