@@ -15,7 +15,7 @@ from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import play_back
 from planner.progress import Progress
 from planner.simulation.mujoco_tree import Tree
-from tests.planner.chains import Array
+from tests.planner.folds import intercept
 from tests.refusal import refused
 
 DEFAULT = PlaybackParameters()
@@ -69,15 +69,10 @@ def test_weak_motors_miss_the_target(small: tuple[Chain, Record]) -> None:
 def test_torques_that_are_not_finite_end_the_playback(
     small: tuple[Chain, Record], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    original = Tree.apply_torques
-    calls = 0
+    def broken(number: int, original: Any, tree: Tree, torques: Any) -> None:
+        original(tree, torques * np.nan if number > 100 else torques)
 
-    def broken(self: Tree, torques: Array) -> None:
-        nonlocal calls
-        calls += 1
-        original(self, torques * np.nan if calls > 100 else torques)
-
-    monkeypatch.setattr(Tree, "apply_torques", broken)
+    intercept(monkeypatch, Tree, "apply_torques", broken)
     playback = play_back(*small, IDEAL)
     assert playback.status == "diverged"
     assert "finite" in playback.reason
