@@ -154,11 +154,7 @@ REFUSED: dict[str, tuple[bytes, str, str]] = {
     "an underscore in PLY": (PLY.replace(b"-1.0", b"-1_0.0", 1), "damaged", "-1_0.0"),
     "an underscore in OFF": (OFF.replace(b"-1.0", b"-1_0.0", 1), "damaged", "-1_0.0"),
     "an underscore in 3MF": (archive(XML.replace("-1.0", "-1_0.0", 1), 1), "damaged", "-1_0.0"),
-    "foreign digits": (
-        archive(XML.replace("1.0", "\u0661.0", 1), 1),
-        "damaged",
-        "\u0661",
-    ),
+    "foreign digits": (archive(XML.replace("1.0", "\u0661.0", 1), 1), "damaged", "\u0661"),
     "a position with an underscore": (
         vox_file(vox_model(np.array([[0, 0, 0]])), vox_transform(0, 1, _t="1_0 0 0")),
         "damaged",
@@ -167,16 +163,8 @@ REFUSED: dict[str, tuple[bytes, str, str]] = {
     "decimal commas in OBJ": (OBJ.replace(b".", b","), "damaged", POINT),
     "decimal commas in OFF": (OFF.replace(b".", b","), "damaged", POINT),
     "decimal commas in 3MF": (archive(XML.replace("1.0", "1,0"), 1), "damaged", POINT),
-    "commas between spaces": (
-        b"0,0 0,0 0,0\n1,0 0,0 0,0\n2,0 0,0 0,0\n",
-        "not-a-number",
-        POINT,
-    ),
-    "commas between commas": (
-        b"0,0,0,0,0,0\n1,0,0,0,0,0\n2,0,0,0,0,0\n",
-        "wrong-count",
-        "6 fields",
-    ),
+    "commas between spaces": (b"0,0 0,0 0,0\n1,0 0,0 0,0\n2,0 0,0 0,0\n", "not-a-number", POINT),
+    "commas alone": (b"0,0,0,0,0,0\n1,0,0,0,0,0\n2,0,0,0,0,0\n", "wrong-count", "6 fields"),
     "floats as indices": (scene(with_floats_as_indices), "damaged", "whole numbers"),
     "a matrix of perspective": (scene(lambda d: show(d, PERSPECTIVE)), "damaged", "last row"),
     "two models of one name": (
