@@ -37,14 +37,7 @@ def folding(chain: Chain, count: int) -> Motion:
     frames = _between(chain, "playback", share, 10.0)
     error = np.zeros_like(frames.joint_angles_rad)
     error[:, 2 * (6 - 1)] = FINAL_ERROR_RAD * share
-    return Motion.from_frames(
-        phase="playback",
-        time_s=frames.time_s,
-        joint_angles_rad=frames.joint_angles_rad,
-        root_position=frames.root_position,
-        root_wxyz=frames.root_wxyz,
-        joint_error_rad=error,
-    )
+    return frames.with_columns(joint_error_rad=error)
 
 
 def _between(chain: Chain, phase: str, share: np.ndarray, start_s: float) -> Motion:

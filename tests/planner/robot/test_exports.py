@@ -179,6 +179,14 @@ def test_urdf_links_have_the_mass_and_inertia_of_solid_modules(plan: Plan) -> No
     np.testing.assert_allclose(limits, [chain.module.angle_limit_rad] * len(chain.joint_names))
 
 
+def test_urdf_of_small_modules_loads_in_mujoco(plan: Plan) -> None:
+    chain = dataclasses.replace(plan.chain, pitch_m=0.001)
+    small = dataclasses.replace(plan, chain=chain)
+    mesh = {"module.obj": exported("obj", small)}
+    model = mujoco.MjModel.from_xml_string(exported("urdf", small).decode(), mesh)
+    assert model.nbody > len(plan.chain)
+
+
 def test_srdf_and_drake_groups_name_the_exempt_pairs(plan: Plan) -> None:
     srdf = ElementTree.fromstring(exported("srdf", plan))
     urdf = ElementTree.fromstring(exported("urdf", plan))

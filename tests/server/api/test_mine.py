@@ -80,6 +80,14 @@ def test_bad_names_and_tokens_are_refused(idle: Service) -> None:
     assert idle.state(fold["id"])["name"] == before
 
 
+def test_upload_repeated_after_a_transfer_is_a_new_fold(idle: Service) -> None:
+    old = new_token()
+    fold = idle.fold(SNAKE, seed="21", token=old)
+    path, body = f"/api/folds/{fold['id']}", {"owner_token": new_token()}
+    assert idle.http.patch(path, json=body, headers=bearer(old)).status_code == 200
+    assert idle.fold(SNAKE, seed="21", token=old)["id"] != fold["id"]
+
+
 def test_name_of_the_input_does_not_replace_that_of_the_owner(store: Store) -> None:
     for name in ("renamed", "left"):
         store.add(a_fold(name, status="queued"), SOMEBODY)

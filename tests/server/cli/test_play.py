@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-import numpy as np
 import pytest
 
-from planner.motion.motion import Motion
 from planner.motion.timeline import TimelineWriter
 from server.cli.play import create_player_app, row_of
 from tests.planner.peels import snake
+from tests.web.conftest import unfolding
 from words.failures import failure
 
 CHAIN = snake((2, 2, 3))
@@ -27,16 +26,8 @@ KNOT = {"kind": "knot", "modules": [5, 6], "words": "its path is knotted"}
 @pytest.fixture
 def directory(tmp_path: Path) -> Path:
     """Directory of an explosion that was interrupted halfway."""
-    folded = CHAIN.folded_poses
-    frames = Motion.from_frames(
-        phase="explosion",
-        time_s=np.arange(2.0),
-        joint_angles_rad=np.array([1.0, 0.8])[:, None] * CHAIN.folded_rad,
-        root_position=np.tile(folded.positions[CHAIN.root], (2, 1)),
-        root_wxyz=np.tile(folded.wxyzs[CHAIN.root], (2, 1)),
-    )
     with TimelineWriter.create(tmp_path / "timeline.zarr", CHAIN) as writer:
-        writer.append(frames)
+        writer.append(unfolding(CHAIN, 6)[:2])
     return tmp_path
 
 

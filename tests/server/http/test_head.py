@@ -34,6 +34,14 @@ def test_head_of_a_fold_ends_at_once(finished: FinishedFold) -> None:
     assert int(finished.http.head(f"{api}/plan.npz").headers["content-length"]) > 1000
 
 
+def test_icon_and_manifest_are_served(idle: ServiceThread) -> None:
+    icon = idle.http.get("/favicon.ico")
+    assert icon.content[:4] == b"\0\0\1\0"
+    manifest = idle.http.get("/manifest.webmanifest").json()
+    for each in manifest["icons"]:
+        assert idle.http.head(each["src"]).headers["content-type"] == each["type"]
+
+
 def test_oembed_describes_a_fold_of_this_service(finished: FinishedFold) -> None:
     origin = f"http://{finished.service.netloc}"
     link = f"{origin}{finished.page}"

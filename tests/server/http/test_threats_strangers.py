@@ -187,6 +187,15 @@ def test_settings_of_endless_folds_are_refused_with_a_remedy(idle: Service) -> N
     assert all(word in detail for word in ("got settings", "expected", "Use fewer modules"))
 
 
+def test_other_methods_are_refused(idle: Service) -> None:
+    for method in ("PUT", "PATCH", "TRACE", "CONNECT", "PROPFIND", "OPTIONS"):
+        for path in ("/api/folds", "/", "/api/folds/x"):
+            answer = idle.http.request(method, path)
+            # 422: the change of a fold that names no change
+            assert answer.status_code in (400, 404, 405, 422), (method, path, answer.status_code)
+            assert "access-control-allow-origin" not in answer.headers
+
+
 @pytest.mark.parametrize(("proxies", "same"), [("192.0.2.0/24", True), ("127.0.0.0/8,::1", False)])
 def test_only_trusted_proxies_report_addresses(
     service_with: ServiceWith, proxies: str, same: bool
