@@ -69,11 +69,12 @@ def test_poses_agree_with_mujoco(seed: int) -> None:
 
 @pytest.mark.parametrize(("module", "hinges"), [(CUBE, 18), (TETRAHEDRON, 9)])
 @pytest.mark.parametrize("root", [0, 4])
+@pytest.mark.parametrize("frames", [3, 0])
 def test_forward_kinematics_without_compiler_gives_same_poses(
-    monkeypatch: pytest.MonkeyPatch, module: Module, hinges: int, root: int
+    monkeypatch: pytest.MonkeyPatch, module: Module, hinges: int, root: int, frames: int
 ) -> None:
-    angles = np.random.default_rng(1).uniform(-1.5, 1.5, (3, hinges))
-    root_position, root_wxyz = np.full((3, 3), 0.5), np.tile([0.6, 0.0, 0.8, 0.0], (3, 1))
+    angles = np.random.default_rng(1).uniform(-1.5, 1.5, (frames, hinges))
+    root_position, root_wxyz = np.full((frames, 3), 0.5), np.tile([0.6, 0, 0.8, 0], (frames, 1))
     pose = {"root": root, "root_position": root_position, "root_wxyz": root_wxyz}
     compiled = forward_kinematics(module, angles, **pose)
     monkeypatch.setattr(may_compile, "_forbidden", True)
