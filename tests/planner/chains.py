@@ -41,6 +41,10 @@ SQUARE: Final = Path.from_cells(
     name="square",
 )
 """Short path of eight cells in a plane."""
+HAIRPIN: Final = Path.from_cells(
+    [*((x, 0, 0) for x in range(4)), *((x, 1, 0) for x in reversed(range(4)))], name="hairpin"
+)
+"""Another path of eight cells in a plane."""
 
 
 def shuffled(sides: tuple[int, int, int], moves: int, seed: int) -> Chain:

@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +15,7 @@ from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import play_back
 from planner.progress import Progress
 from planner.simulation.mujoco_tree import Tree
-from tests.planner.chains import Array
+from tests.planner.folds import intercept
 from tests.refusal import refused
 
 DEFAULT = PlaybackParameters()
@@ -24,21 +23,19 @@ IDEAL = PlaybackParameters(controller="computed-torque")
 
 
 @pytest.fixture(scope="module")
-def small(folded: Callable[..., Any]) -> tuple[Chain, Record]:
-    fold = folded("wrench-24")
-    return fold.chain, fold.record
+def small(folded: Any) -> tuple[Chain, Record]:
+    return folded.chain, folded.record
 
 
-def test_robots_fold_a_real_shape(folded: Callable[..., Any]) -> None:
-    fold = folded("wrench-24")
-    playback, record = fold.playback, fold.record
+def test_robots_fold_a_real_shape(folded: Any) -> None:
+    playback, record = folded.playback, folded.record
     assert playback.status == "folded"
     assert playback.rms_position_error <= 1e-3
     assert playback.max_angle_error_rad <= 2e-3
     frames = playback.frames
     last = frames.joint_angles_rad[-1]
-    ends = fold.chain.poses(last, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    distances = aligned_distances(ends.positions, fold.chain.folded_poses.positions)
+    ends = folded.chain.poses(last, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    distances = aligned_distances(ends.positions, folded.chain.folded_poses.positions)
     assert np.sqrt((distances**2).mean()) == pytest.approx(playback.rms_position_error, abs=1e-12)
     assert set(frames.phase.tolist()) == {1}
     assert (np.diff(frames.time_s) > 0).all()
@@ -72,15 +69,10 @@ def test_weak_motors_miss_the_target(small: tuple[Chain, Record]) -> None:
 def test_torques_that_are_not_finite_end_the_playback(
     small: tuple[Chain, Record], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    original = Tree.apply_torques
-    calls = 0
+    def broken(number: int, original: Any, tree: Tree, torques: Any) -> None:
+        original(tree, torques * np.nan if number > 100 else torques)
 
-    def broken(self: Tree, torques: Array) -> None:
-        nonlocal calls
-        calls += 1
-        original(self, torques * np.nan if calls > 100 else torques)
-
-    monkeypatch.setattr(Tree, "apply_torques", broken)
+    intercept(monkeypatch, Tree, "apply_torques", broken)
     playback = play_back(*small, IDEAL)
     assert playback.status == "diverged"
     assert "finite" in playback.reason

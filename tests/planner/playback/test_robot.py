@@ -1,6 +1,5 @@
 """Robots with model errors: their properties, their folding, and their certificates."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -23,9 +22,8 @@ FAULTLESS = RobotParameters(mass_error=0.0, friction=0.0, encoder_rad=0.0, noise
 
 
 @pytest.fixture(scope="module")
-def small(folded: Callable[..., Any]) -> tuple[Chain, Record, Playback]:
-    fold = folded("wrench-24")
-    return fold.chain, fold.record, fold.playback
+def small(folded: Any) -> tuple[Chain, Record, Playback]:
+    return folded.chain, folded.record, folded.playback
 
 
 def with_robot(robot: RobotParameters) -> PlaybackParameters:

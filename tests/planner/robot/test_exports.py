@@ -43,13 +43,11 @@ def ring(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     return fold(chain, directory=tmp_path_factory.mktemp("ring"))
 
 
-@pytest.fixture(params=["cube", "tetrahedron"])
+@pytest.fixture(params=["folded", "ring"], ids=["cube", "tetrahedron"])
 def plan(request: pytest.FixtureRequest) -> Plan:
     """Small plan of each kind of module; its pitch is not 1 cm, so that wrong units are found."""
-    if request.param == "cube":
-        made = request.getfixturevalue("folded")("wrench-24").plan
-    else:
-        made = request.getfixturevalue("ring")
+    made = request.getfixturevalue(request.param)
+    made = made.plan if request.param == "folded" else made
     return dataclasses.replace(made, chain=dataclasses.replace(made.chain, pitch_m=0.025))
 
 

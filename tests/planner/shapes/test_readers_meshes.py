@@ -19,7 +19,7 @@ from planner.shapes.mesh_repair import is_surface
 from planner.shapes.solid import Solid, signed_volume
 from tests.case import case
 from tests.planner.reading import refusal_of, solid_in
-from tests.planner.solids_made import MESH_KINDS, box, exported, scene, torus, zipped
+from tests.planner.solids_made import MESH_KINDS, box, exported, scene, show, torus, zipped
 from tests.refusal import refused
 
 TETRAHEDRON_OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
@@ -268,15 +268,8 @@ def add_accessor(document: dict, values: np.ndarray, **more: object) -> int:
     document["bufferViews"].append(view)
     code = {"u1": 5121, "i2": 5122, "u4": 5125, "f4": 5126}[values.dtype.str[1:]]
     kind = {1: "SCALAR", 3: "VEC3"}[values.shape[1]]
-    document["accessors"].append(
-        {
-            "bufferView": len(document["bufferViews"]) - 1,
-            "componentType": code,
-            "count": len(values),
-            "type": kind,
-            **more,
-        }
-    )
+    accessor = {"bufferView": len(document["bufferViews"]) - 1, "componentType": code}
+    document["accessors"].append({**accessor, "count": len(values), "type": kind, **more})
     return len(document["accessors"]) - 1
 
 
@@ -316,24 +309,10 @@ SCENES = {
     "places alone, and one too many": (bare, 1 / 6),
     "no scenes": (lambda d: (d.pop("scenes"), d.pop("scene")), 18.26227),
     "no nodes": (lambda d: (d.pop("scenes"), d.pop("scene"), d.pop("nodes")), 18.26227),
-    "a camera": (
-        lambda d: d.update(
-            cameras=[LENS], nodes=[{"mesh": 0, "camera": 0}], scenes=[{"nodes": [0]}], scene=0
-        ),
-        18.26227,
-    ),
-    "mirrored": (
-        lambda d: d.update(
-            nodes=[{"mesh": 0, "scale": [-1, 2, 1]}], scenes=[{"nodes": [0]}], scene=0
-        ),
-        2 * 18.26227,
-    ),
+    "a camera": (lambda d: show(d, {"camera": 0}, cameras=[LENS]), 18.26227),
+    "mirrored": (lambda d: show(d, {"scale": [-1, 2, 1]}), 2 * 18.26227),
     "of one name": (
-        lambda d: d.update(
-            nodes=[{"mesh": 0, "name": "world", "translation": [9 * i, 0, 0]} for i in range(3)],
-            scenes=[{"nodes": [0, 1, 2]}],
-            scene=0,
-        ),
+        lambda d: show(d, *({"name": "world", "translation": [9 * i, 0, 0]} for i in range(3))),
         3 * 18.26227,
     ),
     "what is not used is broken": (
@@ -381,11 +360,6 @@ def points_that_many_parts_share(document: dict) -> None:
     document["meshes"][0]["primitives"] *= 1_000
 
 
-def mesh_that_nodes_repeat(document: dict) -> None:
-    document["nodes"] = [{"mesh": 0}] * 5_000
-    document["scenes"] = [{"nodes": list(range(5_000))}]
-
-
 INVALID: list[tuple[Callable[[dict[str, Any]], object], str]] = [
     (lambda d: d["accessors"][1].update(count=10**12), "truncated"),
     (lambda d: d["accessors"][0].update(count=-3), "damaged"),
@@ -402,7 +376,7 @@ INVALID: list[tuple[Callable[[dict[str, Any]], object], str]] = [
     (lambda d: d.update(buffers=[{"uri": "data:;base64,%%%"}]), "damaged"),
     (corner_of_another_part, "bad-index"),
     (points_that_many_parts_share, "too-large"),
-    (mesh_that_nodes_repeat, "too-many-triangles"),
+    (lambda d: show(d, *[{}] * 5_000), "too-many-triangles"),
 ]
 
 

@@ -1,4 +1,3 @@
-import io
 import json
 import struct
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from tests.planner.solids_made import (
     as_binvox,
     as_vox,
     chunk,
+    npy,
     vox_file,
     vox_model,
     vox_shape,
@@ -69,9 +69,8 @@ def test_paths_grids_and_axes_of_voxels() -> None:
     assert isinstance(read(data), Path)
     assert len(shape_in(data, as_voxels=True)) == 3
     assert len(shape_in(b"0 0 0\n0 0 0\n", as_voxels=True)) == 1
-    stream = io.BytesIO()
-    np.save(stream, np.asfortranarray(np.minimum(np.arange(8, dtype=np.uint8), 1).reshape(2, 2, 2)))
-    assert len(shape_in(stream.getvalue())) == 7
+    grid = np.minimum(np.arange(8, dtype=np.uint8), 1).reshape(2, 2, 2)
+    assert len(shape_in(npy(np.asfortranarray(grid)))) == 7
     # The fastest axis of binvox is y.
     data = b"#binvox 1\ndim 1 2 3\ndata\n\x00\x01\x01\x01\x00\x04"
     assert shape_in(data).cells.tolist() == [[0, 1, 0]]
