@@ -17,16 +17,10 @@ SHAPES = FilePath(__file__).parents[2] / "examples" / "shapes"
 
 
 @pytest.fixture
-def hook() -> Path:
-    """Path of five cells: along x, then y, then z."""
+def hook_chain() -> Chain:
+    """Chain that folds into five cells: along x, then y, then z."""
     cells = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 1, 1)]
-    return Path.from_cells(cells, name="hook", pitch_m=0.02)
-
-
-@pytest.fixture
-def hook_chain(hook: Path) -> Chain:
-    """Chain that folds into the hook."""
-    return Chain.from_path(hook)
+    return Chain.from_path(Path.from_cells(cells, name="hook", pitch_m=0.02))
 
 
 @dataclass(frozen=True)

@@ -114,26 +114,21 @@ def test_binvox_of_too_many_cells_is_refused_before_it_is_unpacked() -> None:
 
 
 def test_invalid_voxel_files_are_refused() -> None:
+    vox = as_vox(L_SHAPE)
     for data, code in (
         (b"#binvox 1\ndata\n", "damaged"),
         (b"#binvox 1\ndim 99999999999999 1 1\ndata\n\x01\x08", "damaged"),
         (b"#binvox 1\ndim 2 2 2\ndata\n\x01\x08\x01", "truncated"),
         (b"#binvox 1\ndim 2 2 2\ndata\n\x01\x09", "damaged"),
         (b"#binvox 1\ndim 2 2 2\ndata\n\x07\x08", "damaged"),
-        (as_vox(L_SHAPE)[:-9], "truncated"),
-        (as_vox(L_SHAPE)[:14], "damaged"),
+        (vox[:-9], "truncated"),
+        (vox[:14], "damaged"),
         (vox_file(), "empty"),
         (vox_file(chunk(b"XYZI", struct.pack("<I", 0))), "damaged"),
         (vox_file(chunk(b"SIZE", struct.pack("<3I", 1, 1, 1))), "damaged"),
-        (
-            as_vox(L_SHAPE).replace(b"\x05\0\0\0\0\0\0\x01", b"\xff\xff\xff\x7f\0\0\0\x01"),
-            "damaged",
-        ),
-        (as_vox(L_SHAPE).replace(b"SIZE\x0c\0\0\0", b"SIZE\xff\xff\xff\xff"), "truncated"),
-        (
-            as_vox(L_SHAPE).replace(struct.pack("<3I", 2, 3, 2), struct.pack("<3I", 1, 3, 2)),
-            "damaged",
-        ),
+        (vox.replace(b"\x05\0\0\0\0\0\0\x01", b"\xff\xff\xff\x7f\0\0\0\x01"), "damaged"),
+        (vox.replace(b"SIZE\x0c\0\0\0", b"SIZE\xff\xff\xff\xff"), "truncated"),
+        (vox.replace(struct.pack("<3I", 2, 3, 2), struct.pack("<3I", 1, 3, 2)), "damaged"),
         (b'{"format": "foldback-voxels/1", "cells": []}', "empty"),
         (b'{"format": "foldback-voxels/1"}', "wrong-type"),
         (b'{"format": "foldback-voxels/1", "cells": [[0, 0, 0.5]]}', "not-whole"),
