@@ -9,7 +9,7 @@ import sqlite3
 import threading
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import httpx
 import psutil
@@ -54,7 +54,7 @@ class ServiceThread(Service):
     of others in this process.
     """
 
-    def start(self, *arguments: str) -> "ServiceThread":
+    def start(self, *arguments: str) -> Self:
         assert arguments[:1] in ((), ("--first-shape",)), "others are for a process: take a Service"
         given = {
             name.removeprefix(VARIABLE_PREFIX).lower(): value
@@ -115,12 +115,6 @@ class ServiceThread(Service):
         LOGGER.removeHandler(self._handler)
         self._handler.close()
         return int(self._thread.is_alive())
-
-    def __enter__(self) -> "ServiceThread":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        assert self.stop() == 0
 
     def processes(self, module: str) -> list[psutil.Process]:
         """Return its forked processes that have a name."""

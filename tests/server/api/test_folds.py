@@ -4,9 +4,7 @@ import io
 import json
 import time
 from collections.abc import Callable
-from contextlib import closing
 from typing import Any
-from unittest.mock import MagicMock
 
 import httpx
 import numpy as np
@@ -17,10 +15,9 @@ from planner.chain.path import Path
 from planner.motion.timeline import Timeline
 from server.limits.concurrency_quota import BUSY_RETRY_S
 from server.processes.children import BUSY, ChildError, Reader
-from server.settings import Settings
-from server.store.folds import Store
 from server.store.leases import Leases, Preparing
-from tests.server.service_process import SNAKE, STAIRS, FinishedFold, Service, owner
+from tests.server.rows import store_of
+from tests.server.service_process import SNAKE, STAIRS, FinishedFold, Service, check_problem, owner
 from tests.server.service_thread import ServiceThread
 
 
@@ -71,8 +68,7 @@ def test_frames_are_those_of_the_timeline_by_stride_and_range(finished: Finished
     assert np.allclose(poses.positions, body["positions"], atol=1e-6)
     some = get(finished, "frames", **{"from": 3, "to": 11, "stride": 4}).json()
     assert some["time_s"] == body["time_s"][3:11:4]
-    past = get(finished, "frames", **{"from": total + 1})
-    assert (past.status_code, past.json()["code"]) == (422, "no-such-frames")
+    check_problem(get(finished, "frames", **{"from": total + 1}), 422, "no-such-frames")
 
 
 def test_files_of_queued_folds_are_refused(idle: Service) -> None:
@@ -146,7 +142,7 @@ def test_fold_is_requested_again_by_its_id(idle: Service) -> None:
     assert idle.state(other["id"])["preset"] == "paper"
     assert idle.fold(fold=other["id"], seed="22", preset="paper")["existing"]
     size = sum(path.stat().st_size for path in idle.directory(other["id"]).iterdir())
-    with closing(Store(Settings(data_dir=idle.data_dir))) as store:
+    with store_of(idle) as store:
         assert store.fold(other["id"]).bytes == size  # from now on, not from its end on
     gallery = idle.fold(shape="wrench-24", seed="31")
     assert idle.state(idle.fold(fold=gallery["id"], seed="32")["id"])["shape"] == "wrench-24"
@@ -168,9 +164,8 @@ def test_settings_that_change_something_make_another_fold(idle: Service) -> None
 def test_previews_report_the_compilation(idle: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     before = idle.preview("path.json", json.dumps(SNAKE))
     assert before["preparing"] is None
-    monkeypatch.setattr(
-        Leases, "preparing", MagicMock(return_value=Preparing(fraction=0.42, remaining_s=69.2))
-    )
+    preparing = Preparing(fraction=0.42, remaining_s=69.2)
+    monkeypatch.setattr(Leases, "preparing", lambda _: preparing)
     later = idle.preview("path.json", json.dumps(SNAKE))
     assert later["preparing"] == {"fraction": 0.42, "remaining_s": 70}
     page = idle.http.get(before["links"]["page"]).text

@@ -10,8 +10,8 @@ from planner.plan.plan import Plan
 from planner.verification.verify import verify
 from server.admin.fold_tasks import AdminTasks
 from server.processes.children import Reader
-from server.store.folds import Store
 from tests.server.cli.test_command_line import foldback
+from tests.server.rows import store_of
 from tests.server.service_process import FinishedFold, bearer
 from tests.server.service_thread import ServiceThread
 
@@ -88,7 +88,7 @@ def test_smoothed_fold_outlives_the_original_and_starts_again_from_its_record(
     other.start()
     before = other.http.get(f"{smoothed.page}/facts").json()
     assert before["smoothing"]["compare"] == f"/compare?a={plain}&b={shown}"
-    with closing(Store(other.settings)) as store:
+    with store_of(other) as store:
         assert store.delete(plain)
     facts = other.http.get(f"{smoothed.page}/facts").json()
     assert facts["smoothing"]["rows"] and facts["smoothing"]["compare"] is None

@@ -5,7 +5,7 @@ from typing import Any
 
 from planner.plan.module_values import VALUES_FORMAT
 from planner.plan.tour import Tour
-from tests.server.service_process import FinishedFold, Service, bearer
+from tests.server.service_process import FinishedFold, Service, bearer, check_problem
 from words.certificate import clearance, torque
 
 
@@ -57,8 +57,7 @@ def test_invalid_tour_is_refused_and_not_stored(finished: FinishedFold) -> None:
 
 def test_fold_without_frames_has_no_tour(idle: Service) -> None:
     waiting = idle.fold([[0, 0, 0], [1, 0, 0], [1, 1, 0]], seed="21")["id"]
-    answer = idle.http.get(f"/api/folds/{waiting}/tour")
-    assert (answer.status_code, answer.json()["code"]) == (409, "not-ready")
+    check_problem(idle.http.get(f"/api/folds/{waiting}/tour"), 409, "not-ready")
     assert idle.http.get(f"/folds/{waiting}/tour.json").status_code == 204
 
 

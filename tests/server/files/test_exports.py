@@ -1,7 +1,6 @@
 """Files made of a finished fold: exports by HTTP and by the command line, and their storage."""
 
 import asyncio
-import json
 import os
 import shutil
 import threading
@@ -22,7 +21,7 @@ from server.store.fold_files import EXPORTS_DIR
 from server.store.fold_source import Found
 from server.store.folds import NoSuchFoldError, Store
 from server.store.tables import FoldRow
-from tests.server.cli.test_command_line import foldback
+from tests.server.cli.test_command_line import foldback_json
 from tests.server.rows import SOMEBODY
 from tests.server.service_process import FinishedFold
 from tests.server.store.test_rows import row
@@ -161,14 +160,11 @@ def test_downloads_of_a_plan_without_frames_leave_out_motion(store: Store, fold:
 
 
 def test_export_command_writes_the_requested_files(finished: FinishedFold, tmp_path: Path) -> None:
-    directory, out = str(finished.directory), tmp_path / "a" / "b"
-    answer = foldback("export", directory, "--as", "urdf, stl", "--out", out, "--json")
-    assert answer.returncode == 0, answer.stderr
-    sizes = json.loads(answer.stdout.splitlines()[-1])["bytes"]
+    directory, out = finished.directory, tmp_path / "a" / "b"
+    sizes = foldback_json("export", directory, "--as", "urdf, stl", "--out", out)["bytes"]
     assert sizes == {path.name: path.stat().st_size for path in out.iterdir()}
     assert set(sizes) == {"model.urdf", "module.stl"}
-    everything = foldback("export", directory, "--out", tmp_path / "all")
-    assert everything.returncode == 0, everything.stderr
+    foldback_json("export", directory, "--out", tmp_path / "all")
     files = {path.name for path in (tmp_path / "all").iterdir()}
     assert files == {export.filename for export in EXPORTS}
 

@@ -10,6 +10,7 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from http.client import HTTPResponse, RemoteDisconnected
 from itertools import product
 from pathlib import Path
+from unittest.mock import patch
 
 import httpx
 import numpy as np
@@ -116,19 +117,11 @@ def _settled_memory(process: psutil.Process) -> int:
 @pytest.fixture(scope="module")
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """Service with short timeouts."""
-    patience = pytest.MonkeyPatch()
-    patience.setattr("server.http.upload_limits.MAX_DRAIN_S", 0.5)
-    service = ServiceThread(
-        tmp_path_factory.mktemp("hasty") / "data",
-        upload_idle_s=0.5,
-        header_seconds=0.5,
-        unread_seconds=0.5,
-        max_connections_of_visitor=8,
-        trusted_proxies="192.0.2.0/24",
-    ).start()
-    yield service
-    assert service.stop() == 0
-    patience.undo()
+    settings = dict.fromkeys(("upload_idle_s", "header_seconds", "unread_seconds"), 0.5)
+    visitors = {"max_connections_of_visitor": 8, "trusted_proxies": "192.0.2.0/24"}
+    service = ServiceThread(tmp_path_factory.mktemp("hasty") / "data", **settings, **visitors)
+    with patch("server.http.upload_limits.MAX_DRAIN_S", 0.5), service.start():
+        yield service
 
 
 def test_stalled_upload_times_out(hasty: Service) -> None:
