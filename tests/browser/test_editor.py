@@ -112,8 +112,7 @@ def test_tools_files_and_a_drawn_path(visit: Visit, service: Service) -> None:
     open_file(page, "own.json", written)
     expect(page.locator("#reading")).to_have_text(f"own.json: {len(own)} cells along their path.")
     page.locator("#fold").click()
-    fold = wait_for_fold(page)
-    sent = json.loads((service.directory(fold) / "input").read_bytes())
+    sent = json.loads((service.directory(wait_for_fold(page)) / "input").read_bytes())
     assert sent["format"] == "foldback-path/1"
     assert np.diff(np.array(sent["cells"]), axis=0).tolist() == steps.tolist()
     cancel_fold(page, service)

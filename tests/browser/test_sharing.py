@@ -239,8 +239,7 @@ def test_view_is_saved_as_a_picture_and_embedded(visit: Visit, blog: Blog, wrenc
 
     # The frame for other sites, of the finished fold.
     blog.html = f"<!doctype html><title>A blog</title>{page.locator('#share-embed').input_value()}"
-    reader = visit(blog.origin, width=640, height=400, view=False)
-    inside = reader.frame_locator("iframe")
+    inside = visit(blog.origin, width=640, height=400, view=False).frame_locator("iframe")
     inside.locator("#forward").click()
     expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 2 of"))
     expect(inside.locator("a.whole")).to_have_attribute("href", f"/folds/{wrench}")

@@ -58,8 +58,7 @@ def store(tmp_path: Path) -> Iterator[Store]:
 @pytest.fixture(params=DATABASES)
 def each_settings(request: pytest.FixtureRequest, tmp_path: Path) -> Settings:
     """Settings of a service with tables, for each kind of database."""
-    sqlite = request.param == "sqlite"
-    url = None if sqlite else request.getfixturevalue("postgres").migrated()
+    url = None if request.param == "sqlite" else request.getfixturevalue("postgres").migrated()
     settings = Settings(data_dir=tmp_path, database_url=url)
     copy_tables(settings)
     return settings

@@ -10,12 +10,11 @@ import httpx
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
 from planner.motion.timeline import Timeline
 from server.limits.concurrency_quota import BUSY_RETRY_S
 from server.processes.children import BUSY, ChildError, Reader
 from server.store.leases import Leases, Preparing
+from tests.planner.chains import chain_of
 from tests.server.rows import store_of
 from tests.server.service_process import SNAKE, STAIRS, FinishedFold, Service, check_problem, owner
 from tests.server.service_thread import ServiceThread
@@ -47,7 +46,7 @@ def test_plan_is_downloaded_in_each_form(finished: FinishedFold) -> None:
     arrays = np.load(io.BytesIO(get(finished, "plan.npz").content), allow_pickle=False)
     angles = arrays["joint_angles_rad"]
     assert np.allclose(angles, plan["joint_angles_rad"], atol=1e-6)
-    folded = Chain.from_path(Path.from_cells(SNAKE)).folded_rad
+    folded = chain_of(SNAKE).folded_rad
     for found, meant in ((angles[0], 0.0 * folded), (angles[-1], folded)):
         assert np.abs(found - meant).max() < 0.05
     assert b"<mujoco" in get(finished, "model.xml").content
@@ -64,7 +63,7 @@ def test_frames_are_those_of_the_timeline_by_stride_and_range(finished: Finished
     assert [*dict.fromkeys(phases)] == ["explosion", "playback"]
     assert body["max_error_rad"][0] is None and body["max_error_rad"][-1] is not None
     arrays = [np.array(body[key]) for key in ("joint_angles_rad", "root_position", "root_wxyz")]
-    poses = Chain.from_path(Path.from_cells(SNAKE)).poses(*arrays)
+    poses = chain_of(SNAKE).poses(*arrays)
     assert np.allclose(poses.positions, body["positions"], atol=1e-6)
     some = get(finished, "frames", **{"from": 3, "to": 11, "stride": 4}).json()
     assert some["time_s"] == body["time_s"][3:11:4]
@@ -168,8 +167,7 @@ def test_previews_report_the_compilation(idle: Service, monkeypatch: pytest.Monk
     monkeypatch.setattr(Leases, "preparing", lambda _: preparing)
     later = idle.preview("path.json", json.dumps(SNAKE))
     assert later["preparing"] == {"fraction": 0.42, "remaining_s": 70}
-    page = idle.http.get(before["links"]["page"]).text
-    assert "preparing the solvers, 42 % done" in page
+    assert "preparing the solvers, 42 % done" in idle.http.get(before["links"]["page"]).text
 
 
 def test_busy_reader_says_when_to_try_again(idle: Service, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,8 +49,7 @@ def test_page_of_smoothed_fold_compares_figures(
     assert facts["name"].endswith(", smoothed") and not facts["smoothable"]
     rows = {row["label"]: row for row in facts["smoothing"]["rows"]}
     for when in ("before", "after"):
-        frames = smoothed.state["summary"]["smoothing"][when]["frames"]
-        assert rows["Frames"][when] == str(frames)
+        assert rows["Frames"][when] == str(smoothed.state["summary"]["smoothing"][when]["frames"])
     assert {"Folding time", "Largest torque", "Clearance"} < set(rows)
     assert facts["compare"][0]["id"] == finished.id
     assert smoothed.http.get(facts["smoothing"]["compare"]).status_code == 200

@@ -49,8 +49,7 @@ def test_invalid_tour_is_refused_and_not_stored(finished: FinishedFold) -> None:
     ):
         status, problem = put(finished, address, {**draft, "stops": [{**stop, **change}]})
         assert (status, place in str(problem)) == (422, True), change
-    huge = {**draft, "title": "x" * 300_000}
-    assert put(finished, address, huge)[0] == 413
+    assert put(finished, address, {**draft, "title": "x" * 300_000})[0] == 413
     assert put(finished, address, [])[0] == 422
     assert finished.http.get(address).json() == draft
 

@@ -254,7 +254,6 @@ def test_no_route_of_private_fold_lets_shared_caches_store_it(shipped: ServiceTh
         if not route.endswith("/events")
     ]
     for path in [*paths, f"/compare?a={fold_id}&b={fold_id}"]:
-        answer = shipped.http.get(path)
-        allowed = answer.headers.get("Cache-Control", "")
+        allowed = shipped.http.get(path).headers.get("Cache-Control", "")
         assert "private" in allowed or "no-store" in allowed, f"{path}: {allowed!r}"
         assert "public" not in allowed and "s-maxage" not in allowed, path

@@ -79,11 +79,9 @@ def export_fold(store: Store, fold: FoldRow, name: str, free: int = 0) -> Path:
 def test_model_of_the_fold_itself_is_exported(store: Store, fold: FoldRow) -> None:
     """A model without keyframes, as older folds have, is exported unchanged."""
     directory = store.directory(fold.id)
-    made = export_fold(store, fold, "mjcf")
-    assert made == directory / EXPORTS_DIR / "model.xml"
+    assert export_fold(store, fold, "mjcf") == directory / EXPORTS_DIR / "model.xml"
     (directory / "model.xml").write_text("<mujoco/>")
-    kept = export_fold(store, fold, "mjcf")
-    assert kept == directory / "model.xml"
+    assert export_fold(store, fold, "mjcf") == directory / "model.xml"
 
 
 def test_few_files_are_made_at_once_and_each_once(store: Store) -> None:

@@ -165,8 +165,7 @@ def test_preview_beyond_its_time_is_refused(service_with) -> None:
 
 def test_old_previews_make_room_for_new_ones(service_with) -> None:
     service = service_with(previews_bytes=2**22).start()
-    cells = voxels(box(2, 2, 2), padding="x" * 700_000)
-    padded = cells + b" " * 1_100_000
+    padded = voxels(box(2, 2, 2), padding="x" * 700_000) + b" " * 1_100_000
     ids = [report(service, padded, full="false")["id"] for _ in range(3)]
     oldest = service.settings.previews_dir / ids[0]
     end = time.monotonic() + TIMEOUT_S

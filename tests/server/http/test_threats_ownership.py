@@ -50,8 +50,7 @@ def test_same_file_of_another_visitor_reveals_nothing(idle: Service) -> None:
 
 
 def test_gallery_fold_does_not_publish_an_equal_upload(idle: Service) -> None:
-    data = idle.http.get("/api/shapes/mallet-24.json").content
-    mine = idle.upload("mine.json", data).json()
+    mine = idle.upload("mine.json", idle.http.get("/api/shapes/mallet-24.json").content).json()
     gallery = idle.fold(shape="mallet-24")
     assert gallery["id"] != mine["id"]
     listed = {fold["id"] for fold in idle.http.get("/api/folds").json()["folds"]}

@@ -69,8 +69,7 @@ def test_movie_is_requested_made_downloaded_and_deleted(finished: FinishedFold) 
     assert answer.headers["Location"] == movie["links"]["self"]
     assert answer.headers["Retry-After"] == "1"
     assert (movie["frames_total"], movie["problem"]) == (4, None)
-    early = finished.http.get(movie["links"]["file"])
-    assert early.status_code in (200, 409)
+    assert finished.http.get(movie["links"]["file"]).status_code in (200, 409)
     ready = wait(finished.service, movie, over)
     assert (ready["status"], ready["frames_done"]) == ("ready", 4)
     file = finished.http.get(movie["links"]["file"])
@@ -117,8 +116,7 @@ def test_movie_deleted_while_it_is_made_stops(finished: FinishedFold) -> None:
     _, alive = psutil.wait_procs(making, timeout=30)
     assert not alive
     # The next request takes its place.
-    following = ask(finished, **SMALL, theme="dark")
-    assert wait(finished.service, following, over)["status"] == "ready"
+    assert wait(finished.service, ask(finished, **SMALL, theme="dark"), over)["status"] == "ready"
     scratch = finished.service.data_dir / "scratch"
     wait_until(lambda: not list(scratch.iterdir()))
 

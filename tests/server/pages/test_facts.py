@@ -9,8 +9,6 @@ from typing import Any, cast
 
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path as CellPath
 from planner.motion.timeline import TimelineWriter
 from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import PRESETS, preset
@@ -27,6 +25,7 @@ from server.store.fold_source import Found
 from server.store.folds import Store
 from server.store.leases import Leases, Preparing
 from tests.case import case
+from tests.planner.chains import chain_of
 from tests.server.rows import SOMEBODY, a_fold
 from tests.server.service_process import SNAKE, FinishedFold
 from tests.web.conftest import unfolding
@@ -80,7 +79,7 @@ def test_unused_parameters_are_left_out() -> None:
 def failed_fold(directory: Path, frames: int, **values: Any) -> Found:
     """Return a failed fold with the given frames of explosion."""
     if frames:
-        chain = Chain.from_path(CellPath.from_cells(SNAKE))
+        chain = chain_of(SNAKE)
         with TimelineWriter.create(directory / "timeline.zarr", chain) as writer:
             writer.append(unfolding(chain, frames))
     usual: dict[str, Any] = {"status": "failed", "stage": "certify", "preset": "default", "seed": 0}

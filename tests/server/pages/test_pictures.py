@@ -11,8 +11,6 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from server.errors import NoRoom
 from server.files.artifacts import Artifacts, newer
@@ -20,6 +18,7 @@ from server.files.pictures import MAX_CACHED_PICTURES, recent_pictures
 from server.pages import pictures as pictures_module
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store
+from tests.planner.chains import chain_of
 from tests.server.rows import SOMEBODY
 from tests.server.store.test_rows import row
 
@@ -79,7 +78,7 @@ def pictures(store: Store) -> Pictures:
 
 
 def write_chain_file(directory: Path, name: str) -> None:
-    chain = Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)], name=name))
+    chain = chain_of([(0, 0, 0), (1, 0, 0), (1, 1, 0)], name=name)
     (directory / "chain.json").write_text(json.dumps(chain_attributes(chain)))
 
 
