@@ -42,6 +42,14 @@ def a_fold(fold_id: str | None = None, **values: Any) -> FoldRow:
     return FoldRow(**usual | values)
 
 
+def add_fold(store: Store, **values: Any) -> FoldRow:
+    """Add a fold with an empty directory."""
+    row = a_fold(**values)
+    store.add(row, SOMEBODY)
+    store.folders.place(row.id).mkdir()
+    return row
+
+
 def a_movie(fold_id: str, movie_id: str, **values: Any) -> MovieRow:
     """Return a row of a movie, with some values changed."""
     usual: dict[str, Any] = {

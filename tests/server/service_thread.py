@@ -7,6 +7,7 @@ import shutil
 import socket
 import sqlite3
 import threading
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any, Self
@@ -128,3 +129,7 @@ class ServiceThread(Service):
         mine = {child.pid for pool in pools for child in pool._children._all}
         forked = psutil.Process(FORKS.pid).children()
         return [c for c in forked if c.pid in mine and module in c.cmdline()]
+
+
+ServiceWith = Callable[..., ServiceThread]
+"""Type of the fixture ``service_with``."""

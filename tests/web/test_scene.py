@@ -135,16 +135,8 @@ ROW = [[x, 0, 0] for x in range(4)]
 
 
 def report(**more: Any) -> dict[str, Any]:
-    return {
-        "module": "cube",
-        "cells": ROW,
-        "positions": ROW,
-        "wxyzs": None,
-        "line": ROW,
-        "has_path": True,
-        "mesh": None,
-        **more,
-    }
+    cells = dict.fromkeys(("cells", "positions", "line"), ROW)
+    return {"module": "cube", "has_path": True, "wxyzs": None, "mesh": None, **cells, **more}
 
 
 def hull_of(header: dict[str, Any]) -> np.ndarray:

@@ -2,8 +2,6 @@
 
 import io
 import json
-import time
-from collections.abc import Callable
 from typing import Any
 
 import httpx
@@ -16,8 +14,8 @@ from server.processes.children import BUSY, ChildError, Reader
 from server.store.leases import Leases, Preparing
 from tests.planner.chains import chain_of
 from tests.server.rows import store_of
-from tests.server.service_process import SNAKE, STAIRS, FinishedFold, Service, check_problem, owner
-from tests.server.service_thread import ServiceThread
+from tests.server.service_process import SNAKE, STAIRS, FinishedFold, Service, owner, wait_until
+from tests.server.service_thread import ServiceThread, ServiceWith
 
 
 def get(finished: FinishedFold, part: str, **params: Any) -> httpx.Response:
@@ -67,7 +65,8 @@ def test_frames_are_those_of_the_timeline_by_stride_and_range(finished: Finished
     assert np.allclose(poses.positions, body["positions"], atol=1e-6)
     some = get(finished, "frames", **{"from": 3, "to": 11, "stride": 4}).json()
     assert some["time_s"] == body["time_s"][3:11:4]
-    check_problem(get(finished, "frames", **{"from": total + 1}), 422, "no-such-frames")
+    past = get(finished, "frames", **{"from": total + 1})
+    assert (past.status_code, past.json()["code"]) == (422, "no-such-frames")
 
 
 def test_files_of_queued_folds_are_refused(idle: Service) -> None:
@@ -108,12 +107,10 @@ def test_running_fold_is_cancelled_requested_again_and_deleted(service: Service)
     path = f"/api/folds/{again['id']}"
     assert service.http.delete(path, headers=owner(again)).status_code == 204
     assert service.http.get(path).status_code == 404
-    while service.directory(again["id"]).exists():
-        assert service.process.poll() is None
-        time.sleep(0.05)
+    wait_until(lambda: not service.directory(again["id"]).exists(), service.log.read_text)
 
 
-def test_first_shape_is_folded_once(service_with: Callable[..., ServiceThread]) -> None:
+def test_first_shape_is_folded_once(service_with: ServiceWith) -> None:
     service = service_with().start("--first-shape", "mallet-64")
     (first,) = _gallery_folds(service)
     assert first["shape"] == "mallet-64"
@@ -123,9 +120,8 @@ def test_first_shape_is_folded_once(service_with: Callable[..., ServiceThread]) 
 
 
 def _gallery_folds(service: Service) -> list[dict[str, Any]]:
-    while not (folds := service.http.get("/api/folds").json()["folds"]):
-        time.sleep(0.05)
-    return folds
+    wait_until(lambda: service.http.get("/api/folds").json()["folds"])
+    return service.http.get("/api/folds").json()["folds"]
 
 
 def test_fold_is_requested_again_by_its_id(idle: Service) -> None:

@@ -1,6 +1,5 @@
 """Smoothed folds through HTTP, with a real worker, and on the command line."""
 
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from server.processes.children import Reader
 from tests.server.cli.test_command_line import foldback
 from tests.server.rows import store_of
 from tests.server.service_process import FinishedFold, bearer
-from tests.server.service_thread import ServiceThread
+from tests.server.service_thread import ServiceWith
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +69,7 @@ def test_smoothed_fold_is_requested_once_and_unlisted(
 def test_smoothed_fold_outlives_the_original_and_starts_again_from_its_record(
     finished: FinishedFold,
     smoothed: FinishedFold,
-    service_with: Callable[..., ServiceThread],
+    service_with: ServiceWith,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # No process that reads is started, as the input has been read before.

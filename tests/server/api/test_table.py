@@ -1,6 +1,5 @@
 """Folds on a table: requested over HTTP, reported in their JSON and on their pages."""
 
-from collections.abc import Callable
 from io import BytesIO
 from typing import Any
 
@@ -10,6 +9,7 @@ import pytest
 
 from server.processes import children
 from tests.server.service_process import Service, check_problem
+from tests.server.service_thread import ServiceWith
 from web.timeline.columns import decode
 
 SLAB = [[x, y, 0] for x in range(3) for y in range(3) if (x, y) != (1, 0)]
@@ -122,7 +122,7 @@ def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(idle: Serv
 
 
 def test_search_for_offers_ends_with_its_client_and_with_its_time(
-    service_with: Callable[..., Service], monkeypatch: pytest.MonkeyPatch
+    service_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(children, "BUSY_FACTOR", 2.0)
     service = service_with(preview_seconds=1.5).start()

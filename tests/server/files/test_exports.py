@@ -22,9 +22,8 @@ from server.store.fold_source import Found
 from server.store.folds import NoSuchFoldError, Store
 from server.store.tables import FoldRow
 from tests.server.cli.test_command_line import foldback_json
-from tests.server.rows import SOMEBODY
+from tests.server.rows import add_fold
 from tests.server.service_process import FinishedFold
-from tests.server.store.test_rows import row
 from words.fold import ShownFold
 
 NAMES = [export.name for export in EXPORTS]
@@ -64,9 +63,7 @@ def test_unknown_exports_are_refused(finished: FinishedFold) -> None:
 @pytest.fixture
 def fold(store: Store, finished: FinishedFold) -> FoldRow:
     """Row of a fold whose directory has a real plan and nothing else, as old ones do."""
-    added = row(status="verified", summary=finished.state["summary"])
-    store.add(added, SOMEBODY)
-    store.directory(added.id).mkdir()
+    added = add_fold(store, summary=finished.state["summary"])
     shutil.copy(finished.directory / "plan.npz", store.directory(added.id))
     return added
 
@@ -169,9 +166,7 @@ def test_export_command_writes_the_requested_files(finished: FinishedFold, tmp_p
 
 @pytest.fixture
 def small_fold(store: Store) -> FoldRow:
-    added = row(status="verified")
-    store.add(added, SOMEBODY)
-    store.directory(added.id).mkdir()
+    added = add_fold(store)
     (store.directory(added.id) / "plan").write_text("a plan")
     return added
 

@@ -2,7 +2,6 @@
 
 import json
 import struct
-import time
 from typing import Any
 from xml.etree import ElementTree
 
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 
 from server.store.owner import new_token
-from tests.server.service_process import SNAKE, TIMEOUT_S, Service, check_problem
+from tests.server.service_process import SNAKE, Service, check_problem, wait_until
 from web.pictures.isometric import isometric_svg
 from web.timeline.columns import decode
 
@@ -168,10 +167,7 @@ def test_old_previews_make_room_for_new_ones(service_with) -> None:
     padded = voxels(box(2, 2, 2), padding="x" * 700_000) + b" " * 1_100_000
     ids = [report(service, padded, full="false")["id"] for _ in range(3)]
     oldest = service.settings.previews_dir / ids[0]
-    end = time.monotonic() + TIMEOUT_S
-    while oldest.exists() and time.monotonic() < end:
-        assert ask(service, preview=ids[-1]).status_code == 200
-        time.sleep(0.05)
+    wait_until(lambda: ask(service, preview=ids[-1]).is_success and not oldest.exists())
     assert ask(service, preview=ids[0]).status_code == 404
 
 

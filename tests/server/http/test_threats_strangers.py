@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.robotparser import RobotFileParser
@@ -15,8 +14,8 @@ from server.settings import Settings
 from server.store.folds import new_id
 from server.store.owner import new_token
 from tests.server.service_process import FinishedFold, Service, check_problem, path_file
+from tests.server.service_thread import ServiceWith
 
-ServiceWith = Callable[..., Service]
 PAGE = {"Accept": "text/html"}
 NAMES = (
     '"><script>alert(1)</script>.json',

@@ -22,9 +22,8 @@ from server.jobs import housekeeping
 from server.settings import Settings
 from tests.case import case
 from tests.server.service_process import SNAKE, TIMEOUT_S, Service, check_problem, owner, wait_until
-from tests.server.service_thread import ServiceThread
+from tests.server.service_thread import ServiceThread, ServiceWith
 
-ServiceWith = Callable[..., Service]
 MIB = 2**20
 HEAD = (
     b"POST %b HTTP/1.1\r\nHost: localhost\r\nX-Forwarded-For: %b\r\n"

@@ -18,10 +18,10 @@ from server.store.tables import FoldRow
 from tests.planner.chains import chain_of
 from tests.server.http.test_threats_crowding import from_address
 from tests.server.service_process import SNAKE, TIMEOUT_S, Service, wait_until
+from tests.server.service_thread import ServiceWith
 from tests.web.conftest import unfolding
 from web.timeline.view import TimelineView
 
-ServiceWith = Callable[..., Service]
 FRAMES = 10
 
 

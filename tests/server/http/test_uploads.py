@@ -1,13 +1,13 @@
 """Uploads: accepted and refused files, and the messages of refusals."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from planner.readers.gallery import Gallery
 from server.store.owner import new_token
 from tests.case import case
 from tests.server.service_process import SNAKE, Service, check_problem, path_file
+from tests.server.service_thread import ServiceWith
 
-ServiceWith = Callable[..., Service]
 TOKEN = new_token()
 
 

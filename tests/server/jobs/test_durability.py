@@ -3,7 +3,7 @@
 tests/bench/test_load.py kills processes at random moments.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,10 +24,9 @@ from server.jobs.slices import Slice
 from server.processes.children import CRASHED, LOST, Child, ChildError
 from server.store.folds import Store
 from tests.server.service_process import SNAKE, STAIRS, Service, over
-from tests.server.service_thread import FORKS, ServiceThread
+from tests.server.service_thread import FORKS, ServiceThread, ServiceWith
 
 pytestmark = pytest.mark.slow
-ServiceWith = Callable[..., ServiceThread]
 
 
 def check_finished(service: Service, fold_id: str) -> bytes:

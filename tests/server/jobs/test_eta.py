@@ -58,12 +58,8 @@ class Folds:
 
     def add_running(self, stage: str, fraction: float, *, began_at: float, **how: Any) -> str:
         before = list(USUAL)[: list(USUAL).index(stage)]
-        values = {
-            "stage": stage,
-            "fraction": fraction,
-            "stage_s": {name: USUAL[name] for name in before},
-            "began_at": began_at,
-        }
+        values = {"stage": stage, "fraction": fraction, "began_at": began_at}
+        values |= {"stage_s": {name: USUAL[name] for name in before}}
         row = a_fold("now", status="running", stage=stage, modules=160, progress=values, **how)
         self.store.add(row, SOMEBODY)
         return row.id

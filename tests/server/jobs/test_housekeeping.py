@@ -20,7 +20,7 @@ from server.jobs.housekeeping import (
 from server.settings import Settings
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError, Store, new_id
-from tests.server.rows import SOMEBODY, a_fold, a_movie, scans, statements
+from tests.server.rows import a_movie, add_fold, scans, statements
 
 MIB = 2**20
 GALLERY: dict[str, Any] = {"public": True, "shape": "wrench-24"}
@@ -35,11 +35,8 @@ def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
     """Add a finished fold that was last viewed ``days`` days ago; return its id."""
     then = time.time() - days * DAY_S
     usual: dict[str, object] = {"ended_at": then, "visitor": "somebody", "bytes": size}
-    row = a_fold(**usual | {"created_at": then, "seen_at": then} | more)
-    store.add(row, SOMEBODY)
-    place = store.folders.place(row.id)
-    place.mkdir()
-    (place / "plan.json").write_text("{}")
+    row = add_fold(store, **usual | {"created_at": then, "seen_at": then} | more)
+    (store.folders.place(row.id) / "plan.json").write_text("{}")
     return row.id
 
 

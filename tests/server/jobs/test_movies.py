@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,14 +11,7 @@ import pytest
 
 from server.processes.movie_task import is_on_table
 from tests.server.cli.test_command_line import foldback
-from tests.server.service_process import (
-    TIMEOUT_S,
-    FinishedFold,
-    Service,
-    bearer,
-    check_problem,
-    wait_until,
-)
+from tests.server.service_process import FinishedFold, Service, bearer, check_problem, wait_until
 from tests.tools import OPENGL
 from web.movies.encoding import find_ffmpeg
 
@@ -41,11 +33,10 @@ def ask(finished: FinishedFold, **options: Any) -> dict[str, Any]:
 def wait(
     service: Service, movie: dict[str, Any], until: Callable[[dict[str, Any]], bool]
 ) -> dict[str, Any]:
-    deadline = time.monotonic() + TIMEOUT_S
-    while not until(found := service.http.get(movie["links"]["self"]).json()):
-        assert time.monotonic() < deadline, f"{found}\n{service.log.read_text()}"
-        time.sleep(0.05)
-    return found
+    """Return the state of a movie once ``until`` is true."""
+    path = movie["links"]["self"]
+    wait_until(lambda: until(service.http.get(path).json()), service.log.read_text)
+    return service.http.get(path).json()
 
 
 def delete(service: Service, movie: dict[str, Any]) -> int:

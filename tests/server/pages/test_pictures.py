@@ -19,8 +19,7 @@ from server.pages import pictures as pictures_module
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store
 from tests.planner.chains import chain_of
-from tests.server.rows import SOMEBODY
-from tests.server.store.test_rows import row
+from tests.server.rows import add_fold
 
 
 class Pictures:
@@ -45,11 +44,9 @@ class Pictures:
 
     def add_fold(self, status: str) -> Path:
         """Return the directory of a new fold with the chain of a first candidate."""
-        added = row(status=status)
-        self.store.add(added, SOMEBODY)
-        self.store.directory(added.id).mkdir()
-        write_chain_file(self.store.directory(added.id), "first")
-        return self.store.directory(added.id)
+        directory = self.store.directory(add_fold(self.store, name="snake", status=status).id)
+        write_chain_file(directory, "first")
+        return directory
 
     def request(self, directory: Path, times: int = 1, query: str = "") -> list[httpx.Response]:
         """Return the answers to ``times`` simultaneous requests."""
