@@ -90,7 +90,7 @@ def _write_poses(
     rigid_links, anchor, axes, turn, offset = joint
     frames, n = positions.shape[:2]
     steps = np.broadcast_to(turn, (frames, n - 1, 3, 3)).copy()
-    by_hinge = angles.reshape(frames, -1, len(axes))
+    by_hinge = angles.reshape(frames, angles.shape[1] // len(axes), len(axes))  # frames may be 0
     for k in range(len(axes) - 1, -1, -1):
         jointed = steps[:, rigid_links:]
         steps[:, rigid_links:] = _about(axes[k], by_hinge[..., k]) @ jointed

@@ -33,7 +33,7 @@ SUCCESSES: Final = ("found", "no end")
 MAX_OUTPUT_CHARACTERS: Final = 4000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Answer:
     """Result of one fault.
 
@@ -44,8 +44,8 @@ class Answer:
             well, or ``unsound`` if they also fail without the fault or could not be run.
         found_by: Test that failed.
         part: ``likely`` or ``all``: the tests that it was run with.
-        seconds: Wall time, s.
         output: End of pytest's output if the outcome is unsound.
+        seconds: Wall time, s.
     """
 
     fault: str
@@ -53,8 +53,8 @@ class Answer:
     outcome: Outcome
     found_by: str | None
     part: str | None
+    output: str
     seconds: float
-    output: str = ""
 
 
 def main() -> int:
@@ -74,28 +74,16 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="faults-") as work_dir:
         scratch = Scratch(CHECKOUT, Path(work_dir))
         for fault in chosen:
-            answer = _answer(scratch, fault, whole=arguments.all)
-            answers.append(answer)
+            start = time.perf_counter()
+            found = _try(scratch, fault, whole=arguments.all)
+            seconds = round(time.perf_counter() - start, 1)
+            answers.append(answer := Answer(fault.name, fault.breaks, *found, seconds))
             print(f"{answer.fault}: {_words(answer)} ({answer.seconds:.0f} s)", flush=True)
             if answer.output:
                 print(answer.output, flush=True)
     _write(arguments.out, answers)
     _show(console, answers)
     return 0 if all(answer.outcome in SUCCESSES for answer in answers) else 1
-
-
-def _answer(scratch: Scratch, fault: Fault, *, whole: bool) -> Answer:
-    start = time.perf_counter()
-    outcome, found_by, part, output = _try(scratch, fault, whole=whole)
-    return Answer(
-        fault=fault.name,
-        breaks=fault.breaks,
-        outcome=outcome,
-        found_by=found_by,
-        part=part,
-        seconds=round(time.perf_counter() - start, 1),
-        output=output[-MAX_OUTPUT_CHARACTERS:],
-    )
 
 
 def _try(
@@ -110,10 +98,10 @@ def _try(
         if run.code == FAILED_TESTS and run.failed:
             again = scratch.run_tests(run.failed[:1], seconds=seconds)
             if again.code != PASSED:
-                return "unsound", run.failed[0], part, again.output
+                return "unsound", run.failed[0], part, again.output[-MAX_OUTPUT_CHARACTERS:]
             return "found", run.failed[0], part, ""
         if run.code != PASSED:
-            return "unsound", None, part, run.output
+            return "unsound", None, part, run.output[-MAX_OUTPUT_CHARACTERS:]
     return "not found", None, None, ""
 
 

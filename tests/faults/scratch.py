@@ -8,7 +8,7 @@ import subprocess
 import sys
 import sysconfig
 import venv
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,14 +61,7 @@ class Scratch:
             check=True,
         )
         tracked = [checkout / name for name in listed.stdout.split("\0") if name]
-        folders = {path.parent for path in tracked}
-        caches = [
-            kernel
-            for folder in folders
-            for kind in KERNEL_CACHES
-            for kernel in (folder / "__pycache__").glob(kind)
-        ]
-        for path in (*tracked, *caches):
+        for path in (*tracked, *self._compiled(tracked)):
             if path.is_file():  # tracked files may be deleted
                 copy = work_dir / path.relative_to(checkout)
                 copy.parent.mkdir(parents=True, exist_ok=True)
@@ -155,7 +148,7 @@ class Scratch:
             waiting += [other for other, text in kernels.items() if f"from {module} " in text]
         return found
 
-    def _compiled(self, files: set[Path]) -> list[Path]:
+    def _compiled(self, files: Iterable[Path]) -> list[Path]:
         """Return the cache files of the kernels in some files."""
         return [
             cache

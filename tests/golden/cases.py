@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Final, cast
+from typing import Any, Final, cast
 
 import trimesh
 
@@ -17,7 +17,7 @@ from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_writers import write_chain, write_path
-from tests.planner.chains import COIL, SQUARE, coil
+from tests.planner.chains import COIL, HAIRPIN, SQUARE, coil
 
 SHAPES: Final = FilePath(__file__).parents[2] / "examples" / "shapes"
 HOOK: Final = write_path(
@@ -25,18 +25,15 @@ HOOK: Final = write_path(
         [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1)], name="hook", pitch_m=0.02
     )
 )
-HAIRPIN: Final = write_path(
-    Path.from_cells(
-        [*((x, 0, 0) for x in range(4)), *((x, 1, 0) for x in reversed(range(4)))], name="hairpin"
-    )
-)
-"""Path through as many cells as ``FLAT``."""
 FLAT: Final = write_path(SQUARE)
 LONG_COIL: Final = write_chain(coil(24))
 CUBE: Final = json.dumps([[0, 0, 0]]).encode()
 BOX: Final = json.dumps([[x, y, z] for z in range(2) for y in range(2) for x in range(2)]).encode()
 TILE: Final = json.dumps([[x, y, 0] for y in range(3) for x in range(2)]).encode()
 MESH: Final = cast("bytes", trimesh.creation.box((3.0, 2.0, 2.0)).export(file_type="stl"))
+
+
+Begin = Callable[[FilePath, FoldRequest, bytes], None]
 
 
 def _begin(directory: FilePath, request: FoldRequest, data: bytes) -> None:
@@ -55,7 +52,7 @@ class Case:
 
     data: bytes
     request: FoldRequest = FoldRequest()
-    begin: Callable[[FilePath, FoldRequest, bytes], None] = _begin
+    begin: Begin = _begin
 
     def fold(self, directory: FilePath, *, workers: int = 1) -> None:
         """Fold it in an empty directory, as ``foldback fold`` does."""
@@ -85,33 +82,25 @@ def _begin_smooth(directory: FilePath, request: FoldRequest, _: bytes) -> None:
     Workspace(directory).write_request(smoothing, write_chain(plan.chain), recorded=plan)
 
 
+def _case(data: bytes, begin: Begin = _begin, **options: Any) -> Case:
+    return Case(data=data, request=FoldRequest(**options), begin=begin)
+
+
+_ON_TABLE: Final = {"world": "table", "as_voxels": True}
 CASES: Final = {
-    "all-at-once": Case(data=_shape("wrench-24"), request=FoldRequest(strategy="simultaneous")),
-    "blocks": Case(data=_shape("mallet-24"), request=FoldRequest(strategy="blocks", seed=1)),
-    "peeled": Case(data=LONG_COIL, request=FoldRequest(strategy="peel")),
-    "peeled-kinematic": Case(
-        data=LONG_COIL, request=FoldRequest(strategy="peel", settings="simulated_modules=9")
-    ),
-    "one-by-one": Case(data=write_path(COIL), request=FoldRequest(strategy="one-by-one")),
-    "tetrahedra": Case(data=CUBE, request=FoldRequest(module="tetrahedron", as_voxels=True)),
-    "paper": Case(data=HOOK, request=FoldRequest(preset="paper", settings="radial_gain=2")),
-    "direct": Case(data=FLAT, request=FoldRequest(preset="direct")),
-    "refold": Case(data=HAIRPIN, request=FoldRequest(refold=True), begin=_begin_refold),
-    "smooth": Case(data=FLAT, begin=_begin_smooth),
-    "prefer-time": Case(
-        data=HOOK, request=FoldRequest(prefer="time", strategy="simultaneous", settings="robots=0")
-    ),
-    "mesh": Case(data=MESH, request=FoldRequest(filename="block.stl", modules=12)),
-    "table-free": Case(
-        data=TILE, request=FoldRequest(world="table", as_voxels=True, settings="table_friction=0.1")
-    ),
-    "table-clamped": Case(
-        data=TILE,
-        request=FoldRequest(
-            world="table", as_voxels=True, settings="table_friction=0.1,table_base=clamped"
-        ),
-    ),
-    "table-stuck": Case(
-        data=BOX, request=FoldRequest(world="table", as_voxels=True, settings="table_torque=0.5")
-    ),
+    "all-at-once": _case(_shape("wrench-24"), strategy="simultaneous"),
+    "blocks": _case(_shape("mallet-24"), strategy="blocks", seed=1),
+    "peeled": _case(LONG_COIL, strategy="peel"),
+    "peeled-kinematic": _case(LONG_COIL, strategy="peel", settings="simulated_modules=9"),
+    "one-by-one": _case(write_path(COIL), strategy="one-by-one"),
+    "tetrahedra": _case(CUBE, module="tetrahedron", as_voxels=True),
+    "paper": _case(HOOK, preset="paper", settings="radial_gain=2"),
+    "direct": _case(FLAT, preset="direct"),
+    "refold": _case(write_path(HAIRPIN), _begin_refold, refold=True),
+    "smooth": _case(FLAT, _begin_smooth),
+    "prefer-time": _case(HOOK, prefer="time", strategy="simultaneous", settings="robots=0"),
+    "mesh": _case(MESH, filename="block.stl", modules=12),
+    "table-free": _case(TILE, **_ON_TABLE, settings="table_friction=0.1"),
+    "table-clamped": _case(TILE, **_ON_TABLE, settings="table_friction=0.1,table_base=clamped"),
+    "table-stuck": _case(BOX, **_ON_TABLE, settings="table_torque=0.5"),
 }

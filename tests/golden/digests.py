@@ -14,17 +14,8 @@ import numpy as np
 from planner.files import zarr_group
 
 RESULTS: Final = (
-    "chain.json",
-    "attempts.json",
-    "record.npz",
-    "playback.npz",
-    "certificate.json",
-    "table.npz",
-    "timeline.zarr",
-    "plan.npz",
-    "plan.json",
-    "model.xml",
-    "figures.zarr",
+    *("chain.json", "attempts.json", "record.npz", "playback.npz", "certificate.json"),
+    *("table.npz", "timeline.zarr", "plan.npz", "plan.json", "model.xml", "figures.zarr"),
 )
 """Files of a fold's directory that hold results."""
 DIGEST_LENGTH: Final = 12

@@ -41,6 +41,10 @@ SQUARE: Final = Path.from_cells(
     name="square",
 )
 """Short path of eight cells in a plane."""
+HAIRPIN: Final = Path.from_cells(
+    [*((x, 0, 0) for x in range(4)), *((x, 1, 0) for x in reversed(range(4)))], name="hairpin"
+)
+"""Another path of eight cells in a plane."""
 
 
 def shuffled(sides: tuple[int, int, int], moves: int, seed: int) -> Chain:
@@ -111,12 +115,18 @@ def knotted(tail: int = 6) -> Chain:
         corners += [(2 * column, 2 * to, 2), (2 * column, 2 * to, 0)]
         row = to
     corners.append((8 + tail, 2 * row, 0))
-    cells = [np.array(corners[0])]
-    for corner in corners[1:]:
-        step = np.sign(np.array(corner) - cells[-1])
+    return chain_of(walk(corners), "knot")
+
+
+def walk(corners: ArrayLike, scale: int = 1) -> NDArray[np.int64]:
+    """Return the cells along straight lines between corners."""
+    points = scale * np.array(corners)
+    cells = [points[0]]
+    for corner in points[1:]:
         while (cells[-1] != corner).any():
-            cells.append(cells[-1] + step)
-    return chain_of(np.array(cells), "knot")
+            axis = int(np.argmax(corner != cells[-1]))
+            cells.append(cells[-1] + np.sign(corner - cells[-1]) * (np.arange(3) == axis))
+    return np.array(cells)
 
 
 def anchored(

@@ -1,13 +1,16 @@
 """Folds of short chains through all stages, and comparisons of their results."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import count
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 import pytest
 
-from planner.certificate.certificate import Certificate, certify
+from planner.certificate.certificate import Certificate
+from planner.pipeline import certifying
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
@@ -42,14 +45,19 @@ def compare_motions(one: Any, other: Any) -> None:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
+def intercept(
+    monkeypatch: pytest.MonkeyPatch, owner: Any, name: str, call: Callable[..., Any]
+) -> None:
+    """Replace a function by ``call``, which gets the number of the call and the original first."""
+    original, numbers = getattr(owner, name), count(1)
+    monkeypatch.setattr(owner, name, lambda *a, **more: call(next(numbers), original, *a, **more))
+
+
 def falsify(monkeypatch: pytest.MonkeyPatch, times: int, **changes: Any) -> None:
     """Replace fields of the first ``times`` certificates."""
-    calls = 0
 
-    def certify_with_changes(*arguments: Any, **more: Any) -> Certificate:
-        nonlocal calls
-        calls += 1
-        found = certify(*arguments, **more)
-        return replace(found, **changes) if calls <= times else found
+    def certify(number: int, original: Any, *arguments: Any, **more: Any) -> Certificate:
+        found = original(*arguments, **more)
+        return replace(found, **changes) if number <= times else found
 
-    monkeypatch.setattr("planner.pipeline.certifying.certify", certify_with_changes)
+    intercept(monkeypatch, certifying, "certify", certify)

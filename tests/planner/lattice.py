@@ -1,6 +1,6 @@
-"""Random walks on the lattice and its rotations, for property tests."""
+"""Random walks on the lattice and for property tests."""
 
-from itertools import permutations, product
+from itertools import product
 
 import numpy as np
 from hypothesis import strategies as st
@@ -52,17 +52,3 @@ def grow(picks: list[tuple[int, int]]) -> Ints:
         if (x + a, y + b, z + c) not in cells:
             cells.append((x + a, y + b, z + c))
     return np.array(cells, dtype=np.int64)
-
-
-def _rotations() -> list[Ints]:
-    found: list[Ints] = []
-    for order, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
-        matrix = np.zeros((3, 3), dtype=np.int64)
-        matrix[range(3), order] = signs
-        if np.linalg.det(matrix) > 0:
-            found.append(matrix)
-    return found
-
-
-ROTATIONS = _rotations()
-"""24 rotations that map the lattice to itself."""

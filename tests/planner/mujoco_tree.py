@@ -4,14 +4,12 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
 from planner.simulation.mujoco_models import Material, tree_spec
 from planner.simulation.reduced_state import Acceleration, State
-
-Array = NDArray[np.float64]
+from tests.planner.chains import Array
 
 
 def solve_exactly(model: Any) -> Any:

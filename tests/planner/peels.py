@@ -1,14 +1,11 @@
 """Long motions as windows, made by kinematics alone, without collision checks."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.motion.motion import Motion
 from planner.pathfinding.snake import snake_path
-from tests.planner.chains import chain_of
-
-Array = NDArray[np.float64]
+from tests.planner.chains import Array, chain_of
 
 
 def snake(sides: tuple[int, int, int]) -> Chain:

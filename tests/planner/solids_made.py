@@ -49,6 +49,12 @@ def scene(edit: Callable[[dict[str, Any]], object], mesh: Mesh | None = None) ->
     return json.dumps(document).encode()
 
 
+def show(document: dict[str, Any], *nodes: dict[str, Any], **more: Any) -> None:
+    """Let a glTF scene consist of these nodes, each with the first mesh."""
+    document.update(nodes=[{"mesh": 0, **node} for node in nodes], scene=0, **more)
+    document["scenes"] = [{"nodes": list(range(len(nodes)))}]
+
+
 MESH_KINDS = ("stl", "stl_ascii", "obj", "ply", "ply_ascii", "off", "glb", "gltf", "3mf")
 
 
@@ -108,12 +114,17 @@ def as_binvox(cells: NDArray[np.int64]) -> bytes:
     return data
 
 
+def npy(values: object) -> bytes:
+    """Return an array as numpy.save writes it."""
+    stream = io.BytesIO()
+    np.save(stream, np.asanyarray(values))
+    return stream.getvalue()
+
+
 def as_grid(cells: NDArray[np.int64]) -> bytes:
     grid = np.zeros(tuple(cells.max(axis=0) + 1), dtype=bool)
     grid[tuple(cells.T)] = True
-    stream = io.BytesIO()
-    np.save(stream, grid)
-    return stream.getvalue()
+    return npy(grid)
 
 
 VOXEL_WRITERS: tuple[Callable[[NDArray[np.int64]], bytes], ...] = (as_vox, as_binvox, as_grid)

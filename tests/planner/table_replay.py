@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses
 from planner.motion.motion import Motion
 from planner.simulation.lazy_mujoco import mujoco
 from planner.simulation.mujoco_models import STIFF_SOLREF_SOLIMP, Material, compiled, tree_spec
+from tests.planner.chains import Array
 
-Array = NDArray[np.float64]
 BRAKE_TORQUE_RATIO: Final = 1.1
 """Torque with which simulated brakes hold the hinges when a frame on a table is checked, as a
 multiple of the largest torque in the certificate. Larger values accept frames that the certified
@@ -54,7 +52,7 @@ second half of the simulation; a frame that moves further counts as not resting.
 accept weaker frames. Chosen."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class TableReplay:
     """Result of a replay on a table. Lengths in pitches, torques in w·p.
 
@@ -100,11 +98,7 @@ def table_replay(
     numbers = np.union1d(spread, np.array(also, dtype=int))
     model = _model(chain, max(spare * torque, MIN_BRAKE_TORQUE_WP))
     found = [_release(chain, model, frames, int(k)) for k in numbers]
-    return TableReplay(
-        frames=tuple(int(k) for k in numbers),
-        drifts=tuple(drift for drift, _ in found),
-        still_drifts=tuple(late for _, late in found),
-    )
+    return TableReplay(tuple(numbers.tolist()), *zip(*found, strict=True))
 
 
 def _release(chain: Chain, model: Any, frames: Motion, number: int) -> tuple[float, float]:
@@ -115,7 +109,7 @@ def _release(chain: Chain, model: Any, frames: Motion, number: int) -> tuple[flo
     data.qpos[:3], data.qpos[3:7] = one.root_position[0], one.root_wxyz[0]
     for name, angle in zip(chain.joint_names, one.joint_angles_rad[0], strict=True):
         data.qpos[model.joint(name).qposadr[0]] = angle
-    _fix_first(data, poses)
+    data.mocap_pos[0], data.mocap_quat[0] = poses.positions[0], poses.wxyzs[0]
     bodies = [model.body(f"module_{i}").id for i in range(len(chain))]
     steps = int(REPLAY_DURATION / REPLAY_STEP)
     middle = poses.positions
@@ -130,11 +124,6 @@ def _release(chain: Chain, model: Any, frames: Motion, number: int) -> tuple[flo
 
 def _largest(ways: Array) -> float:
     return float(np.linalg.norm(ways, axis=1).max())
-
-
-def _fix_first(data: Any, poses: Poses) -> None:
-    data.mocap_pos[0] = poses.positions[0]
-    data.mocap_quat[0] = poses.wxyzs[0]
 
 
 def _model(chain: Chain, limit: float) -> Any:

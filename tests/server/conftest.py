@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from server.cli import serve
+from server.cli import worker as worker_command
+from server.jobs import worker
 from server.settings import Settings
 from server.store.folds import Store
 from tests.server.bucket import Bucket
@@ -44,6 +47,14 @@ def without_settings(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in os.environ:
         if name.startswith("FOLDBACK_"):
             monkeypatch.delenv(name)
+
+
+@pytest.fixture
+def process_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep commands of the service from changing the process of the tests."""
+    for module in (serve, worker_command, worker):
+        for name in ("keep_secrets", "set_up_logs", "forbid_compiling"):
+            monkeypatch.setattr(module, name, lambda *_: None, raising=False)
 
 
 @pytest.fixture

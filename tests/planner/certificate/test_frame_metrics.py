@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -78,18 +77,17 @@ def test_clearances_are_those_of_all_pairs(chain: Chain, size: float) -> None:
 
 
 @pytest.mark.slow
-def test_figures_agree_with_the_certificate(folded: Callable[..., Any], tmp_path: FilePath) -> None:
-    fold = folded("wrench-24")
-    figures = Figures.load(fold.directory / "figures.zarr")
-    frames = Timeline.open(fold.directory / "timeline.zarr").frames()
+def test_figures_agree_with_the_certificate(folded: Any, tmp_path: FilePath) -> None:
+    figures = Figures.load(folded.directory / "figures.zarr")
+    frames = Timeline.open(folded.directory / "timeline.zarr").frames()
     assert len(figures) == len(frames)
     exploded, played = (frames.phase == phase for phase in (0, 1))
     for part in (exploded, played):
         angles = frames.joint_angles_rad[part]
-        found = sweep(fold.chain, angles, size=fold.parameters.module_size).per_frame
+        found = sweep(folded.chain, angles, size=PARAMETERS.module_size).per_frame
         capped = np.minimum(figures.min_clearance[part], 0.2)
         np.testing.assert_allclose(capped, np.minimum(found, 0.2), atol=1e-6)
-    certificate: Certificate = fold.plan.certificate
+    certificate: Certificate = folded.plan.certificate
     least = figures.min_clearance[played].min()
     assert least >= certificate.min_clearance_playback - 1e-6
     for values in (figures.max_error_rad, figures.torque_nm):
@@ -105,8 +103,8 @@ def test_figures_agree_with_the_certificate(folded: Callable[..., Any], tmp_path
     # Torques are computed at the certificate's fold time.
     slow = replace(certificate, fold_time_s=2.0 * certificate.fold_time_s)
     for name in ("request.json", "timeline.zarr"):
-        (tmp_path / name).symlink_to(fold.directory / name)
-    slower = figures_of(tmp_path / "timeline.zarr", fold.parameters, slow)
+        (tmp_path / name).symlink_to(folded.directory / name)
+    slower = figures_of(tmp_path / "timeline.zarr", PARAMETERS, slow)
     np.testing.assert_allclose(slower.torque_nm, 0.25 * figures.torque_nm, rtol=1e-5)
     # Without a certificate the speed is that of the frames, not of the plan.
     alone = Curves.load(Workspace(tmp_path).write_figures())

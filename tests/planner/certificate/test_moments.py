@@ -18,7 +18,7 @@ from planner.plan.moment_search import moments_of
 from planner.plan.moments import CONTACT_LINKS, CONTACT_PITCH, Moments
 from tests.planner.chains import anchored, coil, knotted
 from tests.planner.clearance.reference import separation
-from tests.planner.conftest import Fold
+from tests.planner.conftest import Folded
 
 
 def module_separation(chain: Chain, poses: Poses, size: float, pair: tuple[int, int]) -> float:
@@ -46,29 +46,28 @@ def straight_to_folded(directory: FilePath, chain: Chain, frames: int) -> Timeli
     return Timeline.open(directory)
 
 
-def test_stored_moments_of_a_fold_have_the_right_frames(folded: Fold) -> None:
-    fold = folded("wrench-24")
-    moments, size = stored_moments(fold.directory), fold.plan.certificate.module_size
+def test_stored_moments_of_a_fold_have_the_right_frames(folded: Folded) -> None:
+    moments, size = stored_moments(folded.directory), folded.plan.certificate.module_size
     assert moments is not None
-    timeline = Timeline.open(fold.directory / "timeline.zarr")
-    assert moments.frames == len(timeline) == moments.plan + len(fold.plan.time_s)
+    timeline = Timeline.open(folded.directory / "timeline.zarr")
+    assert moments.frames == len(timeline) == moments.plan + len(folded.plan.time_s)
     assert not timeline.frames(moments.straight, moments.straight + 1).joint_angles_rad.any()
 
     contact = moments.contact
     assert contact is not None
-    poses = timeline.frames().poses(fold.chain)
+    poses = timeline.frames().poses(folded.chain)
 
     def at(frame: int) -> Poses:
         return Poses(positions=poses.positions[frame], rotations=poses.rotations[frame])
 
-    assert module_separation(fold.chain, at(contact.frame), size, contact.modules) < CONTACT_PITCH
+    assert module_separation(folded.chain, at(contact.frame), size, contact.modules) < CONTACT_PITCH
     for frame in range(moments.straight, contact.frame):
-        assert min_separation(fold.chain, at(frame), size, CONTACT_LINKS) >= CONTACT_PITCH
+        assert min_separation(folded.chain, at(frame), size, CONTACT_LINKS) >= CONTACT_PITCH
 
-    figures = Figures.load(fold.directory / "figures.zarr", moments.plan)
+    figures = Figures.load(folded.directory / "figures.zarr", moments.plan)
     torques = np.abs(figures.torque_nm)
     frame, hinge = np.unravel_index(torques.argmax(), torques.shape)
-    name = fold.chain.joint_names[hinge]
+    name = folded.chain.joint_names[hinge]
     assert moments.torque is not None
     assert moments.torque.frame == moments.plan + frame
     assert name.startswith(f"joint_{moments.torque.modules[0]}_")

@@ -20,8 +20,8 @@ ARRAYS = ("time_s", "joint_angles_rad", "root_position", "root_wxyz", "max_error
 
 
 @pytest.fixture(scope="module")
-def plan(folded: Callable[..., Any]) -> Plan:
-    return folded("wrench-24").plan
+def plan(folded: Any) -> Plan:
+    return folded.plan
 
 
 def test_plan_is_read_back_from_documented_fields(plan: Plan, tmp_path: FilePath) -> None:

@@ -37,9 +37,9 @@ ROLLED_UP = np.tile([np.pi / 2, 0.0], 22)
 
 
 @pytest.fixture
-def directory(folded: Callable[..., Any], tmp_path: FilePath) -> FilePath:
+def directory(folded: Any, tmp_path: FilePath) -> FilePath:
     """Copy of a verified fold, which tests may tamper with."""
-    shutil.copytree(folded("wrench-24").directory, tmp_path / "fold")
+    shutil.copytree(folded.directory, tmp_path / "fold")
     return tmp_path / "fold"
 
 

@@ -23,10 +23,11 @@ from tests.planner.clearance.test_proof import random_chain
 from tests.planner.peels import peel
 
 SIZE = 0.8
+Folding = tuple[Chain, Motion, Margins]
 
 
 @pytest.fixture(scope="module")
-def folding() -> tuple[Chain, Motion, Margins]:
+def folding() -> Folding:
     chain = coil(24)
     motion = peel(chain, width=4, step=0.5)
     found = margins(chain, motion, sweep(chain, motion, size=SIZE), size=SIZE)
@@ -38,9 +39,7 @@ def _is_clear(chain: Chain, angles: Array, size: float = SIZE) -> bool:
     return sweep(chain, angles, size=size, share=0.0).bound > 0.0
 
 
-def test_motion_with_one_hinge_off_by_the_margin_is_clear(
-    folding: tuple[Chain, Motion, Margins],
-) -> None:
+def test_motion_with_one_hinge_off_by_the_margin_is_clear(folding: Folding) -> None:
     chain, motion, found = folding
     angles = motion.angles(chain)
     off = found.one_hinge_rad.value
@@ -52,9 +51,7 @@ def test_motion_with_one_hinge_off_by_the_margin_is_clear(
             assert _is_clear(chain, disturbed), hinge
 
 
-def test_motion_with_random_errors_within_the_margin_is_clear(
-    folding: tuple[Chain, Motion, Margins],
-) -> None:
+def test_motion_with_random_errors_within_the_margin_is_clear(folding: Folding) -> None:
     chain, motion, found = folding
     angles, rng = motion.angles(chain), np.random.default_rng(1)
     off = found.independent_rad.value
@@ -63,7 +60,7 @@ def test_motion_with_random_errors_within_the_margin_is_clear(
         assert _is_clear(chain, angles + rng.uniform(-off, off, angles.shape[1]))
 
 
-def test_margins_that_are_too_large_are_not_proved(folding: tuple[Chain, Motion, Margins]) -> None:
+def test_margins_that_are_too_large_are_not_proved(folding: Folding) -> None:
     chain, motion, found = folding
     assert unproved_margins(chain, motion, found, size=SIZE) == []
     for name in ("module_size", "one_hinge_rad", "independent_rad"):

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -6,9 +7,9 @@ import pytest
 from planner.explosion import published_explosion
 from planner.explosion.published_explosion import explode_as_published
 from planner.parameters.published import PaperExplosionParameters
-from planner.simulation.reduced_state import Acceleration, State
 from planner.simulation.segments import Segments
-from tests.planner.chains import Array, coil
+from tests.planner.chains import coil
+from tests.planner.folds import intercept
 
 PAPER = PaperExplosionParameters()
 
@@ -25,15 +26,10 @@ def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:
 
 
 def test_accelerations_that_are_not_finite_end_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    original = Segments.free_accelerations
-    calls = 0
+    def broken(number: int, original: Any, segments: Any, state: Any, forces: Any) -> Any:
+        return original(segments, state, forces * np.nan if number > 150 else forces)
 
-    def broken(self: Segments, state: State, forces: Array) -> Acceleration:
-        nonlocal calls
-        calls += 1
-        return original(self, state, forces * np.nan if calls > 150 else forces)
-
-    monkeypatch.setattr(Segments, "free_accelerations", broken)
+    intercept(monkeypatch, Segments, "free_accelerations", broken)
     record = explode_as_published(coil(12), PAPER)
     assert record.status == "diverged"
     assert len(record.frames) >= 2

@@ -44,9 +44,7 @@ def test_far_moves_of_a_module_make_snapshots() -> None:
         recording.add(step_of(chain, k, 0.009 * k))
     recording.commit(end=True)
     # The end of the chain moves by nearly twenty times the angle.
-    centres = chain.poses(
-        recording.motion().joint_angles_rad, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-    ).positions
+    centres = recording.motion().poses(chain).positions
     moved = np.linalg.norm(np.diff(centres, axis=0), axis=2).max(axis=1)
     assert len(recording) > 3
     assert moved.max() <= 0.5

@@ -1,5 +1,7 @@
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from planner.parameters.explosion import ExplosionParameters
 from planner.pathfinding.knots import knot_of
 from planner.simulation.reduced_state import Acceleration
 from tests.planner.chains import Array, coil, knotted, line
+from tests.planner.folds import intercept
 
 DEFAULT = ExplosionParameters()
 
@@ -32,14 +35,7 @@ def test_linked_modules_are_pulled_apart_by_the_tension_alone(
 
 def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:
     chain = coil(24)
-    polls = 0
-
-    def cancelled() -> bool:
-        nonlocal polls
-        polls += 1
-        return polls == 3
-
-    record = explode(chain, DEFAULT, cancelled=cancelled)
+    record = explode(chain, DEFAULT, cancelled=Mock(side_effect=[False, False, True]))
     assert (record.status, record.steps) == ("cancelled", 75)
     assert len(record.frames) > 1
     found = explode(chain, replace(DEFAULT, max_steps=30))
@@ -53,15 +49,11 @@ def watch_accelerations(
     monkeypatch: pytest.MonkeyPatch, replace_forces: Callable[[int, WholeChain, Array], Array]
 ) -> None:
     """Pass the number of each call for accelerations to a function that returns other forces."""
-    original = WholeChain.acceleration_under
-    calls = 0
 
-    def watched(self: WholeChain, forces: Array) -> Acceleration:
-        nonlocal calls
-        calls += 1
-        return original(self, replace_forces(calls, self, forces))
+    def watched(number: int, original: Any, chain: WholeChain, forces: Array) -> Acceleration:
+        return original(chain, replace_forces(number, chain, forces))
 
-    monkeypatch.setattr(WholeChain, "acceleration_under", watched)
+    intercept(monkeypatch, WholeChain, "acceleration_under", watched)
 
 
 @pytest.mark.parametrize("after", [0, 40])
@@ -112,13 +104,11 @@ def test_knot_opens_by_creeping() -> None:
 
 def test_chain_that_does_not_move_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
     # Nothing moves: no pulse makes progress, and the run must end.
-    original = WholeChain.acceleration_under
-
-    def frozen(self: WholeChain, forces: Array) -> Acceleration:
-        found = original(self, forces)
+    def frozen(_: int, original: Any, *arguments: Any) -> Acceleration:
+        found = original(*arguments)
         return replace(found, hinges=0.0 * found.hinges, linear=np.zeros(3), angular=np.zeros(3))
 
-    monkeypatch.setattr(WholeChain, "acceleration_under", frozen)
+    intercept(monkeypatch, WholeChain, "acceleration_under", frozen)
     monkeypatch.setattr("planner.explosion.simultaneous.JAM_CHECK_STEPS", 10)
     record = explode(coil(12), DEFAULT)
     assert record.status == "stalled"

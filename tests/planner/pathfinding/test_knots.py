@@ -12,6 +12,7 @@ from planner.pathfinding.knots import Knot, knot_of, knot_of_polygon
 from planner.pathfinding.knots import _determinant as exact_determinant
 from planner.pathfinding.knots import _fewest_crossings as fewest_crossings
 from planner.pathfinding.snake import snake_path
+from tests.planner.chains import walk
 from tests.planner.lattice import Ints
 
 # One overhand knot: each crossing is passed once above and once below, in turn.
@@ -19,17 +20,6 @@ OVERHAND = (
     (0, 0, 0), (6, 0, 0), (6, 4, 0), (2, 4, 0), (2, 4, 2), (2, -2, 2),
     (4, -2, 2), (4, -2, -2), (4, 2, -2), (4, 2, 2), (4, 6, 2),
 )  # fmt: skip
-
-
-def walk(corners: Ints | tuple[tuple[int, int, int], ...], scale: int = 1) -> Ints:
-    """Return the cells along straight lines between corners."""
-    points = scale * np.array(corners)
-    cells = [points[0]]
-    for corner in points[1:]:
-        while (cells[-1] != corner).any():
-            axis = int(np.argmax(corner != cells[-1]))
-            cells.append(cells[-1] + np.sign(corner - cells[-1]) * (np.arange(3) == axis))
-    return np.array(cells)
 
 
 def on_lattice(curve: NDArray[np.float64], scale: float) -> Ints:

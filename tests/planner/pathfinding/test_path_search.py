@@ -10,8 +10,9 @@ from planner.pathfinding.removal_analysis import analyse_removal
 from planner.pathfinding.snake import snake_path
 from planner.shapes.shape import Shape
 from tests.case import case
+from tests.planner.chains import walk
 from tests.planner.lattice import box
-from tests.planner.pathfinding.test_knots import OVERHAND, walk
+from tests.planner.pathfinding.test_knots import OVERHAND
 
 BENT = Shape.from_cells(box(6, 2, 2) + box(2, 6, 2), name="bent")  # 2×2×2 blocks
 PLATE = Shape.from_cells([c for c in box(5, 5, 2) if c[:2] != (2, 2)], name="plate")

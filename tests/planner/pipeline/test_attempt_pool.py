@@ -5,8 +5,8 @@ import subprocess
 import sys
 import time
 from pathlib import Path as FilePath
-from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import psutil
 import pytest
@@ -113,10 +113,7 @@ def test_attempt_whose_process_fails_or_does_not_start_is_not_collected(
         child.kill()
         pool.schedule(CHOICE, [STUCK], Trial(0, 3, "peel"))
         assert pool.collect(fold / TIMELINE, silent, never) is None
-
-    def refuse_process(*_: Any, **__: Any) -> None:
-        raise BlockingIOError("no more processes")
-
+    refuse_process = Mock(side_effect=BlockingIOError("no more processes"))
     monkeypatch.setattr("planner.pipeline.attempt_pool.subprocess.Popen", refuse_process)
     with AttemptPool(fold, 2) as pool:
         pool.schedule(CHOICE, [], FIRST)
@@ -131,18 +128,13 @@ def test_number_of_attempts_of_a_fold_is_limited(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fold = read(tmp_path / "fold", write_path(COIL), seed=3)
-    started: list[Trial] = []
-
-    def begin(_: FilePath, trial: Trial) -> SimpleNamespace:
-        started.append(trial)
-        return SimpleNamespace(running=True, attempt=lambda: None, end=lambda: None)
-
+    begin = Mock(return_value=Mock(running=True, attempt=lambda: None))
     monkeypatch.setattr("planner.pipeline.attempt_pool._AttemptProcess", begin)
     many = RetryPolicy(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
     with AttemptPool(fold, 64) as pool:
         pool.schedule(many, [], Trial(0, 3, "peel"))
         pool.with_speculation(silent)(STALLING)
-    assert len(started) == MAX_EXPLOSIONS - 1
+    assert begin.call_count == MAX_EXPLOSIONS - 1
 
 
 SCRIPT = """

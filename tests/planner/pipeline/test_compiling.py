@@ -20,14 +20,7 @@ from planner.inner_kernels import InnerLibrary
 from planner.kernel_cache import KERNELS, sources, sources_digest
 from planner.pipeline import compiling_lock
 from planner.pipeline.compiling import GC_THRESHOLD_OBJECTS, Compiling
-from planner.pipeline.compiling_lock import (
-    FIRST_KERNELS_BYTES,
-    FIRST_LOCK,
-    IMPORTS_FRACTION,
-    MAX_COMPILED_FRACTION,
-    CompilingLock,
-    compiling_fraction,
-)
+from planner.pipeline.compiling_lock import FIRST_LOCK, CompilingLock, compiling_fraction
 from tests.case import case
 
 ROOT = Path(__file__).parents[3]
@@ -41,10 +34,11 @@ def test_lock_held_by_another_shows_its_fraction_and_waits_no_longer_than_its_bo
     monkeypatch.setattr(compiling_lock, "MAX_LOCK_WAIT_S", 0.01)
     holder, other = CompilingLock(tmp_path / FIRST_LOCK), CompilingLock(tmp_path / FIRST_LOCK)
     holder.acquire(lambda _: pytest.fail("nobody holds it"))
-    holder.add(FIRST_KERNELS_BYTES // 2)
+    holder.add(compiling_lock.FIRST_KERNELS_BYTES // 2)
     seen: list[float] = []
     other.acquire(seen.append)
-    middle = pytest.approx((IMPORTS_FRACTION + MAX_COMPILED_FRACTION) / 2.0, abs=1e-4)
+    ends = compiling_lock.IMPORTS_FRACTION, compiling_lock.MAX_COMPILED_FRACTION
+    middle = pytest.approx(sum(ends) / 2.0, abs=1e-4)
     assert seen and seen == [middle] * len(seen)
     assert compiling_fraction(tmp_path) == middle
     holder.release()

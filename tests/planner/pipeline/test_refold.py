@@ -13,7 +13,6 @@ from planner.certificate.certificate import Place, certify
 from planner.certificate.frame_metrics import write_figures
 from planner.certificate.metrics_store import Figures
 from planner.chain.chain import Chain
-from planner.chain.path import Path
 from planner.errors import InputError
 from planner.exports.formats import export_named
 from planner.motion.motion import PHASES, Motion
@@ -31,17 +30,12 @@ from planner.plan.shape_writers import write_path
 from planner.playback.playback import Playback, play_back
 from planner.playback.unfolding import check_fits
 from planner.verification.verify import verify
-from tests.planner.chains import COIL, SQUARE, line
+from tests.planner.chains import COIL, HAIRPIN, SQUARE, line
 from tests.planner.folds import falsify
 from tests.planner.plans import with_values
 from tests.refusal import refused
 
 UNFOLDING = PHASES.index("unfolding")
-
-
-HAIRPIN = Path.from_cells(
-    [*((x, 0, 0) for x in range(4)), *((x, 1, 0) for x in reversed(range(4)))], name="hairpin"
-)
 
 
 @pytest.fixture(scope="module")
@@ -277,7 +271,5 @@ def test_long_chain_is_refolded_by_kinematics(square: Plan, folder: FilePath, pl
     assert (np.diff(frames.time_s) > 0.0).all()
     certificate = certify(plan.chain, None, found, Parameters(), start=square.chain)
     assert certificate.verdict == "verified (kinematics only)"
-    centres = plan.chain.poses(
-        frames.joint_angles_rad, frames.root_position, frames.root_wxyz
-    ).positions.mean(axis=1)
+    centres = frames.poses(plan.chain).positions.mean(axis=1)
     np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=1e-9)

@@ -27,12 +27,12 @@ from planner.pipeline.next_step import (
     next_step,
     with_choice,
 )
-from planner.pipeline.preference import PlanFigures
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from tests.case import case
 from tests.planner.chains import coil
 from tests.planner.peels import snake
+from tests.planner.pipeline.test_improvements import FIGURES
 
 BOTH = ("simultaneous", "peel")
 
@@ -133,9 +133,6 @@ MORE = replace(
     improvements=Improvements(
         prefer="time", strategies=(("simultaneous", "peel"),), modules=64, most_frames=1000
     ),
-)
-FIGURES = PlanFigures(
-    fold_time_s=10.0, peak_torque_nm=0.1, clearance_bound=0.04, frames=100, seconds=1.0
 )
 FIRST = Trial(0, 0, "simultaneous")
 SECOND = Trial(0, 1, "simultaneous")

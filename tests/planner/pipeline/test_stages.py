@@ -1,8 +1,9 @@
 import json
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
+from unittest.mock import Mock, patch
 
 import pytest
 
@@ -19,7 +20,7 @@ from planner.playback.playback import Playback
 from planner.progress import STAGES, Progress
 from planner.simulation.reduced_state import Acceleration
 from planner.simulation.segments import Segments
-from tests.planner.folds import compare_motions, falsify, untimed, write_request
+from tests.planner.folds import compare_motions, falsify, intercept, untimed, write_request
 
 pytestmark = pytest.mark.slow
 
@@ -45,37 +46,24 @@ def run(directory: FilePath, *stages: str) -> list[dict[str, Any]]:
     return results
 
 
-@dataclass(frozen=True)
-class FullFold:
-    """Fold that has passed all stages; tests must not change it."""
-
-    directory: FilePath
-    results: list[dict[str, Any]]
-    timelines_created: int
-
-
 @pytest.fixture(scope="module")
-def full(tmp_path_factory: pytest.TempPathFactory) -> FullFold:
-    directory, created = write_request(tmp_path_factory.mktemp("whole")), list[Any]()
-    create = TimelineWriter.create
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(
-            TimelineWriter,
-            "create",
-            lambda *args, **how: created.append(args) or create(*args, **how),
-        )
-        return FullFold(directory, run(directory, *STAGES), len(created))
+def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[FilePath, list[dict[str, Any]]]:
+    """Directory of a fold that has passed all stages, for tests to copy, and their results."""
+    directory = write_request(tmp_path_factory.mktemp("whole"))
+    with patch.object(TimelineWriter, "create", side_effect=TimelineWriter.create) as create:
+        results = run(directory, *STAGES)
+    assert create.call_count == 1  # not replaced at once
+    return directory, results
 
 
 @pytest.fixture
-def copy(full: FullFold, tmp_path: FilePath) -> FilePath:
+def copy(full: tuple[FilePath, Any], tmp_path: FilePath) -> FilePath:
     """Copy of a fold whose stages a test may run again."""
-    return shutil.copytree(full.directory, tmp_path / "copy")
+    return shutil.copytree(full[0], tmp_path / "copy")
 
 
-def test_all_stages_make_a_verified_plan(full: FullFold) -> None:
-    assert full.timelines_created == 1  # not replaced at once
-    read, explode, play_back, certify, export = full.results
+def test_all_stages_make_a_verified_plan(full: tuple[FilePath, list[dict[str, Any]]]) -> None:
+    directory, (read, explode, play_back, certify, export) = full
     assert (read["name"], read["modules"], read["joints"], read["hinges"]) == ("coil", 12, 10, 20)
     assert explode["status"] == "straight"
     assert play_back["status"] == "folded"
@@ -83,8 +71,8 @@ def test_all_stages_make_a_verified_plan(full: FullFold) -> None:
     assert (export["status"], export["reason"]) == ("verified", "")
     expected = {name for names in OUTPUTS.values() for name in names}
     others = {"request.json", "input", "timeline.zarr", "figures.zarr", "manifest.json"}
-    assert {path.name for path in full.directory.iterdir()} == expected | others
-    assert Plan.load(full.directory / "plan.json").verified
+    assert {path.name for path in directory.iterdir()} == expected | others
+    assert Plan.load(directory / "plan.json").verified
 
 
 class Killed(BaseException):
@@ -93,50 +81,38 @@ class Killed(BaseException):
 
 @pytest.mark.parametrize("stage", ["explode", "certify"])
 def test_stage_killed_half_way_leaves_nothing_half_written_and_can_be_run_again(
-    stage: str, full: FullFold, copy: FilePath
+    stage: str, full: tuple[FilePath, Any], copy: FilePath
 ) -> None:
     shutil.rmtree(copy / "figures.zarr")
     place = STAGES.index(stage)
     for later in STAGES[place:]:
         for name in OUTPUTS[later]:
             (copy / name).unlink()
-    write_request = 0
-
-    def killed() -> bool:
-        nonlocal write_request
-        write_request += 1
-        if write_request == 4:
-            raise Killed
-        return False
-
     with pytest.raises(Killed):
-        run_stage(stage, copy, cancelled=killed)
+        run_stage(stage, copy, cancelled=Mock(side_effect=[False, False, False, Killed]))
     earlier = [name for s in STAGES[:place] for name in OUTPUTS[s]]
     under_way = {"attempts.json", "attempts"} if stage == "explode" else {"timeline.zarr"}
     files = {path.name for path in copy.iterdir()}
     assert files == {*earlier, *under_way, "request.json", "input"}
     Timeline.open(result_path(copy, "timeline.zarr")).frames()
     run(copy, *STAGES[place:])
-    first, again = (Plan.load(d / "plan.npz") for d in (full.directory, copy))
+    first, again = (Plan.load(d / "plan.npz") for d in (full[0], copy))
     compare_motions(again.motion, first.motion)
     assert untimed(again.summary()) == untimed(first.summary())
-    compare_motions(*(Timeline.open(d / "timeline.zarr").frames() for d in (copy, full.directory)))
+    compare_motions(*(Timeline.open(d / "timeline.zarr").frames() for d in (copy, full[0])))
 
 
 def test_failed_explosion_in_the_directory_of_a_good_fold_gives_a_failed_plan(
     copy: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (copy / "picture.png").write_bytes(b"of the shape before")
-    accelerations, calls = Segments.free_accelerations, 0
 
-    def broken(self: Segments, *arguments: Any) -> Acceleration:
-        nonlocal calls
-        calls += 1
-        if calls > 20:
+    def broken(number: int, original: Any, *arguments: Any) -> Acceleration:
+        if number > 20:
             raise SimulationError("it blew up.")
-        return accelerations(self, *arguments)
+        return original(*arguments)
 
-    monkeypatch.setattr(Segments, "free_accelerations", broken)
+    intercept(monkeypatch, Segments, "free_accelerations", broken)
     _, explode, play_back, certify, export = run(
         write_request(copy, strategy="simultaneous"), *STAGES
     )

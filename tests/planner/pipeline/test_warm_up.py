@@ -55,10 +55,9 @@ for solid, module in ((box, "tetrahedron"), (turned, "cube")):
 
 def run(script: str, *arguments: FilePath, kernels: FilePath) -> str:
     """Run a script that has compiled no kernel yet, and return its output."""
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(kernels)}
     answer = subprocess.run(
         [sys.executable, "-c", script, *map(str, arguments)],
-        env=environment,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(kernels)},
         capture_output=True,
         text=True,
         check=False,

@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.certificate.certificate import Certificate, Place, certify
+from planner.certificate.certificate import Certificate, Place
 from planner.chain.chain import Chain
-from planner.explosion.simultaneous import explode
+from planner.explosion import strategies
 from planner.file_names import CERTIFICATE, PLANS_DIR, PLAYABLE, RESULT_FILES, TIMELINE
 from planner.files import write_json
 from planner.motion.motion import Phase
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
 from planner.parameters.explosion import ExplosionParameters
+from planner.pipeline import certifying
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.fold_layout import attempt_numbers, latest_attempt_dir, result_path
 from planner.pipeline.stages import next_stage, run_stage
@@ -26,54 +27,44 @@ from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_writers import write_path
 from tests.planner.chains import COIL, SQUARE, anchored
-from tests.planner.folds import write_request
+from tests.planner.folds import intercept, write_request
 from tests.planner.peels import snake
 
 pytestmark = pytest.mark.slow
 
 
-def refuse_plans(monkeypatch: pytest.MonkeyPatch, *clearances: float) -> None:
-    """Make certificates refuse the first plans, with these clearances, and accept later ones."""
-    due = list(clearances)
-    judged: dict[bytes, float] = {}
+def refuse_first_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make certificates refuse the first plan and accept later ones."""
+    plans: list[bytes] = []
+    overlap = {"verdict": "failed: in the plan, modules 1 and 9 overlap", "min_clearance": -0.001}
+    overlap["min_clearance_at"] = Place(frame=3.0, modules=(1, 9))
 
-    def judge(chain: Any, record: Any, playback: Any, *arguments: Any, **more: Any) -> Certificate:
-        found = certify(chain, record, playback, *arguments, **more)
-        plan = b"" if playback is None else playback.frames.joint_angles_rad.tobytes()
-        if due and plan not in judged:
-            judged[plan] = due.pop(0)
-        if plan not in judged:
-            return found
-        return replace(
-            found,
-            verdict="failed: in the plan, modules 1 and 9 overlap",
-            min_clearance=judged[plan],
-            min_clearance_at=Place(frame=3.0, modules=(1, 9)),
-        )
+    def judge(_: int, original: Any, *arguments: Any, **more: Any) -> Certificate:
+        playback = arguments[2]
+        plans.append(b"" if playback is None else playback.frames.joint_angles_rad.tobytes())
+        found = original(*arguments, **more)
+        return replace(found, **overlap) if plans[-1] == plans[0] else found
 
-    monkeypatch.setattr("planner.pipeline.certifying.certify", judge)
+    intercept(monkeypatch, certifying, "certify", judge)
 
 
 def stall_after_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make all explosions but the first one stall."""
-    made = 0
 
-    def explode_once(chain: Any, parameters: Any, **more: Any) -> Record:
-        nonlocal made
-        made += 1
-        if made == 1:
+    def explode_once(number: int, explode: Any, chain: Any, parameters: Any, **more: Any) -> Record:
+        if number == 1:
             return explode(chain, parameters, **more)
         hasty = ExplosionParameters(max_steps=40)
         return replace(explode(chain, hasty, **more), status="stalled", reason="it sticks")
 
-    monkeypatch.setattr("planner.explosion.strategies.explode", explode_once)
+    intercept(monkeypatch, strategies, "explode", explode_once)
 
 
 def test_refused_plan_is_shown_though_later_attempts_stick_and_stages_run_twice(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A stage runs twice if the process is killed between its last file and the note of its end."""
-    refuse_plans(monkeypatch, -0.001)
+    refuse_first_plan(monkeypatch)
     stall_after_first(monkeypatch)
     directory = write_request(tmp_path, write_path(SQUARE), strategy="simultaneous")
     stage: str | None = "read"

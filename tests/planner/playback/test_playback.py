@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -6,39 +5,35 @@ import numpy as np
 import pytest
 
 from planner.certificate.certificate import certify
-from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.motion.angle_encoding import PLAN_STEP_RAD
 from planner.motion.motion import Motion
-from planner.motion.record import Record
 from planner.parameters.parameters import Parameters, preset
 from planner.parameters.playback import PlaybackParameters, RobotParameters
-from planner.playback.playback import play_back
+from planner.playback.playback import Playback, play_back
 from planner.progress import Progress
 from planner.simulation.mujoco_tree import Tree
-from tests.planner.chains import Array
+from tests.planner.conftest import Folded
+from tests.planner.folds import intercept
 from tests.refusal import refused
 
 DEFAULT = PlaybackParameters()
 IDEAL = PlaybackParameters(controller="computed-torque")
 
 
-@pytest.fixture(scope="module")
-def small(folded: Callable[..., Any]) -> tuple[Chain, Record]:
-    fold = folded("wrench-24")
-    return fold.chain, fold.record
+def play(folded: Folded, parameters: PlaybackParameters, **options: Any) -> Playback:
+    return play_back(folded.chain, folded.record, parameters, **options)
 
 
-def test_robots_fold_a_real_shape(folded: Callable[..., Any]) -> None:
-    fold = folded("wrench-24")
-    playback, record = fold.playback, fold.record
+def test_robots_fold_a_real_shape(folded: Folded) -> None:
+    playback, record = folded.playback, folded.record
     assert playback.status == "folded"
     assert playback.rms_position_error <= 1e-3
     assert playback.max_angle_error_rad <= 2e-3
     frames = playback.frames
     last = frames.joint_angles_rad[-1]
-    ends = fold.chain.poses(last, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    distances = aligned_distances(ends.positions, fold.chain.folded_poses.positions)
+    ends = folded.chain.poses(last, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    distances = aligned_distances(ends.positions, folded.chain.folded_poses.positions)
     assert np.sqrt((distances**2).mean()) == pytest.approx(playback.rms_position_error, abs=1e-12)
     assert set(frames.phase.tolist()) == {1}
     assert (np.diff(frames.time_s) > 0).all()
@@ -56,32 +51,26 @@ def test_robots_fold_a_real_shape(folded: Callable[..., Any]) -> None:
     assert frames.time_s[0] == record.frames.time_s[-1]
 
 
-def test_weak_motors_miss_the_target(small: tuple[Chain, Record]) -> None:
-    chain, record = small
+def test_weak_motors_miss_the_target(folded: Folded) -> None:
     weak = replace(DEFAULT, robot=RobotParameters(torque_limit=0.3))
-    playback = play_back(chain, record, weak)
+    playback = play(folded, weak)
     assert playback.status == "missed"
     assert "a robot lost its target: joint_" in playback.reason
     assert playback.rms_position_error > 0.1
-    ideal = play_back(chain, record, IDEAL)
+    ideal = play(folded, IDEAL)
     assert playback.peak_torque <= 0.31 * ideal.peak_torque
-    certificate = certify(chain, record, playback, Parameters())
+    certificate = certify(folded.chain, folded.record, playback, Parameters())
     assert not certificate.verified
 
 
 def test_torques_that_are_not_finite_end_the_playback(
-    small: tuple[Chain, Record], monkeypatch: pytest.MonkeyPatch
+    folded: Folded, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    original = Tree.apply_torques
-    calls = 0
+    def broken(number: int, original: Any, tree: Tree, torques: Any) -> None:
+        original(tree, torques * np.nan if number > 100 else torques)
 
-    def broken(self: Tree, torques: Array) -> None:
-        nonlocal calls
-        calls += 1
-        original(self, torques * np.nan if calls > 100 else torques)
-
-    monkeypatch.setattr(Tree, "apply_torques", broken)
-    playback = play_back(*small, IDEAL)
+    intercept(monkeypatch, Tree, "apply_torques", broken)
+    playback = play(folded, IDEAL)
     assert playback.status == "diverged"
     assert "finite" in playback.reason
     assert playback.steps == 100
@@ -93,39 +82,40 @@ def test_torques_that_are_not_finite_end_the_playback(
     assert np.isfinite(playback.peak_torque)
 
 
-def test_cancelled_or_too_long_playback_keeps_its_frames(small: tuple[Chain, Record]) -> None:
+def test_cancelled_or_too_long_playback_keeps_its_frames(folded: Folded) -> None:
     answers = iter((False, False, False, True))
-    playback = play_back(*small, DEFAULT, cancelled=lambda: next(answers, False))
+    playback = play(folded, DEFAULT, cancelled=lambda: next(answers, False))
     assert playback.status == "cancelled"
     assert 0 < playback.steps <= 100  # each robot asks in turn
     assert len(playback.frames) > 1
-    playback = play_back(*small, replace(DEFAULT, max_steps=100))
+    playback = play(folded, replace(DEFAULT, max_steps=100))
     assert (playback.status, playback.steps) == ("timeout", 100)
     assert "after 100 steps" in playback.reason
 
 
-def test_published_rule_folds_within_its_torque(small: tuple[Chain, Record]) -> None:
+def test_published_rule_folds_within_its_torque(folded: Folded) -> None:
     parameters = preset("paper")
     limited = replace(parameters.playback, torque_limit=2000.0)
-    playback = play_back(*small, limited)
-    assert certify(*small, playback, replace(parameters, playback=limited)).verified
+    playback = play(folded, limited)
+    assert certify(
+        folded.chain, folded.record, playback, replace(parameters, playback=limited)
+    ).verified
     assert playback.rms_position_error < 1e-3
     assert playback.peak_torque <= 2000.0 * (1.0 + 1e-9)
 
 
-def test_playback_without_record_or_controller_is_refused(small: tuple[Chain, Record]) -> None:
-    chain, record = small
+def test_playback_without_record_or_controller_is_refused(folded: Folded) -> None:
     with refused("no-record", match="needs a record"):
-        play_back(chain, None, DEFAULT)
+        play_back(folded.chain, None, DEFAULT)
     with refused("unknown-controller", match="expected robot"):
-        play_back(chain, record, replace(DEFAULT, controller="magic"))
+        play(folded, replace(DEFAULT, controller="magic"))
 
 
-def test_sink_and_progress(small: tuple[Chain, Record], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sink_and_progress(folded: Folded, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("planner.playback.chain_run.PROGRESS_PERIOD_S", 0.0)
     parts: list[Motion] = []
     reports: list[Progress] = []
-    playback = play_back(*small, DEFAULT, sink=parts.append, progress=reports.append, start_s=7.0)
+    playback = play(folded, DEFAULT, sink=parts.append, progress=reports.append, start_s=7.0)
     np.testing.assert_array_equal(Motion.joined(parts).time_s, playback.frames.time_s)
     assert playback.frames.time_s[0] == 7.0
     fractions = [p.fraction for p in reports]

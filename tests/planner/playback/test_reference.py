@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,12 +8,13 @@ from planner.playback.reference_curve import Reference, record_lengths
 from tests.planner.chains import line
 
 
-def test_reference_follows_the_record_smoothly_and_clear(folded: Callable[..., Any]) -> None:
-    fold = folded("wrench-24")
-    record = fold.record.frames.joint_angles_rad
-    reference = Reference.through(fold.chain, record[::-1], spacing_rad=0.03, distance_weight=0.03)
+def test_reference_follows_the_record_smoothly_and_clear(folded: Any) -> None:
+    record = folded.record.frames.joint_angles_rad
+    reference = Reference.through(
+        folded.chain, record[::-1], spacing_rad=0.03, distance_weight=0.03
+    )
     np.testing.assert_allclose(reference.spline(0.0), 0.0, atol=1e-12)
-    np.testing.assert_allclose(reference.spline(1.0), fold.chain.folded_rad, atol=1e-12)
+    np.testing.assert_allclose(reference.spline(1.0), folded.chain.folded_rad, atol=1e-12)
     u = np.linspace(0.01, 0.99, 200)
     h = 1e-5
     slope = (reference.spline(u + h) - reference.spline(u - h)) / (2 * h)
@@ -29,7 +29,7 @@ def test_reference_follows_the_record_smoothly_and_clear(folded: Callable[..., A
     curve = reference.spline(np.linspace(0.0, 1.0, 400))
     gaps = np.abs(curve[:, None] - record[None]).max(axis=2).min(axis=1)
     assert gaps.max() < 0.05
-    assert sweep(fold.chain, curve, size=0.95).clearance > 0.0
+    assert sweep(folded.chain, curve, size=0.95).clearance > 0.0
 
 
 def test_lengths_count_the_largest_hinge_motion_and_displacements() -> None:

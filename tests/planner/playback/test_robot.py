@@ -1,6 +1,5 @@
 """Robots with model errors: their properties, their folding, and their certificates."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -10,26 +9,22 @@ import pytest
 
 from planner.certificate.certificate import Certificate, certify
 from planner.chain.chain import Chain
-from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.playback.playback import Playback, play_back
 from planner.simulation.contact_finder import robot_contacts
 from planner.simulation.robot import Robot
 from tests.planner.chains import coil, line
+from tests.planner.conftest import Folded
 from tests.planner.mujoco_tree import tree_with
 
 FAULTLESS = RobotParameters(mass_error=0.0, friction=0.0, encoder_rad=0.0, noise_rad=0.0, runs=1)
 
 
-@pytest.fixture(scope="module")
-def small(folded: Callable[..., Any]) -> tuple[Chain, Record, Playback]:
-    fold = folded("wrench-24")
-    return fold.chain, fold.record, fold.playback
-
-
-def with_robot(robot: RobotParameters) -> PlaybackParameters:
-    return PlaybackParameters(robot=robot)
+def play(folded: Folded, robot: RobotParameters, **options: Any) -> Playback:
+    """Play back the record of a fold with such robots."""
+    parameters = PlaybackParameters(robot=robot)
+    return play_back(folded.chain, folded.record, parameters, **options)
 
 
 @pytest.mark.parametrize("chain", [line(7), coil(40)], ids=len)
@@ -67,9 +62,8 @@ def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None
     )
 
 
-def test_each_fault_is_seen_in_the_joint_error(small: tuple[Chain, Record, Playback]) -> None:
-    chain, record, _ = small
-    exact = play_back(chain, record, with_robot(FAULTLESS))
+def test_each_fault_is_seen_in_the_joint_error(folded: Folded) -> None:
+    exact = play(folded, FAULTLESS)
     assert exact.status == "folded"
     assert exact.max_angle_error_rad < 1e-12
     assert (exact.robots, exact.others_rad) == (None, None)
@@ -79,16 +73,14 @@ def test_each_fault_is_seen_in_the_joint_error(small: tuple[Chain, Record, Playb
         {"encoder_rad": 2e-3},
         {"noise_rad": 1e-3},
     ):
-        faulty = play_back(chain, record, with_robot(replace(FAULTLESS, **fault)))
+        faulty = play(folded, replace(FAULTLESS, **fault))
         assert faulty.status == "folded", fault
         assert 2.0 * exact.max_angle_error_rad < faulty.max_angle_error_rad < 0.05, fault
 
 
-def test_seed_decides_the_robots_and_the_largest_error_is_shown(
-    small: tuple[Chain, Record, Playback],
-) -> None:
-    chain, record, first = small
-    again, other = (play_back(chain, record, PlaybackParameters(), seed=seed) for seed in (0, 1))
+def test_seed_decides_the_robots_and_the_largest_error_is_shown(folded: Folded) -> None:
+    first = folded.playback
+    again, other = (play(folded, RobotParameters(), seed=seed) for seed in (0, 1))
     np.testing.assert_array_equal(again.others_rad, first.others_rad)
     np.testing.assert_array_equal(again.frames.joint_angles_rad, first.frames.joint_angles_rad)
     assert not np.array_equal(other.frames.joint_angles_rad, first.frames.joint_angles_rad)
@@ -101,19 +93,16 @@ def test_seed_decides_the_robots_and_the_largest_error_is_shown(
     assert first.max_angle_error_rad >= shown - 1e-6  # angles are stored in steps of that size
 
 
-def test_motors_keep_their_torque_limit(small: tuple[Chain, Record, Playback]) -> None:
-    chain, record, _ = small
-    need = play_back(chain, record, with_robot(FAULTLESS)).peak_torque
-    weak = play_back(chain, record, with_robot(replace(FAULTLESS, torque_limit=0.9)))
+def test_motors_keep_their_torque_limit(folded: Folded) -> None:
+    need = play(folded, FAULTLESS).peak_torque
+    weak = play(folded, replace(FAULTLESS, torque_limit=0.9))
     assert need is not None and weak.peak_torque is not None
     assert weak.peak_torque <= 0.91 * need
 
 
-def test_each_robot_is_certified_and_refused_if_it_collides(
-    small: tuple[Chain, Record, Playback],
-) -> None:
-    chain, record, playback = small
-    certificate = certify(chain, record, playback, Parameters())
+def test_each_robot_is_certified_and_refused_if_it_collides(folded: Folded) -> None:
+    playback = folded.playback
+    certificate = certify(folded.chain, folded.record, playback, Parameters())
     assert certificate.verified and len(certificate.robots) == 3
     assert certificate.robots[0]["min_clearance"] == certificate.min_clearance_playback
     bounds = [robot["clearance_bound"] for robot in certificate.robots]
@@ -129,5 +118,7 @@ def test_each_robot_is_certified_and_refused_if_it_collides(
         (playback.others_rad[:, 1:], lost),
         (np.full_like(ends, np.nan), lost),
     ):
-        found = certify(chain, record, replace(playback, others_rad=others), Parameters())
+        found = certify(
+            folded.chain, folded.record, replace(playback, others_rad=others), Parameters()
+        )
         assert found.verdict.startswith(f"failed: {words}")

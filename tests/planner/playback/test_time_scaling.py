@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -23,13 +22,12 @@ def largest_torque(reference: Reference, tree: Tree, scaling: TimeScaling) -> fl
 
 
 @pytest.fixture(scope="module")
-def bounded(folded: Callable[..., Any]) -> tuple[Reference, Tree, TimeScaling]:
-    fold = folded("wrench-24")
-    angles = fold.record.frames.joint_angles_rad[::-1]
-    reference = Reference.through(fold.chain, angles, spacing_rad=0.03, distance_weight=0.03)
-    tree = Tree(fold.chain, Material(), step_s=0.02)
+def bounded(folded: Any) -> tuple[Reference, Tree, TimeScaling]:
+    angles = folded.record.frames.joint_angles_rad[::-1]
+    reference = Reference.through(folded.chain, angles, spacing_rad=0.03, distance_weight=0.03)
+    tree = Tree(folded.chain, Material(), step_s=0.02)
     scaling = torque_bounded_scaling(
-        reference, fold.chain.module, steps=900, step_s=0.02, samples=220
+        reference, folded.chain.module, steps=900, step_s=0.02, samples=220
     )
     return reference, tree, scaling
 
@@ -76,8 +74,8 @@ def test_bounded_scaling_needs_less_torque(bounded: tuple[Reference, Tree, TimeS
     assert largest_torque(reference, tree, scaling) < 0.5 * largest_torque(reference, tree, smooth)
 
 
-def test_bounded_scaling_of_a_chain_at_rest(folded: Callable[..., Any]) -> None:
-    chain = folded("wrench-24").chain
+def test_bounded_scaling_of_a_chain_at_rest(folded: Any) -> None:
+    chain = folded.chain
     still = np.zeros((2, len(chain.folded_rad)))
     reference = Reference.through(chain, still, spacing_rad=0.03, distance_weight=0.03)
     scaling = torque_bounded_scaling(reference, chain.module, steps=400, step_s=0.02, samples=100)

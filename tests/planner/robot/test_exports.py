@@ -20,6 +20,7 @@ import yaml
 import yourdfpy
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, Slerp
 
 from planner.chain.kinematics import Poses
@@ -43,13 +44,11 @@ def ring(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     return fold(chain, directory=tmp_path_factory.mktemp("ring"))
 
 
-@pytest.fixture(params=["cube", "tetrahedron"])
+@pytest.fixture(params=["folded", "ring"], ids=["cube", "tetrahedron"])
 def plan(request: pytest.FixtureRequest) -> Plan:
     """Small plan of each kind of module; its pitch is not 1 cm, so that wrong units are found."""
-    if request.param == "cube":
-        made = request.getfixturevalue("folded")("wrench-24").plan
-    else:
-        made = request.getfixturevalue("ring")
+    made = request.getfixturevalue(request.param)
+    made = made.plan if request.param == "folded" else made
     return dataclasses.replace(made, chain=dataclasses.replace(made.chain, pitch_m=0.025))
 
 
@@ -76,12 +75,15 @@ def same_poses(found: list[Array], plan: Plan, frame: int, within: float) -> Non
     np.testing.assert_allclose(turns, wanted.rotations, atol=within)
 
 
-def root_of(plan: Plan, frame: int) -> Array:
+def transform_of(rotation: ArrayLike, position: ArrayLike) -> Array:
     transform = np.eye(4)
-    poses = poses_of(plan, frame)
-    transform[:3, :3] = poses.rotations[plan.chain.root]
-    transform[:3, 3] = plan.root_position[frame] * plan.chain.pitch_m
+    transform[:3, :3], transform[:3, 3] = rotation, position
     return transform
+
+
+def root_of(plan: Plan, frame: int) -> Array:
+    rotation = poses_of(plan, frame).rotations[plan.chain.root]
+    return transform_of(rotation, plan.root_position[frame] * plan.chain.pitch_m)
 
 
 def test_csv_has_every_number_of_the_plan(plan: Plan) -> None:
@@ -137,10 +139,9 @@ def test_mjcf_keys_are_frames_of_the_plan(plan: Plan) -> None:
 
 def module_transforms(plan: Plan, links: list[Array]) -> list[Array]:
     """Return the transforms of modules' centres from those of their links."""
-    shifts = [np.eye(4) for _ in links]
-    for i, shift in enumerate(shifts):
-        shift[:3, 3] = centre_of(plan.chain, i)
-    return [link @ shift for link, shift in zip(links, shifts, strict=True)]
+    return [
+        link @ transform_of(np.eye(3), centre_of(plan.chain, i)) for i, link in enumerate(links)
+    ]
 
 
 def test_urdf_moves_as_the_plan_in_yourdfpy(plan: Plan, tmp_path: Path) -> None:
@@ -264,9 +265,8 @@ def test_mcap_holds_the_fold_as_ros_messages(plan: Plan) -> None:
         assert transform.header.frame_id == "world"
         assert transform.child_frame_id == f"module_{chain.root}"
         place, turn = transform.transform.translation, transform.transform.rotation
-        link = np.eye(4)
-        link[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
-        link[:3, 3] = [place.x, place.y, place.z]
+        rotation = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
+        link = transform_of(rotation, [place.x, place.y, place.z])
         np.testing.assert_allclose(link, root_of(plan, k), atol=1e-12)
     if chain.module.geom == "box":
         (description,) = messages["/robot_description"]
@@ -290,9 +290,7 @@ def floats(file: pygltflib.GLTF2, index: int) -> Array:
 
 def z_up(transform: Array) -> Array:
     """Return a transform of the scene, rotated back to the planner's axes."""
-    turn = np.eye(4)
-    turn[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
-    return turn @ transform
+    return transform_of([[1, 0, 0], [0, 0, -1], [0, 1, 0]], 0.0) @ transform
 
 
 def test_glb_scene_stands_folded_and_upright(plan: Plan) -> None:
@@ -327,10 +325,8 @@ def test_glb_scene_moves_as_the_plan(plan: Plan) -> None:
     for k, frame in enumerate(keys):
         found = []
         for i in range(len(chain)):
-            transform = np.eye(4)
-            transform[:3, 3] = tracks[i, "translation"][1][k]
-            transform[:3, :3] = Rotation.from_quat(tracks[i, "rotation"][1][k]).as_matrix()
-            found.append(transform)
+            rotation = Rotation.from_quat(tracks[i, "rotation"][1][k]).as_matrix()
+            found.append(transform_of(rotation, tracks[i, "translation"][1][k]))
         same_poses(found, plan, frame, 1e-4)
     # Between keyframes a player interpolates along the shorter arc.
     for i in range(len(chain)):

@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -25,8 +24,8 @@ def ramp(length: float, frames: int) -> Array:
     return np.linspace(0.0, length, frames)[:, None]
 
 
-def test_retimed_fold_keeps_its_bounds_from_rest_to_rest(folded: Callable[..., Any]) -> None:
-    plan = folded("wrench-24").plan
+def test_retimed_fold_keeps_its_bounds_from_rest_to_rest(folded: Any) -> None:
+    plan = folded.plan
     trajectory = retime(plan, SPEED, ACCELERATION)
     assert trajectory.time_s.shape == plan.time_s.shape
     assert trajectory.time_s[0] == 0.0
@@ -50,10 +49,9 @@ def test_retimed_fold_keeps_its_bounds_from_rest_to_rest(folded: Callable[..., A
     assert np.quantile(used, 0.1) > 0.9
 
 
-def test_retimed_fold_stays_near_the_plan_and_as_clear(folded: Callable[..., Any]) -> None:
-    fold = folded("wrench-24")
-    frames = fold.plan.joint_angles_rad
-    trajectory = retime(fold.plan, SPEED, ACCELERATION)
+def test_retimed_fold_stays_near_the_plan_and_as_clear(folded: Any) -> None:
+    frames = folded.plan.joint_angles_rad
+    trajectory = retime(folded.plan, SPEED, ACCELERATION)
     t = np.linspace(0.0, trajectory.duration_s, 2001)
     place = trajectory.frame_at(t)
     left = np.clip(place.astype(int), 0, len(frames) - 2)
@@ -63,8 +61,8 @@ def test_retimed_fold_stays_near_the_plan_and_as_clear(folded: Callable[..., Any
     assert 0.0 < off <= trajectory.deviation_rad + 1e-9 < 0.005
     # A corner with legs of half a step is an eighth of the bend deep if all steps are the same.
     assert trajectory.deviation_rad <= np.abs(np.diff(frames, 2, axis=0)).max() / 8.0 + 2e-6
-    certificate = fold.plan.certificate
-    found = clearance(trajectory, fold.chain, size=certificate.module_size)
+    certificate = folded.plan.certificate
+    found = clearance(trajectory, folded.chain, size=certificate.module_size)
     assert found.clearance == pytest.approx(certificate.min_clearance, abs=0.005)
     assert 0.0 < found.bound <= found.clearance
 

@@ -1,6 +1,5 @@
 """Smoothed plans, made from verified ones: shorter, quieter, certified again."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path as FilePath
 
@@ -28,19 +27,14 @@ SIZE = 0.97
 """Module size for which a plan is smoothed, pitches; the plan was made for 0.95."""
 
 
-@pytest.fixture(scope="module")
-def wrench(folded: Callable[..., Folded]) -> Folded:
-    return folded("wrench-24")
-
-
-def test_smoothed_plan_is_verified_and_better(wrench: Folded, tmp_path: FilePath) -> None:
+def test_smoothed_plan_is_verified_and_better(folded: Folded, tmp_path: FilePath) -> None:
     folder = tmp_path / "smoothed"
-    smooth_plan(wrench.plan, directory=folder, module_size=SIZE)
+    smooth_plan(folded.plan, directory=folder, module_size=SIZE)
     plan = Plan.load(folder / "plan.npz")
     assert plan.verified
     before, after = plan.smoothing["before"], plan.smoothing["after"]
     assert plan.smoothing["way"] == SMOOTHED
-    assert plan.smoothing["seconds"] == wrench.plan.certificate.fold_time_s
+    assert plan.smoothing["seconds"] == folded.plan.certificate.fold_time_s
     for name, most in (
         ("frames", 0.9),
         ("fold_time_s", 0.8),
@@ -50,32 +44,32 @@ def test_smoothed_plan_is_verified_and_better(wrench: Folded, tmp_path: FilePath
     ):
         assert after[name] <= most * before[name], name
     # Clearances are compared at one module size.
-    frames = wrench.plan.joint_angles_rad
-    assert before["clearance"] == pytest.approx(sweep(wrench.chain, frames, size=SIZE).clearance)
-    assert 0.005 < before["clearance"] < wrench.plan.certificate.min_clearance
+    frames = folded.plan.joint_angles_rad
+    assert before["clearance"] == pytest.approx(sweep(folded.chain, frames, size=SIZE).clearance)
+    assert 0.005 < before["clearance"] < folded.plan.certificate.min_clearance
     assert after["clearance"] > 0.005
     assert after["frames"] == len(plan.time_s)
-    assert before["frames"] == len(wrench.plan.time_s)
+    assert before["frames"] == len(folded.plan.time_s)
     assert np.abs(plan.joint_angles_rad[0]).max() < 1e-9
-    np.testing.assert_allclose(plan.joint_angles_rad[-1], wrench.chain.folded_rad, atol=1e-9)
+    np.testing.assert_allclose(plan.joint_angles_rad[-1], folded.chain.folded_rad, atol=1e-9)
     assert verify(folder).verified
     assert (Timeline.open(folder / "timeline.zarr").motion().phase == 1).all()
     assert Plan.load(folder / "plan.json").smoothing == plan.smoothing
     assert plan.summary()["smoothing"] == plan.smoothing
-    assert wrench.plan.smoothing is wrench.plan.summary()["smoothing"] is None
+    assert folded.plan.smoothing is folded.plan.summary()["smoothing"] is None
 
 
-def test_cancelled_smoothing_fails(wrench: Folded, tmp_path: FilePath) -> None:
-    request = FoldRequest.smoothing(wrench.plan, seed=0, module_size=None)
-    data = write_chain(wrench.plan.chain)
-    Workspace(tmp_path).write_request(request, data, recorded=wrench.plan)
+def test_cancelled_smoothing_fails(folded: Folded, tmp_path: FilePath) -> None:
+    request = FoldRequest.smoothing(folded.plan, seed=0, module_size=None)
+    data = write_chain(folded.plan.chain)
+    Workspace(tmp_path).write_request(request, data, recorded=folded.plan)
     summary = run_stages(tmp_path, cancelled=lambda: True)
     assert summary["status"] == "failed"
     assert summary["smoothing"]["after"] is None
 
 
-def test_unsuitable_plans_are_not_smoothed(wrench: Folded, monkeypatch: pytest.MonkeyPatch) -> None:
-    plan, certificate = wrench.plan, wrench.plan.certificate
+def test_unsuitable_plans_are_not_smoothed(folded: Folded, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, certificate = folded.plan, folded.plan.certificate
     unsuitable = {
         "smooth-not-verified": replace(certificate, verdict="failed: it overlaps"),
         "smooth-no-motion": replace(certificate, fold_time_s=0.0),
@@ -83,7 +77,7 @@ def test_unsuitable_plans_are_not_smoothed(wrench: Folded, monkeypatch: pytest.M
     }
     plans = {code: with_values(plan, certificate=other) for code, other in unsuitable.items()}
     monkeypatch.setattr("planner.robot.smoothed_plan.MAX_SMOOTHED_ANGLES", 1000)
-    more = {"smooth-refold": with_values(plan, start=wrench.chain), "smooth-too-long": plan}
+    more = {"smooth-refold": with_values(plan, start=folded.chain), "smooth-too-long": plan}
     for code, other in {**plans, **more}.items():
         with refused(code):
             check_smoothable(other)

@@ -9,7 +9,7 @@ from planner.playback.reference_curve import record_lengths
 from planner.robot.motion_quality import Quality
 from planner.robot.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth
 from tests.planner.chains import Array, coil, line, random_angles
-from tests.planner.conftest import Fold
+from tests.planner.conftest import Folded
 
 pytestmark = pytest.mark.slow
 
@@ -23,11 +23,9 @@ def travel(angles: Array) -> float:
     return float(np.abs(np.diff(angles, axis=0)).sum())
 
 
-def test_smoothed_motion_is_shorter_and_as_clear_in_even_steps(folded: Fold) -> None:
-    fold = folded("wrench-24")
-    assert fold.record is not None
-    chain = fold.chain
-    before = np.ascontiguousarray(fold.record.frames.joint_angles_rad[::-1])
+def test_smoothed_motion_is_shorter_and_as_clear_in_even_steps(folded: Folded) -> None:
+    chain = folded.chain
+    before = np.ascontiguousarray(folded.record.frames.joint_angles_rad[::-1])
     after = smooth(chain, before, size=0.95).angles
     steps = np.diff(record_lengths(chain, after, DISTANCE_WEIGHT))
     assert steps.max() <= 1.2 * FRAME_SPACING_RANGE_RAD[1]
@@ -85,8 +83,8 @@ def test_blame_falls_on_the_hinges_between() -> None:
     assert sweep(chain, free[None], size=0.95).clearance > 0.0
 
 
-def test_figures_are_those_of_the_certificate_and_scale_with_time(folded: Fold) -> None:
-    plan = folded("wrench-24").plan
+def test_figures_are_those_of_the_certificate_and_scale_with_time(folded: Folded) -> None:
+    plan = folded.plan
     certificate = plan.certificate
     quality = Quality.of(plan, certificate.fold_time_s)
     assert quality.frames == len(plan.time_s)

@@ -1,4 +1,5 @@
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,13 +23,8 @@ def trajectory() -> Trajectory:
     return retimed(np.cumsum(np.vstack([np.zeros(3), steps]), axis=0), NAMES, 1.0, 2.0)
 
 
-def text(
-    trajectory: Trajectory,
-    form: Form,
-    rate_hz: float | None = None,
-    clear: tuple[float, float] | None = None,
-) -> str:
-    parts = export(trajectory, form, name="three", plan_verified=True, clear=clear, rate_hz=rate_hz)
+def text(trajectory: Trajectory, form: Form, clear: Any = None, **options: Any) -> str:
+    parts = export(trajectory, form, name="three", plan_verified=True, clear=clear, **options)
     return b"".join(parts).decode()
 
 
@@ -53,14 +49,12 @@ def test_csv_and_json_hold_the_same_numbers(trajectory: Trajectory) -> None:
 
 
 def test_clearance_is_exported_only_if_checked(trajectory: Trajectory) -> None:
-    unchecked, checked = (
-        json.loads(text(trajectory, "json", None, c)) for c in (None, (0.05, 0.04))
-    )
+    unchecked, checked = (json.loads(text(trajectory, "json", c)) for c in (None, (0.05, 0.04)))
     assert "verified" not in unchecked
     assert (unchecked["plan_verified"], unchecked["min_clearance"]) == (True, None)
     assert unchecked["clearance_bound"] is None
     assert checked == {**unchecked, "min_clearance": 0.05, "clearance_bound": 0.04}
-    unproved = json.loads(text(trajectory, "json", None, (0.05, 0.0)))
+    unproved = json.loads(text(trajectory, "json", (0.05, 0.0)))
     assert unproved == {**checked, "clearance_bound": None}
 
 
@@ -83,7 +77,7 @@ def test_deviation_bounds_the_lines_between_rows(trajectory: Trajectory, rate: f
     exact, rows = trajectory.at(moments)[0], trajectory.at(stamps)[0]
     lines = np.stack([np.interp(moments, stamps, column) for column in rows.T], axis=1)
     chord = np.abs(lines - exact).max()
-    stated = json.loads(text(trajectory, "json", rate))["deviation_rad"]
+    stated = json.loads(text(trajectory, "json", rate_hz=rate))["deviation_rad"]
     assert 0.0 < chord <= stated - trajectory.deviation_rad
 
 

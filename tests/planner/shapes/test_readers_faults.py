@@ -1,11 +1,9 @@
 """Small files, one for each kind that was once read wrongly."""
 
 import contextlib
-import io
 import json
 import struct
 import time
-import zipfile
 from itertools import product
 from pathlib import Path as FilePath
 from typing import Any
@@ -23,12 +21,14 @@ from tests.planner.solids_made import (
     box,
     chunk,
     exported,
+    npy,
     scene,
     vox_file,
     vox_model,
     vox_shape,
     vox_transform,
     words,
+    zipped,
 )
 
 DATA = FilePath(__file__).parent / "data"
@@ -210,16 +210,19 @@ def mesh_xml(*sides: float, inside: str = "", kind: str = "model", number: int =
 
 def archive(objects: str, *items: int, required: str = "", **others: str) -> bytes:
     """Return a 3MF archive; further models come before the main one."""
-    stream = io.BytesIO()
     build = "".join(f'<item objectid="{number}"/>' for number in items)
     names = f'xmlns="{CORE}" xmlns:p="{PRODUCTION}" {required}'
-    text = "<model {}><resources>{}</resources><build>{}</build></model>"
-    with zipfile.ZipFile(stream, "w") as file:
-        for name, other in others.items():
-            file.writestr(f"3D/{name}.model", text.format(names, other, '<item objectid="1"/>'))
-        file.writestr("3D/main.model", text.format(names, objects, build))
-        file.writestr("_rels/.rels", RELATIONSHIPS)
-    return stream.getvalue()
+    text = f"<model {names}><resources>{{}}</resources><build>{{}}</build></model>"
+    one = '<item objectid="1"/>'
+    files = {f"3D__{name}_model": text.format(other, one) for name, other in others.items()}
+    files |= {"3D__main_model": text.format(objects, build), "_rels__.rels": RELATIONSHIPS}
+    return zipped(**{name: content.encode() for name, content in files.items()})
+
+
+def with_role(role: str) -> bytes:
+    """Return an archive of a box of volume 24 and another one with a role in Cura."""
+    other = mesh_xml(1, 9, 1, inside=CURA.format(role), number=2)
+    return archive(mesh_xml(2, 3, 4) + other, 1, 2)
 
 
 OFF = exported("off", box(2, 3, 4)).rstrip() + b"\n"
@@ -237,15 +240,7 @@ def test_read_mesh_with_more_content_notes_ignored_parts() -> None:
         (archive(mesh_xml(2, 3, 4) + mesh_xml(1, 1, 1, number=2), 1), "not part of the build"),
         (archive(mesh_xml(2, 3, 4), 1, other=mesh_xml(9, 9, 9)), "not part of the build"),
         (archive(mesh_xml(2, 3, 4) + mesh_xml(1, 1, 1, kind="mould", number=2), 1, 2), "cutters"),
-        *(
-            (
-                archive(
-                    mesh_xml(2, 3, 4) + mesh_xml(1, 9, 1, inside=CURA.format(role), number=2), 1, 2
-                ),
-                "cutters",
-            )
-            for role in ("infill_mesh", "support_mesh")
-        ),
+        *((with_role(role), "cutters") for role in ("infill_mesh", "support_mesh")),
         (OFF + b"3 0 1 2\n", "lines after the last polygon"),
         (TEXT_PLY + b"3 0 1 2\n", "after the last element"),
         (exported("ply", box(2, 3, 4)) + b"more", "after the last element"),
@@ -259,18 +254,6 @@ def test_read_mesh_with_more_content_notes_ignored_parts() -> None:
             assert signed_volume(solid.vertices, solid.faces) == pytest.approx(24)
             assert bool(solid.notes) == bool(note)
             assert note in "".join(solid.notes)
-
-
-def array(values: object) -> bytes:
-    stream = io.BytesIO()
-    np.save(stream, np.asarray(values))
-    return stream.getvalue()
-
-
-def arrays(**values: object) -> bytes:
-    stream = io.BytesIO()
-    np.savez(stream, **values)  # type: ignore[arg-type]
-    return stream.getvalue()
 
 
 REFUSED = [
@@ -302,7 +285,7 @@ REFUSED = [
     (b"#VRML V2.0 utf8\nShape { point [0 0 0, 1 0 0] }", "wrong-kind", "a VRML scene"),
     (b"<?xml version='1.0'?>\n<COLLADA version='1.4'/>", "wrong-kind", "a COLLADA scene"),
     (b" " * 72 + b"S      1\n1H,,1H;,4HSLOT;", "wrong-kind", "an IGES model"),
-    (arrays(cells=STAIRS), "", "numpy.save"),
+    (zipped(**{"cells.npy": npy(STAIRS)}), "", "numpy.save"),
     # Features of the formats that are not supported.
     (b"4OFF\n4 4 6\n", "unsupported", ""),
     (b"nOFF\n3\n4 4 6\n", "unsupported", ""),
@@ -316,7 +299,7 @@ REFUSED = [
         "unsupported",
         "core/2015/02x",
     ),
-    (array(np.full((2, 2, 2), np.nan)), "not-voxels", ""),
+    (npy(np.full((2, 2, 2), np.nan)), "not-voxels", ""),
     # Files with too little information.
     (b"0123012301", "digits", ""),
     (b"0, 90, -90.0, 180, 0, 90", "digits", ""),

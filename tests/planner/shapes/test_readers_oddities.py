@@ -20,6 +20,8 @@ from tests.planner.solids_made import (
     box,
     exported,
     scene,
+    show,
+    solid_of,
     vox_file,
     vox_model,
     vox_transform,
@@ -48,8 +50,7 @@ def moved(mesh: Mesh, *by: float, flip: bool = False, mirror: bool = False) -> M
 
 
 def joined(*meshes: Mesh) -> Solid:
-    mesh = trimesh.util.concatenate(meshes)
-    return Solid.from_triangles(mesh.vertices, mesh.faces)
+    return solid_of(trimesh.util.concatenate(meshes))
 
 
 FAR = moved(BOX, 30, 0, 0)
@@ -128,9 +129,7 @@ def with_floats_as_indices(document: dict[str, Any]) -> None:
     document["meshes"][0]["primitives"][0]["indices"] = corners
 
 
-def with_a_matrix(document: dict[str, Any]) -> None:
-    document["nodes"] = [{"mesh": 0, "matrix": [1, 0, 0, 0.5, *[0, 1, 0, 0] * 2, 0, 0, 0, 1][:16]}]
-    document["scenes"] = [{"nodes": [0]}]
+PERSPECTIVE = {"matrix": [1, 0, 0, 0.5, *[0, 1, 0, 0] * 2, 0, 0, 0, 1]}
 
 
 def model_xml(encoding: str = "UTF-8", side: float = 2) -> bytes:
@@ -144,6 +143,7 @@ def model_xml(encoding: str = "UTF-8", side: float = 2) -> bytes:
 FLOATS_PLY = PLY.replace(b"list uchar int", b"list uchar float").replace(
     b"list uint8 int32", b"list uchar float"
 )
+POINT = "write decimals with a point"
 REFUSED: dict[str, tuple[bytes, str, str]] = {
     "a truncated second solid": (STL + STL[: STL.rindex(b"facet normal")], "truncated", "endsolid"),
     "a vertex number that is not whole": (
@@ -154,35 +154,19 @@ REFUSED: dict[str, tuple[bytes, str, str]] = {
     "an underscore in PLY": (PLY.replace(b"-1.0", b"-1_0.0", 1), "damaged", "-1_0.0"),
     "an underscore in OFF": (OFF.replace(b"-1.0", b"-1_0.0", 1), "damaged", "-1_0.0"),
     "an underscore in 3MF": (archive(XML.replace("-1.0", "-1_0.0", 1), 1), "damaged", "-1_0.0"),
-    "digits of another script": (
-        archive(XML.replace("1.0", "\u0661.0", 1), 1),
-        "damaged",
-        "\u0661",
-    ),
+    "foreign digits": (archive(XML.replace("1.0", "\u0661.0", 1), 1), "damaged", "\u0661"),
     "a position with an underscore": (
         vox_file(vox_model(np.array([[0, 0, 0]])), vox_transform(0, 1, _t="1_0 0 0")),
         "damaged",
         "no valid position",
     ),
-    "decimal commas in OBJ": (OBJ.replace(b".", b","), "damaged", "write decimals with a point"),
-    "decimal commas in OFF": (OFF.replace(b".", b","), "damaged", "write decimals with a point"),
-    "decimal commas in 3MF": (
-        archive(XML.replace("1.0", "1,0"), 1),
-        "damaged",
-        "write decimals with a point",
-    ),
-    "decimal commas between spaces": (
-        b"0,0 0,0 0,0\n1,0 0,0 0,0\n2,0 0,0 0,0\n",
-        "not-a-number",
-        "write decimals with a point",
-    ),
-    "decimal commas between commas": (
-        b"0,0,0,0,0,0\n1,0,0,0,0,0\n2,0,0,0,0,0\n",
-        "wrong-count",
-        "6 fields",
-    ),
+    "decimal commas in OBJ": (OBJ.replace(b".", b","), "damaged", POINT),
+    "decimal commas in OFF": (OFF.replace(b".", b","), "damaged", POINT),
+    "decimal commas in 3MF": (archive(XML.replace("1.0", "1,0"), 1), "damaged", POINT),
+    "commas between spaces": (b"0,0 0,0 0,0\n1,0 0,0 0,0\n2,0 0,0 0,0\n", "not-a-number", POINT),
+    "commas alone": (b"0,0,0,0,0,0\n1,0,0,0,0,0\n2,0,0,0,0,0\n", "wrong-count", "6 fields"),
     "floats as indices": (scene(with_floats_as_indices), "damaged", "whole numbers"),
-    "a matrix of perspective": (scene(with_a_matrix), "damaged", "last row"),
+    "a matrix of perspective": (scene(lambda d: show(d, PERSPECTIVE)), "damaged", "last row"),
     "two models of one name": (
         zipped(**{"3D__a_model": model_xml(), "3D__A_model": model_xml(side=9)}),
         "damaged",
@@ -233,8 +217,7 @@ def test_instances_without_places_are_read_once_each() -> None:
     def instances(document: dict[str, Any]) -> None:
         numbers = add_accessor(document, np.zeros((1, 1), dtype="<u4"))
         extension = {"EXT_mesh_gpu_instancing": {"attributes": {"_ID": numbers}}}
-        document["nodes"] = [{"mesh": 0, "extensions": extension}]
-        document["scenes"] = [{"nodes": [0]}]
+        show(document, {"extensions": extension})
 
     assert volume_of(solid_in(scene(instances))) == pytest.approx(24)
 

@@ -1,4 +1,3 @@
-import io
 import json
 import struct
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from tests.planner.solids_made import (
     as_binvox,
     as_vox,
     chunk,
+    npy,
     vox_file,
     vox_model,
     vox_shape,
@@ -69,9 +69,8 @@ def test_paths_grids_and_axes_of_voxels() -> None:
     assert isinstance(read(data), Path)
     assert len(shape_in(data, as_voxels=True)) == 3
     assert len(shape_in(b"0 0 0\n0 0 0\n", as_voxels=True)) == 1
-    stream = io.BytesIO()
-    np.save(stream, np.asfortranarray(np.minimum(np.arange(8, dtype=np.uint8), 1).reshape(2, 2, 2)))
-    assert len(shape_in(stream.getvalue())) == 7
+    grid = np.minimum(np.arange(8, dtype=np.uint8), 1).reshape(2, 2, 2)
+    assert len(shape_in(npy(np.asfortranarray(grid)))) == 7
     # The fastest axis of binvox is y.
     data = b"#binvox 1\ndim 1 2 3\ndata\n\x00\x01\x01\x01\x00\x04"
     assert shape_in(data).cells.tolist() == [[0, 1, 0]]
@@ -115,26 +114,21 @@ def test_binvox_of_too_many_cells_is_refused_before_it_is_unpacked() -> None:
 
 
 def test_invalid_voxel_files_are_refused() -> None:
+    vox = as_vox(L_SHAPE)
     for data, code in (
         (b"#binvox 1\ndata\n", "damaged"),
         (b"#binvox 1\ndim 99999999999999 1 1\ndata\n\x01\x08", "damaged"),
         (b"#binvox 1\ndim 2 2 2\ndata\n\x01\x08\x01", "truncated"),
         (b"#binvox 1\ndim 2 2 2\ndata\n\x01\x09", "damaged"),
         (b"#binvox 1\ndim 2 2 2\ndata\n\x07\x08", "damaged"),
-        (as_vox(L_SHAPE)[:-9], "truncated"),
-        (as_vox(L_SHAPE)[:14], "damaged"),
+        (vox[:-9], "truncated"),
+        (vox[:14], "damaged"),
         (vox_file(), "empty"),
         (vox_file(chunk(b"XYZI", struct.pack("<I", 0))), "damaged"),
         (vox_file(chunk(b"SIZE", struct.pack("<3I", 1, 1, 1))), "damaged"),
-        (
-            as_vox(L_SHAPE).replace(b"\x05\0\0\0\0\0\0\x01", b"\xff\xff\xff\x7f\0\0\0\x01"),
-            "damaged",
-        ),
-        (as_vox(L_SHAPE).replace(b"SIZE\x0c\0\0\0", b"SIZE\xff\xff\xff\xff"), "truncated"),
-        (
-            as_vox(L_SHAPE).replace(struct.pack("<3I", 2, 3, 2), struct.pack("<3I", 1, 3, 2)),
-            "damaged",
-        ),
+        (vox.replace(b"\x05\0\0\0\0\0\0\x01", b"\xff\xff\xff\x7f\0\0\0\x01"), "damaged"),
+        (vox.replace(b"SIZE\x0c\0\0\0", b"SIZE\xff\xff\xff\xff"), "truncated"),
+        (vox.replace(struct.pack("<3I", 2, 3, 2), struct.pack("<3I", 1, 3, 2)), "damaged"),
         (b'{"format": "foldback-voxels/1", "cells": []}', "empty"),
         (b'{"format": "foldback-voxels/1"}', "wrong-type"),
         (b'{"format": "foldback-voxels/1", "cells": [[0, 0, 0.5]]}', "not-whole"),

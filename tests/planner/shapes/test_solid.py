@@ -73,8 +73,7 @@ def test_solid_of_several_bodies_orients_each_by_itself(kind: str) -> None:
             meshes[-1].apply_translation(np.zeros(3) + middle)
             if inverted >> k & 1:
                 meshes[-1].invert()
-        mesh = trimesh.util.concatenate(meshes)
-        solid = Solid.from_triangles(mesh.vertices, mesh.faces)
+        solid = solid_of(trimesh.util.concatenate(meshes))
         assert signed_volume(solid.vertices, solid.faces) == pytest.approx(volume)
         inside = sample(solid, pitch=0.5, size=2, rotation=np.eye(3))
         assert inside.volume == pytest.approx(sampled)

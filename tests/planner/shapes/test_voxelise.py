@@ -105,25 +105,17 @@ def test_turned_box_is_turned_back() -> None:
 
 
 def test_overlapping_bodies_are_joined() -> None:
-    other = box(2, 2, 2)
-    other.apply_translation([1, 1, 1])
-    solid = solid_of(trimesh.util.concatenate([box(2, 2, 2), other]))
+    solid = solid_of(join_boxes(((2, 2, 2), (0, 0, 0)), ((2, 2, 2), (1, 1, 1))))
     voxels = voxelise(solid, cells=15 * 8)
     assert voxels.bodies == 1
     assert any("crosses itself" in note for note in voxels.notes)
     assert len(voxels.shape) * voxels.pitch**3 == pytest.approx(15, rel=0.1)
 
 
-def dumbbell(thick: float) -> Solid:
-    left, right = box(3, 3, 3), box(3, 3, 3)
-    left.apply_translation([-4, 0.1, 0.1])
-    right.apply_translation([4, -0.1, -0.1])
-    bar = box(9, thick, thick)
-    return solid_of(trimesh.util.concatenate([left, right, bar]))
-
-
 def test_thin_bar_is_kept() -> None:
-    voxels = voxelise(dumbbell(0.45), cells=60)
+    ends = ((3, 3, 3), (-4, 0.1, 0.1)), ((3, 3, 3), (4, -0.1, -0.1))
+    mesh = join_boxes(*ends, ((9, 0.45, 0.45), (0, 0, 0)))
+    voxels = voxelise(solid_of(mesh), cells=60)
     assert count_pieces(voxels.shape.cells) == 1
     assert voxels.bodies == 1
     assert np.ptp(voxels.shape.cells[:, 0]) * voxels.pitch > 8
@@ -195,12 +187,8 @@ TABLE = [
 ]
 
 
-def table() -> Mesh:
-    return join_boxes(*TABLE)
-
-
 MESHES: dict[str, Callable[[], Mesh]] = {
-    "table": table,
+    "table": lambda: join_boxes(*TABLE),
     "open box": lambda: Mesh(box(2, 2, 2).vertices, box(2, 2, 2).faces[1:], process=False),
     "two boxes": lambda: join_boxes(((2, 2, 2), (0, 0, 0)), ((1, 1, 1), (5, 0, 0))),
     "torus": lambda: trimesh.creation.torus(3, 1),
@@ -233,13 +221,9 @@ def test_counts_come_within_a_tenth_and_others_are_offered(name: str) -> None:
     assert voxels.above is not None
 
 
-def brute_iou(
-    mesh_boxes: list[tuple[tuple[float, ...], tuple[float, ...]]],
-    v: Voxels,
-    turn: NDArray[np.float64],
-) -> float:
-    """Return the IoU with rotated boxes, from random points and the boxes' own sides."""
-    sides, middles = (np.array(column) for column in zip(*mesh_boxes, strict=True))
+def brute_iou(v: Voxels, turn: NDArray[np.float64]) -> float:
+    """Return the IoU with the rotated table, from random points and its boxes' own sides."""
+    sides, middles = (np.array(column) for column in zip(*TABLE, strict=True))
     low, high = (middles - sides / 2).min(axis=0), (middles + sides / 2).max(axis=0)
     points = np.random.default_rng(0).uniform(low, high, size=(20_000, 3))
     near = np.abs(points[:, None] - middles) <= sides / 2
@@ -254,12 +238,12 @@ def brute_iou(
 
 def test_notes_name_lost_parts_of_a_thin_solid() -> None:
     turn = TURNS.rotation_matrix(0.4, [1, 2, 3])
-    turned = table()
+    turned = join_boxes(*TABLE)
     turned.apply_transform(turn)
     voxels = voxelise(solid_of(turned), cells=20)
     assert np.linalg.det(voxels.rotation) == pytest.approx(1)
     assert voxels.shape.cells.min(axis=0).tolist() == [0, 0, 0]
-    assert voxels.iou == pytest.approx(brute_iou(TABLE, voxels, turn[:3, :3]), abs=0.03)
+    assert voxels.iou == pytest.approx(brute_iou(voxels, turn[:3, :3]), abs=0.03)
     assert voxels.iou > 0.12
     legs_kept = np.ptp(voxels.shape.cells, axis=0).min() * voxels.pitch > 4
     assert legs_kept or any("is lost" in note for note in voxels.notes)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON
@@ -10,13 +11,8 @@ from tests.planner.chains import chain_of, line
 from tests.planner.statics.standing import standing
 
 
-def turned(axis: int, angle: float) -> np.ndarray:
-    cosine, sine = np.cos(angle), np.sin(angle)
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    matrix = np.eye(3)
-    matrix[i, i] = matrix[j, j] = cosine
-    matrix[i, j], matrix[j, i] = -sine, sine
-    return matrix
+def turned(axis: str, angle: float) -> np.ndarray:
+    return Rotation.from_euler(axis, angle).as_matrix()
 
 
 def two(at: tuple[float, float, float], turn: np.ndarray) -> np.ndarray:
@@ -46,7 +42,7 @@ def test_gaps_up_to_the_bound_are_contacts() -> None:
 
 
 def test_tilted_face_touches_with_its_lower_edge() -> None:
-    tilt = turned(1, 0.1)
+    tilt = turned("y", 0.1)
     height = 0.5 * (np.cos(0.1) + np.sin(0.1))
     found = two((0.0, 0.0, 0.5 + height), tilt)
     assert len(found) == 2
@@ -55,7 +51,7 @@ def test_tilted_face_touches_with_its_lower_edge() -> None:
 
 
 def test_corner_on_a_face_is_one_contact() -> None:
-    turn = turned(1, np.arctan(np.sqrt(0.5))) @ turned(0, np.pi / 4)
+    turn = turned("y", np.arctan(np.sqrt(0.5))) @ turned("x", np.pi / 4)
     depth = (turn @ CUBE.vertices.T)[2].min()
     found = two((0.1, 0.1, 0.5 - depth + 0.01), turn)
     assert len(found) == 1
@@ -66,7 +62,7 @@ def test_corner_on_a_face_is_one_contact() -> None:
 def test_crossing_edges_have_one_contact() -> None:
     # One stands on an edge along x, the other lies with one along y: rotated by 45° each.
     positions = np.array([(0.0, 0.0, 9.0), (0.5, 0.5, 8.0), (0.1, 0.2, 9.0 + np.sqrt(2.0) + 0.02)])
-    rotations = np.array([turned(0, np.pi / 4), np.eye(3), turned(1, np.pi / 4)])
+    rotations = np.array([turned("x", np.pi / 4), np.eye(3), turned("y", np.pi / 4)])
     found = contacts(CUBE, positions, rotations)
     pair = found.first == 2
     assert pair.sum() == 1

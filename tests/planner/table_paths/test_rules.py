@@ -1,4 +1,5 @@
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -64,12 +65,15 @@ def test_margins_to_the_rim_of_the_base() -> None:
     assert prefix_margins(path((0, 0, 0), "uee")) == pytest.approx([0.5, 0.5, 1 / 6, -0.25])
 
 
+def some_ways(layer: Layer, most: int, work: Work) -> list[Any]:
+    random = np.random.default_rng(most)
+    return list(ways(layer, layer.bits, layer.whole, random, most=most, work=work))
+
+
 def test_all_ways_through_a_small_layer_are_found() -> None:
     cells = np.array(list(product(range(3), range(3))))
     layer = Layer(cells=cells, index=np.arange(9))
-    found = list(
-        ways(layer, layer.bits, layer.whole, np.random.default_rng(0), most=1, work=Work(10**6))
-    )
+    found = some_ways(layer, 1, Work(10**6))
     # The 3×3 grid has twenty Hamiltonian paths, each of them in two directions.
     assert len(found) == len(set(found)) == 40
 
@@ -79,9 +83,7 @@ def test_ways_through_a_large_layer_are_limited() -> None:
     layer = Layer(cells=cells, index=np.arange(42))
     for limit in (100, 10**5):
         work = Work(limit)
-        found = list(
-            ways(layer, layer.bits, layer.whole, np.random.default_rng(1), most=10, work=work)
-        )
+        found = some_ways(layer, 10, work)
         assert (len(found) == 10) == (limit > 100)
         assert work.left >= -1
     for way in found:

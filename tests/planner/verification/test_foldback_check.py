@@ -22,7 +22,7 @@ from planner.plan.packed_fold import unpack
 from planner.plan.plan import Plan
 from tests.case import case
 from tests.planner.chains import Array, unvalidated
-from tests.planner.conftest import SHAPES, Fold
+from tests.planner.conftest import SHAPES, Folded
 from tests.planner.peels import peel, snake, windows_of
 from tests.planner.plans import unverified
 from tests.planner.verification.forged_plans import FALSE, SIZE, forge, rewrite, save
@@ -79,9 +79,9 @@ def test_shipped_folds_are_proved(name: str, tmp_path: FilePath) -> None:
 
 
 def test_end_is_compared_with_a_path_or_the_angles_of_a_chain(
-    folded: Fold, tmp_path: FilePath
+    folded: Folded, tmp_path: FilePath
 ) -> None:
-    plan = folded("wrench-24").directory / "plan.npz"
+    plan = folded.directory / "plan.npz"
     assert verdict(plan, end=SHAPES / "wrench-24.json") == "proved"
     assert verdict(plan, end=SHAPES / "mallet-24.json") == "not proved"
     unpack((FINISHED / "tetra-cube-2.fold").read_bytes(), tmp_path)
@@ -95,11 +95,11 @@ def test_end_is_compared_with_a_path_or_the_angles_of_a_chain(
             foldback_check.check_end(chain, other)
 
 
-def test_new_plan_states_its_digest(folded: Fold, tmp_path: FilePath) -> None:
+def test_new_plan_states_its_digest(folded: Folded, tmp_path: FilePath) -> None:
     def other(arrays: dict[str, Any], meta: Any) -> None:
         arrays["joint_angles_rad"][5, 5] += 1e-9
 
-    plan = folded("wrench-24").directory / "plan.npz"
+    plan = folded.directory / "plan.npz"
     found = foldback_check.check(rewrite(plan, tmp_path / "plan.npz", other))
     assert "digest" in str(found["reason"])
 
@@ -184,8 +184,8 @@ def test_any_convex_module_of_the_plan(tmp_path: FilePath) -> None:
 
 
 @pytest.mark.parametrize("kind", FALSE)
-def test_forged_plan_is_not_proved(kind: str, folded: Fold, tmp_path: FilePath) -> None:
-    plan = folded("wrench-24").directory / "plan.npz"
+def test_forged_plan_is_not_proved(kind: str, folded: Folded, tmp_path: FilePath) -> None:
+    plan = folded.directory / "plan.npz"
     forge(plan, path := tmp_path / "plan.npz", np.random.default_rng(5), kind)
     with suppress(ValueError):
         assert verdict(path) == "not proved"

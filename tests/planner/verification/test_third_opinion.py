@@ -10,7 +10,7 @@ import foldback_check
 from planner.errors import InputError
 from planner.verification.third_opinion import Vertices, largest_deviation, mesh_of, toolkit
 from planner.verification.verify import verify
-from tests.planner.conftest import Fold
+from tests.planner.conftest import Folded
 from tests.refusal import refused
 
 
@@ -28,8 +28,8 @@ def test_mesh_holds_all_modules_and_exempts_own_and_linked_vertices() -> None:
     assert len(alone.exempt) == 18, "linked tetrahedra are not exempt"
 
 
-def test_parts_are_straight_within_the_tolerance_at_all_moments(folded: Fold) -> None:
-    plan = foldback_check.Plan(folded("wrench-24").directory / "plan.npz")
+def test_parts_are_straight_within_the_tolerance_at_all_moments(folded: Folded) -> None:
+    plan = foldback_check.Plan(folded.directory / "plan.npz")
     vertices, frame, tolerance = Vertices(plan), plan.frames - 20, 1e-4
     division = vertices.divide(frame, tolerance)
     parts, fine = len(division.vertices) - 1, 16
@@ -44,9 +44,8 @@ def test_parts_are_straight_within_the_tolerance_at_all_moments(folded: Fold) ->
     assert largest_deviation(division.vertices[[0, 0, 0, 0, 0]]) == 0.0
 
 
-def test_vertices_are_those_of_the_chain_seen_from_the_middle_module(folded: Fold) -> None:
-    fold = folded("wrench-24")
-    plan = foldback_check.Plan(fold.directory / "plan.npz")
+def test_vertices_are_those_of_the_chain_seen_from_the_middle_module(folded: Folded) -> None:
+    plan = foldback_check.Plan(folded.directory / "plan.npz")
     angles = plan.angles(plan.frames - 1, 0, len(plan.folded))
     seen = Vertices(plan).at(angles, angles, 1)[0].reshape(24, 8, 3)
     module = np.sort(seen[12], axis=0)

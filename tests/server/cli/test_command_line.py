@@ -142,9 +142,9 @@ def test_each_process_starts_without_packages_of_others(
     assert (tmp_path / "fold" / "plan.npz").exists() == any("fold'" in step for step in steps)
 
 
+@pytest.mark.usefixtures("process_state")
 def test_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("keep_secrets", "set_up_logs", "signal"):  # process settings
-        monkeypatch.setattr(f"server.cli.serve.{name}", MagicMock())
+    monkeypatch.setattr("server.cli.serve.signal", MagicMock())
     run = MagicMock()
     monkeypatch.setattr("server.cli.serve._run", run)
     place = ("--data-dir", str(tmp_path))
@@ -153,11 +153,11 @@ def test_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert (settings.data_dir, shape) == (tmp_path, "cross")
 
 
+@pytest.mark.usefixtures("process_state")
 def test_taken_port_is_a_clear_failure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    # effects on the process, which runs the tests
-    for name in ("keep_secrets", "set_up_logs", "_allow_files", "signal", "sys"):
+    for name in ("_allow_files", "signal", "sys"):
         monkeypatch.setattr(f"server.cli.serve.{name}", MagicMock())
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])

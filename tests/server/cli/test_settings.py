@@ -75,14 +75,13 @@ def test_bad_value_is_reported_in_a_line(
     assert words in finding.found and finding.remedy
 
 
+@pytest.mark.usefixtures("process_state")
 @pytest.mark.parametrize(
     "command", [["serve"], ["worker"], ["doctor"], ["admin", "list"], ["serve", "--port", "70000"]]
 )
 def test_every_command_reports_bad_settings(
     command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("serve", "worker"):  # this process ignores it
-        monkeypatch.setattr(f"server.cli.{module}.keep_secrets", lambda: None)
     monkeypatch.setenv("FOLDBACK_DATA_DIR", str(tmp_path))
     monkeypatch.setenv("FOLDBACK_TRUSTED_PROXIES", "proxy")
     done = foldback(*command)

@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from server.cli import serve
-from server.cli import worker as worker_command
 from server.cli.serve import server_of
 from server.jobs import worker
 from server.settings import Settings
@@ -18,17 +16,10 @@ MISSING = [
 ]
 
 
-def keep_process_state(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep the service from changing the process of the tests."""
-    for module in (worker, serve, worker_command):
-        for name in ("keep_secrets", "set_up_logs"):
-            monkeypatch.setattr(module, name, lambda *_: None, raising=False)
-
-
+@pytest.mark.usefixtures("process_state")
 def test_missing_database_or_storage_is_reported_with_a_remedy(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    keep_process_state(monkeypatch)
     for start, (settings, words) in product((server_of, worker.work), MISSING):
         with pytest.raises(SystemExit) as ended:
             start(Settings(data_dir=tmp_path, **settings))  # type: ignore[arg-type]
@@ -37,14 +28,13 @@ def test_missing_database_or_storage_is_reported_with_a_remedy(
         assert words in output and "foldback doctor" in output
 
 
-@pytest.mark.usefixtures("without_settings")
+@pytest.mark.usefixtures("without_settings", "process_state")
 @pytest.mark.parametrize("command", ["serve", "worker"])
 def test_unusable_data_directory_is_reported_with_a_remedy(
     command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("FOLDBACK_DATA_DIR", "/proc/foldback")
     monkeypatch.setenv("FOLDBACK_WORKERS", "0")
-    keep_process_state(monkeypatch)
     done = foldback(command)
     assert done.returncode == 1
     assert "cannot be used" in done.stderr

@@ -67,7 +67,7 @@ def test_children_of_a_killed_fork_server_end_and_it_is_replaced(
     assert server.starting
     with make_child("stages", fork_server=server) as child:
         assert child.call("read", directory, wall_s=60) == {}
-        assert not server.starting
+        wait_until(lambda: not server.starting)  # another thread hears that it has started
         process, first = psutil.Process(child.pid), pid_of(server)
         os.kill(first, signal.SIGKILL)
         assert not psutil.wait_procs([process], timeout=TIMEOUT_S)[1]
