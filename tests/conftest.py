@@ -123,9 +123,9 @@ def _compile(config: pytest.Config) -> None:
 @pytest.fixture(scope="session")
 def blog() -> Iterator[Blog]:
     """Site that may embed folds of the service."""
-    blog = Blog()
-    yield blog
-    blog.stop()
+    with Blog() as blog:
+        yield blog
+        blog.shutdown()
 
 
 @pytest.fixture(scope="session")
@@ -134,14 +134,10 @@ def service(tmp_path_factory: pytest.TempPathFactory, blog: Blog) -> Iterator[Se
 
     Its log is JSON, its metrics are public, and a blog may embed it; ``idle`` has the defaults.
     """
-    service = Service(
-        tmp_path_factory.mktemp("service") / "data",
-        log_format="json",
-        metrics_public=True,
-        embed_origins=blog.origin,
-    ).start()
-    yield service
-    assert service.stop() == 0
+    data = tmp_path_factory.mktemp("service") / "data"
+    settings = {"log_format": "json", "metrics_public": True, "embed_origins": blog.origin}
+    with Service(data, **settings).start() as service:
+        yield service
 
 
 @pytest.fixture(scope="session")

@@ -4,33 +4,22 @@ import re
 
 import pytest
 
-from docs.make_architecture import (
-    COLUMNS,
-    ELSEWHERE,
-    LAYER_OF,
-    PAGE,
-    PICTURE,
-    ROOT,
-    component_of,
-    draw,
-    imports,
-    modules,
-    summary_of,
-    with_table,
-)
+from docs import make_architecture as made
 from tests.case import case
 
 MIN_FILES, MAX_FILES = 5, 25
-FOLDERS = [c for c in LAYER_OF if c not in COLUMNS and modules()[c].name == "__init__.py"]
+FOLDERS = [
+    c for c in made.LAYER_OF if c not in made.COLUMNS and made.modules()[c].name == "__init__.py"
+]
 
 
 def test_imports_point_to_lower_layers() -> None:
     up = [
         f"{each.module} imports {each.imported}"
-        for each in imports()
-        if (component := component_of(each.module)) is not None
-        and (other := component_of(each.imported)) not in (None, component)
-        and LAYER_OF[str(other)] >= LAYER_OF[component]
+        for each in made.imports()
+        if (component := made.component_of(each.module)) is not None
+        and (other := made.component_of(each.imported)) not in (None, component)
+        and made.LAYER_OF[str(other)] >= made.LAYER_OF[component]
         and each.module != "planner"  # loads the names of all components on first use
     ]
     assert up == []
@@ -39,32 +28,34 @@ def test_imports_point_to_lower_layers() -> None:
 def test_packages_have_a_purpose_and_5_to_25_files() -> None:
     for component in FOLDERS:
         with case(component):
-            files = [path for path in modules()[component].parent.iterdir() if path.is_file()]
+            files = [path for path in made.modules()[component].parent.iterdir() if path.is_file()]
             assert MIN_FILES <= len(files) <= MAX_FILES
-            assert summary_of(component).endswith(".")
+            assert made.summary_of(component).endswith(".")
 
 
 def test_all_packages_have_a_layer() -> None:
-    folders = {".".join(p.parent.relative_to(ROOT).parts) for p in modules().values()}
-    named = {f for f in folders if not f.startswith(ELSEWHERE) and f not in COLUMNS}
+    folders = {".".join(p.parent.relative_to(made.ROOT).parts) for p in made.modules().values()}
+    named = {f for f in folders if not f.startswith(made.ELSEWHERE) and f not in made.COLUMNS}
     assert named == set(FOLDERS)
 
 
 @pytest.mark.parametrize("folder", ["tests", "bench", "examples", "docs", "web/static/js"])
 def test_other_folders_have_at_most_25_files(folder: str) -> None:
-    for path in (ROOT / folder, *(ROOT / folder).rglob("*")):
+    for path in (made.ROOT / folder, *(made.ROOT / folder).rglob("*")):
         if path.is_dir() and path.name not in ("__pycache__", "shapes", "snapshots"):
             assert len([p for p in path.iterdir() if p.is_file()]) <= MAX_FILES, path
 
 
 def test_page_and_picture_are_current() -> None:
-    page = PAGE.read_text(encoding="utf-8")
-    assert with_table(page) == page, "run `python -m docs.make_architecture`"
-    assert draw() == PICTURE.read_text(encoding="utf-8"), "run `python -m docs.make_architecture`"
+    page = made.PAGE.read_text(encoding="utf-8")
+    assert made.with_table(page) == page, "run `python -m docs.make_architecture`"
+    assert made.draw() == made.PICTURE.read_text(encoding="utf-8"), (
+        "run `python -m docs.make_architecture`"
+    )
 
 
 def test_paths_on_the_page_exist() -> None:
-    page, _, _ = PAGE.read_text(encoding="utf-8").partition("<!-- components -->")
+    page, _, _ = made.PAGE.read_text(encoding="utf-8").partition("<!-- components -->")
     named = [name for name in re.findall(r"`([\w./]+)`", page) if "/" in name]
     assert named
-    assert [name for name in named if not (ROOT / name).exists()] == []
+    assert [name for name in named if not (made.ROOT / name).exists()] == []

@@ -36,5 +36,5 @@ def several_machines(rounds: int, *, seed: int, only: tuple[str, ...] = ()) -> S
     try:
         return faults(rounds, seed=seed, setup=setup, only=only or (*FAULTS, *setup.outages))
     finally:
-        bucket.stop()
-        postgres.remove()
+        bucket.close()
+        postgres.close()

@@ -1,5 +1,4 @@
 import io
-import json
 import re
 import time
 from collections.abc import Callable, Generator, Iterator
@@ -10,13 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import (
-    Browser,
-    Error,
-    Page,
-    expect,
-    sync_playwright,
-)
+from playwright.sync_api import Browser, Error, Page, expect, sync_playwright
 
 from tests.server.service_process import Service, bearer
 from tests.tools import CHROMIUM
@@ -210,6 +203,22 @@ def choose(page: Page, name: str, data: bytes) -> None:
     )
 
 
+def open_tab(page: Page, name: str) -> None:
+    """Open the details of a fold, and a tab in them."""
+    page.locator("#details").click()
+    page.locator(f"#tab-{name}").click()
+
+
+def drag(
+    page: Page, start: tuple[float, float], end: tuple[float, float], *, steps: int = 3
+) -> None:
+    """Move the mouse between two points of a page with its button pressed."""
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(*end, steps=steps)
+    page.mouse.up()
+
+
 def wait_for_preview(page: Page) -> None:
     """Wait until a page shows the figures of the preview that it last requested."""
     page.locator("body:not(.busy-now)").wait_for()
@@ -220,11 +229,6 @@ def preview_file(page: Page, name: str, data: bytes) -> None:
     choose(page, name, data)
     page.wait_for_url(re.compile("/previews/[a-z0-9]+$"))
     wait_for_preview(page)
-
-
-def path_file(cells: object) -> bytes:
-    """Return the file of a path."""
-    return json.dumps({"format": "foldback-path/1", "cells": cells}).encode()
 
 
 def wait_for_fold(page: Page) -> str:

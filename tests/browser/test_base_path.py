@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from foldback_client import Client
-from tests.browser.conftest import MEDIA
+from tests.browser.conftest import MEDIA, open_tab
 from tests.server.service_process import Service
 
 BASE = "/fold"
@@ -22,11 +22,8 @@ def test_pages_below_a_path_ask_for_nothing_beside_it(
     browser: Browser, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     data = tmp_path_factory.mktemp("below") / "data"
-    service = Service(data, base_path=BASE, workers=0, finished_folds=True).start()
-    try:
-        open_all_pages(f"http://127.0.0.1:{service.http.base_url.port}{BASE}", browser)
-    finally:
-        assert service.stop() == 0
+    with Service(data, base_path=BASE, workers=0, finished_folds=True).start() as service:
+        open_all_pages(f"http://{service.netloc}{BASE}", browser)
 
 
 def open_all_pages(base_url: str, browser: Browser) -> None:
@@ -49,8 +46,7 @@ def open_all_pages(base_url: str, browser: Browser) -> None:
         page.locator("#play").click()
         page.wait_for_function("() => +document.getElementById('scrub').value > 0")
     page.locator("#sketch.gone").wait_for(state="attached")  # the 3D view is shown
-    page.locator("#details").click()
-    page.locator("#tab-downloads").click()
+    open_tab(page, "downloads")
     links = page.locator("#panel-downloads .downloads a")
     for href in links.evaluate_all("(all) => all.map((one) => one.href)"):
         assert httpx.head(href).is_success, href

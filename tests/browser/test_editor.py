@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import WIDTH, Visit, cancel_fold, choose, wait_for_fold
+from tests.browser.conftest import WIDTH, Visit, cancel_fold, choose, drag, wait_for_fold
 from tests.server.files.test_preview import stl
 from tests.server.service_process import SPIRAL, Service
 
@@ -49,10 +49,7 @@ def test_letter_is_cut_by_dragging_and_folded(visit: Visit, service: Service) ->
     expect(page.locator("#count")).to_have_text("72 modules")
     first = page.locator('[data-x="2"][data-y="2"]').bounding_box()
     last = page.locator('[data-x="4"][data-y="2"]').bounding_box()
-    page.mouse.move(first["x"] + 9, first["y"] + 9)
-    page.mouse.down()
-    page.mouse.move(last["x"] + 9, last["y"] + 9, steps=8)
-    page.mouse.up()
+    drag(page, (first["x"] + 9, first["y"] + 9), (last["x"] + 9, last["y"] + 9), steps=8)
     expect(page.locator("#count")).to_have_text("48 modules")  # a stroke from a filled cell empties
     page.locator("#fold").click()
     wait_for_fold(page)
@@ -115,8 +112,7 @@ def test_tools_files_and_a_drawn_path(visit: Visit, service: Service) -> None:
     open_file(page, "own.json", written)
     expect(page.locator("#reading")).to_have_text(f"own.json: {len(own)} cells along their path.")
     page.locator("#fold").click()
-    fold = wait_for_fold(page)
-    sent = json.loads((service.directory(fold) / "input").read_bytes())
+    sent = json.loads((service.directory(wait_for_fold(page)) / "input").read_bytes())
     assert sent["format"] == "foldback-path/1"
     assert np.diff(np.array(sent["cells"]), axis=0).tolist() == steps.tolist()
     cancel_fold(page, service)

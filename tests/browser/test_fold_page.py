@@ -10,15 +10,8 @@ from playwright.sync_api import Route, expect
 
 from planner.certificate.metrics_store import Figures
 from planner.motion.timeline import Timeline
-from tests.browser.conftest import (
-    Visit,
-    at_frame,
-    choose,
-    path_file,
-    picture,
-    seek,
-)
-from tests.server.service_process import STAIRS, Service
+from tests.browser.conftest import Visit, at_frame, choose, picture, seek
+from tests.server.service_process import STAIRS, Service, path_file
 
 
 def redness(image: np.ndarray) -> float:

@@ -96,8 +96,7 @@ def test_my_folds_are_paged_and_all_deleted(visit: Visit, service: Service) -> N
     page.get_by_role("button", name="Delete all").click()
     page.locator("#confirm-yes").click()
     expect(page.get_by_text("Nothing here yet")).to_be_visible()
-    remaining = service.http.get("/api/mine/folds", headers=bearer(token)).json()
-    assert remaining["total"] == 0
+    assert service.http.get("/api/mine/folds", headers=bearer(token)).json()["total"] == 0
 
 
 def test_early_folds_are_claimed_and_the_browser_forgotten(visit: Visit, service: Service) -> None:

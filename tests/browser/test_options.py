@@ -12,6 +12,7 @@ from planner.plan.plan import Plan
 from tests.browser.conftest import (
     WIDTH,
     Visit,
+    open_tab,
     picture,
     preview_file,
     wait_for_fold,
@@ -48,8 +49,7 @@ def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: S
     fold = wait_for_fold(page)
     expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
     assert service.state(fold)["settings"] == "damping=0.12,radial_gain=5"
-    page.locator("#details").click()
-    page.locator("#tab-properties").click()
+    open_tab(page, "properties")
     changed = page.locator(".group", has=page.locator("summary", has_text="Changed settings"))
     changed.locator("summary").click()
     expect(changed).to_contain_text("instead of 0.1")

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from planner.certificate.metrics_store import Figures
-from tests.browser.conftest import at_frame, seek, shown_frame, visiting
+from tests.browser.conftest import at_frame, drag, seek, shown_frame, visiting
 from tests.server.service_process import Service
 
 GROUND = "() => getComputedStyle(document.body).backgroundColor"
@@ -95,10 +95,8 @@ def test_range_is_looped_and_linked(page: Page) -> None:
         page.keyboard.press(key)
     expect(begin).to_have_attribute("aria-valuenow", "22")
     end, track = page.locator("#range-to").bounding_box(), page.locator("#track").bounding_box()
-    page.mouse.move(end["x"] + 12, end["y"] + 20)
-    page.mouse.down()
-    page.mouse.move(track["x"] + track["width"] / 2, end["y"] + 20, steps=3)
-    page.mouse.up()
+    middle = (track["x"] + track["width"] / 2, end["y"] + 20)
+    drag(page, (end["x"] + 12, end["y"] + 20), middle)
     to = int(page.locator("#range-to").get_attribute("aria-valuenow") or 0)
     half = int(page.locator("#scrub").get_attribute("max") or 0) / 2
     assert to == pytest.approx(half + 1, abs=1)

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import expect
 
-from tests.browser.conftest import NO_WEBGL, Visit, keep_as_mine, picture
+from tests.browser.conftest import NO_WEBGL, Visit, drag, keep_as_mine, open_tab, picture
 from tests.server.service_process import STAIRS, Service
 from tests.web.blog import Blog
 from web.static_files import STATIC
@@ -136,10 +136,7 @@ def test_compare_plays_and_turns_two_folds_together(
 
     left, right = (side.locator("canvas") for side in sides)
     before, box = right.screenshot(), left.bounding_box()
-    page.mouse.move(box["x"] + 100, box["y"] + 150)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 160, box["y"] + 190, steps=3)
-    page.mouse.up()
+    drag(page, (box["x"] + 100, box["y"] + 150), (box["x"] + 160, box["y"] + 190))
     page.wait_for_url(re.compile(r"#frame=11&camera=-?[\d.]+,[\d.]+,1$"))
     assert right.screenshot() != before
     address = page.url
@@ -172,8 +169,7 @@ def test_fold_is_refolded_or_smoothed(visit: Visit, wrench: str, way: str) -> No
 @pytest.mark.long
 def test_movie_is_made_and_downloaded(visit: Visit, wrench: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
-    page.locator("#details").click()
-    page.locator("#tab-downloads").click()
+    open_tab(page, "downloads")
     movie = page.locator("form.options").nth(0)
     movie.locator("[name=format]").select_option("gif")
     movie.locator("[name=seconds]").select_option("6")
@@ -201,10 +197,7 @@ def test_turned_view_is_in_its_link(visit: Visit, wrench: str) -> None:
     expect(page.locator("#scrub")).to_be_enabled()
     box = page.locator("main.stage").bounding_box()
     page.wait_for_function("() => window.foldback.player.shown?.exact")
-    page.mouse.move(box["x"] + 240, box["y"] + 100)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 300, box["y"] + 140, steps=3)
-    page.mouse.up()
+    drag(page, (box["x"] + 240, box["y"] + 100), (box["x"] + 300, box["y"] + 140))
     page.keyboard.press("d")
     page.keyboard.press("-")
     page.wait_for_url(re.compile(r"#frame=60&camera=-?[\d.]+,[\d.]+,1\.15$"))
@@ -246,8 +239,7 @@ def test_view_is_saved_as_a_picture_and_embedded(visit: Visit, blog: Blog, wrenc
 
     # The frame for other sites, of the finished fold.
     blog.html = f"<!doctype html><title>A blog</title>{page.locator('#share-embed').input_value()}"
-    reader = visit(blog.origin, width=640, height=400, view=False)
-    inside = reader.frame_locator("iframe")
+    inside = visit(blog.origin, width=640, height=400, view=False).frame_locator("iframe")
     inside.locator("#forward").click()
     expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 2 of"))
     expect(inside.locator("a.whole")).to_have_attribute("href", f"/folds/{wrench}")

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, expect
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path as CellPath
 from planner.motion.timeline import TimelineWriter
 from tests.browser.conftest import TIMEOUT_MS, wait_until
+from tests.planner.chains import chain_of
 from tests.web.conftest import SNAKE, folding
 from web.viser import show
 
@@ -23,7 +22,7 @@ LAST = 59
 
 @pytest.mark.long
 def test_viser_server_scrubs_selects_and_plays(browser: Browser, tmp_path: Path) -> None:
-    chain = Chain.from_path(CellPath.from_cells(SNAKE, name="<b>snake</b>"))
+    chain = chain_of(SNAKE, name="<b>snake</b>")
     with TimelineWriter.create(tmp_path / "timeline.zarr", chain) as writer:
         writer.append(folding(chain, LAST + 1))
     with show(tmp_path / "timeline.zarr", port=0) as shown:

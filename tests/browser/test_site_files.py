@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, expect
 from planner.plan.packed_fold import unpack
 from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from server.cli.site import site
-from tests.browser.conftest import MEDIA
+from tests.browser.conftest import MEDIA, open_tab
 
 SERVICE = "https://fold.example.org"
 MOVING = "([selector, before]) => document.querySelector(selector).value !== before"
@@ -82,8 +82,7 @@ def test_site_plays_from_a_folder_without_a_server(site_dir: Path, browser: Brow
     page.locator("#sketch.gone").wait_for(state="attached")  # the 3D view is shown
     page.locator("#play").click()
     page.wait_for_function(MOVING, arg=["#scrub", page.locator("#scrub").input_value()])
-    page.locator("#details").click()
-    page.locator("#tab-plots").click()
+    open_tab(page, "plots")
     expect(page.locator(".plot").first).to_be_visible()
     page.get_by_role("link", name="Gallery").click()
     page.get_by_role("link", name="Paper").first.click()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Route, expect
 
-from tests.browser.conftest import Visit, choose, path_file, wait_for_fold, wait_until
-from tests.server.service_process import STAIRS
+from tests.browser.conftest import Visit, choose, wait_for_fold, wait_until
+from tests.server.service_process import STAIRS, path_file
 
 MOVING = {"reduced_motion": "no-preference", "width": 320, "height": 240}
 """A small window, since each frame is drawn by software."""

@@ -5,7 +5,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.conftest import WIDTH, Visit, choose, keep_as_mine, wait_until
+from tests.browser.conftest import WIDTH, Visit, choose, keep_as_mine, open_tab, wait_until
 from tests.browser.test_accessibility import findings
 from tests.server.service_process import Service, owner
 
@@ -60,8 +60,7 @@ def test_time_left_is_shown_and_movie_is_stopped(visit: Visit, service: Service)
     assert any(left.search(text) for text in verdicts), verdicts
     service.wait_over(ahead["id"])
 
-    page.locator("#details").click()
-    page.locator("#tab-downloads", has_text="Download").click()
+    open_tab(page, "downloads")
     page.locator("[name=size]").select_option("1920x1080")
     page.locator("[name=seconds]").select_option("20")
     page.get_by_role("button", name="Create movie").click()

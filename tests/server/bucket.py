@@ -81,7 +81,7 @@ class Bucket:
         finally:
             self._process.send_signal(signal.SIGCONT)
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """Stop the server."""
         if self._process is not None and self._process.poll() is None:
             self._process.terminate()

@@ -69,8 +69,7 @@ def store(tmp_path: Path) -> Iterator[Store]:
 @pytest.fixture(params=DATABASES)
 def each_settings(request: pytest.FixtureRequest, tmp_path: Path) -> Settings:
     """Settings of a service with tables, for each kind of database."""
-    sqlite = request.param == "sqlite"
-    url = None if sqlite else request.getfixturevalue("postgres").migrated()
+    url = None if request.param == "sqlite" else request.getfixturevalue("postgres").migrated()
     settings = Settings(data_dir=tmp_path, database_url=url)
     copy_tables(settings)
     return settings
@@ -94,21 +93,15 @@ def bucket_url(bucket: Bucket, monkeypatch: pytest.MonkeyPatch) -> str:
 @pytest.fixture(scope="session")
 def postgres() -> Iterator[Postgres]:
     """PostgreSQL server; `postgres.database()` creates an empty database in it."""
-    made = Postgres()
-    try:
+    with closing(Postgres()) as made:
         yield made.start()
-    finally:
-        made.remove()
 
 
 @pytest.fixture(scope="session")
 def bucket() -> Iterator[Bucket]:
     """Server of buckets; `bucket.bucket()` creates an empty one in it."""
-    made = Bucket().start()
-    try:
-        yield made
-    finally:
-        made.stop()
+    with closing(Bucket()) as made:
+        yield made.start()
 
 
 @pytest.fixture(scope="session")
@@ -125,5 +118,5 @@ def idle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceThread]:
         largest_queue_seconds_of_visitor=1e9,
     ).start()
     tempfile.tempdir = before  # other tests of this process may store theirs at the same time
-    yield service
-    assert service.stop() == 0
+    with service:
+        yield service

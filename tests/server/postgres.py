@@ -106,7 +106,7 @@ class Postgres:
         """Shut down immediately, as after a crash."""
         self._shut_down(signal.SIGQUIT)
 
-    def remove(self) -> None:
+    def close(self) -> None:
         """Shut down and remove all files."""
         self.stop()
         shutil.rmtree(self._directory, ignore_errors=True)

@@ -3,18 +3,20 @@
 import threading
 import time
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any
 
 import sqlalchemy as sa
 from alembic import command
 from sqlalchemy import event
 
+from server.settings import Settings
 from server.store.folds import Store, new_id
 from server.store.owner import Claim, Owner
 from server.store.previews import SWEEPING_THREAD
 from server.store.schema_version import config
 from server.store.tables import FoldRow, MovieRow
+from tests.server.service_process import Service
 
 SOMEBODY = Owner.from_token("a token of somebody")
 
@@ -25,18 +27,12 @@ def a_fold(fold_id: str | None = None, **values: Any) -> FoldRow:
         "id": fold_id or new_id(),
         "name": "a shape",
         "status": "verified",
-        "stage": None,
         "created_at": time.time(),
-        "started_at": None,
-        "ended_at": None,
         "modules": 16,
         "module": "cube",
-        "shape": None,
         "public": False,
         "preset": "default",
         "seed": 0,
-        "module_size": None,
-        "content_key": None,
         "visitor": "0123456789abcdef0123456789abcdef",
         "cancel_requested": False,
         "progress": {},
@@ -44,6 +40,14 @@ def a_fold(fold_id: str | None = None, **values: Any) -> FoldRow:
         "error": None,
     }
     return FoldRow(**usual | values)
+
+
+def add_fold(store: Store, **values: Any) -> FoldRow:
+    """Add a fold with an empty directory."""
+    row = a_fold(**values)
+    store.add(row, SOMEBODY)
+    store.folders.place(row.id).mkdir()
+    return row
 
 
 def a_movie(fold_id: str, movie_id: str, **values: Any) -> MovieRow:
@@ -94,6 +98,11 @@ def upgrade(engine: sa.Engine, revision: str) -> None:
         alembic = config()
         alembic.attributes["connection"] = connection
         command.upgrade(alembic, revision)
+
+
+def store_of(service: Service) -> closing[Store]:
+    """Return the store of a service, for a ``with`` statement."""
+    return closing(Store(Settings(data_dir=service.data_dir)))
 
 
 def new_owner() -> Owner:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import httpx
 import psutil
@@ -30,6 +30,11 @@ SPIRAL = [
 ]
 """Path that crosses itself if it continues straight into its middle."""
 SNAKE = [[x if y % 2 == 0 else 3 - x, y, 0] for y in range(4) for x in range(4)]
+
+
+def path_file(cells: object, **more: object) -> bytes:
+    """Return the file of a path."""
+    return json.dumps({"format": "foldback-path/1", "cells": cells, **more}).encode()
 
 
 class Service:
@@ -67,7 +72,7 @@ class Service:
         self.process: subprocess.Popen[str] | None = None
         self.http = httpx.Client()
 
-    def start(self, *arguments: str) -> "Service":
+    def start(self, *arguments: str) -> Self:
         with open(self.log, "a") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "server.cli.command_line", "serve", *arguments],
@@ -96,6 +101,12 @@ class Service:
         self.process.send_signal(signal.SIGTERM)
         self.http.close()
         return self.process.wait(TIMEOUT_S)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        assert self.stop() == 0
 
     @contextmanager
     def worker(self) -> Iterator[subprocess.Popen[bytes]]:

@@ -7,9 +7,10 @@ import shutil
 import socket
 import sqlite3
 import threading
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import httpx
 import psutil
@@ -54,7 +55,7 @@ class ServiceThread(Service):
     of others in this process.
     """
 
-    def start(self, *arguments: str) -> "ServiceThread":
+    def start(self, *arguments: str) -> Self:
         assert arguments[:1] in ((), ("--first-shape",)), "others are for a process: take a Service"
         given = {
             name.removeprefix(VARIABLE_PREFIX).lower(): value
@@ -116,12 +117,6 @@ class ServiceThread(Service):
         self._handler.close()
         return int(self._thread.is_alive())
 
-    def __enter__(self) -> "ServiceThread":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        assert self.stop() == 0
-
     def processes(self, module: str) -> list[psutil.Process]:
         """Return its forked processes that have a name."""
         app: Any = self._server.config.app
@@ -134,3 +129,7 @@ class ServiceThread(Service):
         mine = {child.pid for pool in pools for child in pool._children._all}
         forked = psutil.Process(FORKS.pid).children()
         return [c for c in forked if c.pid in mine and module in c.cmdline()]
+
+
+ServiceWith = Callable[..., ServiceThread]
+"""Type of the fixture ``service_with``."""

@@ -1,6 +1,5 @@
 """Blog: a site of another origin, which may show folds of the service that tests share."""
 
-import functools
 import http.server
 import threading
 
@@ -15,22 +14,16 @@ class Blog(http.server.ThreadingHTTPServer):
 
     def __init__(self) -> None:
         self.html = ""
-        super().__init__(("127.0.0.1", 0), functools.partial(_Answer, self))
+        super().__init__(("127.0.0.1", 0), _Answer)
         self.origin = f"http://127.0.0.1:{self.server_port}"
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
-    def stop(self) -> None:
-        self.shutdown()
-        self.server_close()
-
 
 class _Answer(http.server.BaseHTTPRequestHandler):
-    def __init__(self, blog: Blog, *given: object) -> None:
-        self.blog = blog
-        super().__init__(*given)  # type: ignore[arg-type]
+    server: Blog
 
     def do_GET(self) -> None:
-        body = self.blog.html.encode()
+        body = self.server.html.encode()
         self.send_response(200)
         self.send_header("Content-Type", "text/html")
         self.end_headers()

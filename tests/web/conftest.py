@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from planner.chain.chain import Chain
-from planner.chain.path import Path as CellPath
 from planner.motion.motion import Motion
 from planner.motion.timeline import TimelineWriter
 from planner.pathfinding.snake import snake_path
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
+from tests.planner.chains import chain_of
 from tests.tools import OPENGL
 
 SNAKE = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]
@@ -23,7 +23,7 @@ Growing = tuple[Path, TimelineWriter, Callable[[int], None]]
 
 @pytest.fixture(scope="session")
 def chain() -> Chain:
-    return Chain.from_path(CellPath.from_cells(SNAKE, name="snake"))
+    return chain_of(SNAKE, name="snake")
 
 
 def unfolding(chain: Chain, count: int) -> Motion:

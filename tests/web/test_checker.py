@@ -78,8 +78,7 @@ def test_modules_are_made_larger_until_two_touch(plans: list[Path]) -> None:
 
 def sample(plan: foldback_check.Plan, frames: Iterable[float]) -> tuple[Chain, np.ndarray]:
     """Return the chain of a plan, and its angles at and between frames."""
-    slots = len(plan.folded)
-    ends = np.array([plan.angles(k, plan.pad, slots) for k in range(plan.frames)])
+    ends = np.array([plan.angles(k, plan.pad, len(plan.folded)) for k in range(plan.frames)])
     low = np.minimum(np.floor(list(frames)).astype(int), plan.frames - 1)
     high = np.minimum(low + 1, plan.frames - 1)
     share = (np.array(list(frames)) - low)[:, None]

@@ -48,8 +48,7 @@ def test_files_are_sandboxed_downloads_and_made_once(service: Service, wrench: s
 
 
 def test_recording_is_read_by_viser(service: Service, wrench: str) -> None:
-    record = service.http.get(f"/folds/{wrench}/recording.viser").content
-    timed, buffers = opened_scene(record)
+    timed, buffers = opened_scene(service.http.get(f"/folds/{wrench}/recording.viser").content)
     timeline = Timeline.open(service.directory(wrench) / "timeline.zarr")
     places = [
         (t, m["updates"]["batched_positions"])

@@ -26,6 +26,7 @@ from planner.chain.rotations import matrix_from_wxyz
 from planner.errors import InputError
 from planner.motion.timeline import chain_from_attributes
 from tests.planner import peels
+from tests.planner.chains import chain_of
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
 from tests.web.node import NODE
@@ -48,7 +49,7 @@ from words.quantities import number, si
 ROOT = Path(__file__).parents[2]
 LONG = peels.snake((6, 6, 30))
 CHAINS = {
-    "cubes": Chain.from_path(CellPath.from_cells(SNAKE, name="snake")),
+    "cubes": chain_of(SNAKE, name="snake"),
     "tetrahedra": Chain.from_angles(
         TETRAHEDRON, np.deg2rad([90.0, -90, 0, 90, 90, 0, -90]), name="chain"
     ),

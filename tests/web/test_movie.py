@@ -13,13 +13,7 @@ from PIL import Image
 
 from planner.chain.chain import Chain
 from planner.errors import InputError
-from web.movies.encoding import (
-    EncodingError,
-    Mp4Encoder,
-    NoEncoderError,
-    find_ffmpeg,
-    open_encoder,
-)
+from web.movies.encoding import EncodingError, Mp4Encoder, NoEncoderError, find_ffmpeg, open_encoder
 from web.movies.make_movie import make_movie, schedule
 from web.movies.movie import Movie
 from web.movies.renderer import MovieRenderer, NoGLError

@@ -56,8 +56,7 @@ def test_scene_marks_both_ends_above_the_ground_and_moves_all_cameras(
 
     while scene.move_ground(0.1):
         pass
-    lowest = (straight.positions[:, 2].min() - 0.5) * scene.pitch
-    assert scene._floor.position[2] < lowest
+    assert scene._floor.position[2] < (straight.positions[:, 2].min() - 0.5) * scene.pitch
 
     view = framing(scene.points(straight), radius=scene.radius)
     look(server, view)
@@ -107,8 +106,7 @@ def test_viser_has_the_messages_that_pages_make() -> None:
         "SetCameraLookAtMessage": {"look_at", "initial"},
         "ViewerCameraMessage": {"position", "look_at"},
     }.items():
-        kind = getattr(messages, name)
-        assert fields <= set(kind.__dataclass_fields__), name
+        assert fields <= set(getattr(messages, name).__dataclass_fields__), name
 
 
 def test_chains_of_one_kind_and_length_differ_only_in_shape() -> None:
@@ -137,16 +135,8 @@ ROW = [[x, 0, 0] for x in range(4)]
 
 
 def report(**more: Any) -> dict[str, Any]:
-    return {
-        "module": "cube",
-        "cells": ROW,
-        "positions": ROW,
-        "wxyzs": None,
-        "line": ROW,
-        "has_path": True,
-        "mesh": None,
-        **more,
-    }
+    cells = dict.fromkeys(("cells", "positions", "line"), ROW)
+    return {"module": "cube", "has_path": True, "wxyzs": None, "mesh": None, **cells, **more}
 
 
 def hull_of(header: dict[str, Any]) -> np.ndarray:

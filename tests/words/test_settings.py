@@ -1,17 +1,8 @@
 """Settings of the published method: how they are listed, entered and described."""
 
-import json
-
-from typer.testing import CliRunner
-
 from planner.parameters.settings_text import SETTINGS
-from server.cli.command_line import application
+from tests.server.cli.test_command_line import foldback, foldback_json
 from words.settings import PAPER_ROWS, SOURCE_LABELS, changed, in_a_line
-
-
-def cli(*arguments: object) -> tuple[int, str]:
-    result = CliRunner().invoke(application(), list(map(str, arguments)))
-    return result.exit_code, result.output
 
 
 def test_changed_settings_are_listed_with_their_defaults() -> None:
@@ -27,13 +18,12 @@ def test_changed_settings_are_listed_with_their_defaults() -> None:
 
 
 def test_command_line_lists_the_settings() -> None:
-    code, text = cli("settings")
-    assert code == 0
+    text = foldback("settings").stdout
     for setting in SETTINGS:
         assert f"{setting.name} " in text
     assert set(SOURCE_LABELS) == {row.source for row in PAPER_ROWS}
     assert all(f"{source}: {meaning}" in text for source, meaning in SOURCE_LABELS.items())
-    rows = {row["name"]: row for row in json.loads(cli("settings", "--json")[1])}
+    rows = {row["name"]: row for row in foldback_json("settings")}
     assert rows["damping"]["default"] == "0.1"
     assert rows["motor_max_force"]["default"] == "none"
     assert rows["threshold"]["unit"] == "rad²"

@@ -107,8 +107,7 @@ class Thing:
         assert self._store.ask(content_key, self.owner("asker")) is not None
 
     def _give(self, method: str, path: str) -> None:
-        body = {"owner_token": self.tokens["heir"]}
-        answer = self.ask("owner", method, path, body)
+        answer = self.ask("owner", method, path, {"owner_token": self.tokens["heir"]})
         assert answer.status_code == 200, answer.text
 
     def _add_movie(self, token_hash: str, *, of_owner: bool) -> None:

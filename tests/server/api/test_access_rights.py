@@ -1,13 +1,12 @@
 """Access rights: a table of actions, things and actors, with the status of each answer."""
 
 from collections.abc import Callable, Iterator
-from contextlib import closing
 from functools import partial
 
 import pytest
 
-from server.store.folds import Store
 from tests.server.api.owned_things import ACTORS, MOVIE_ID, TOUR, VALUES, Thing
+from tests.server.rows import store_of
 from tests.server.service_thread import ServiceThread
 
 MATRIX = """
@@ -119,7 +118,7 @@ CODES = {
 def make(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Thing]]:
     """Function that creates a thing from its words."""
     place = tmp_path_factory.mktemp("access-rights") / "data"
-    with ServiceThread(place).start() as service, closing(Store(service.settings)) as store:
+    with ServiceThread(place).start() as service, store_of(service) as store:
         yield partial(Thing, service, store)
 
 

@@ -128,8 +128,7 @@ def test_origin_without_one_input_is_refused(context: Context) -> None:
 
 
 def test_origin_is_read_from_the_form() -> None:
-    origin = asyncio.run(origin_in_form(shape="cup", refold="x"))
-    assert origin == Origin(shape="cup", refold="x")
+    assert asyncio.run(origin_in_form(shape="cup", refold="x")) == Origin(shape="cup", refold="x")
 
 
 def test_bad_option_is_refused_before_the_input_is_looked_up() -> None:

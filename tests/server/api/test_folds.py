@@ -2,26 +2,20 @@
 
 import io
 import json
-import time
-from collections.abc import Callable
-from contextlib import closing
 from typing import Any
-from unittest.mock import MagicMock
 
 import httpx
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
 from planner.motion.timeline import Timeline
 from server.limits.concurrency_quota import BUSY_RETRY_S
 from server.processes.children import BUSY, ChildError, Reader
-from server.settings import Settings
-from server.store.folds import Store
 from server.store.leases import Leases, Preparing
-from tests.server.service_process import SNAKE, STAIRS, FinishedFold, Service, owner
-from tests.server.service_thread import ServiceThread
+from tests.planner.chains import chain_of
+from tests.server.rows import store_of
+from tests.server.service_process import SNAKE, STAIRS, FinishedFold, Service, owner, wait_until
+from tests.server.service_thread import ServiceThread, ServiceWith
 
 
 def get(finished: FinishedFold, part: str, **params: Any) -> httpx.Response:
@@ -50,7 +44,7 @@ def test_plan_is_downloaded_in_each_form(finished: FinishedFold) -> None:
     arrays = np.load(io.BytesIO(get(finished, "plan.npz").content), allow_pickle=False)
     angles = arrays["joint_angles_rad"]
     assert np.allclose(angles, plan["joint_angles_rad"], atol=1e-6)
-    folded = Chain.from_path(Path.from_cells(SNAKE)).folded_rad
+    folded = chain_of(SNAKE).folded_rad
     for found, meant in ((angles[0], 0.0 * folded), (angles[-1], folded)):
         assert np.abs(found - meant).max() < 0.05
     assert b"<mujoco" in get(finished, "model.xml").content
@@ -67,7 +61,7 @@ def test_frames_are_those_of_the_timeline_by_stride_and_range(finished: Finished
     assert [*dict.fromkeys(phases)] == ["explosion", "playback"]
     assert body["max_error_rad"][0] is None and body["max_error_rad"][-1] is not None
     arrays = [np.array(body[key]) for key in ("joint_angles_rad", "root_position", "root_wxyz")]
-    poses = Chain.from_path(Path.from_cells(SNAKE)).poses(*arrays)
+    poses = chain_of(SNAKE).poses(*arrays)
     assert np.allclose(poses.positions, body["positions"], atol=1e-6)
     some = get(finished, "frames", **{"from": 3, "to": 11, "stride": 4}).json()
     assert some["time_s"] == body["time_s"][3:11:4]
@@ -113,12 +107,10 @@ def test_running_fold_is_cancelled_requested_again_and_deleted(service: Service)
     path = f"/api/folds/{again['id']}"
     assert service.http.delete(path, headers=owner(again)).status_code == 204
     assert service.http.get(path).status_code == 404
-    while service.directory(again["id"]).exists():
-        assert service.process.poll() is None
-        time.sleep(0.05)
+    wait_until(lambda: not service.directory(again["id"]).exists(), service.log.read_text)
 
 
-def test_first_shape_is_folded_once(service_with: Callable[..., ServiceThread]) -> None:
+def test_first_shape_is_folded_once(service_with: ServiceWith) -> None:
     service = service_with().start("--first-shape", "mallet-64")
     (first,) = _gallery_folds(service)
     assert first["shape"] == "mallet-64"
@@ -128,9 +120,8 @@ def test_first_shape_is_folded_once(service_with: Callable[..., ServiceThread]) 
 
 
 def _gallery_folds(service: Service) -> list[dict[str, Any]]:
-    while not (folds := service.http.get("/api/folds").json()["folds"]):
-        time.sleep(0.05)
-    return folds
+    wait_until(lambda: service.http.get("/api/folds").json()["folds"])
+    return service.http.get("/api/folds").json()["folds"]
 
 
 def test_fold_is_requested_again_by_its_id(idle: Service) -> None:
@@ -146,7 +137,7 @@ def test_fold_is_requested_again_by_its_id(idle: Service) -> None:
     assert idle.state(other["id"])["preset"] == "paper"
     assert idle.fold(fold=other["id"], seed="22", preset="paper")["existing"]
     size = sum(path.stat().st_size for path in idle.directory(other["id"]).iterdir())
-    with closing(Store(Settings(data_dir=idle.data_dir))) as store:
+    with store_of(idle) as store:
         assert store.fold(other["id"]).bytes == size  # from now on, not from its end on
     gallery = idle.fold(shape="wrench-24", seed="31")
     assert idle.state(idle.fold(fold=gallery["id"], seed="32")["id"])["shape"] == "wrench-24"
@@ -168,13 +159,11 @@ def test_settings_that_change_something_make_another_fold(idle: Service) -> None
 def test_previews_report_the_compilation(idle: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     before = idle.preview("path.json", json.dumps(SNAKE))
     assert before["preparing"] is None
-    monkeypatch.setattr(
-        Leases, "preparing", MagicMock(return_value=Preparing(fraction=0.42, remaining_s=69.2))
-    )
+    preparing = Preparing(fraction=0.42, remaining_s=69.2)
+    monkeypatch.setattr(Leases, "preparing", lambda _: preparing)
     later = idle.preview("path.json", json.dumps(SNAKE))
     assert later["preparing"] == {"fraction": 0.42, "remaining_s": 70}
-    page = idle.http.get(before["links"]["page"]).text
-    assert "preparing the solvers, 42 % done" in page
+    assert "preparing the solvers, 42 % done" in idle.http.get(before["links"]["page"]).text
 
 
 def test_busy_reader_says_when_to_try_again(idle: Service, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from server.settings import Settings
 from server.store.folds import Store
 from server.store.owned_items import change_fold, folds_made
 from server.store.owner import Owner, new_token
-from tests.server.rows import SOMEBODY, a_fold
+from tests.server.rows import SOMEBODY, a_fold, store_of
 from tests.server.service_process import SNAKE, FinishedFold, Service, bearer
 from tests.server.service_thread import ServiceThread
 
@@ -113,7 +113,7 @@ def test_expiry_of_folds_by_their_kind(tmp_path: Any) -> None:
 def test_listing_folds_does_not_postpone_their_expiry(finished: FinishedFold) -> None:
     token = finished.token
     drawing = create(finished.service, token)["folds"][0]["links"]["drawing"]
-    with closing(Store(Settings(data_dir=finished.service.data_dir))) as store:
+    with store_of(finished.service) as store:
         store._change(finished.id, seen_at=1e9)
         answer = finished.http.get(drawing)
         assert answer.headers["content-type"] == "image/svg+xml" and "<svg" in answer.text
@@ -144,7 +144,7 @@ def test_previews_of_an_owner_are_listed_with_their_last_options(idle: Service) 
 
 
 def test_client_lists_and_renames(idle: ServiceThread) -> None:
-    with Client(str(idle.http.base_url)) as client, closing(Store(idle.settings)) as store:
+    with Client(str(idle.http.base_url)) as client, store_of(idle) as store:
         fold = client.fold(SNAKE, seed=30)
         mine = Owner.from_token(client.token)
         later = [a_fold(f"later{k}", created_at=time.time() + k) for k in range(25)]

@@ -47,8 +47,7 @@ def test_api_takes_a_new_option() -> None:
     pace = body["properties"]["pace"]
     assert (pace["enum"], pace["default"], pace["title"]) == (["brisk", "slow"], "brisk", "Pace")
     assert pace["description"] == "Pace: `brisk`, or `slow` for spectators."
-    form = {"pace": "slow", "start": "1,2,3"}
-    answer = send_request(app, "/folds", method="POST", data=form)
+    answer = send_request(app, "/folds", method="POST", data={"pace": "slow", "start": "1,2,3"})
     assert Extended.from_json(answer.json()) == Extended(pace="slow", start=(1, 2, 3))
     assert send_request(app, "/folds", method="POST", data={"pace": "hasty"}).status_code == 422
 

@@ -11,7 +11,7 @@ from planner.plan.packed_fold import unpack
 from planner.plan.plan import Plan
 from planner.verification.verify import verify
 from tests.planner.plans import with_values
-from tests.server.cli.test_command_line import foldback
+from tests.server.cli.test_command_line import foldback_json
 from tests.server.files.test_damage import SMALL
 from tests.server.service_process import SNAKE, Service, owner
 
@@ -94,14 +94,11 @@ def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(
 @pytest.mark.long
 @pytest.mark.slow
 def test_examples_and_directories_are_refolded_on_the_command_line(tmp_path: Path) -> None:
-    done = foldback("refold", "wrench-24", "mallet-24", "--out", tmp_path, "--json")
-    assert done.returncode == 0, done.stderr
-    summary = json.loads(done.stdout.splitlines()[-1])
+    summary = foldback_json("refold", "wrench-24", "mallet-24", "--out", tmp_path)
     assert (summary["status"], summary["refold"]["start"]) == ("verified", "wrench-24")
     # Directories of plans are accepted on either side.
-    start, out = str(tmp_path / "start"), str(tmp_path / "back")
-    done = foldback("refold", tmp_path, start, "--out", out, "--module-size", "0.9")
-    assert done.returncode == 0, done.stderr
-    back = Plan.load(tmp_path / "back" / "plan.npz")
+    start, out = tmp_path / "start", tmp_path / "back"
+    foldback_json("refold", tmp_path, start, "--out", out, "--module-size", "0.9")
+    back = Plan.load(out / "plan.npz")
     assert back.certificate.module_size == 0.9
     assert (back.start.name, back.chain.name) == ("mallet-24", "wrench-24")

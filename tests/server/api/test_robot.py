@@ -6,7 +6,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,11 +19,11 @@ from websockets.sync.client import ClientConnection, connect
 
 from planner.plan.plan import Plan
 from server.settings import Settings
-from server.store.folds import Store, new_id
+from server.store.folds import new_id
 from tests.case import case
-from tests.server.cli.test_command_line import foldback
-from tests.server.rows import SOMEBODY, a_fold
-from tests.server.service_process import FinishedFold, Service
+from tests.server.cli.test_command_line import foldback, foldback_json
+from tests.server.rows import SOMEBODY, a_fold, store_of
+from tests.server.service_process import FinishedFold, Service, check_problem
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "06_drive_a_robot.py"
 LIMITS = {"max_speed": 0.5, "max_acceleration": 1.0}
@@ -177,7 +177,7 @@ def test_only_finished_and_verified_folds_are_played(finished: FinishedFold) -> 
     """tests/server/http/test_security.py asks for a fold that is not ready."""
     service, doubtful = finished.service, new_id()
     assert denial(address(service, "no-such-fold")) == ("no-such-fold", 404)
-    with closing(Store(Settings(data_dir=service.data_dir))) as store:
+    with store_of(service) as store:
         store.add(a_fold(doubtful), SOMEBODY)
     path = shutil.copytree(finished.directory, service.directory(doubtful)) / "plan.npz"
     plan = Plan.load(path)
@@ -236,8 +236,7 @@ def test_motors_are_judged_by_their_torque(finished: FinishedFold) -> None:
     assert finished.http.get(path, params={**query, "motor_torque": 100}).json()["would_do"] is True
     table = finished.http.get(path, params={**query, "format": "csv"}).text.splitlines()
     assert len(table) == 1 + len(weak["joints"])
-    falling = finished.http.get(path, params={**query, "floating": True})
-    assert (falling.status_code, falling.json()["code"]) == (422, "bad-build")
+    check_problem(finished.http.get(path, params={**query, "floating": True}), 422, "bad-build")
     assert finished.http.get(path).status_code == 422
 
 
@@ -245,11 +244,9 @@ def test_retime_on_the_command_line_gives_the_same_as_the_api(
     finished: FinishedFold, tmp_path: Path
 ) -> None:
     out, table = tmp_path / "robot.json", tmp_path / "motors.csv"
-    command = ["retime", str(finished.directory), "--json", *LIMIT_OPTIONS]
-    torques = ["--module-mass", "0.1", "--pitch", "0.05", "--table", str(table)]
-    done = foldback(*command, "--out", out, *torques, "--motor-torque", "0.01")
-    assert done.returncode == 3, done.stderr
-    report = json.loads(done.stdout.splitlines()[-1])
+    command = ("retime", finished.directory, *LIMIT_OPTIONS, "--out", out, "--table", table)
+    torques = ("--module-mass", "0.1", "--pitch", "0.05", "--motor-torque", "0.01")
+    report = foldback_json(*command, *torques, status=3)
     path = finished.api
     assert report["plan_verified"] is True
     trajectory = finished.http.get(f"{path}/trajectory", params=LIMITS).json()

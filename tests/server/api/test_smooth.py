@@ -1,6 +1,5 @@
 """Smoothed folds through HTTP, with a real worker, and on the command line."""
 
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -10,10 +9,10 @@ from planner.plan.plan import Plan
 from planner.verification.verify import verify
 from server.admin.fold_tasks import AdminTasks
 from server.processes.children import Reader
-from server.store.folds import Store
 from tests.server.cli.test_command_line import foldback
+from tests.server.rows import store_of
 from tests.server.service_process import FinishedFold, bearer
-from tests.server.service_thread import ServiceThread
+from tests.server.service_thread import ServiceWith
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +48,7 @@ def test_page_of_smoothed_fold_compares_figures(
     assert facts["name"].endswith(", smoothed") and not facts["smoothable"]
     rows = {row["label"]: row for row in facts["smoothing"]["rows"]}
     for when in ("before", "after"):
-        frames = smoothed.state["summary"]["smoothing"][when]["frames"]
-        assert rows["Frames"][when] == str(frames)
+        assert rows["Frames"][when] == str(smoothed.state["summary"]["smoothing"][when]["frames"])
     assert {"Folding time", "Largest torque", "Clearance"} < set(rows)
     assert facts["compare"][0]["id"] == finished.id
     assert smoothed.http.get(facts["smoothing"]["compare"]).status_code == 200
@@ -71,7 +69,7 @@ def test_smoothed_fold_is_requested_once_and_unlisted(
 def test_smoothed_fold_outlives_the_original_and_starts_again_from_its_record(
     finished: FinishedFold,
     smoothed: FinishedFold,
-    service_with: Callable[..., ServiceThread],
+    service_with: ServiceWith,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # No process that reads is started, as the input has been read before.
@@ -88,7 +86,7 @@ def test_smoothed_fold_outlives_the_original_and_starts_again_from_its_record(
     other.start()
     before = other.http.get(f"{smoothed.page}/facts").json()
     assert before["smoothing"]["compare"] == f"/compare?a={plain}&b={shown}"
-    with closing(Store(other.settings)) as store:
+    with store_of(other) as store:
         assert store.delete(plain)
     facts = other.http.get(f"{smoothed.page}/facts").json()
     assert facts["smoothing"]["rows"] and facts["smoothing"]["compare"] is None

@@ -1,6 +1,5 @@
 """Folds on a table: requested over HTTP, reported in their JSON and on their pages."""
 
-from collections.abc import Callable
 from io import BytesIO
 from typing import Any
 
@@ -10,6 +9,7 @@ import pytest
 
 from server.processes import children
 from tests.server.service_process import Service, check_problem
+from tests.server.service_thread import ServiceWith
 from web.timeline.columns import decode
 
 SLAB = [[x, y, 0] for x in range(3) for y in range(3) if (x, y) != (1, 0)]
@@ -34,8 +34,7 @@ def test_options_that_do_not_suit_a_table_are_refused(idle: Service) -> None:
         ({"start": "0,0,0"}, "got a start cell"),
     ):
         fold = get_json(idle, world="table", **form)
-        assert (fold.status_code, fold.json()["code"]) == (422, "unsuited-world")
-        assert words in fold.json()["detail"]
+        assert words in check_problem(fold, 422, "unsuited-world")
     preview = get_json(idle, "/api/shapes/preview", world="table", start="0,0,0")
     assert preview.json() == fold.json()
 
@@ -123,7 +122,7 @@ def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(idle: Serv
 
 
 def test_search_for_offers_ends_with_its_client_and_with_its_time(
-    service_with: Callable[..., Service], monkeypatch: pytest.MonkeyPatch
+    service_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(children, "BUSY_FACTOR", 2.0)
     service = service_with(preview_seconds=1.5).start()
@@ -132,8 +131,7 @@ def test_search_for_offers_ends_with_its_client_and_with_its_time(
         (busy,) = service.children("preparer")
         busy.suspend()  # as if the search never ended
         if timeout > 1.5:
-            late = service.http.post("/api/shapes/offers", data=same)
-            assert (late.status_code, late.json()["code"]) == (503, "busy")
+            check_problem(service.http.post("/api/shapes/offers", data=same), 503, "busy")
         else:
             with pytest.raises(httpx.ReadTimeout):
                 service.http.post("/api/shapes/offers", data=same, timeout=timeout)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from tests.server.cli.test_command_line import foldback
+from tests.server.cli.test_command_line import foldback_json
 from tests.server.service_process import Service
 
 RING = "- - - + - - - + - - -"
@@ -16,22 +16,16 @@ RING = "- - - + - - - + - - -"
 @pytest.mark.slow
 def test_typed_chain_is_folded_and_its_largest_module_size_found(tmp_path: Path) -> None:
     out = str(tmp_path / "ring")
-    answer = foldback("fold", "--angles", RING, "--out", out, "--json")
-    assert answer.returncode == 0, answer.stderr
-    summary = json.loads(answer.stdout.splitlines()[-1])
+    summary = foldback_json("fold", "--angles", RING, "--out", out)
     assert (summary["status"], summary["modules"]) == ("verified", 12)
-    checked = foldback("verify", out, "--largest-size", "--json")
-    assert checked.returncode == 0, checked.stderr
-    assert 0.95 <= json.loads(checked.stdout.splitlines()[-1])["largest_size"] <= 1.0
+    assert 0.95 <= foldback_json("verify", out, "--largest-size")["largest_size"] <= 1.0
 
 
 def test_shape_command_writes_a_chain_for_a_mesh(tmp_path: Path) -> None:
     mesh, out = tmp_path / "ball.stl", tmp_path / "ball.json"
     trimesh.creation.icosphere(subdivisions=2).export(mesh)
-    wanted = ("--module", "tetrahedron", "--modules", "48", "--out", str(out), "--json")
-    answer = foldback("shape", mesh, *wanted)
-    assert answer.returncode == 0, answer.stderr
-    report = json.loads(answer.stdout.splitlines()[-1])
+    wanted = ("--module", "tetrahedron", "--modules", "48", "--out", out)
+    report = foldback_json("shape", mesh, *wanted)
     written = json.loads(out.read_text())
     assert (report["module"], written["module"]) == ("tetrahedron", "tetrahedron")
     assert len(written["joint_angles_deg"]) == report["modules"] - 1

@@ -5,7 +5,7 @@ from typing import Any
 
 from planner.plan.module_values import VALUES_FORMAT
 from planner.plan.tour import Tour
-from tests.server.service_process import FinishedFold, Service, bearer
+from tests.server.service_process import FinishedFold, Service, bearer, check_problem
 from words.certificate import clearance, torque
 
 
@@ -49,16 +49,14 @@ def test_invalid_tour_is_refused_and_not_stored(finished: FinishedFold) -> None:
     ):
         status, problem = put(finished, address, {**draft, "stops": [{**stop, **change}]})
         assert (status, place in str(problem)) == (422, True), change
-    huge = {**draft, "title": "x" * 300_000}
-    assert put(finished, address, huge)[0] == 413
+    assert put(finished, address, {**draft, "title": "x" * 300_000})[0] == 413
     assert put(finished, address, [])[0] == 422
     assert finished.http.get(address).json() == draft
 
 
 def test_fold_without_frames_has_no_tour(idle: Service) -> None:
     waiting = idle.fold([[0, 0, 0], [1, 0, 0], [1, 1, 0]], seed="21")["id"]
-    answer = idle.http.get(f"/api/folds/{waiting}/tour")
-    assert (answer.status_code, answer.json()["code"]) == (409, "not-ready")
+    check_problem(idle.http.get(f"/api/folds/{waiting}/tour"), 409, "not-ready")
     assert idle.http.get(f"/folds/{waiting}/tour.json").status_code == 204
 
 

@@ -20,7 +20,6 @@ from server.store.folds import NoSuchFoldError, Store
 from server.store.leases import Leases
 from server.store.owner import Owner
 from server.store.tables import FoldRow, MovieRow
-from server.store.worker_identity import WorkerIdentities
 from tests.server.rows import a_fold, a_movie
 
 DAY_S = 86400.0
@@ -162,7 +161,7 @@ def test_workers_are_listed_and_bad_databases_reported(
     place: Path, store: Store, tmp_path: Path
 ) -> None:
     assert run(place, "workers").stdout == "No worker is running.\n"
-    leases = Leases(store, WorkerIdentities(Settings(data_dir=place)), 15.0)
+    leases = Leases.of(Settings(data_dir=place), store)
     leases.heartbeat("one", host="far away", pid=1, folds_at_once=2)
     assert [each["name"] for each in json.loads(run(place, "workers", "--json").stdout)] == ["one"]
     nowhere = tmp_path / "nowhere"

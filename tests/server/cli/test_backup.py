@@ -188,8 +188,7 @@ def test_restore_of_a_changed_backup_touches_nothing(small: Site, tmp_path: Path
             refused = small.run("restore", "--replace", copy)
             assert refused.exit_code == 1
             assert any(words in refused.stderr for words in ("use another", "completed"))
-            now = {path: path.stat().st_mtime_ns for path in small.data_dir.rglob("*")}
-            assert now == times
+            assert {path: path.stat().st_mtime_ns for path in small.data_dir.rglob("*")} == times
             assert not list(tmp_path.rglob("evil/*"))
 
 

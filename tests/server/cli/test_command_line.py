@@ -5,6 +5,7 @@ import socket
 import subprocess
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 from unittest.mock import MagicMock
 
 import pytest
@@ -30,6 +31,13 @@ def foldback(*arguments: object, **environment: str) -> subprocess.CompletedProc
     return subprocess.CompletedProcess(arguments, done.exit_code, done.stdout, done.stderr)
 
 
+def foldback_json(*arguments: object, status: int = 0) -> Any:
+    """Return the value that a command with an exit status writes as JSON."""
+    done = foldback(*arguments, "--json")
+    assert done.returncode == status, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
 def test_every_command_is_offered() -> None:
     """The help texts are stored and compared by tests/server/contract."""
     files = {path.stem for folder in COMMAND_DIRS for path in folder.glob("*.py")} - SHARED
@@ -44,9 +52,8 @@ def test_unordered_cells_are_read_as_voxels_on_request(tmp_path: Path) -> None:
     file.write_text(json.dumps(cells))
     note = "Read as voxels, because cells 0 and 1 are not neighbours."
     for options in ((), ("--as-voxels",)):
-        done = foldback("shape", str(file), "--out", out, "--json", *options)
-        assert done.returncode == 0, done.stderr
-        assert (note in json.loads(done.stdout.splitlines()[-1])["notes"]) == (not options)
+        report = foldback_json("shape", file, "--out", out, *options)
+        assert (note in report["notes"]) == (not options)
     refused = foldback("fold", str(file), "--out", str(tmp_path / "fold"))
     assert refused.returncode == 2
     assert "cells 0 and 1" in refused.stderr and "--as-voxels" in refused.stderr

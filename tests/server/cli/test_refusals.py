@@ -9,12 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from planner.parameters.parameters import Parameters
 from tests.case import case
-from tests.planner.certificate.test_table_certificate import swing
-from tests.planner.chains import line
-from tests.planner.plans import unverified
 from tests.server.cli.test_command_line import foldback
+from tests.server.cli.test_table import write_plan
 
 SERVOS = "servos --torque 4 --pitch-mm 40"
 REFUSALS = {
@@ -60,10 +57,9 @@ def test_command_line_refuses_wrong_input_and_writes_no_results(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    chain = line(6)
     for name in ("empty", "plan"):
         (tmp_path / name).mkdir()
-    unverified(chain, swing(chain, 1, -0.3), Parameters()).save_npz(tmp_path / "plan/plan.npz")
+    write_plan(tmp_path / "plan")
     (tmp_path / "file").touch()
     before = sorted(tmp_path.rglob("*"))
     for command, words in REFUSALS.items():

@@ -1,26 +1,16 @@
 """``foldback servos``: a table, the same values as JSON, and refusals."""
 
-import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from planner.parameters.parameters import Parameters
+from planner.plan.plan import Plan
 from planner.robot.servos import servos
 from planner.robot.sizing import total_turn_rad
-from tests.planner.certificate.test_table_certificate import swing
-from tests.planner.chains import line
-from tests.planner.plans import unverified
-from tests.server.cli.test_command_line import foldback
+from tests.server.cli.test_command_line import foldback, foldback_json
+from tests.server.cli.test_table import write_plan
 
 ARGUMENTS = ("--torque", "4", "--pitch-mm", "40")
-
-
-def list_servos(*arguments: str) -> dict[str, Any]:
-    answer = foldback("servos", *arguments, "--json")
-    assert answer.returncode in (0, 3), answer.stderr
-    return json.loads(answer.stdout.splitlines()[-1])
 
 
 def test_servos_are_listed_from_the_most_suitable() -> None:
@@ -30,7 +20,7 @@ def test_servos_are_listed_from_the_most_suitable() -> None:
     assert answer.stdout.index("STS3032") < answer.stdout.index("MX-106T")
     assert "yes, 1.8×" in answer.stdout
     shapes = ("--shape", "3x3x3=3.6", "--shape", "a=b=3160")
-    report = list_servos(*ARGUMENTS, "--material", "pla-box", *shapes)
+    report = foldback_json("servos", *ARGUMENTS, "--material", "pla-box", *shapes)
     assert len(report["servos"]) == len(servos())
     assert report["shapes"]["a=b"] == []
     assert "SG90" not in report["shapes"]["3x3x3"]  # rotates by 150° only
@@ -45,11 +35,9 @@ def test_returncode_is_3_when_no_servo_would_do() -> None:
 
 
 def test_least_folding_time_of_a_plan(tmp_path: Path) -> None:
-    chain = line(4)
-    plan = unverified(chain, swing(chain, 1, -0.3), Parameters())
-    plan.save_npz(tmp_path / "plan.npz")
+    plan = Plan.load(write_plan(tmp_path, modules=4))
     arguments = (*ARGUMENTS, "--servo", "STS3032", "--plan", str(tmp_path))
-    row = list_servos(*arguments)["servos"][0]
+    row = foldback_json("servos", *arguments)["servos"][0]
     speed = (1.0 - row["need_nm"] / (3.0 * row["gives_nm"])) * 1.0472 / 0.09
     assert row["least_s"] == pytest.approx(total_turn_rad(plan.joint_angles_rad) / speed, rel=1e-3)
     assert "Folds" in foldback("servos", *arguments).stdout

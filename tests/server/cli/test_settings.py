@@ -4,13 +4,12 @@ import logging
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from server.cli.command_line import application
 from server.doctor import machine
 from server.doctor.doctor import examined
 from server.ops.startup_errors import settings_of, warn_of_unknown_names
 from server.settings import Settings
+from tests.server.cli.test_command_line import foldback
 
 
 def test_lists_are_read_from_commas_or_json(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,8 +84,8 @@ def test_every_command_reports_bad_settings(
 ) -> None:
     monkeypatch.setenv("FOLDBACK_DATA_DIR", str(tmp_path))
     monkeypatch.setenv("FOLDBACK_TRUSTED_PROXIES", "proxy")
-    done = CliRunner().invoke(application(), command)
-    assert done.exit_code == 1 and isinstance(done.exception, SystemExit)
+    done = foldback(*command)
+    assert done.returncode == 1
     output = done.stdout + done.stderr
     assert "got 'proxy', expected an address or a network" in output
     assert len(output.splitlines()) == 1

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from planner.certificate.table_figures import TableCertificate
-from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters
 from tests.planner.certificate.test_table_certificate import swing
 from tests.planner.chains import line
 from tests.planner.plans import unverified
 from tests.server.api.test_table import SLAB
-from tests.server.cli.test_command_line import foldback
+from tests.server.cli.test_command_line import foldback, foldback_json
 
 
 def test_shape_without_a_path_for_a_table_lists_versions_that_have_one(tmp_path: Path) -> None:
@@ -26,9 +25,7 @@ def test_shape_without_a_path_for_a_table_lists_versions_that_have_one(tmp_path:
         "Has a path: --repair (9 modules)",
         "Has a path: --method blocks (64 modules)",
     ]
-    repaired = foldback(*command, "--repair", "--json")
-    assert repaired.returncode == 0, repaired.stderr
-    data = json.loads(repaired.stdout.splitlines()[-1])
+    data = foldback_json(*command, "--repair")
     assert (data["modules"], data["offers"]) == (9, [])
     assert len(json.loads(out.read_bytes())["cells"]) == 9
 
@@ -43,12 +40,16 @@ def test_shape_of_a_long_path_for_a_table_warns(tmp_path: Path) -> None:
         assert ("usually get stuck on a table" in done.stderr) == warned
 
 
+def write_plan(directory: Path, modules: int = 6) -> Path:
+    """Write the plan of a straight chain that turns one hinge, and return its path."""
+    chain = line(modules)
+    unverified(chain, swing(chain, 1, -0.3), Parameters()).save_npz(directory / "plan.npz")
+    return directory / "plan.npz"
+
+
 @pytest.fixture
 def plan(tmp_path: Path) -> Path:
-    chain = line(6)
-    motion: Motion = swing(chain, 1, -0.3)
-    unverified(chain, motion, Parameters()).save_npz(tmp_path / "plan.npz")
-    return tmp_path
+    return write_plan(tmp_path).parent
 
 
 def test_plan_that_rests_on_a_table_is_certified(plan: Path) -> None:
@@ -64,8 +65,6 @@ def test_plan_that_rests_on_a_table_is_certified(plan: Path) -> None:
 
 def test_plan_that_does_not_rest_exits_with_3(plan: Path) -> None:
     out = plan / "mine.json"
-    done = foldback("table", plan / "plan.npz", "--base", "free", "--out", out, "--json")
-    assert done.returncode == 3
-    data = json.loads(done.stdout.splitlines()[-1])
+    data = foldback_json("table", plan / "plan.npz", "--base", "free", "--out", out, status=3)
     assert data["verdict"].startswith("failed: the chain would tip over")
     assert json.loads(out.read_text()) == data

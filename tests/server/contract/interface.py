@@ -5,9 +5,8 @@ from collections.abc import Iterator
 from importlib.metadata import version
 from typing import Any
 
-from typer.testing import CliRunner
-
-from server.cli.command_line import COMMANDS, application
+from server.cli.command_line import COMMANDS
+from tests.server.cli.test_command_line import foldback
 
 WIDTH = 100
 """Width of the terminal for which help texts are formatted, in columns."""
@@ -36,7 +35,6 @@ def _helps() -> Iterator[tuple[list[str], str]]:
 
 
 def _help(*words: str) -> str:
-    runner = CliRunner(env={"COLUMNS": str(WIDTH), "TERM": "dumb", "NO_COLOR": "1"})
-    text = runner.invoke(application(), words, prog_name="foldback").stdout
+    text = foldback(*words, COLUMNS=str(WIDTH), TERM="dumb", NO_COLOR="1").stdout
     lines = [line.rstrip() for line in text.replace(version("foldback"), "…").splitlines()]
     return "\n".join(lines).strip("\n") + "\n"

@@ -1,12 +1,11 @@
 """All texts of the contract by the names of their files, stored beside this module."""
 
-from contextlib import closing
 from pathlib import Path
 
-from server.store.folds import Store
 from tests.server.contract.folds import add_folds
 from tests.server.contract.interface import help_text, openapi_text
 from tests.server.contract.pages import page_texts
+from tests.server.rows import store_of
 from tests.server.service_thread import ServiceThread
 
 STORED = Path(__file__).parent / "stored"
@@ -15,7 +14,7 @@ STORE = "run `python -m tests.server.contract --store` if the change is intended
 
 def texts(data_dir: Path) -> dict[str, str]:
     """Return the texts of a service on an empty data directory."""
-    with ServiceThread(data_dir).start() as service, closing(Store(service.settings)) as store:
+    with ServiceThread(data_dir).start() as service, store_of(service) as store:
         service.http.headers["Host"] = "127.0.0.1:8000"  # whatever the port is
         add_folds(store)
         return {

@@ -1,7 +1,6 @@
 """Files made of a finished fold: exports by HTTP and by the command line, and their storage."""
 
 import asyncio
-import json
 import os
 import shutil
 import threading
@@ -22,10 +21,9 @@ from server.store.fold_files import EXPORTS_DIR
 from server.store.fold_source import Found
 from server.store.folds import NoSuchFoldError, Store
 from server.store.tables import FoldRow
-from tests.server.cli.test_command_line import foldback
-from tests.server.rows import SOMEBODY
+from tests.server.cli.test_command_line import foldback_json
+from tests.server.rows import add_fold
 from tests.server.service_process import FinishedFold
-from tests.server.store.test_rows import row
 from words.fold import ShownFold
 
 NAMES = [export.name for export in EXPORTS]
@@ -65,9 +63,7 @@ def test_unknown_exports_are_refused(finished: FinishedFold) -> None:
 @pytest.fixture
 def fold(store: Store, finished: FinishedFold) -> FoldRow:
     """Row of a fold whose directory has a real plan and nothing else, as old ones do."""
-    added = row(status="verified", summary=finished.state["summary"])
-    store.add(added, SOMEBODY)
-    store.directory(added.id).mkdir()
+    added = add_fold(store, summary=finished.state["summary"])
     shutil.copy(finished.directory / "plan.npz", store.directory(added.id))
     return added
 
@@ -80,11 +76,9 @@ def export_fold(store: Store, fold: FoldRow, name: str, free: int = 0) -> Path:
 def test_model_of_the_fold_itself_is_exported(store: Store, fold: FoldRow) -> None:
     """A model without keyframes, as older folds have, is exported unchanged."""
     directory = store.directory(fold.id)
-    made = export_fold(store, fold, "mjcf")
-    assert made == directory / EXPORTS_DIR / "model.xml"
+    assert export_fold(store, fold, "mjcf") == directory / EXPORTS_DIR / "model.xml"
     (directory / "model.xml").write_text("<mujoco/>")
-    kept = export_fold(store, fold, "mjcf")
-    assert kept == directory / "model.xml"
+    assert export_fold(store, fold, "mjcf") == directory / "model.xml"
 
 
 def test_few_files_are_made_at_once_and_each_once(store: Store) -> None:
@@ -161,23 +155,18 @@ def test_downloads_of_a_plan_without_frames_leave_out_motion(store: Store, fold:
 
 
 def test_export_command_writes_the_requested_files(finished: FinishedFold, tmp_path: Path) -> None:
-    directory, out = str(finished.directory), tmp_path / "a" / "b"
-    answer = foldback("export", directory, "--as", "urdf, stl", "--out", out, "--json")
-    assert answer.returncode == 0, answer.stderr
-    sizes = json.loads(answer.stdout.splitlines()[-1])["bytes"]
+    directory, out = finished.directory, tmp_path / "a" / "b"
+    sizes = foldback_json("export", directory, "--as", "urdf, stl", "--out", out)["bytes"]
     assert sizes == {path.name: path.stat().st_size for path in out.iterdir()}
     assert set(sizes) == {"model.urdf", "module.stl"}
-    everything = foldback("export", directory, "--out", tmp_path / "all")
-    assert everything.returncode == 0, everything.stderr
+    foldback_json("export", directory, "--out", tmp_path / "all")
     files = {path.name for path in (tmp_path / "all").iterdir()}
     assert files == {export.filename for export in EXPORTS}
 
 
 @pytest.fixture
 def small_fold(store: Store) -> FoldRow:
-    added = row(status="verified")
-    store.add(added, SOMEBODY)
-    store.directory(added.id).mkdir()
+    added = add_fold(store)
     (store.directory(added.id) / "plan").write_text("a plan")
     return added
 

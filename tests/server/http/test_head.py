@@ -35,8 +35,7 @@ def test_head_of_a_fold_ends_at_once(finished: FinishedFold) -> None:
 
 
 def test_icon_and_manifest_are_served(idle: ServiceThread) -> None:
-    icon = idle.http.get("/favicon.ico")
-    assert icon.content[:4] == b"\0\0\1\0"
+    assert idle.http.get("/favicon.ico").content[:4] == b"\0\0\1\0"
     manifest = idle.http.get("/manifest.webmanifest").json()
     for each in manifest["icons"]:
         assert idle.http.head(each["src"]).headers["content-type"] == each["type"]
@@ -52,8 +51,7 @@ def test_oembed_describes_a_fold_of_this_service(finished: FinishedFold) -> None
     assert (about["width"], about["height"]) == (300, 200)
     assert f'src="{origin}/embed/{finished.id}"' in about["html"]
     assert finished.http.head(about["thumbnail_url"]).headers["content-type"] == "image/png"
-    xml = finished.http.get("/oembed", params={"url": link, "format": "xml"})
-    assert xml.status_code == 501
+    assert finished.http.get("/oembed", params={"url": link, "format": "xml"}).status_code == 501
 
 
 def test_oembed_refuses_other_addresses(idle: ServiceThread) -> None:

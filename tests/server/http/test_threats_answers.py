@@ -1,7 +1,6 @@
 """Rates that include every route, and answers to bad input without internal words."""
 
 import re
-from collections.abc import Callable
 from itertools import product
 from typing import Any
 
@@ -11,7 +10,7 @@ from server.api import robot
 from server.app import ROUTERS
 from tests.server.rows import statements
 from tests.server.service_process import SNAKE, Service, bearer
-from tests.server.service_thread import ServiceThread
+from tests.server.service_thread import ServiceWith
 
 TOKEN = bearer("T" * 32)
 INTERNAL = re.compile(
@@ -47,7 +46,7 @@ def fill_in(path: str, value: str) -> str:
 
 
 def test_every_route_but_health_is_in_the_rate_of_requests(
-    service_with: Callable[..., ServiceThread],
+    service_with: ServiceWith,
 ) -> None:
     service = service_with(
         requests_per_second_of_visitor=0.001, requests_at_once_of_visitor=1
@@ -63,7 +62,7 @@ def test_every_route_but_health_is_in_the_rate_of_requests(
 
 
 def test_every_route_that_reads_many_rows_is_in_the_rate_of_lists(
-    service_with: Callable[..., ServiceThread],
+    service_with: ServiceWith,
 ) -> None:
     service = service_with(lists_per_second_of_visitor=0.001).start()
     refused: set[str] = set()

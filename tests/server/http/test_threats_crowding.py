@@ -3,7 +3,7 @@
 import contextlib
 import signal
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -19,8 +19,7 @@ from server.settings import Settings
 from tests.server.files.test_damage import service_with_shipped_fold
 from tests.server.http.test_threats_uploads import connect_to, status_of
 from tests.server.service_process import SNAKE, FinishedFold, Service, check_problem
-
-ServiceWith = Callable[..., Service]
+from tests.server.service_thread import ServiceWith
 
 
 def test_robots_that_wait_for_their_motion_hold_up_no_others(finished: FinishedFold) -> None:

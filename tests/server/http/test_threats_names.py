@@ -1,6 +1,5 @@
 """Names that show nothing or mislead are cleaned at every input."""
 
-import json
 from typing import Any
 
 import pytest
@@ -9,7 +8,7 @@ from planner.display_names import MAX_NAME_LENGTH, clean_name
 from planner.exports.export import export_name
 from server.api.fold_inputs import clean_filename
 from tests.case import case
-from tests.server.service_process import SNAKE, Service, bearer
+from tests.server.service_process import SNAKE, Service, bearer, path_file
 
 INVISIBLE = {
     "Hangul fillers": "\u3164\uffa0",
@@ -57,23 +56,22 @@ def test_clean_name_keeps_visible_text() -> None:
             assert clean_name(clean) == clean
 
 
-def _title(service: Service, data: object, filename: str = "ok.json") -> str:
-    answer = service.upload(filename, json.dumps(data))
+def _title(service: Service, filename: str, **more: object) -> str:
+    answer = service.upload(filename, path_file(SNAKE, **more))
     assert answer.status_code == 202, answer.text
     return str(service.state(answer.json()["id"])["title"])
 
 
 def named_in_path(service: Service, name: str) -> str:
-    return _title(service, {"format": "foldback-path/1", "name": name, "cells": SNAKE})
+    return _title(service, "ok.json", name=name)
 
 
 def named_by_file(service: Service, name: str) -> str:
-    return _title(service, SNAKE, f"{name}.json")
+    return _title(service, f"{name}.json")
 
 
 def named_in_preview(service: Service, name: str) -> str:
-    named = {"format": "foldback-path/1", "name": name, "cells": SNAKE}
-    service.preview("ok.json", json.dumps(named), token="N" * 32, full="false")
+    service.preview("ok.json", path_file(SNAKE, name=name), token="N" * 32, full="false")
     listed = service.http.get("/api/mine/previews", headers=bearer("N" * 32)).json()
     return str(listed["previews"][0]["title"])
 

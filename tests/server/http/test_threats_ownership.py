@@ -1,8 +1,7 @@
 """Attacks on the ownership of a fold: by its link, by the same file, by the same shape."""
 
 from server.store.owner import new_token
-from tests.server.http.test_threats_strangers import path_file
-from tests.server.service_process import SNAKE, FinishedFold, Service, bearer, owner
+from tests.server.service_process import SNAKE, FinishedFold, Service, bearer, owner, path_file
 
 
 def changes(idle: Service, fold_id: str, token: str) -> list[int]:
@@ -34,7 +33,7 @@ def test_folds_made_by_strangers_from_one_fold_are_separate(finished: FinishedFo
 
 
 def test_same_file_of_another_visitor_reveals_nothing(idle: Service) -> None:
-    data, me, stranger = path_file("a shape", 101), new_token(), new_token()
+    data, me, stranger = path_file([[101, i, 0] for i in range(5)]), new_token(), new_token()
     mine = idle.upload("secret.json", data, token=me).json()
     for token in (stranger, None):
         theirs = idle.upload("guess.json", data, token=token).json()
@@ -51,8 +50,7 @@ def test_same_file_of_another_visitor_reveals_nothing(idle: Service) -> None:
 
 
 def test_gallery_fold_does_not_publish_an_equal_upload(idle: Service) -> None:
-    data = idle.http.get("/api/shapes/mallet-24.json").content
-    mine = idle.upload("mine.json", data).json()
+    mine = idle.upload("mine.json", idle.http.get("/api/shapes/mallet-24.json").content).json()
     gallery = idle.fold(shape="mallet-24")
     assert gallery["id"] != mine["id"]
     listed = {fold["id"] for fold in idle.http.get("/api/folds").json()["folds"]}

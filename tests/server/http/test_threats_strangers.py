@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.robotparser import RobotFileParser
@@ -14,9 +13,9 @@ from server.pages.page import script_json
 from server.settings import Settings
 from server.store.folds import new_id
 from server.store.owner import new_token
-from tests.server.service_process import FinishedFold, Service, check_problem
+from tests.server.service_process import FinishedFold, Service, check_problem, path_file
+from tests.server.service_thread import ServiceWith
 
-ServiceWith = Callable[..., Service]
 PAGE = {"Accept": "text/html"}
 NAMES = (
     '"><script>alert(1)</script>.json',
@@ -34,9 +33,8 @@ NAMES = (
 )
 
 
-def path_file(name: str, at: int) -> bytes:
-    cells = [[at, i, 0] for i in range(5)]
-    return json.dumps({"format": "foldback-path/1", "name": name, "cells": cells}).encode()
+def named_file(name: str, at: int) -> bytes:
+    return path_file([[at, i, 0] for i in range(5)], name=name)
 
 
 def test_hostile_filename_stays_a_name(idle: Service) -> None:
@@ -44,7 +42,7 @@ def test_hostile_filename_stays_a_name(idle: Service) -> None:
         plain = name.encode().replace(b'"', b"%22").replace(b"\r", b"").replace(b"\n", b"")
         body = (
             b'--x\r\nContent-Disposition: form-data; name="file"; filename="' + plain[:3000] + b'"'
-            b"\r\n\r\n" + path_file(name, number) + b"\r\n--x--\r\n"
+            b"\r\n\r\n" + named_file(name, number) + b"\r\n--x--\r\n"
         )
         kind = {"Content-Type": "multipart/form-data; boundary=x"}
         answer = idle.http.post("/api/folds", content=body, headers=kind)
@@ -67,8 +65,8 @@ def test_hostile_filename_stays_a_name(idle: Service) -> None:
 
 def test_downloads_of_a_hostile_name_are_harmless(service: Service) -> None:
     name = '=1+1"</script><script>alert(1)</script>&\r\nX: y'
-    path = {**json.loads(path_file(name, 0)), "cells": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]}
-    answer = service.upload("a.json", json.dumps(path))
+    square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    answer = service.upload("a.json", path_file(square, name=name))
     page = f"/folds/{answer.json()['id']}"
     service.wait_over(answer.json()["id"])
     files = [e["href"] for e in service.http.get(f"/api{page}/exports").json()["exports"]]
@@ -106,9 +104,9 @@ def test_ids_and_tokens_cannot_be_guessed() -> None:
 
 
 def test_private_links_are_not_indexed(idle: Service) -> None:
-    secret = idle.upload("a.json", path_file("s", 60)).json()
+    secret = idle.upload("a.json", named_file("s", 60)).json()
     public = idle.fold(shape="mallet-64")["id"]
-    body = idle.preview("a.json", path_file("s", 61), full="false")
+    body = idle.preview("a.json", named_file("s", 61), full="false")
     preview, page = body["links"]["page"], f"/folds/{secret['id']}"
     hidden = [page + part for part in ("", "/facts", "/picture.png", "/standalone.html")]
     hidden += [f"/api{page}{part}" for part in ("", "/plan.json", "/movies/abc")]

@@ -10,25 +10,25 @@ import httpx
 import pytest
 
 from planner.chain.chain import Chain
-from planner.chain.path import Path as CellPath
 from planner.motion.timeline import TimelineWriter
 from server.api import fold_states
 from server.api import player_data as frame_routes
 from server.jobs.eta import EtaEstimator
 from server.store.tables import FoldRow
+from tests.planner.chains import chain_of
 from tests.server.http.test_threats_crowding import from_address
 from tests.server.service_process import SNAKE, TIMEOUT_S, Service, wait_until
+from tests.server.service_thread import ServiceWith
 from tests.web.conftest import unfolding
 from web.timeline.view import TimelineView
 
-ServiceWith = Callable[..., Service]
 FRAMES = 10
 
 
 def growing_fold(service: Service) -> tuple[str, TimelineWriter, Chain]:
     """Return a queued fold with a timeline of ten frames that grows."""
     fold = service.fold(SNAKE)["id"]
-    chain = Chain.from_path(CellPath.from_cells(SNAKE))
+    chain = chain_of(SNAKE)
     writer = TimelineWriter.create(service.directory(fold) / "timeline.zarr", chain)
     writer.append(unfolding(chain, FRAMES))
     writer.flush()
@@ -93,8 +93,7 @@ def test_waits_share_one_thread_and_are_answered_together(
     assert {answer.status_code for answer in answers} == {200}
     assert len({answer.content for answer in answers}) == 1 and len(answers[0].content) > 500
     # Each request checks once, on arrival; all further checks are those of the one thread.
-    others = refreshes.total() - refreshes["frame-waits"]
-    assert others <= len(visitors)
+    assert refreshes.total() - refreshes["frame-waits"] <= len(visitors)
 
 
 def test_wait_of_a_new_network_displaces_one_of_the_largest(service_with: ServiceWith) -> None:

@@ -1,28 +1,23 @@
 """Uploads: accepted and refused files, and the messages of refusals."""
 
-import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from planner.readers.gallery import Gallery
 from server.store.owner import new_token
 from tests.case import case
-from tests.server.service_process import SNAKE, Service, check_problem
+from tests.server.service_process import SNAKE, Service, check_problem, path_file
+from tests.server.service_thread import ServiceWith
 
-ServiceWith = Callable[..., Service]
 TOKEN = new_token()
-
-
-def path(cells: object) -> bytes:
-    return json.dumps({"format": "foldback-path/1", "cells": cells}).encode()
 
 
 GOOD = [[i, 0, 0] for i in range(60)]
 BAD: dict[str, tuple[bytes, str, str | None]] = {
-    "not adjacent": (path([*GOOD[:42], *GOOD[43:]]), "not-adjacent", "cells 41 and 42"),
+    "not adjacent": (path_file([*GOOD[:42], *GOOD[43:]]), "not-adjacent", "cells 41 and 42"),
     "empty": (b"", "empty", None),
-    "truncated": (path(GOOD)[:-200], "", None),
+    "truncated": (path_file(GOOD)[:-200], "", None),
     "another kind": (b"\x89PNG\r\n\x1a\n" + bytes(200), "wrong-kind", None),
-    "too long": (path([[i, 0, 0] for i in range(1500)]), "too-many-modules", None),
+    "too long": (path_file([[i, 0, 0] for i in range(1500)]), "too-many-modules", None),
     "pickle": (b"\x93NUMPY\x01\x00v\x00{'descr': '|O'", "", None),
 }
 """Invalid inputs with code and position; tests/planner/shapes has more of them."""
@@ -42,8 +37,7 @@ def test_bad_input_is_refused_with_code_and_where(idle: Service) -> None:
 
 def test_too_large_upload_is_refused_while_it_comes_in(idle: Service) -> None:
     answer = idle.http.post("/api/folds", files={"file": ("big.json", b"[" * 400_000)})
-    assert (answer.status_code, answer.json()["code"]) == (413, "too-large")
-    assert "0.191 MB, the limit" in answer.json()["detail"]
+    assert "0.191 MB, the limit" in check_problem(answer, 413, "too-large")
 
 
 def test_upload_without_a_length_is_counted(idle: Service) -> None:

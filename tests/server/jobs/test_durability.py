@@ -3,7 +3,7 @@
 tests/bench/test_load.py kills processes at random moments.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,19 +24,20 @@ from server.jobs.slices import Slice
 from server.processes.children import CRASHED, LOST, Child, ChildError
 from server.store.folds import Store
 from tests.server.service_process import SNAKE, STAIRS, Service, over
-from tests.server.service_thread import FORKS, ServiceThread
+from tests.server.service_thread import FORKS, ServiceThread, ServiceWith
 
 pytestmark = pytest.mark.slow
-ServiceWith = Callable[..., ServiceThread]
 
 
-def check_finished(service: Service, fold_id: str) -> None:
+def check_finished(service: Service, fold_id: str) -> bytes:
+    """Check that a fold is verified and complete, and return its plan."""
     state = service.wait_over(fold_id)
     assert state["status"] == "verified", state
     body = service.http.get(f"/api/folds/{fold_id}/frames?stride=10").json()
-    assert body["status"] == "complete"
+    assert body["status"] == "complete", body["detail"]
     assert body["time_s"] == sorted(body["time_s"])
     assert service.http.get(f"/api/folds/{fold_id}/plan.json").status_code == 200
+    return service.http.get(f"/api/folds/{fold_id}/plan.npz").raise_for_status().content
 
 
 @contextmanager
@@ -106,8 +107,7 @@ def test_fold_continues_if_its_process_or_fork_server_is_killed(
 
 @pytest.mark.long
 def test_fold_is_paused_for_a_cheaper_one_and_continues(tmp_path: Path) -> None:
-    service = Service(tmp_path / "data", slice_seconds=0.2).start()
-    try:
+    with Service(tmp_path / "data", slice_seconds=0.2).start() as service:
         long = service.fold(shape="wrench-160", settings="robots=0")["id"]
         service.wait_exploding(long)
         short = service.fold(STAIRS)["id"]
@@ -116,8 +116,6 @@ def test_fold_is_paused_for_a_cheaper_one_and_continues(tmp_path: Path) -> None:
         assert paused["progress"]["message"] == PAUSED_MESSAGE
         check_finished(service, short)
         check_finished(service, long)
-    finally:
-        assert service.stop() == 0
 
 
 def test_fold_beyond_its_time_limit_fails(service_with: ServiceWith) -> None:

@@ -58,12 +58,8 @@ class Folds:
 
     def add_running(self, stage: str, fraction: float, *, began_at: float, **how: Any) -> str:
         before = list(USUAL)[: list(USUAL).index(stage)]
-        values = {
-            "stage": stage,
-            "fraction": fraction,
-            "stage_s": {name: USUAL[name] for name in before},
-            "began_at": began_at,
-        }
+        values = {"stage": stage, "fraction": fraction, "began_at": began_at}
+        values |= {"stage_s": {name: USUAL[name] for name in before}}
         row = a_fold("now", status="running", stage=stage, modules=160, progress=values, **how)
         self.store.add(row, SOMEBODY)
         return row.id
@@ -217,13 +213,11 @@ def test_smoothing_before_its_first_report_is_not_an_explosion(folds: Folds) -> 
 @pytest.mark.parametrize("measured", [False, True])
 def test_estimates_of_preview_and_fold_agree(folds: Folds, measured: bool) -> None:
     for k in range(MIN_SIMILAR_FOLDS - (not measured)):
-        ended = a_fold(f"ended {k}", modules=160, progress={"stage_s": USUAL})
-        folds.store.add(ended, SOMEBODY)
+        folds.store.add(a_fold(f"ended {k}", modules=160, progress={"stage_s": USUAL}), SOMEBODY)
     shape, estimates = {"modules": 160, "module": "cube"}, Estimates(folds.store)
     preview = ExpectedTimes.of(shape, "floating", estimates.total_s)
     asked = folds.store.fold(folds.add_queued("asked", created_at=time.time()))
-    outlook = folds.new_estimator(estimates).of(asked)
-    assert outlook.remaining_s == round(preview.expected_s)
+    assert folds.new_estimator(estimates).of(asked).remaining_s == round(preview.expected_s)
 
     def expected(**options: str) -> object:
         return pytest.approx(expected_of_cost(plain_fold(160, FoldRequest(**options))))

@@ -20,15 +20,10 @@ from server.jobs.housekeeping import (
 from server.settings import Settings
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError, Store, new_id
-from tests.server.rows import SOMEBODY, a_fold, a_movie, scans, statements
+from tests.server.rows import a_movie, add_fold, scans, statements
 
 MIB = 2**20
 GALLERY: dict[str, Any] = {"public": True, "shape": "wrench-24"}
-
-
-def count_swept(store: Store, **settings: object) -> int:
-    """Return the number of folds that a sweep removes."""
-    return housekeeping(store, **settings).sweep()
 
 
 def housekeeping(store: Store, **settings: object) -> Housekeeping:
@@ -40,11 +35,8 @@ def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
     """Add a finished fold that was last viewed ``days`` days ago; return its id."""
     then = time.time() - days * DAY_S
     usual: dict[str, object] = {"ended_at": then, "visitor": "somebody", "bytes": size}
-    row = a_fold(**usual | {"created_at": then, "seen_at": then} | more)
-    store.add(row, SOMEBODY)
-    place = store.folders.place(row.id)
-    place.mkdir()
-    (place / "plan.json").write_text("{}")
+    row = add_fold(store, **usual | {"created_at": then, "seen_at": then} | more)
+    (store.folders.place(row.id) / "plan.json").write_text("{}")
     return row.id
 
 
@@ -119,8 +111,8 @@ def test_unseen_folds_expire_when_the_settings_say_so(store: Store) -> None:
     for looked in (late, seen):
         store.looked(store.fold(looked))
     assert not store.expire(late, before)
-    assert count_swept(store) == 0
-    assert count_swept(store, keep_days=30) == 1
+    assert housekeeping(store).sweep() == 0
+    assert housekeeping(store, keep_days=30).sweep() == 1
     assert remaining(store, *folds, late, seen) == [False, *7 * [True]]
 
 
@@ -128,14 +120,14 @@ def test_longest_unseen_folds_make_room_and_fresh_ones_stay(store: Store) -> Non
     folds = [fold(store, days=days) for days in (4, 3, 2, 0, 0)]
     folds.append(fold(store, days=9, pinned=True))
     for bound, removed in ((4, 2), (1, 1)):
-        assert count_swept(store, storage_bytes=bound * MIB) == removed
+        assert housekeeping(store, storage_bytes=bound * MIB).sweep() == removed
     assert remaining(store, *folds) == [False, False, False, True, True, True]
 
 
 def test_storage_of_a_visitor_has_a_bound_of_its_own(store: Store) -> None:
     greedy = [fold(store, days=days, visitor="greedy") for days in (3, 2, 1)]
     modest = fold(store, days=9, visitor="modest")
-    assert count_swept(store, storage_of_visitor_bytes=2 * MIB) == 1
+    assert housekeeping(store, storage_of_visitor_bytes=2 * MIB).sweep() == 1
     assert remaining(store, *greedy, modest) == [False, True, True, True]
 
 
@@ -146,7 +138,7 @@ def test_cancelled_fold_is_removed_an_hour_after_the_last_look(store: Store) -> 
         for days in (1.1 * hour, 0.9 * hour, 3 * hour, 1.2 * hour)
     )
     store.looked(store.fold(seen))
-    count_swept(store)
+    housekeeping(store).sweep()
     assert remaining(store, old, late, pinned, seen) == [False, True, True, True]
 
 
@@ -198,7 +190,7 @@ def test_cancelled_and_repeated_folds_of_the_gallery_are_removed(store: Store) -
         fold(store, days=1, **failed, **GALLERY),  # no later fold succeeded
         fold(store, days=3, **failed, **GALLERY, content_key="key"),  # it would fail again
     ]
-    count_swept(store)
+    housekeeping(store).sweep()
     assert remaining(store, *gone, *stay) == [False, False, True, True, True, True]
 
 
@@ -208,18 +200,18 @@ def test_derived_files_make_room_before_folds_and_count_for_no_visitor(store: St
         derive(store, name, 2 * MIB)
     movies = [movie(store, folds[0], of_owner=True), movie(store, folds[1], of_owner=False)]
     quota = {"storage_of_visitor_bytes": 2 * MIB}
-    count_swept(store, storage_bytes=8 * MIB, **quota)
+    housekeeping(store, storage_bytes=8 * MIB, **quota).sweep()
     assert remaining(store, *folds) == [True, True]
     assert [store.fold(name).derived_bytes for name in folds] == [2 * MIB, 2 * MIB]
-    count_swept(store, storage_bytes=7 * MIB, **quota)
+    housekeeping(store, storage_bytes=7 * MIB, **quota).sweep()
     assert [store.fold(name).derived_bytes for name in folds] == [0, 2 * MIB]
     # The movie that the owner has requested is removed last of all files, then folds.
     for bound, exist in ((3, [True, False]), (2, [False, False])):
-        count_swept(store, storage_bytes=bound * MIB, **quota)
+        housekeeping(store, storage_bytes=bound * MIB, **quota).sweep()
         assert [path.exists() for path in movies] == exist
     assert [store.fold(name).derived_bytes for name in folds] == [0, 0]
     assert remaining(store, *folds) == [True, True]
-    count_swept(store, storage_bytes=1 * MIB)
+    housekeeping(store, storage_bytes=1 * MIB).sweep()
     assert remaining(store, *folds) == [False, True]
 
 
@@ -228,8 +220,7 @@ def test_derived_bytes_counted_by_an_earlier_version_are_separated(store: Store)
     for name in (old, counted):
         derive(store, name, MIB)
     store.set_derived(old, 0)
-    sweeping = housekeeping(store)
-    sweeping.sweep()
+    housekeeping(store).sweep()
     assert (store.fold(old).bytes, store.fold(old).derived_bytes) == (len("{}"), MIB)
     assert (store.fold(counted).bytes, store.fold(counted).derived_bytes) == (MIB, MIB)
 
@@ -241,7 +232,7 @@ def test_derived_bytes_counted_twice_are_corrected_when_room_is_made(store: Stor
     made = movie(store, fresh, of_owner=False, age_s=0.0)
     for name in (twice, fresh):  # two processes have made the same file
         store.add_derived(name, MIB)
-    count_swept(store, storage_bytes=2 * MIB)
+    housekeeping(store, storage_bytes=2 * MIB).sweep()
     assert [store.fold(name).derived_bytes for name in (twice, fresh)] == [0, MIB]
     assert made.exists() and remaining(store, twice, fresh) == [True, True]  # for this client
 
@@ -249,7 +240,7 @@ def test_derived_bytes_counted_twice_are_corrected_when_room_is_made(store: Stor
 def test_full_disk_removes_derived_files(store: Store) -> None:
     full = fold(store, days=1)
     derive(store, full, MIB)
-    count_swept(store, min_free_disk_bytes=2**60)
+    housekeeping(store, min_free_disk_bytes=2**60).sweep()
     assert store.fold(full).derived_bytes == 0
     assert remaining(store, full) == [True]
 

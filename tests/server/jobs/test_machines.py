@@ -15,6 +15,7 @@ import pytest
 from server.settings import Settings
 from server.store.object_store import open_storage
 from server.store.owner import new_token
+from tests.server.jobs.test_durability import check_finished
 from tests.server.postgres import Postgres
 from tests.server.service_process import SNAKE, TIMEOUT_S, Service, bearer, over, owner
 
@@ -27,17 +28,6 @@ def machine(tmp_path: Path, postgres: Postgres, bucket_url: str) -> Callable[[],
     shared = {"database_url": postgres.migrated(), "storage_url": bucket_url, "workers": 0}
     numbers = count()
     return lambda: Service(tmp_path / f"machine-{next(numbers)}", **shared)
-
-
-def check_whole(service: Service, fold_id: str) -> bytes:
-    """Check that a fold is verified and complete, and return its plan."""
-    state = service.wait_over(fold_id)
-    assert state["status"] == "verified", state
-    body = service.http.get(f"/api/folds/{fold_id}/frames?stride=10").json()
-    assert body["status"] == "complete", body["detail"]
-    plan = service.http.get(f"/api/folds/{fold_id}/plan.npz")
-    assert plan.status_code == 200
-    return plan.content
 
 
 @pytest.mark.long
@@ -67,7 +57,7 @@ def test_machines_take_in_compute_show_and_cancel_folds(
 
         second.wait(fold_id, growing)
         assert len(seen) > 2, "the explosion was not seen while it was computed"
-        plans = [check_whole(web, fold_id) for web in (first, second)]
+        plans = [check_finished(web, fold_id) for web in (first, second)]
         assert plans[0] == plans[1]
         assert storage.below(f"folds/{fold_id}") == ["1"]  # the files of the first epoch
         answer = second.http.delete(f"/api/folds/{fold_id}", headers=bearer(token))
@@ -85,5 +75,5 @@ def test_machines_take_in_compute_show_and_cancel_folds(
         assert second.http.post(path, headers=owner(unwanted)).status_code == 202
         second.wait_over(unwanted["id"])
         assert not psutil.wait_procs(computing, timeout=TIMEOUT_S)[1]
-        check_whole(first, second.fold(SNAKE)["id"])
+        check_finished(first, second.fold(SNAKE)["id"])
     assert [first.stop(), second.stop()] == [0, 0]

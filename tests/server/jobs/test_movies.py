@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import pytest
 
 from server.processes.movie_task import is_on_table
 from tests.server.cli.test_command_line import foldback
-from tests.server.service_process import TIMEOUT_S, FinishedFold, Service, bearer, wait_until
+from tests.server.service_process import FinishedFold, Service, bearer, check_problem, wait_until
 from tests.tools import OPENGL
 from web.movies.encoding import find_ffmpeg
 
@@ -34,11 +33,10 @@ def ask(finished: FinishedFold, **options: Any) -> dict[str, Any]:
 def wait(
     service: Service, movie: dict[str, Any], until: Callable[[dict[str, Any]], bool]
 ) -> dict[str, Any]:
-    deadline = time.monotonic() + TIMEOUT_S
-    while not until(found := service.http.get(movie["links"]["self"]).json()):
-        assert time.monotonic() < deadline, f"{found}\n{service.log.read_text()}"
-        time.sleep(0.05)
-    return found
+    """Return the state of a movie once ``until`` is true."""
+    path = movie["links"]["self"]
+    wait_until(lambda: until(service.http.get(path).json()), service.log.read_text)
+    return service.http.get(path).json()
 
 
 def delete(service: Service, movie: dict[str, Any]) -> int:
@@ -62,8 +60,7 @@ def test_movie_is_requested_made_downloaded_and_deleted(finished: FinishedFold) 
     assert answer.headers["Location"] == movie["links"]["self"]
     assert answer.headers["Retry-After"] == "1"
     assert (movie["frames_total"], movie["problem"]) == (4, None)
-    early = finished.http.get(movie["links"]["file"])
-    assert early.status_code in (200, 409)
+    assert finished.http.get(movie["links"]["file"]).status_code in (200, 409)
     ready = wait(finished.service, movie, over)
     assert (ready["status"], ready["frames_done"]) == ("ready", 4)
     file = finished.http.get(movie["links"]["file"])
@@ -77,8 +74,7 @@ def test_movie_is_requested_made_downloaded_and_deleted(finished: FinishedFold) 
     assert (again["id"], again["status"], again["token"]) == (movie["id"], "ready", None)
     path = movie["links"]["self"]
     for headers in ({}, bearer("x" * 32)):
-        refused = finished.http.delete(path, headers=headers)
-        assert (refused.status_code, refused.json()["code"]) == (403, "not-owner")
+        check_problem(finished.http.delete(path, headers=headers), 403, "not-owner")
     assert movie["token"].encode() not in (finished.service.data_dir / "foldback.db").read_bytes()
     assert delete(finished.service, movie) == 204
     assert finished.http.get(movie["links"]["self"]).json()["code"] == "no-such-movie"
@@ -111,8 +107,7 @@ def test_movie_deleted_while_it_is_made_stops(finished: FinishedFold) -> None:
     _, alive = psutil.wait_procs(making, timeout=30)
     assert not alive
     # The next request takes its place.
-    following = ask(finished, **SMALL, theme="dark")
-    assert wait(finished.service, following, over)["status"] == "ready"
+    assert wait(finished.service, ask(finished, **SMALL, theme="dark"), over)["status"] == "ready"
     scratch = finished.service.data_dir / "scratch"
     wait_until(lambda: not list(scratch.iterdir()))
 

@@ -120,8 +120,7 @@ def test_jobs_of_a_lost_worker_are_queued_again_and_losses_are_counted(store: St
 def test_cancelled_fold_without_a_worker_ends_at_once(store: Store) -> None:
     queue = Queue(store)
     store.add(a_fold("a", status="queued"), SOMEBODY)
-    claim = claim_fold(queue)
-    queue.hand_back(claim)
+    queue.hand_back(claim_fold(queue))
     assert store.fold("a").status == "running", "its visitors see no difference"
     assert store.cancel("a", SOMEBODY)
     assert store.fold("a").status == "cancelled"

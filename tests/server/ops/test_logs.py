@@ -6,14 +6,13 @@ import logging
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from server.ops.logs import JsonLines, TextLines, about, escaped
-from tests.server.service_process import TIMEOUT_S, FinishedFold, Service
+from tests.server.service_process import FinishedFold, Service, wait_until
 
 FORGED = 'x\n{"level": "error", "message": "forged"}\r\x1b[2K\u2028\x85'
 
@@ -44,12 +43,14 @@ def lines(log_tail: LogTail) -> list[dict[str, Any]]:
 
 def access(log_tail: LogTail, request_id: str) -> dict[str, Any]:
     """Return the line of a request, which is written after the answer is sent."""
-    deadline = time.monotonic() + TIMEOUT_S
-    while not (found := [line for line in lines(log_tail) if line.get("request") == request_id]):
-        assert time.monotonic() < deadline, log_tail.text
-        time.sleep(0.02)
-    assert [line["logger"] for line in found] == ["foldback.access"]
-    return found[0]
+
+    def found() -> list[dict[str, Any]]:
+        return [line for line in lines(log_tail) if line.get("request") == request_id]
+
+    wait_until(found, lambda: log_tail.text)
+    (line,) = found()
+    assert line["logger"] == "foldback.access"
+    return line
 
 
 def capture(formatter: logging.Formatter, logger: logging.Logger) -> io.StringIO:

@@ -2,7 +2,6 @@
 
 import time
 import uuid
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from server.store.stats import Stats
 from server.store.tables import WorkerRow
 from tests.server.rows import a_fold, statements
 from tests.server.service_process import METRICS_TOKEN, SNAKE, FinishedFold, Service
+from tests.server.service_thread import ServiceWith
 
 
 def figures(service: Service) -> dict[tuple[str, tuple[tuple[str, str], ...]], float]:
@@ -83,7 +83,7 @@ def test_open_streams_are_counted(idle: Service) -> None:
 
 
 def test_metrics_without_the_token_are_closed_from_any_address(
-    idle: Service, service: Service, service_with: Callable[..., Service]
+    idle: Service, service: Service, service_with: ServiceWith
 ) -> None:
     for headers in (
         {"Connection": "close"},

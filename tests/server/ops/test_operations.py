@@ -1,9 +1,7 @@
 """Page for operators: its settings, metrics and commands exist."""
 
 import re
-from pathlib import Path
 
-import pytest
 import yaml
 
 from docs import make_settings
@@ -14,24 +12,20 @@ from server.ops.readiness import Places
 from server.settings import Settings
 from server.store.stats import Figures
 from server.store.tables import STATUSES
+from tests.run_python import ROOT
 
-DOCS = Path(__file__).parents[3] / "docs"
-
-
-@pytest.fixture(scope="module")
-def page() -> str:
-    return (DOCS / "operations.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "operations.md").read_text(encoding="utf-8")
 
 
-def test_table_of_settings_is_up_to_date(page: str) -> None:
-    assert make_settings.with_table(page) == page, "run `python docs/make_settings.py`"
+def test_table_of_settings_is_up_to_date() -> None:
+    assert make_settings.with_table(PAGE) == PAGE, "run `python docs/make_settings.py`"
     for name in Settings.model_fields:
-        assert f"| `FOLDBACK_{name.upper()}` |" in page
+        assert f"| `FOLDBACK_{name.upper()}` |" in PAGE
     assert all(field.description for field in Settings.model_fields.values())
 
 
-def test_table_of_metrics_and_alerts_name_existing_ones(page: str) -> None:
-    shown = page.partition("| metric | meaning |")[2].partition("\n\n")[0]
+def test_table_of_metrics_and_alerts_name_existing_ones() -> None:
+    shown = PAGE.partition("| metric | meaning |")[2].partition("\n\n")[0]
     counts = {"folds": dict.fromkeys(STATUSES, 0), "movies": {}, "failures": {}}
     figures = Figures(**counts, oldest_queued_s=0.0, storage_bytes=0, workers=0, computed_s=())
     places = Places(disk="ok", storage="ok", free_bytes=0)
@@ -39,7 +33,7 @@ def test_table_of_metrics_and_alerts_name_existing_ones(page: str) -> None:
     metrics = set(re.findall(r"# TYPE (foldback_\w+)", text))
     for name in metrics:
         assert name.endswith("_created") or name.removeprefix("foldback") in shown
-    alerts = yaml.safe_load((DOCS.parent / "deploy" / "alerts.yml").read_text(encoding="utf-8"))
+    alerts = yaml.safe_load((ROOT / "deploy" / "alerts.yml").read_text(encoding="utf-8"))
     rules = [rule for group in alerts["groups"] for rule in group["rules"]]
     assert len(rules) >= 5
     for rule in rules:
@@ -48,8 +42,8 @@ def test_table_of_metrics_and_alerts_name_existing_ones(page: str) -> None:
         assert rule["annotations"]["summary"].endswith(".")
 
 
-def test_page_names_all_admin_commands(page: str) -> None:
+def test_page_names_all_admin_commands() -> None:
     offered = {command.name or command.callback.__name__ for command in admin.registered_commands}
-    named = set(re.findall(r"^foldback admin (\w+)", page, re.MULTILINE))
+    named = set(re.findall(r"^foldback admin (\w+)", PAGE, re.MULTILINE))
     assert offered - {"unpin"} == named
     assert "admin" in COMMANDS

@@ -1,7 +1,7 @@
 """Readiness: refused, with the reason, as soon as something that folds need is missing."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from server.store.leases import Leases
 from server.store.stats import Stats
 from tests.server.postgres import Postgres
 from tests.server.service_process import Service
-from tests.server.service_thread import ServiceThread, copy_tables
+from tests.server.service_thread import ServiceWith, copy_tables
 
 
 @contextmanager
@@ -71,7 +71,7 @@ def test_missing_database_is_a_reason(tmp_path: Path, postgres: Postgres) -> Non
         assert ready.state().ready
 
 
-def test_stopping_service_is_not_ready(service_with: Callable[..., ServiceThread]) -> None:
+def test_stopping_service_is_not_ready(service_with: ServiceWith) -> None:
     service = service_with(leave_s=1).start()
     with httpx.Client(base_url=service.http.base_url) as other:
         assert other.get("/ready").status_code == 200

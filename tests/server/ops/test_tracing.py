@@ -1,8 +1,6 @@
 """Traces of folds: sent to the configured receiver, and to nothing by default."""
 
 import http.server
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +11,7 @@ from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTrace
 from server.ops import tracing
 from server.ops.tracing import NoTracingError, span, start_tracing
 from server.settings import Settings
+from tests.run_python import run_python
 
 CODE = """
 from server.ops.tracing import send_rest, span, start_tracing
@@ -53,12 +52,8 @@ def test_fold_is_a_trace_with_a_span_for_each_stage(
     tmp_path: Path, receiver: tuple[str, list[ExportTraceServiceRequest]]
 ) -> None:
     endpoint, got = receiver
-    environment = {
-        "PYTHONPATH": str(Path(__file__).parents[3]),
-        "FOLDBACK_DATA_DIR": str(tmp_path),
-        "FOLDBACK_OTLP_ENDPOINT": endpoint,
-    }
-    subprocess.run([sys.executable, "-c", CODE], env=environment, timeout=120, check=True)
+    settings = {"FOLDBACK_DATA_DIR": str(tmp_path), "FOLDBACK_OTLP_ENDPOINT": endpoint}
+    run_python("-c", CODE, **settings)
     resources = [resource for request in got for resource in request.resource_spans]
     scopes = [scope for resource in resources for scope in resource.scope_spans]
     spans = [span for scope in scopes for span in scope.spans]

@@ -6,12 +6,9 @@ import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
-from unittest.mock import MagicMock
 
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path as CellPath
 from planner.motion.timeline import TimelineWriter
 from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import PRESETS, preset
@@ -27,8 +24,8 @@ from server.store.estimates import Estimates
 from server.store.fold_source import Found
 from server.store.folds import Store
 from server.store.leases import Leases, Preparing
-from server.store.worker_identity import WorkerIdentities
 from tests.case import case
+from tests.planner.chains import chain_of
 from tests.server.rows import SOMEBODY, a_fold
 from tests.server.service_process import SNAKE, FinishedFold
 from tests.web.conftest import unfolding
@@ -82,7 +79,7 @@ def test_unused_parameters_are_left_out() -> None:
 def failed_fold(directory: Path, frames: int, **values: Any) -> Found:
     """Return a failed fold with the given frames of explosion."""
     if frames:
-        chain = Chain.from_path(CellPath.from_cells(SNAKE))
+        chain = chain_of(SNAKE)
         with TimelineWriter.create(directory / "timeline.zarr", chain) as writer:
             writer.append(unfolding(chain, frames))
     usual: dict[str, Any] = {"status": "failed", "stage": "certify", "preset": "default", "seed": 0}
@@ -114,7 +111,7 @@ def test_kinematic_fold_of_earlier_version_is_shown_as_such(tmp_path: Path, stor
         "explosion": {"strategy": "one-by-one"},
     }
     store.add(a_fold("earlier", summary=summary), SOMEBODY)
-    leases = Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), 1.0)
+    leases = Leases.of(Settings(data_dir=tmp_path), store)
     state = Fold.of(store.fold("earlier"), store, EtaEstimator(store, leases)).summary
     assert state["certificate"]["verdict"] == "verified (kinematics only)"
     assert state["certificate"]["rms_position_error"] is None
@@ -140,7 +137,7 @@ def test_times_of_offered_folds_name_the_compilation(
     tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = failed_fold(tmp_path, 0, status="verified")
-    leases = Leases(store, WorkerIdentities(Settings(data_dir=tmp_path)), 1000.0)
+    leases = Leases.of(Settings(data_dir=tmp_path, workers=0), store)
     viewing = cast(Viewing, SimpleNamespace(estimates=Estimates(store), leases=leases))
 
     def hints() -> set[str]:
@@ -148,9 +145,8 @@ def test_times_of_offered_folds_name_the_compilation(
         return {offer.get("hint", "") for offer in offers}
 
     assert "Takes less than a minute" in hints()
-    monkeypatch.setattr(
-        Leases, "preparing", MagicMock(return_value=Preparing(fraction=0.4, remaining_s=60.0))
-    )
+    preparing = Preparing(fraction=0.4, remaining_s=60.0)
+    monkeypatch.setattr(Leases, "preparing", lambda _: preparing)
     assert "Takes less than a minute, once the solvers are ready" in hints()
 
 

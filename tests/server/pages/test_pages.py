@@ -75,8 +75,7 @@ def test_versioned_scripts_are_cached_by_browsers() -> None:
 
 
 def test_incompressible_assets_are_sent_unchanged() -> None:
-    asset = Asset.of(random.Random(0).randbytes(4000), "image/webp")
-    assert asset.packed is None
+    assert Asset.of(random.Random(0).randbytes(4000), "image/webp").packed is None
     assert Asset.of(b"x" * 4000, "text/css").packed is not None
 
 

@@ -11,8 +11,6 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path as CellPath
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from server.errors import NoRoom
 from server.files.artifacts import Artifacts, newer
@@ -20,8 +18,8 @@ from server.files.pictures import MAX_CACHED_PICTURES, recent_pictures
 from server.pages import pictures as pictures_module
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store
-from tests.server.rows import SOMEBODY
-from tests.server.store.test_rows import row
+from tests.planner.chains import chain_of
+from tests.server.rows import add_fold
 
 
 class Pictures:
@@ -46,11 +44,9 @@ class Pictures:
 
     def add_fold(self, status: str) -> Path:
         """Return the directory of a new fold with the chain of a first candidate."""
-        added = row(status=status)
-        self.store.add(added, SOMEBODY)
-        self.store.directory(added.id).mkdir()
-        write_chain_file(self.store.directory(added.id), "first")
-        return self.store.directory(added.id)
+        directory = self.store.directory(add_fold(self.store, name="snake", status=status).id)
+        write_chain_file(directory, "first")
+        return directory
 
     def request(self, directory: Path, times: int = 1, query: str = "") -> list[httpx.Response]:
         """Return the answers to ``times`` simultaneous requests."""
@@ -79,7 +75,7 @@ def pictures(store: Store) -> Pictures:
 
 
 def write_chain_file(directory: Path, name: str) -> None:
-    chain = Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)], name=name))
+    chain = chain_of([(0, 0, 0), (1, 0, 0), (1, 1, 0)], name=name)
     (directory / "chain.json").write_text(json.dumps(chain_attributes(chain)))
 
 

@@ -1,7 +1,5 @@
 """Pages without a compiler: the web process answers although numba cannot be imported."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -9,6 +7,7 @@ import pytest
 from planner.readers.gallery import Gallery
 from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from server.pages import landing
+from tests.run_python import run_python
 
 PROGRAM = """
 import sys
@@ -57,5 +56,4 @@ def test_pages_are_answered_without_a_compiler(tmp_path: Path) -> None:
     folds.mkdir()
     for name in ("tetra-cube-2", "wrench-160", "wrench-80-to-mallet-80"):  # one of each kind
         (folds / f"{name}.fold").symlink_to(SHIPPED_FOLDS_DIR / f"{name}.fold")
-    command = [sys.executable, "-W", "ignore", "-c", PROGRAM, str(tmp_path / "data"), str(folds)]
-    subprocess.run(command, check=True)
+    run_python("-W", "ignore", "-c", PROGRAM, str(tmp_path / "data"), str(folds))

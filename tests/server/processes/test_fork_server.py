@@ -16,11 +16,7 @@ from planner.progress import COMPILING
 from server.processes import children, fork_server
 from server.processes.children import LOST, ChildError
 from server.processes.fork_server import ForkServer, Kind
-from tests.server.processes.test_children import (
-    make_child,
-    upload_in,
-    without_libraries,
-)
+from tests.server.processes.test_children import make_child, upload_in, without_libraries
 from tests.server.service_process import TIMEOUT_S, wait_until
 from tests.server.service_thread import FORKS
 

@@ -200,8 +200,7 @@ def run_attack(
     (place.parent / "beside" / "plan.npz").write_text("")
     (place / "aim.json").write_text(json.dumps(targets))
     timeline = settings.folds_dir / "filmed" / "timeline.zarr"
-    wishes = asdict(Movie())
-    ask_for_movie(place, wishes, timeline, "movie", on_table=False)
+    ask_for_movie(place, asdict(Movie()), timeline, "movie", on_table=False)
     many = kind in (*FORKED_KINDS, "pictures")
     limits = replace(ChildLimits.of(settings, awaited=many), niceness=0)
     if kind in ("retimer", "pictures"):

@@ -3,8 +3,6 @@
 import json
 import resource
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from server.http.problems import of_trouble
 from server.processes.children import Child
 from server.processes.limits import ChildLimits, environment_of_child
 from server.store.owner import new_token
+from tests.run_python import run_python
 from tests.server.processes.test_children import without_libraries
 from tests.server.service_process import SNAKE, FinishedFold, Service, bearer, check_problem
 from tests.server.service_thread import ServiceThread
@@ -27,14 +26,13 @@ PAGE = {"Accept": "text/html,application/xhtml+xml"}
 @pytest.fixture(scope="module")
 def broken(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, str]]:
     """Service whose database has lost its tables, and the id of a fold that it had."""
-    service = ServiceThread(tmp_path_factory.mktemp("broken") / "data").start()
-    fold_id = service.fold(SNAKE)["id"]
-    with sqlite3.connect(service.data_dir / "foldback.db", timeout=60) as database:
-        for table in ("folds", "movies"):
-            database.execute(f"ALTER TABLE {table} RENAME TO gone_{table}")
-    database.close()
-    yield service, fold_id
-    assert service.stop() == 0
+    with ServiceThread(tmp_path_factory.mktemp("broken") / "data").start() as service:
+        fold_id = service.fold(SNAKE)["id"]
+        with sqlite3.connect(service.data_dir / "foldback.db", timeout=60) as database:
+            for table in ("folds", "movies"):
+                database.execute(f"ALTER TABLE {table} RENAME TO gone_{table}")
+        database.close()
+        yield service, fold_id
 
 
 ROUTES = ("", "/events", "/frames", "/exports", "/exports/plan.csv", "/plan.json", "/trajectory")
@@ -177,5 +175,4 @@ def test_memory_of_the_service_is_unreadable() -> None:
         "get = lambda: ctypes.CDLL(None).prctl(3, 0, 0, 0, 0);"
         "before = get(); l.keep_secrets(); print(before, get())"
     )
-    found = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True)
-    assert found.stdout.split() == ["1", "0"], found.stderr
+    assert run_python("-c", words).split() == ["1", "0"]

@@ -90,8 +90,7 @@ def test_unseen_copies_make_room(machines: Machines, monkeypatch: pytest.MonkeyP
     one, other = machines
     copies: list[Path] = []
     for epoch in (1, 2, 3):
-        work = one.bring(FOLD, epoch - 1, epoch)
-        (work / "frames").write_bytes(bytes(400_000))
+        (one.bring(FOLD, epoch - 1, epoch) / "frames").write_bytes(bytes(400_000))
         one.keep(FOLD, epoch)
         copies.append(other.shown(row(epoch, "verified")))
         assert all(copy.is_dir() for copy in copies)  # each was accessed just now

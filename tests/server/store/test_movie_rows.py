@@ -4,6 +4,7 @@ import json
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -63,11 +64,10 @@ Processes = Callable[..., list[Process]]
 @pytest.fixture
 def processes(tmp_path: Path) -> Iterator[Processes]:
     """Function that creates two processes with a finished fold."""
-    created: list[Process] = []
 
     def make(**settings: Any) -> list[Process]:
-        for _ in range(2):
-            created.append(Process(Settings(data_dir=tmp_path, **settings)))
+        each = Settings(data_dir=tmp_path, **settings)
+        created = [stack.enter_context(closing(Process(each))) for _ in range(2)]
         store = created[0].store
         store.add(a_fold("a1", bytes=1000), OWNER)
         timeline = store.directory("a1") / "timeline.zarr"
@@ -75,9 +75,8 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
         (timeline / "zarr.json").write_text("{}")
         return created
 
-    yield make
-    for process in created:
-        process.close()
+    with ExitStack() as stack:
+        yield make
 
 
 @pytest.fixture

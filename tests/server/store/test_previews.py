@@ -182,9 +182,7 @@ def test_sweep_deletes_expired_previews_and_measures_no_files(
     assert site.names == {new}
 
 
-def test_sweep_deletes_files_without_a_row_and_rows_without_files(
-    site_with: SiteWith,
-) -> None:
+def test_sweep_deletes_files_without_a_row_and_rows_without_files(site_with: SiteWith) -> None:
     site = site_with()
     for name in ("of-an-earlier-version", ".being-fetched"):
         (site.settings.previews_dir / name).mkdir()
@@ -199,9 +197,7 @@ def test_sweep_deletes_files_without_a_row_and_rows_without_files(
     assert site.previews._ids() == {kept, new}
 
 
-def test_sweep_leaves_the_newest_uploads_until_they_are_read(
-    site_with: SiteWith,
-) -> None:
+def test_sweep_leaves_the_newest_uploads_until_they_are_read(site_with: SiteWith) -> None:
     site = site_with(most_previews=1)
     uploads = [site.add() for _ in range(MAX_PROTECTED_UPLOADS + 1)]
     site.previews.sweep()

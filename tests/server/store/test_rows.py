@@ -124,8 +124,7 @@ def test_earlier_execution_cannot_report_any_more(store: Store) -> None:
 
 def order(store: Store, folds: list[FoldRow]) -> list[str]:
     """Return the names of folds in the order of their turns."""
-    queued = [store.fold(f.id) for f in folds]
-    return [f.name for f in sorted(queued, key=store.ahead)]
+    return [f.name for f in sorted([store.fold(f.id) for f in folds], key=store.ahead)]
 
 
 def test_places_in_the_queue_and_the_waits_for_them(store: Store) -> None:

@@ -41,8 +41,7 @@ def test_framing_shows_every_module(cells: np.ndarray, aspect: float) -> None:
 def test_long_chain_fills_the_width_in_any_direction() -> None:
     for turn in np.linspace(0, np.pi, 7):
         line = np.arange(-80, 81)[:, None] * [np.cos(turn), np.sin(turn), 0.0]
-        spots = project(line, framing(line, radius=RADIUS), 1.6)
-        assert np.ptp(spots[:, 0]) > 1.6
+        assert np.ptp(project(line, framing(line, radius=RADIUS), 1.6)[:, 0]) > 1.6
 
 
 def test_camera_distance_is_the_smallest_that_suffices() -> None:
@@ -73,8 +72,7 @@ def path_of(pictures: list[np.ndarray], **options: Any) -> CameraPath:
 def test_no_module_is_cut_off() -> None:
     pictures = folding()
     for points, view in zip(pictures, path_of(pictures, turn_rad=1.0).views, strict=True):
-        needed = distance_needed(points, view, radius=RADIUS, aspect=ASPECT)
-        assert view.distance > 1.05 * needed
+        assert view.distance > 1.05 * distance_needed(points, view, radius=RADIUS, aspect=ASPECT)
 
 
 def test_camera_approaches_and_moves_evenly() -> None:

@@ -3,16 +3,15 @@
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
 from planner.chain.module import CUBE, MODULES, Module
-from planner.chain.path import Path
+from tests.planner.chains import chain_of
 from web.pictures.camera import FIELD_OF_VIEW_RAD
 from web.pictures.meshes import DISPLAYED_MODULE_SIZE, module_mesh, stud_mesh
 from web.pictures.module_faces import module_faces
 from web.pictures.sketch import sketch_outline
 from web.pictures.table_top import MIN_TABLE_SIDE_PITCH, TABLE_MARGIN_PITCH, TableTop, disc_mesh
 
-CHAIN = Chain.from_path(Path.from_cells([(x, 0, 0) for x in range(12)] + [(11, 1, 0), (11, 1, 1)]))
+CHAIN = chain_of([(x, 0, 0) for x in range(12)] + [(11, 1, 0), (11, 1, 1)])
 TABLE = TableTop.under(CHAIN, CHAIN.folded_poses.positions)
 
 

@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from planner.chain.chain import Chain
-from planner.chain.path import Path as CellPath
 from planner.readers import read
 from planner.readers.gallery import Gallery
+from tests.planner.chains import chain_of
 from web.pictures.camera import View
 from web.pictures.caption import FAILED_RGB, Caption, write_caption
 from web.pictures.lighting import THEMES
@@ -18,7 +18,7 @@ from web.pictures.picture_view import MIN_FOLLOW_DISTANCE_SCALE, PictureView
 from web.pictures.social_picture import SOCIAL_PICTURE_PX, Moment, social_picture
 
 POINTS = np.array([[0.0, 0, 0], [5, 0, 0], [5, 3, 0], [5, 3, 2]])
-CHAIN = Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0), (2, 1, 0)]))
+CHAIN = chain_of([(0, 0, 0), (1, 0, 0), (1, 1, 0), (2, 1, 0)])
 
 
 def pixels(chain: Chain = CHAIN, **options: object) -> np.ndarray:

@@ -39,8 +39,7 @@ def test_arrays_are_aligned_to_8_bytes() -> None:
 
 
 def test_steps_are_precise_to_half_a_step_and_save_space() -> None:
-    rng = np.random.default_rng(1)
-    angles = np.cumsum(rng.normal(0, 0.02, (200, 31)), axis=0)
+    angles = np.cumsum(np.random.default_rng(1).normal(0, 0.02, (200, 31)), axis=0)
     _, found = decode(encode({}, {"a": angles}, steps={"a": 1e-5}))
     assert np.abs(found["a"] - angles).max() <= 0.5e-5 + 1e-7 * np.abs(angles).max()
     slow = np.sin(np.linspace(0, 3, 500))[:, None] * np.linspace(0, 1.5, 40)

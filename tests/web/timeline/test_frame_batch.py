@@ -53,9 +53,7 @@ def test_batch_has_a_stride_and_a_largest_size_and_ends_with_the_timeline(
 
 
 def test_batch_has_no_frames_of_a_timeline_that_was_replaced(
-    growing: Growing,
-    chain: Chain,
-    monkeypatch: pytest.MonkeyPatch,
+    growing: Growing, chain: Chain, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, _, _ = growing
     timeline, read = TimelineView(path), Timeline.frames

@@ -63,8 +63,7 @@ def test_frames_are_the_same_with_a_cache_of_one_byte(
     monkeypatch.setattr("web.timeline.view.MAX_CHUNK_CACHE_BYTES", 1)
     timeline = TimelineView(timeline_path)
     for frame in range(199, -1, -9):
-        expected = whole.snapshot(frame).positions
-        assert np.array_equal(timeline.snapshot(frame).positions, expected)
+        assert np.array_equal(timeline.snapshot(frame).positions, whole.snapshot(frame).positions)
 
 
 def test_growing_timeline_is_followed(growing: Growing) -> None:
@@ -154,8 +153,7 @@ def test_timeline_without_errors_is_shown(long_path: Path, tmp_path: Path) -> No
 def test_camera_frames_the_moving_part_of_a_long_fold(long_path: Path) -> None:
     timeline = TimelineView(long_path)
     assert timeline.snapshot(0).framed == len(LONG_CHAIN)  # all modules are folded
-    straight = timeline.snapshot(len(LONG) // 2)
-    assert straight.framed < len(LONG_CHAIN)
+    assert timeline.snapshot(len(LONG) // 2).framed < len(LONG_CHAIN)
     moving = int(np.flatnonzero(LONG.last < len(LONG_CHAIN.folded_rad))[0])
     bent = -(-int(LONG.last[moving]) // 2) + 1
     assert timeline.snapshot(moving).framed == min(len(LONG_CHAIN), bent + timeline.stretch)
