@@ -13,8 +13,8 @@ from planner.errors import InputError
 def refused(
     code: str, where: object = ..., *, match: str | None = None, kind: type[Any] = InputError
 ) -> Iterator[None]:
-    """Expect an error with this code and, if they are given, this place and matching words."""
-    with pytest.raises(InputError, match=match) as error:
+    """Expect an error of a kind with a code and, if they are given, a place and matching words."""
+    with pytest.raises(kind, match=match) as error:
         yield
     assert error.value.code == code
     assert where is ... or error.value.where == where
