@@ -39,7 +39,7 @@ these packages too. The text of each licence is in `site-packages/NAME.dist-info
 `python -m docs.make_licences` writes this page.
 
 The image also contains Debian packages; their licences are in `/usr/share/doc`. One of them is
-FFmpeg with x264, which foldback starts as a program of its own to encode MP4 movies. Debian's build
+FFmpeg with x264, which foldback runs as a separate program to encode MP4 movies. Debian's build
 is under the GNU General Public License, version 2 or later: if you distribute the image, you
 distribute FFmpeg under that licence. Its source is the Debian source package `ffmpeg`. `make run`
 installs no FFmpeg. Texts in pictures are set in a part of DejaVu Sans

@@ -108,7 +108,7 @@ def write_sealed_json(path: FilePath, values: object) -> None:
 
 
 def sealed_json_of(path: FilePath) -> dict[str, Any]:
-    """Return the object of ``write_sealed_json``; an empty one if it is missing or damaged."""
+    """Return an object from ``write_sealed_json``; an empty one if it is missing or damaged."""
     try:
         data = path.read_bytes()
         seal, text = data[:SEAL_BYTES], data[SEAL_BYTES:]

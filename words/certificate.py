@@ -42,12 +42,12 @@ tolerance. A larger value hides real overlaps. Chosen."""
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure of a certificate, as a row shows it.
+    """Row that shows one figure of a certificate.
 
     Args:
         label: Label of the row.
         key: Name of the figure in the certificate.
-        unit: Its unit.
+        unit: Unit of the figure.
         digits: Number of significant digits.
         of_simulation: True if the figure comes from the simulated playback.
     """
@@ -125,7 +125,7 @@ def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
 
 
 def _row(certificate: CertificateFigures, figure: Figure) -> tuple[str, str | None]:
-    """Return a figure's label and value; of a simulation that was not run, that it was not."""
+    """Return a figure's label and value, or why a simulated figure is missing."""
     value = certificate.get(figure.key)
     if figure.of_simulation:
         simulated = certificate.get("simulated")

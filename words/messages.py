@@ -15,9 +15,9 @@ WRONG_KIND: Final = re.compile(
     r"this looks like (?P<kind>.+?), expected (?P<expected>.+)\.$", re.DOTALL
 )
 COMMON_FORMATS: Final = "a mesh (STL, OBJ, PLY, OFF, GLB or 3MF), a voxel model, a path or a chain"
-"""Files that people may upload; programs get the names of all formats."""
+"""Formats that a message for people lists; programs get the names of all formats."""
 ALL_FORMATS: Final = re.compile(r"a mesh \(STL.* foldback-chain/1 .*\)", re.DOTALL)
-"""Matches the formats as programs get them, ``READABLE_FORMATS``."""
+"""Matches the list of all formats in a message for programs, ``READABLE_FORMATS``."""
 MESSAGES: Final = (
     (
         re.compile(r"got a mesh without triangles, .*"),

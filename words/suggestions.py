@@ -43,11 +43,11 @@ def another_seed(seed: int) -> Button:
 
 
 def on_a_table(time: str, modules: int) -> Button:
-    """Return the button for a fold on a table that takes a time in words.
+    """Return the button for a fold on a table.
 
     Args:
-        time: Time in words.
-        modules: Number of modules; long chains usually get stuck.
+        time: Expected time in words.
+        modules: Number of modules; the button warns that long chains usually get stuck.
     """
     stuck = "; usually gets stuck with so many modules" if modules > MAX_TABLE_MODULES else ""
     return Button("On a table", f"With gravity, takes {time}{stuck}")

@@ -76,8 +76,8 @@ def _contact(moments: Moments) -> Stop | None:
         return None
     near = LINKS[CONTACT_LINKS - 1]
     text = (
-        f"First contact: {_modules(met.modules)} come within a tenth of a module width. They are "
-        f"the first to do so of those that are more than {near} links apart in the chain."
+        f"First contact: {_modules(met.modules)} come within a tenth of a module width. Of all "
+        f"modules more than {near} links apart in the chain, they are the first to do so."
     )
     return _meeting(text, met)
 

@@ -23,7 +23,7 @@ NO_DOWNLOADS: Final = "Nothing to download here."
 NO_DOWNLOADS_YET: Final = "You can download the plan when the fold is finished."
 CANCELLED: Final = "Cancelled before it finished"
 UNIT_AFTER_NUMBER: Final = re.compile(r"(?<=\d) (?=%|modules?\b)")
-"""Matches the spaces of a verdict at which a browser must not wrap its line."""
+"""Matches spaces in a verdict at which browsers must not break the line."""
 VIEW_FILES: Final = (
     ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
     ("recording.viser", "Recording", ".viser: for the viser client"),

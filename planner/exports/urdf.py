@@ -32,9 +32,9 @@ HINGE_LINK_MASS_FRACTION: Final = 0.01
 reject links without mass; a larger value moves more mass from the modules to their joints.
 Chosen."""
 MIN_HINGE_LINK_INERTIA_KG_M2: Final = 2e-14
-"""Minimum moment of inertia of that link, kg·m². MuJoCo rejects less than 1e-14; without the
-minimum, links of modules of 1 mm have 4.5e-15, and the modules 4.5e-13. A larger value changes the
-motion of small modules. Measured."""
+"""Minimum moment of inertia of the link between two hinges, kg·m². MuJoCo rejects less than 1e-14.
+Without the minimum, this link has 4.5e-15 for modules of 1 mm, which have 4.5e-13 themselves. A
+larger value changes the motion of small modules. Measured."""
 
 NO_ROTATION_RPY: Final = np.zeros(3)
 """Roll, pitch and yaw, in rad, for the origin of a URDF element whose frame is parallel to its

@@ -208,7 +208,7 @@ class TimelineWriter:
         kept = len(timeline) if frames is None else frames
         if not 0 <= kept <= len(timeline):
             raise TimelineError(
-                f"got {kept} frames to keep, expected 0 to {len(timeline)}, which {path} holds."
+                f"got {kept} frames to keep, expected 0 to {len(timeline)}, the length of {path}."
             )
         timeline.motion(max(kept - 1, 0), kept)  # a damaged chunk must not be written again
         group, arrays = open_for_writing(path)

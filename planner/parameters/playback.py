@@ -183,8 +183,8 @@ class PlaybackParameters:
         Setting(
             name="threshold",
             label="Maximum squared error",
-            help="The motors go on to the next snapshot when every hinge's squared error is "
-            "smaller.",
+            help="The motors go on to the next snapshot when every hinge's squared error is below "
+            "this.",
             group="published",
             rank=2,
             unit="rad²",

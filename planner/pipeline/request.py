@@ -219,8 +219,8 @@ class FoldRequest(PathOptions):
         if self.refold or self.smooth:
             raise InputError(
                 "unsuited-world",
-                "got a plan to be refolded or smoothed for a fold on a table, expected a shape; "
-                "use the world 'floating' for refolds and smoothing.",
+                "got a refold or smoothing for a fold on a table, expected a new fold of a shape; "
+                "use the world 'floating' to refold or smooth.",
             )
 
     @property

@@ -192,5 +192,5 @@ def _number(where: str, value: object, most: int) -> int:
 def _modules(where: str, values: object, most: int) -> tuple[int, ...]:
     several = cast("list[object]", values) if isinstance(values, list) else []
     if not 1 <= len(several) <= MAX_STOP_MODULES:
-        raise _bad(where, values, f"a list of 1 to {MAX_STOP_MODULES} numbers of modules")
+        raise _bad(where, values, f"a list of 1 to {MAX_STOP_MODULES} module numbers")
     return tuple(_number(where, value, most) for value in several)

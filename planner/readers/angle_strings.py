@@ -35,8 +35,8 @@ _TURN_NUMBER: Final = re.compile(r"[+\-\u2212]?(?:[0-4]+|90|180|270)(?:\.0*)?")
 """Matches one word of a text of hinge angles as numbers: a run of digits 0 to 4, each of which is
 one hinge's quarter turns ('0132'), or an angle of 90, 180 or 270 degrees."""
 DECIMAL_COMMAS: Final = re.compile(r"\s*(?:[+-]?[0-9]+,[0-9]+\s+){2}[+-]?[0-9]+,[0-9]+\s*")
-"""Matches a line of three numbers with decimal commas and spaces between them. Its digits are no
-angles."""
+"""Matches a line of three numbers with decimal commas and spaces between them. Its digits are
+not angles."""
 _NO_SEPARATORS: Final = {ord(c): " " for c in ",;"}
 _BETWEEN: Final = " \t\r\n,;"
 _ALL: Final = re.compile(rf"[{re.escape(''.join(QUARTER_TURNS_DEG) + _BETWEEN)}]*")

@@ -27,8 +27,8 @@ RADIANS_TOLERANCE: Final = 0.01
 because its angles seem to be radians: 1.57 counts. Larger values also refuse small angles in
 degrees. Chosen."""
 QUARTER_TURNS: Final = frozenset((1.0, 2.0, 3.0))
-"""Magnitudes of which a file's angles are refused, if it has no others but 0: they seem to be
-counts of quarter turns, where degrees are expected."""
+"""Magnitudes that look like counts of quarter turns. A file whose angles all have these magnitudes
+or are 0 is refused, because degrees are expected."""
 
 
 def read_chain(document: dict[str, Any], source: Source) -> Chain:
@@ -131,7 +131,7 @@ def _refuse_turns(angles: list[float]) -> None:
     if turned and turned <= QUARTER_TURNS:
         raise InputError(
             "quarter-turns",
-            f"got only the angles 0 and ±{max(turned):g}: these look like quarter turns, expected "
+            f"got no angles larger than {max(turned):g}: these look like quarter turns, expected "
             "degrees; multiply them by 90.",
             where="joint_angles_deg",
         )

@@ -124,14 +124,14 @@ def read_gltf(document: Document, source: Source, binary: bytes | None = None) -
 
 
 def _reason(error: Exception) -> str:
-    """Return the reason of an error in words for people."""
+    """Return the reason for an error, in words for people."""
     match error:
         case KeyError():
             return f"{quote(str(error))} is missing"
         case _InvalidValueError():
             return str(error)
         case IndexError():
-            return "it refers to an entry that it does not have"
+            return "it refers to an entry that does not exist"
         case _:
             return "an entry has a value of the wrong kind"
 

@@ -51,10 +51,10 @@ def quote(found: object) -> str:
 def parse_float(word: str | bytes) -> float:
     """Return the number in a word of a mesh file.
 
-    Python also takes underscores and digits of other scripts, which no format allows.
+    Python's ``float`` also accepts underscores and digits of other scripts, which no format allows.
 
     Raises:
-        ValueError: The word is no number; says what was found, in a sentence for people.
+        ValueError: The word is not a number; the message tells people what was found.
     """
     text = word if isinstance(word, str) else word.decode("latin-1")
     try:
@@ -69,7 +69,7 @@ def parse_int(word: str | bytes) -> int:
     """Return the whole number in a word of a mesh file.
 
     Raises:
-        ValueError: The word is no whole number; says what was found, in a sentence for people.
+        ValueError: The word is not a whole number; the message tells people what was found.
     """
     text = word if isinstance(word, str) else word.decode("latin-1")
     try:

@@ -252,7 +252,7 @@ class _Text:
 
     def _numbers(self, words: list[bytes]) -> NDArray[np.float64]:
         try:
-            if b"_" not in b"".join(words):  # which Python takes within numbers
+            if b"_" not in b"".join(words):  # Python accepts it within numbers
                 return np.array([float(word) for word in words])
         except ValueError:
             pass

@@ -25,7 +25,8 @@ HASH_COMMENT: Final = re.compile(rb"#[^\n]*")
 LEADING_COMMENTS: Final = re.compile(rb"(?:[ \t]*(?:#[^\r\n]*)?[\r\n])*+")
 """Matches comments and empty lines at the beginning of the bytes of a text file."""
 CONTROL: Final = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f]")
-"""Matches bytes that no text holds; the separators and the end mark of old systems are allowed."""
+"""Matches control characters that text files do not contain. White space is allowed, and so is the
+end mark of old systems (0x1A)."""
 TEXT_PROBE_SIZE: Final = 20_000
 """Number of bytes, or characters, at the beginning of a file that are checked to be text, and to
 contain a number. Larger values recognise more files with long preambles, and cost more. Chosen."""

@@ -74,7 +74,7 @@ OTHER_FORMS: Final = {
     "displacementmesh": "displaced meshes",
 }
 CORE: Final = "/3dmanufacturing/core/"
-"""Part of the URI of the elements of a 3MF model that are no extension."""
+"""Part of the XML namespace of 3MF's core elements; other namespaces are extensions."""
 IDENTITY: Final = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 Floats = NDArray[np.float64]
@@ -168,7 +168,7 @@ def _models(archive: zipfile.ZipFile) -> list[str]:
     if unpacked > MAX_UNPACKED_BYTES or _is_bomb(unpacked, packed):
         raise _bomb(unpacked, packed)
     if len({e.filename.strip("/").lower() for e in models}) < len(models):
-        raise _damaged("its archive has two models of one name")
+        raise _damaged("its archive has two models with the same name")
     main = _main_model(archive)
     names = [e.filename for e in sorted(models, key=lambda e: e.filename.count("/"))]
     return sorted(names, key=lambda name: name.lower() != main)
@@ -309,7 +309,7 @@ class _Models:
         if tag == "model":
             self._check_model(fields)
         elif prefix not in self._prefixes and tag not in OTHER_FORMS:
-            return  # an element of an extension that has a name of the core
+            return  # an extension's element, named like a core element
         match tag:
             case "vertex" if self._now is not None:
                 x, y, z = fields["x"], fields["y"], fields["z"]

@@ -150,7 +150,7 @@ def orient_bodies(points: Floats, faces: Ints) -> Oriented | None:
 
 
 def _once(faces: Ints, body: Ints) -> Ints:
-    """Return triangles without the bodies of which every triangle occurs in a body before it."""
+    """Return triangles without repeated bodies: every triangle of these is in an earlier body."""
     turn = np.argmin(faces, axis=1)
     turned = np.take_along_axis(faces, (turn[:, None] + np.arange(3)) % 3, axis=1)
     _, first, kind = np.unique(turned, axis=0, return_index=True, return_inverse=True)
@@ -244,11 +244,11 @@ def _surfaces(points: Floats, faces: Ints) -> tuple[Ints, Bools] | None:
 
 
 def _apart(order: Ints, angles: Floats, edge: Ints) -> Ints:
-    """Return triangles around edges in an order that pairs no walls that lie on each other.
+    """Return triangles around edges in an order in which no coinciding walls form a pair.
 
-    The first and second triangle of an edge form a pair, the third and fourth, and so on. If such
-    pairs have equal angles, they would enclose nothing, and a body that occurs twice would vanish.
-    So the order at an edge with no other pairs begins one triangle later.
+    The first and second triangle of an edge form a pair, the third and fourth, and so on. A pair
+    of equal angles encloses nothing, and a body that occurs twice would vanish. So if all pairs of
+    an edge are such pairs, its order begins one triangle later.
 
     Args:
         order: (H,) triangles, in the order of their edges and angles.
@@ -283,7 +283,7 @@ def _angles(points: Floats, faces: Ints, half: Ints, forward: Bools) -> Floats:
     up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), np.finfo(float).tiny)
     apart = third - start
     angles = np.arctan2(np.einsum("ij,ij->i", apart, up), np.einsum("ij,ij->i", apart, side))
-    # The two ends of the range are one direction.
+    # −π and π are the same direction.
     angles[angles < -np.pi + 1e-9] = np.pi
     return np.round(angles, 9)
 

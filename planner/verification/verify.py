@@ -245,7 +245,7 @@ def _opinion(
     proved = certificate.clearance_bound if certificate.verified else None
     claim = proved or npz["certificate"].get("clearance_bound")
     if not claim:
-        found.notes.append("ipctk was not asked, because the plan claims no clearance.")
+        found.notes.append("The check with ipctk was skipped: the plan claims no clearance.")
         return None
     try:
         opinion = opinion_of(directory / PLAN, certificate.module_size, claim)

@@ -68,7 +68,7 @@ def get_values(fold_id: str, context: Here) -> JSONResponse:
 def put_values(
     fold: ExistingFold, context: Here, owner: RequiredOwner, body: ValuesBody
 ) -> ValuesBody:
-    """Store a number for each module, or for each module of several frames, to colour by them."""
+    """Store numbers that colour the modules: one for each, or one for each in several frames."""
     frames_of_own(fold, context, owner)
     try:
         told = checked_values(body.model_dump(), fold.modules)

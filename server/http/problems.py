@@ -268,7 +268,7 @@ def _refusal(error: Any) -> Unusable:
         except InputError as refusal:
             return Unusable.of(refusal)
     where = ".".join(str(part) for part in error["loc"])
-    if error["type"] == "value_error":  # of FastAPI, which names its classes: text for a file
+    if error["type"] == "value_error":  # text for a file; FastAPI's message names classes
         detail = "got text, expected a file; send the field as a file with a name."
         return Unusable("bad-request", detail, where=where)
     return Unusable("bad-request", f"{error['msg']}.", where=where)

@@ -21,7 +21,7 @@ IPV4_BITS: Final = (24, 32)
 """Prefix lengths, in bits, of the IPv4 addresses that count as one network and one visitor. /24 is
 the longest prefix that is routed on the internet."""
 TRANSLATED: Final = ipaddress.IPv6Network("64:ff9b::/96")
-"""Network of the addresses as which translators show IPv4 addresses to IPv6 services (RFC 6052)."""
+"""IPv6 network into which translators map IPv4 addresses (RFC 6052)."""
 NETWORK_HEX_DIGITS: Final = 12
 """Number of hexadecimal digits of a network's pseudonym (a keyed hash of its address). With fewer
 digits different networks share a pseudonym, and thus limits, more often. Chosen."""
@@ -47,8 +47,8 @@ def visitor_at(host: str) -> str:
 def _embedded(address: ipaddress.IPv6Address) -> ipaddress.IPv4Address | None:
     """Return the IPv4 address that an IPv6 address stands for, None for others.
 
-    A translator in front of an IPv6 service has all IPv4 visitors in one /64, and a 6to4 address is
-    a /48 for each IPv4 address: networks of IPv6 would join the former and part the latter.
+    A translator maps all IPv4 visitors into one /64, and 6to4 gives each IPv4 address a whole /48.
+    Counted as IPv6, the former would be one visitor, and each of the latter could be many.
     """
     if address in TRANSLATED:
         return ipaddress.IPv4Address(int(address) & 0xFFFF_FFFF)

@@ -19,7 +19,7 @@ ALL_VISITORS: Final = "all"
 
 
 class RobotRates:
-    """Numbers that are sent to robots, by visitor and in all. Belongs to one event loop."""
+    """Counts of numbers sent to robots, per visitor and in total. Belongs to one event loop."""
 
     def __init__(self) -> None:
         rate = NUMBERS_PER_SECOND_OF_VISITOR
@@ -28,7 +28,7 @@ class RobotRates:
         self._all = TokenBuckets(VISITORS_AT_FULL_RATE * rate, VISITORS_AT_FULL_RATE * rate)
 
     def charge(self, visitor: str, numbers: int) -> float:
-        """Count what was sent to a visitor's robot; return the seconds until it gets more."""
+        """Count numbers sent to a visitor's robot; return the wait before its next target, s."""
         shared_s = self._all.charge(ALL_VISITORS, numbers)
         own_s = self._visitors.charge(visitor, numbers)
         busy = self._visitors.tokens(visitor) < self._half

@@ -45,9 +45,8 @@ MAX_START_S: Final = 3600.0
 With a smaller value processes of low priority, which get little time on a busy machine, could never
 start. Chosen."""
 KILL_S: Final = 10.0
-"""Time within which a killed computing process must have ended, in s; otherwise the process that
-forks all of its kind counts as hung and is ended, too. A smaller value may end it on a busy
-machine. Chosen."""
+"""Time within which a killed computing process must end, in s; otherwise its fork server counts as
+hung and is ended, too. A smaller value may end a working fork server on a busy machine. Chosen."""
 CHILD_EXIT_S: Final = 1.0
 """Time that a computing process may take to exit after it has closed its output, in s; then it is
 killed. A larger value reports a crash later. Chosen."""
@@ -134,7 +133,7 @@ class _Spawned(subprocess.Popen[bytes]):
         )
 
     def end_server(self) -> None:
-        """Do nothing, because no other process has forked it."""
+        """Do nothing, because this process has no fork server."""
 
     def kill_group(self) -> None:
         """Kill the child and its descendants."""

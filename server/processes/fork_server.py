@@ -1,6 +1,6 @@
 """Fork server: one process that has loaded what children need; each child is a fork of it.
 
-Loading takes seconds and hundreds of megabytes, a fork takes neither. Requests and their answers
+Loading takes seconds and hundreds of megabytes; a fork takes neither. Requests and their answers
 are JSON lines on a pair of streams; the pipes of a child go along with its request. The process at
 the other end is ``server/processes/fork_server_process.py``.
 """
@@ -73,7 +73,7 @@ class Forked:
 
     @property
     def stalled(self) -> bool:
-        """True if the fork server has been ready and no longer answers."""
+        """True if the fork server was ready and no longer answers."""
         return self._code is None and self._server.stalled()
 
     def end_server(self) -> None:
@@ -197,7 +197,7 @@ class _Running:
             self._control.sendall(json.dumps({"kill": pid}).encode() + b"\n")
 
     def stalled(self) -> bool:
-        """Return True if it has been ready, and has not answered a question for too long."""
+        """Return True if it was ready and has not answered a ping for ``MAX_SILENCE_S``."""
         with self._lock:
             now = time.monotonic()
             if not self.ready or not self.alive or now < self._heard_at + PING_INTERVAL_S:

@@ -57,13 +57,8 @@ def shuffled(sides: tuple[int, int, int], moves: int, seed: int) -> Chain:
 
 def unvalidated(module: Module, folded_rad: Array) -> Chain:
     """Return a chain whose modules may overlap when it is folded."""
-    return Chain(
-        name="unchecked",
-        module=module,
-        folded_rad=folded_rad,
-        folded_position=np.zeros(3),
-        folded_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
-    )
+    pose = {"folded_position": np.zeros(3), "folded_wxyz": np.eye(4)[0]}
+    return Chain(name="unchecked", module=module, folded_rad=folded_rad, **pose)
 
 
 def random_angles(chain: Chain, rng: np.random.Generator, most: float = 1.5) -> Array:

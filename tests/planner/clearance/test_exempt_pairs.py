@@ -7,31 +7,20 @@ from planner.chain.chain import Chain
 from planner.chain.module import CUBE, TETRAHEDRON, Module
 from planner.clearance.exempt_pairs import exempt_pairs
 from planner.exports.mjcf import mjcf
-from tests.planner.chains import Array, anchored, coil, line
-
-
-def whole_range(count: int) -> Array:
-    """Return (N, 3, 3) rotations of the next cube, by hinge z, then y, over their whole range."""
-    angles = np.linspace(-CUBE.angle_limit_rad, CUBE.angle_limit_rad, count)
-    z, y = (values.ravel() for values in np.meshgrid(angles, angles))
-    return Rotation.from_euler("ZY", np.stack([z, y], axis=-1)).as_matrix()
-
-
-def points_of_relieved_cube(size: float, count: int) -> Array:
-    """Return (N, 3) points of the relieved cube, including its surface."""
-    side = np.linspace(-0.5, 0.5, count) * size
-    points = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
-    return points[CUBE.reach(points) <= CUBE.relief_radius(size)]
+from tests.planner.chains import anchored, coil, line
 
 
 @pytest.mark.slow
 def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range() -> None:
     size = 0.9
-    points = points_of_relieved_cube(size, 17)
-    half = 0.5 * size
-    for rotation in whole_range(33):
+    side = np.linspace(-0.5, 0.5, 17) * size
+    points = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
+    points = points[CUBE.reach(points) <= CUBE.relief_radius(size)]
+    angles = np.linspace(-CUBE.angle_limit_rad, CUBE.angle_limit_rad, 33)
+    z, y = (values.ravel() for values in np.meshgrid(angles, angles))
+    for rotation in Rotation.from_euler("ZY", np.stack([z, y], axis=-1)).as_matrix():
         seen = points @ rotation - CUBE.offset  # the next cube is not relieved
-        assert not (np.abs(seen) < half - 1e-9).all(axis=1).any()
+        assert not (np.abs(seen) < 0.5 * size - 1e-9).all(axis=1).any()
 
 
 def test_overlap_of_a_quarter_turn() -> None:

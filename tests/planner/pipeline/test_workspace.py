@@ -1,9 +1,9 @@
 """Workspace: the best of several refused plans is shown, even if later attempts are interrupted."""
 
 import json
-import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -19,13 +19,14 @@ from planner.motion.motion import Phase
 from planner.motion.record import Record
 from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
 from planner.parameters.explosion import ExplosionParameters
-from planner.pipeline import certifying
+from planner.pipeline import certifying, workspace
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.fold_layout import attempt_numbers, latest_attempt_dir, result_path
 from planner.pipeline.stages import next_stage, run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_writers import write_path
+from tests.case import case
 from tests.planner.chains import COIL, SQUARE, anchored
 from tests.planner.folds import intercept, write_request
 from tests.planner.peels import snake
@@ -91,6 +92,7 @@ def write_attempts(directory: FilePath, clearances: Sequence[float | None], *ver
     """Write straight attempts; those with a clearance have a certificate."""
     workspace = Workspace(directory)
     tried = [Attempt(trial=Trial(0, k, "peel"), status="straight") for k in range(len(clearances))]
+    directory.mkdir(exist_ok=True)
     workspace.write_history(tried)
     for number, clearance in enumerate(clearances):
         chain = Chain.from_path(COIL)
@@ -102,30 +104,24 @@ def write_attempts(directory: FilePath, clearances: Sequence[float | None], *ver
                 (place / name).write_text(str(number))
         if clearance is not None:
             verdict = verdicts[number] if verdicts else "failed: modules 1 and 9 overlap"
-            certificate = {
-                **{"verdict": verdict, "number": number, "min_clearance": clearance},
-                "min_clearance_playback": 0.0,
-            }
-            write_json(place / CERTIFICATE, certificate)
+            certificate = {"verdict": verdict, "number": number, "min_clearance": clearance}
+            write_json(place / CERTIFICATE, {**certificate, "min_clearance_playback": 0.0})
 
 
-@pytest.mark.parametrize(
-    ("clearances", "verdicts", "best"),
-    [
+def test_keep_best_keeps_the_attempt_with_most_progress(tmp_path: FilePath) -> None:
+    for clearances, verdicts, best in (
         ((-0.3, -0.1, -0.2), (), 1),
         ((-0.3, None, None), (), 0),
         ((None, None), (), 1),
         ((-0.1, -0.1), (), 1),
         ((0.4, 0.1), ("failed: a joint bends too far", "verified"), 1),
-    ],
-)
-def test_keep_best_keeps_the_attempt_with_most_progress(
-    clearances: tuple[float | None, ...], verdicts: tuple[str, ...], best: int, tmp_path: FilePath
-) -> None:
-    write_attempts(tmp_path, clearances, *verdicts)
-    Workspace(tmp_path).keep_best()
-    assert attempt_numbers(tmp_path) == [best]
-    assert latest_attempt_dir(tmp_path) == tmp_path / "attempts" / str(best)
+    ):
+        with case((clearances, verdicts)):
+            place = tmp_path / str(clearances)
+            write_attempts(place, clearances, *verdicts)
+            Workspace(place).keep_best()
+            assert attempt_numbers(place) == [best]
+            assert latest_attempt_dir(place) == place / "attempts" / str(best)
 
 
 def test_keep_best_with_a_preference_stores_the_other_verified_plans(
@@ -172,30 +168,24 @@ def test_publishing_continues_after_an_interruption(
     call: int, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each change of a directory is interrupted once; results can be read throughout."""
-    calls = 0
+    numbers = count()
 
-    def interrupt(original: Callable[..., Any]) -> Callable[..., Any]:
-        def moved(*arguments: Any, **more: Any) -> Any:
-            nonlocal calls
-            calls += 1
-            if calls == call + 1:
-                raise KeyboardInterrupt
-            return original(*arguments, **more)
-
-        return moved
+    def interrupt(_: int, original: Any, *arguments: Any, **more: Any) -> Any:
+        if next(numbers) == call:
+            raise KeyboardInterrupt
+        return original(*arguments, **more)
 
     write_attempts(tmp_path, (-0.2, -0.1, -0.3))
     (tmp_path / "chain.json").write_text("of the first candidate")
     with monkeypatch.context() as patched:
-        for name in ("rename", "replace"):
-            patched.setattr(FilePath, name, interrupt(getattr(FilePath, name)))
-        patched.setattr("planner.pipeline.workspace.rmtree", interrupt(shutil.rmtree))
+        for owner, name in ((FilePath, "rename"), (FilePath, "replace"), (workspace, "rmtree")):
+            intercept(patched, owner, name, interrupt)
         try:
             Workspace(tmp_path).publish()
         except KeyboardInterrupt:
             assert result_path(tmp_path, "playback.npz").read_text() in ("1", "2")
             Workspace(tmp_path).publish()
-    assert calls > 9
+    assert next(numbers) > 9
     for name in ("chain.json", "record.npz", "playback.npz"):
         assert (tmp_path / name).read_text() == "1"
     assert json.loads((tmp_path / CERTIFICATE).read_text())["number"] == 1
@@ -230,23 +220,20 @@ def modules_at_bends(chain: Chain) -> list[int]:
     return (np.flatnonzero(bends) + 1).tolist()
 
 
-@pytest.mark.parametrize(
-    ("phase", "share", "named"),
-    [
+def test_unfinished_fold_names_the_modules_that_are_not_in_place(tmp_path: FilePath) -> None:
+    for phase, share, named in (
         ("explosion", 0.3, True),  # slight bends count if there are no others
         ("explosion", 1e-3, False),
         ("playback", 0.0, True),
         ("unfolding", 1.0, True),  # bends of the first shape have to become straight first, too
-    ],
-)
-def test_unfinished_fold_names_the_modules_that_are_not_in_place(
-    phase: str, share: float, named: bool, tmp_path: FilePath
-) -> None:
-    write_record(tmp_path / "timeline.zarr", CHAIN, share, phase)
-    stuck = Workspace(tmp_path).settle()["stuck"]
-    assert stuck["modules"] == (modules_at_bends(CHAIN) if named else [])
-    assert stuck["kind"] == "stopped"
-    assert phase != "explosion" or "still unfolding" in stuck["words"]
+    ):
+        with case((phase, share)):
+            place = tmp_path / f"{phase}-{share}"
+            write_record(place / "timeline.zarr", CHAIN, share, phase)
+            stuck = Workspace(place).settle()["stuck"]
+            assert stuck["modules"] == (modules_at_bends(CHAIN) if named else [])
+            assert stuck["kind"] == "stopped"
+            assert phase != "explosion" or "still unfolding" in stuck["words"]
 
 
 def test_stopped_where_changes_no_file(tmp_path: FilePath) -> None:

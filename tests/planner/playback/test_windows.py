@@ -90,20 +90,15 @@ def test_step_agrees_with_a_mujoco_tree_whose_other_hinges_are_held(chain: Chain
     )
 
 
-def robot_at(chain: Chain, first: int, angles: Array, size: float = SIZE) -> WindowRobot:
-    """Return a robot at rest with the (H,) angles of a window, module 0 upright at the origin."""
-    robot = robot_of(chain, replace(FAULTLESS, mass_error=0.2), size)
-    robot.take(first, JOINTS)
-    robot.state.angles[:] = angles
-    robot.engine.place(robot.state)
-    return robot
-
-
 def test_window_touches_the_core_and_the_tail() -> None:
     chain = snake((4, 4, 6))
 
     def touching(first: int, angles: Array) -> set[tuple[int, int]]:
-        contacts = robot_at(chain, first, angles, 0.95).find_contacts()
+        robot = robot_of(chain, replace(FAULTLESS, mass_error=0.2), 0.95)
+        robot.take(first, JOINTS)
+        robot.state.angles[:] = angles
+        robot.engine.place(robot.state)
+        contacts = robot.find_contacts()
         pairs = [] if contacts is None else contacts.points.pairs.tolist()
         return {(min(pair), max(pair)) for pair in pairs}
 

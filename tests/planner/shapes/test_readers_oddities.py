@@ -170,7 +170,7 @@ REFUSED: dict[str, tuple[bytes, str, str]] = {
     "two models of one name": (
         zipped(**{"3D__a_model": model_xml(), "3D__A_model": model_xml(side=9)}),
         "damaged",
-        "two models of one name",
+        "two models with the same name",
     ),
     "an unknown encoding": (zipped(a_model=model_xml("x-1")), "damaged", "encoding"),
     "supports alone": (archive(mesh_xml(2, 3, 4, kind="solidsupport"), 1), "empty", "supports"),

@@ -8,6 +8,7 @@ from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
 from planner.statics.balance import Standing
 from planner.statics.contacts import Contacts
+from planner.statics.friction import Friction, rays
 from tests.planner.chains import Array
 
 
@@ -23,14 +24,14 @@ def by_joint_wrenches(
     rotations: Array,
     angles: Array,
     found: Contacts,
-    which: Array,
-    forces: Array,
+    friction: Friction | None = None,
     clamped: int | None = None,
 ) -> float:
     """Return the minimal largest torque, with every module balanced by the wrenches of its joints.
 
     Unknowns are the contact forces, then force and moment at every link, then the torque.
     """
+    which, forces = rays(found, friction, positions, rotations)
     module, n, pushes = chain.module, len(chain), len(which)
     axes, anchors = hinge_frames(chain, angles, Poses(positions=positions, rotations=rotations))
     links = n - 1

@@ -7,7 +7,6 @@ from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import TETRAHEDRON
 from planner.statics.balance import Balance
-from planner.statics.friction import rays
 from planner.statics.stable_poses import resting_poses
 from tests.planner.chains import chain_of, coil, line, random_angles
 from tests.planner.statics.standing import by_joint_wrenches, imbalance, standing
@@ -70,13 +69,10 @@ def test_torque_agrees_with_joint_wrenches(seed: int) -> None:
     angles = chain.folded_rad + rng.normal(scale=0.004, size=len(chain.folded_rad))
     if seed % 2:
         angles[12:] = random_angles(chain, rng, 0.6)[12:]
-    positions, rotations, angles = _lay_down(chain, angles)
+    at = _lay_down(chain, angles)
     clamped = 0 if seed > 3 else None
-    found = Balance(chain).solve(positions, rotations, angles, clamped=clamped)
-    which, forces = rays(found.contacts, None, positions, rotations)
-    expected = by_joint_wrenches(
-        chain, positions, rotations, angles, found.contacts, which, forces, clamped
-    )
+    found = Balance(chain).solve(*at, clamped=clamped)
+    expected = by_joint_wrenches(chain, *at, found.contacts, clamped=clamped)
     assert found.torque == pytest.approx(expected, rel=1e-4, abs=0.011)
     assert found.contacts.on_floor.sum() >= 3
 
@@ -100,9 +96,8 @@ def test_torque_of_tetrahedra_agrees_with_joint_wrenches(seed: int) -> None:
     angles = rng.uniform(-1.0, 1.0, 7)
     if seed == 2:
         angles[:3] = np.pi / 2  # face to face
-    positions, rotations, angles = _lay_down(chain, angles)
-    found = Balance(chain).solve(positions, rotations, angles)
-    which, forces = rays(found.contacts, None, positions, rotations)
-    expected = by_joint_wrenches(chain, positions, rotations, angles, found.contacts, which, forces)
+    at = _lay_down(chain, angles)
+    found = Balance(chain).solve(*at)
+    expected = by_joint_wrenches(chain, *at, found.contacts)
     assert found.torque == pytest.approx(expected, rel=1e-4)
     assert np.isfinite(expected)
