@@ -99,7 +99,7 @@ class Settings(BaseSettings):
     """Time between a request to stop and the end of `serve`. Meanwhile `/ready` returns 503, so
     that a load balancer stops sending requests."""
     otlp_endpoint: str | None = None
-    """Address to which workers send OpenTelemetry traces of folds (OTLP over HTTP), as
+    """Address to which workers send OpenTelemetry traces of folds (OTLP over HTTP), such as
     http://host:4318/v1/traces; needs the extra `foldback[otel]`."""
     trusted_proxies: Names = ("127.0.0.0/8", "::1")
     """Addresses or networks of proxies, separated by commas. X-Forwarded-For and X-Forwarded-Proto
@@ -295,7 +295,7 @@ class Settings(BaseSettings):
         # What stands in it may be secret: what is wrong with it is not repeated.
         if value and not _is_database(value):
             raise ValueError(
-                "got another address, expected an address like postgresql://user@host/name."
+                "got an unsupported address, expected an address like postgresql://user@host/name."
             )
         return value
 
