@@ -148,7 +148,8 @@ def _show(found: TableCertificate, written: Path) -> None:
             "Lowest corner",
             f"{found.clearance:+.3f} of the pitch, in frame {found.clearance_frame}",
         )
-    facts.add_row("Frames", f"{len(found.torques)}, {len(found.unbalanced)} would tip over")
+    tips = len(found.unbalanced)
+    facts.add_row("Frames", f"{len(found.torques)}; the chain would tip over in {tips}")
     facts.add_row("Written to", str(written))
     console.print(facts)
     for line in found.assumptions:

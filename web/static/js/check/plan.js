@@ -110,12 +110,12 @@ export class Plan {
     const count = (apart - 1) * (n - 1), exempt = said.exempt_pairs ?? { apart, count }, digest = told.claim?.angles_sha256;
     return {
       [`the verdict is "${said.verdict}"`]: String(said.verdict).startsWith("verified"),
-      "the module differs from its kind": !known || JSON.stringify(geometry) === JSON.stringify(known),
+      "the module does not match its stated kind": !known || JSON.stringify(geometry) === JSON.stringify(known),
       "the shape of the module is impossible": sound,
       "the module size or the clearance is out of range": size > 0 && size <= 1 && claim > 0 && Number.isFinite(claim),
       "the names of the hinges do not fit the chain": JSON.stringify(names) === JSON.stringify(arrays.get("joint_names")?.values),
       "the angles are missing, or stored more than once": ["joint_angles_rad", "angles_rad", "angle_planes"].filter((name) => arrays.has(name)).length === 1,
-      "the exempt pairs are not those of the module": exempt.apart === apart && exempt.count === count,
+      "the exempt pairs do not match the module": exempt.apart === apart && exempt.count === count,
       "an angle exceeds the limit": most <= limit + SLIP,
       "the certificate is for another number of frames": [undefined, null, frames].includes(said.frames),
       "the times do not increase": times.length === frames && rise(times),
