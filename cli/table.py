@@ -60,7 +60,7 @@ def table(
 ) -> None:
     """Check whether a plan works on a table, and compute the joint torques.
 
-    Exits with 3 when it does not rest.
+    Exits with 3 if the chain does not stay on the table.
     """
     try:
         path = _file(plan)

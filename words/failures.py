@@ -245,7 +245,7 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     if attempt.get("gentle"):
         how.append("half the force")
     if (smooths := attempt.get("smooths")) is not None:
-        how.append(f"smooths attempt {smooths + 1}")
+        how.append(f"smoothed from attempt {smooths + 1}")
     if "finer" in attempt:
         how.append("played back in smaller steps")
     verdict = str(attempt.get("verdict", ""))

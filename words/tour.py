@@ -113,7 +113,7 @@ def _torque(certificate: CertificateFigures, moments: Moments) -> Stop | None:
         return None
     if certificate.get("table") is not None:
         label, value = "Largest torque", dict(main_rows(certificate))["Torque on a table (statics)"]
-        begin, colour = "carries the highest torque on the table here", "joint_torque"
+        begin, colour = "needs the highest torque on the table here", "joint_torque"
     else:
         label, value = torque(certificate)
         begin, colour = "needs the highest torque here", "torque"

@@ -135,8 +135,8 @@ STATEMENTS: Final = (
         quote="We also successfully ran the algorithm on the tetrahedral geometry for simple "
         "shapes.",
         published="simple shapes fold",
-        words="The paper does not name its shapes. These are rings of twelve tetrahedra, put "
-        "together.",
+        words="The paper does not name its shapes. These shapes are built from rings of "
+        "twelve tetrahedra.",
     ),
     Statement(
         id="direct",
@@ -160,8 +160,8 @@ STATEMENTS: Final = (
         quote="Each snapshot acts as a target to which we servo until the largest angle error is "
         "less than some given threshold.",
         published="the rule for all folds",
-        words="Taken literally, the rule skips each snapshot that the chain is already near to. "
-        "Every hinge may then be 22° behind, and the chain cuts the corners of the recorded "
+        words="If you follow this rule literally, you skip each snapshot that the chain is already "
+        "near. Every hinge may then be 22° behind, and the chain cuts the corners of the recorded "
         "motion. In the other experiments, each snapshot is the target for at least one step. "
         "Here the motor gain is 10/s instead of 60/s, because at 60/s the first jump of 22° throws "
         "the chain apart.",
@@ -173,8 +173,8 @@ STATEMENTS: Final = (
         where="Not in the paper",
         quote="",
         published="not in the paper",
-        words="The default preset and the published method, played side by side. It takes fewer "
-        "steps, because its time step and gains adapt to the chain.",
+        words="The default preset and the published method, played side by side. The default "
+        "preset takes fewer steps, because its time step and gains adapt to the chain.",
         pairs=(("wrench-160", "default-wrench-160"), ("mallet-160", "default-mallet-160")),
     ),
 )

@@ -64,7 +64,7 @@ function movieForm(id) {
     choice("Length", "seconds", [["", "Automatic"], ["6", "6 s"], ["10", "10 s"], ["20", "20 s"], ["40", "40 s"]]),
     choice("Shows", "part", [["fold", "The fold"], ["all", "Whole timeline"]]),
     choice("Camera", "turn", [["30", "Turns slightly"], ["0", "Stands still"], ["360", "Circles once"]]),
-    choice("Ground", "theme", [["light", "Light"], ["dark", "Dark"]]),
+    choice("Background", "theme", [["light", "Light"], ["dark", "Dark"]]),
     choice("Captions", "captions", [["", "None"], ["tour", "From the tour"]]),
     element("div", { class: "wide" }, element("button", { class: "button", type: "submit" }, "Create movie")));
   const stop = element("button", { class: "button quiet", type: "button", hidden: true }, "Stop");
