@@ -22,7 +22,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 
 .PHONY: help run test test-fast test-long faults coverage load audit compose-check deploy-check docs texts lint format bench success-map reproduction constraints clean tools test-foreign
 
-help: ## What there is to make
+help: ## List the targets of make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
 
 # What to install: `.`, or `.[dev]` with what tests and tools need besides. uv takes a sixth of pip's
@@ -58,10 +58,10 @@ run: $(RUNS) ## Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_D
 tools: $(STAMP)
 	@$(BIN)/python -m tests.tools
 
-test: $(STAMP) tools ## All that guards a commit, a real browser too: some 6 minutes on two cores
+test: $(STAMP) tools ## Run all tests, also in a real browser: about 6 minutes on two cores
 	@$(BIN)/python -m pytest -q $(PARALLEL) --durations=20 $(ARGS)
 
-test-fast: $(STAMP) ## What needs no other program: about a minute
+test-fast: $(STAMP) ## Run the tests that start no other program: about a minute
 	@$(BIN)/python -m pytest -q -n logical --dist worksteal -m "not processes and not slow and not browser and not long and not benchmark" $(ARGS)
 
 $(NODE_MODULES): $(STAMP) package.json package-lock.json .npmrc
@@ -69,18 +69,18 @@ $(NODE_MODULES): $(STAMP) package.json package-lock.json .npmrc
 	@$(BIN)/npm ci --silent --ignore-scripts
 	@touch $@
 
-lint: $(STAMP) $(NODE_MODULES) ## Style and types
+lint: $(STAMP) $(NODE_MODULES) ## Check style and types
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
 	@$(BIN)/node node_modules/typescript/bin/tsc --project jsconfig.json
 	@$(BIN)/node node_modules/eslint/bin/eslint.js web/static tests/web/js
 
-format: $(STAMP) ## Let ruff put the code in order
+format: $(STAMP) ## Format the code with ruff
 	@$(BIN)/ruff check --fix --quiet .
 	@$(BIN)/ruff format .
 
-test-long: $(STAMP) tools ## What takes long by nature: faults, replays of all shapes; an hour and more
+test-long: $(STAMP) tools ## Run long tests (crashes, replays of all shapes): an hour or more
 	@$(BIN)/python -m pytest -q -m "long or hypothesis" --hypothesis-profile=thorough -o timeout=0 \
 		--durations=20 $(ARGS)
 
@@ -98,14 +98,14 @@ $(FOREIGN)/.installed: tests/foreign/requirements.txt tests/foreign/blender.txt 
 	@$(BIN)/npm install --silent --no-save --ignore-scripts --prefix $(FOREIGN) gltf-validator@2.0.0-dev.3.10
 	@touch $@
 
-test-foreign: $(FOREIGN)/.installed ## Open exports by Drake, PyBullet, Blender and others (several GB)
+test-foreign: $(FOREIGN)/.installed ## Open exports in Drake, PyBullet, Blender and others (several GB)
 	@$(BIN)/python -m tests.foreign.make_plans $(FOREIGN_PLANS)
 	@FOREIGN_PLANS=$(abspath $(FOREIGN_PLANS)) FOREIGN_NODE=$(abspath $(BIN))/node \
 		FOREIGN_MODULES=$(abspath $(FOREIGN))/node_modules \
 		FOREIGN_BLENDER=$(abspath $(FOREIGN))/blender/bin/python \
 		$(FOREIGN)/requirements/bin/python -m pytest -c tests/foreign/pytest.ini tests/foreign $(ARGS)
 
-coverage: $(STAMP) tools ## Lines and branches that `make test` runs, for each package
+coverage: $(STAMP) tools ## Measure which lines and branches `make test` runs, for each package
 	@rm -rf out/coverage && mkdir -p out/coverage
 	@$(BIN)/python -m coverage run -m pytest -q $(PARALLEL) -o timeout=0 $(ARGS)
 	@$(BIN)/python -m coverage combine -q
@@ -113,42 +113,42 @@ coverage: $(STAMP) tools ## Lines and branches that `make test` runs, for each p
 		printf '%-16s ' $$package; \
 		$(BIN)/python -m coverage report --include="$$package/*" | tail -n 1; done
 
-faults: $(STAMP) tools ## Make mistakes on purpose: which test finds which (ARGS="--all NAME …")
+faults: $(STAMP) tools ## Put deliberate mistakes into the code and run the test that finds each (ARGS="--all NAME …")
 	@$(BIN)/python -m tests.faults $(ARGS)
 
-load: $(STAMP) tools ## Crowds, attacks and faults: a table, and JSON in out/
+load: $(STAMP) tools ## Measure the service under load, attacks and crashes: a table, and JSON in out/
 	@$(BIN)/python -m bench.load
 
-audit: $(STAMP) ## Known faults in code and dependencies
+audit: $(STAMP) ## Search code and dependencies for known vulnerabilities
 	@$(BIN)/bandit -q -c pyproject.toml -r server cli words web planner foldback_client
 	@$(BIN)/pip-audit -r constraints.txt --no-deps
 
-compose-check: $(STAMP) tools ## Run compose.yaml without containers: folds, backup, restoration (root, Linux)
+compose-check: $(STAMP) tools ## Run compose.yaml without containers: folds, backup, restore (root, Linux)
 	@$(BIN)/python -m tests.deploy.rehearsal
 
-deploy-check: $(STAMP) ## Build the image's steps for real (root, Debian, minutes)
+deploy-check: $(STAMP) ## Run the build steps of the container image (root, Debian, minutes)
 	@$(BIN)/python -m tests.deploy.build
 
-bench: $(STAMP) ## The figures: a table, and JSON in out/ (ARGS="--only first")
+bench: $(STAMP) ## Run the benchmarks: a table, and JSON in out/ (ARGS="--only first")
 	@$(BIN)/python -m bench $(ARGS)
 
-success-map: $(STAMP) ## The map of the page /benchmarks: runs what is missing, draws it
+success-map: $(STAMP) ## Run the missing folds of the success map and draw it for /benchmarks
 	@$(BIN)/python -m bench.success_map
 
-reproduction: $(STAMP) ## The paper's experiments: runs what is missing, tells all (ARGS="--only ID …")
+reproduction: $(STAMP) ## Run the missing experiments of the paper and write their page (ARGS="--only ID …")
 	@$(BIN)/python -m bench.reproduction $(ARGS)
 
-docs: $(STAMP) ## The Python library's reference, as pages in out/reference
+docs: $(STAMP) ## Write the reference of the Python library into out/reference
 	@$(BIN)/python -m docs.make_reference
 
-texts: $(STAMP) ## List every text that people can see in out/texts.md (ARGS="--sample 200")
+texts: $(STAMP) ## List every text that users can see, in out/texts.md (ARGS="--sample 200")
 	@$(BIN)/python -m docs.make_texts $(ARGS)
 
-constraints: $(STAMP) ## Write constraints.txt from what is installed
+constraints: $(STAMP) ## Write constraints.txt from the installed packages
 	@{ echo "# Versions that are tested together; \`make constraints\` writes this file."; \
 	   $(BIN)/python -m pip freeze --disable-pip-version-check --exclude-editable \
 	   | grep -v -e ' @ ' -e '^-' ; } > constraints.txt.new && mv constraints.txt.new constraints.txt
 	@touch $(RUNS) $(STAMP)
 
-clean: ## Remove what was made; folds in data/ stay
+clean: ## Remove generated files; folds in data/ stay
 	rm -rf $(VENV) node_modules build dist out .pytest_cache .ruff_cache

@@ -1,4 +1,4 @@
-"""Write docs/licences.md: the licence of every package that an installation brings.
+"""Write docs/licences.md: the licence of every package that an installation contains.
 
 The packages are those that foldback needs at run time, with all that they need in turn, in the
 versions of ``constraints.txt``. Run it where these are installed: ``python -m docs.make_licences``.
@@ -24,9 +24,9 @@ BUNDLED: Final = {
     "psycopg-binary": "libpq, PostgreSQL; OpenSSL, Apache-2.0; MIT Kerberos, MIT; OpenLDAP, "
     "OLDAP-2.8; Cyrus SASL, BSD",
     "python-sat": "CaDiCaL, MIT; other SAT solvers, which foldback does not use",
-    "pillow": "libavif, libjpeg-turbo, libpng, libtiff, libwebp, FreeType and others, as its "
-    "LICENSE lists them",
-    "mujoco": "small libraries that its LICENSES_THIRD_PARTY.md lists",
+    "pillow": "libavif, libjpeg-turbo, libpng, libtiff, libwebp, FreeType and others, "
+    "listed in its LICENSE",
+    "mujoco": "small libraries, listed in its LICENSES_THIRD_PARTY.md",
     "numcodecs": "Blosc, Zstandard and LZ4, BSD",
     "zstandard": "Zstandard, BSD-3-Clause",
 }
@@ -34,21 +34,22 @@ BUNDLED: Final = {
 TEXT: Final = """\
 # Licences
 
-foldback itself is under the [MIT licence](../LICENSE). `make run` and the container image install
-these packages too. The text of each licence is in `site-packages/NAME.dist-info`.
-`python -m docs.make_licences` writes this page.
+foldback itself is under the [MIT licence](../LICENSE). `make run` and the container image also
+install the packages in the table below. The text of each licence is in
+`site-packages/NAME.dist-info`. `python -m docs.make_licences` writes this page.
 
 The image also contains Debian packages; their licences are in `/usr/share/doc`. One of them is
 FFmpeg with x264, which foldback runs as a separate program to encode MP4 movies. Debian's build
 is under the GNU General Public License, version 2 or later: if you distribute the image, you
 distribute FFmpeg under that licence. Its source is the Debian source package `ffmpeg`. `make run`
-installs no FFmpeg. Texts in pictures are set in a part of DejaVu Sans
-(`web/pictures/dejavu-sans.ttf`), whose licence, a permissive one of Bitstream and Tavmjong Bah, is
-in the file itself. The extra `foldback[movies]` installs a build under the GNU General Public
-License, version 3 or later. The extra `foldback[ipctk]` installs the IPC Toolkit, under the MIT
-licence.
+installs no FFmpeg. The extra `foldback[movies]` installs a build of FFmpeg under the GNU General
+Public License, version 3 or later. The extra `foldback[ipctk]` installs the IPC Toolkit, under the
+MIT licence.
 
-| package | version | licence | contains |
+Texts in pictures use a subset of the font DejaVu Sans (`web/pictures/dejavu-sans.ttf`). Its
+permissive licence, by Bitstream and Tavmjong Bah, is in the file itself.
+
+| package | version | licence | contains other libraries |
 |---|---|---|---|
 """
 

@@ -24,8 +24,10 @@ def table() -> str:
 def default(name: str, field: FieldInfo) -> str:
     """Return a default value as text for people."""
     value = field.default
-    if value is None or value == ():
+    if value is None or value in ((), ""):
         return "–"
+    if isinstance(value, tuple):
+        return f"`{','.join(value)}`"
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
     if name.endswith("_bytes") and value % MIB_BYTES == 0:

@@ -1,4 +1,7 @@
-"""Drive a simulated robot along a fold of a running service, which waits when it falls behind."""
+"""Drive a simulated robot along a fold of a running service.
+
+The service waits when the robot falls behind.
+"""
 
 from __future__ import annotations
 

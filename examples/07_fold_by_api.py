@@ -1,4 +1,4 @@
-"""Have a running service fold a shape, follow it, and download the plan and the last frame."""
+"""Fold a shape on a running service, follow its progress, and download plan and last frame."""
 
 from __future__ import annotations
 

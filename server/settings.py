@@ -55,11 +55,11 @@ class Settings(BaseSettings):
     base_path: str = Field(default="", pattern=r"^(/[A-Za-z0-9_.~-]+)*$")
     """Path of the service behind a proxy, such as `/fold`. Default: the root."""
     data_dir: Path = Path("data")
-    """Directory of folds and database."""
+    """Directory for the folds and the database."""
     database_url: str | None = None
     """Database address, such as postgresql://…. Default: SQLite in data_dir."""
     jobs_url: str | None = None
-    """Not used: the queue is in database_url. Kept so that old settings still work."""
+    """Not used any more: the queue is in database_url. Still allowed, so that old settings work."""
     storage_url: str | None = None
     """Object store for the files of folds, such as s3://bucket/prefix, configured by the usual
     AWS_… variables. Needs pip install 'foldback[storage]'. Default: data_dir."""
@@ -82,34 +82,34 @@ class Settings(BaseSettings):
     service."""
     allowed_hosts: Names = ()
     """Host names that requests may use, separated by commas; * allows any name, *.example.org all
-    subdomains. This machine's own names are always allowed. Default: no others on a loopback
-    address, any name on a public address. Set it on public addresses and behind proxies, against
-    DNS rebinding."""
+    subdomains. This machine's own names are always allowed. Default: no other names if
+    the service listens on a loopback address, any name if it listens on a public address. Set it on
+    public addresses and behind proxies, against DNS rebinding."""
 
     log_format: Literal["text", "json"] = "text"
     """Format of log lines: text for people, or JSON."""
     log_level: Literal["debug", "info", "warning", "error"] = "info"
     """Lowest level of logged messages."""
     metrics_public: bool = False
-    """Let anyone read `/metrics`, without the token below."""
+    """Let anyone read `/metrics`, without `FOLDBACK_METRICS_TOKEN`."""
     metrics_token: SecretStr | None = None
     """Token (at least 16 characters) for `/metrics`, sent as `Authorization: Bearer …`. Without a
     token, `/metrics` is closed, even to this machine."""
     leave_s: NonNegativeFloat = 0.0
-    """Time between a request to stop and the end of `serve`. Meanwhile `/ready` returns 503, so
+    """Time between the signal to stop and the end of `serve`. Meanwhile `/ready` returns 503, so
     that a load balancer stops sending requests."""
     otlp_endpoint: str | None = None
-    """Address to which workers send OpenTelemetry traces of folds (OTLP over HTTP), as
-    http://host:4318/v1/traces; needs the extra `foldback[otel]`."""
+    """Address to which workers send OpenTelemetry traces of folds (OTLP over HTTP), such
+    as http://host:4318/v1/traces; needs the extra `foldback[otel]`."""
     trusted_proxies: Names = ("127.0.0.0/8", "::1")
     """Addresses or networks of proxies, separated by commas. X-Forwarded-For and X-Forwarded-Proto
     are trusted from these proxies and ignored from other senders."""
 
     workers: int = Field(default=1, ge=0, le=64)
-    """Worker processes started by `serve`."""
+    """Number of worker processes that `serve` starts."""
     folds_per_worker: int = Field(default=1, ge=1, le=64)
-    """Folds that a worker computes at once. In addition, it runs the same number of short folds (up
-    to 10 s)."""
+    """Number of long folds that a worker computes at once. In addition, it computes the same number
+    of short folds (up to 10 s)."""
     prewarm: bool = True
     """Prepare the compiled solvers and the first page at start. `false` saves about 500 MB while
     the service is idle, but the first visitor waits some seconds longer. Start each new version
@@ -123,16 +123,16 @@ class Settings(BaseSettings):
     """Time for which a stopping worker may finish its folds. Folds that are not finished by then go
     back to the queue."""
     largest_queue: Count = 256
-    """Maximum number of waiting folds. A network may use half of the free places if no other
-    network waits, a third if one other network waits, and so on."""
+    """Maximum number of queued and running folds. A network may use half of these places if no
+    other network has folds, a third if one other network has as many, and so on."""
     largest_queue_of_visitor: Count = 16
-    """Maximum number of folds that one visitor may have in the queue."""
+    """Maximum number of queued and running folds of one visitor."""
     largest_queue_seconds: PositiveFloat = 7200.0
-    """Maximum estimated computing time of all waiting folds, s. Networks share it like the places
-    in the queue."""
+    """Maximum estimated computing time of all queued and running folds, s. Networks share it in the
+    same way as the places of `FOLDBACK_LARGEST_QUEUE`."""
     largest_queue_seconds_of_visitor: PositiveFloat = 1800.0
-    """Maximum estimated computing time of one visitor's waiting folds, s. A single fold may take
-    longer."""
+    """Maximum estimated computing time of one visitor's queued and running folds, s. A
+    visitor's only fold may take longer."""
 
     slice_seconds: PositiveFloat = 30.0
     """Computing time after which a fold pauses if shorter ones wait, s. It triples after each
@@ -155,7 +155,8 @@ class Settings(BaseSettings):
     max_connections: Count = 2000
     """Maximum number of open connections."""
     max_connections_of_visitor: Count = 256
-    """Maximum number of connections that one visitor may have open. A trusted proxy may use all."""
+    """Maximum number of connections that one visitor may have open. A trusted proxy may open all
+    `FOLDBACK_MAX_CONNECTIONS`."""
     requests_per_second_of_visitor: PositiveFloat = 100.0
     """Maximum average number of requests per second by one visitor. Each request allows 40 protocol
     events, such as chunks or HTTP/2 frames."""
@@ -171,20 +172,20 @@ class Settings(BaseSettings):
     read_seconds: PositiveFloat = 10.0
     """Maximum time to read an upload."""
     preview_seconds: PositiveFloat = 10.0
-    """Maximum time to prepare a preview; up to six times as long if the machine is too busy to give
-    it that much processor time."""
+    """Maximum time to prepare a preview. On a busy machine a preview may take up to six times as
+    long, until it has had that much processor time."""
     preview_search_seconds: PositiveFloat = 4.0
     """Part of `FOLDBACK_PREVIEW_SECONDS` that the search for a path through unsplit cells may
     take."""
     files_waiting: Count = 8
     """Maximum number of exports and pictures that wait or are being created."""
     files_waiting_of_visitor: Count = 3
-    """Maximum number of such exports and pictures for one visitor."""
+    """Maximum number of exports and pictures for one visitor that wait or are being created."""
     answers_waiting: Count = 12
     """Maximum number of large responses (frames, trajectories, motors) that wait or are being
     prepared."""
     answers_waiting_of_visitor: Count = 4
-    """Maximum number of such responses for one visitor."""
+    """Maximum number of large responses to one visitor that wait or are being prepared."""
     previews_waiting: Count = 8
     """Maximum number of waiting previews."""
     previews_waiting_of_visitor: Count = 3
@@ -227,7 +228,7 @@ class Settings(BaseSettings):
     max_waits: Count = 512
     """Maximum number of requests that wait for frames (`?wait=`)."""
     max_waits_of_visitor: Count = 32
-    """Maximum number of waiting requests from one address."""
+    """Maximum number of requests from one address that wait for frames."""
     max_robots: Count = 32
     """Maximum number of connected robots (`/play`)."""
     max_robots_of_visitor: Count = 8
@@ -245,7 +246,7 @@ class Settings(BaseSettings):
     frames_per_answer: Count = 2000
     """Maximum number of frames in one response of the API."""
     numbers_per_answer: int = Field(default=2_000_000, ge=1000)
-    """Maximum count of numbers in such a response."""
+    """Maximum count of numbers in one response of the API."""
 
     @field_validator("log_format", "log_level", mode="before")
     @classmethod

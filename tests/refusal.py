@@ -1,8 +1,8 @@
-"""Errors of input that a test expects."""
+"""Errors with a code that a test expects."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import EllipsisType
+from typing import Any
 
 import pytest
 
@@ -11,10 +11,10 @@ from planner.errors import InputError
 
 @contextmanager
 def refused(
-    code: str, where: str | EllipsisType | None = ..., *, match: str | None = None
+    code: str, where: object = ..., *, match: str | None = None, kind: type[Any] = InputError
 ) -> Iterator[None]:
-    """Expect an error with this code and, if they are given, this place and matching words."""
-    with pytest.raises(InputError, match=match) as error:
+    """Expect an error of a kind with a code and, if they are given, a place and matching words."""
+    with pytest.raises(kind, match=match) as error:
         yield
     assert error.value.code == code
     assert where is ... or error.value.where == where

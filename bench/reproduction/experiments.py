@@ -105,7 +105,8 @@ STATEMENTS: Final = (
         "into a mallet as shown in Figure 4. It took approximately 150000 time steps (or 1500 "
         "seconds of simulated time) to achieve the mallet shape.",
         published="refolds in about 150\u202f000 steps",
-        words="The refold is one timeline: wrench, straight, mallet.",
+        words="The refold is one continuous motion: from the wrench to the straight chain to the "
+        "mallet.",
     ),
     Statement(
         id="sizes",
@@ -115,7 +116,7 @@ STATEMENTS: Final = (
         "In particular, we successfully folded a 64 module mallet, a 94 module wrench, and a 192 "
         "module mallet. Simulation times grow with chain length […].",
         published="three more sizes fold",
-        words="The paper names the first three. The others are ours.",
+        words="The paper names the first three shapes. We added the others.",
     ),
     Statement(
         id="shapes",
@@ -123,10 +124,10 @@ STATEMENTS: Final = (
         where="Section 5",
         quote="More work is necessary to prove out the scalability and generality of the approach "
         "on more geometries, larger chains, and more shapes.",
-        published="left for later",
-        words="The ten gallery shapes of 64 to 200 cubes that differ most in size, proportions, "
-        "compactness and turns. They were chosen by these measures, not by how they "
-        "fold.",
+        published="left for future work",
+        words="These are the ten gallery shapes of 64 to 200 cubes that differ most in size, "
+        "proportions, compactness and turns per module. They were chosen by these measures only, "
+        "not by how well they fold.",
     ),
     Statement(
         id="tetrahedra",
@@ -135,8 +136,8 @@ STATEMENTS: Final = (
         quote="We also successfully ran the algorithm on the tetrahedral geometry for simple "
         "shapes.",
         published="simple shapes fold",
-        words="The paper does not name its shapes. These shapes are built from rings of "
-        "twelve tetrahedra.",
+        words="The paper does not name its shapes. Our shapes consist of rings of twelve "
+        "tetrahedra.",
     ),
     Statement(
         id="direct",
@@ -160,8 +161,8 @@ STATEMENTS: Final = (
         quote="Each snapshot acts as a target to which we servo until the largest angle error is "
         "less than some given threshold.",
         published="the rule for all folds",
-        words="If you follow this rule literally, you skip each snapshot that the chain is already "
-        "near. Every hinge may then be 22° behind, and the chain cuts the corners of the recorded "
+        words="Taken literally, the rule skips each snapshot that the chain is already close to. "
+        "Every hinge may then be 22° behind, and the chain cuts the corners of the recorded "
         "motion. In the other experiments, each snapshot is the target for at least one step. "
         "Here the motor gain is 10/s instead of 60/s, because at 60/s the first jump of 22° throws "
         "the chain apart.",
@@ -173,8 +174,8 @@ STATEMENTS: Final = (
         where="Not in the paper",
         quote="",
         published="not in the paper",
-        words="The default preset and the published method, played side by side. The default "
-        "preset takes fewer steps, because its time step and gains adapt to the chain.",
+        words="The films show the default preset and the published method side by side. The "
+        "default preset takes fewer steps, because its time step and gains adapt to the chain.",
         pairs=(("wrench-160", "default-wrench-160"), ("mallet-160", "default-mallet-160")),
     ),
 )

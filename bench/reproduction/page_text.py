@@ -66,9 +66,8 @@ SOURCES: Final = {
 GENERAL_DIFFERENCES: Final = (
     "The paper's simulations ran on the Open Dynamics Engine, these run on MuJoCo. Contacts, "
     "friction, stops and motors are modelled differently.",
-    "We had neither the paper's program nor its recordings or video. Values that the paper does "
-    "not "
-    "state were chosen so that its folds work. They are marked above.",
+    "We had neither the paper's program nor its recordings or video. We chose the values that the "
+    "paper does not state so that its folds work. The table above marks these values.",
     "The paper states no wall times, clearances or joint errors, so ours cannot be compared.",
 )
 """General differences from the paper."""
@@ -291,11 +290,11 @@ def _by_size(own: list[Experiment], runs: Mapping[str, Run]) -> str:
     bad = sorted({run.modules for run in done if not run.verified})
     if not bad or not good:
         sizes = _listed([str(n) for n in good or bad])
-        return f"It {'works' if good else 'fails'} at {sizes} modules." if sizes else ""
+        return f"Folds {'work' if good else 'fail'} with {sizes} modules." if sizes else ""
     if good[-1] < bad[0]:
-        return f"It works up to {good[-1]} modules, and fails from {bad[0]} on."
+        return f"Folds work with up to {good[-1]} modules, and fail with {bad[0]} or more."
     works, fails = (_listed([str(n) for n in sizes]) for sizes in (good, bad))
-    return f"It works at {works} modules, and fails at {fails}."
+    return f"Folds work with {works} modules, and fail with {fails}."
 
 
 def _listed(words: list[str]) -> str:

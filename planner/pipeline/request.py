@@ -95,8 +95,9 @@ class FoldRequest(PathOptions):
         "default",
         Option(
             title="Preset",
-            help="`direct` is direct servoing: it drives every joint straight to its target (fails "
-            "for most shapes).",
+            help="Folding method. `default` is foldback's own, and `paper` is the published one. "
+            "`direct` is direct servoing: it drives every joint straight to its target (fails for "
+            "most shapes).",
             label="Preset",
             choices=PRESET_CHOICES,
         ),
@@ -139,9 +140,9 @@ class FoldRequest(PathOptions):
             noun="preference",
             help="Preferred plan. `computing` is the first verified plan. The others choose from "
             "several verified plans: `time` by folding time at the joints' speed limit, `torque` "
-            "by torque at equal folding time, `clearance` by proved clearance. They try other "
-            "strategies, paths and smoothings, which takes several times as long. The plan's "
-            "`attempts` list all of them with their figures.",
+            "by torque at equal folding time, `clearance` by proved clearance, `margin` by how far "
+            "one hinge may be off. This takes several times as long, because other strategies, "
+            "paths and smoothings are tried. The plan's `attempts` list all plans with figures.",
             label="Preferred plan",
             choices={**PREFERENCES},
         ),

@@ -23,7 +23,7 @@ CODE_LETTERS: Final = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"
 """Characters of a code: those that people do not confuse, as codes are read aloud."""
 CODE_LENGTH: Final = 12
 """Number of characters of the code in the link to a class (a leader whose 3D view of a fold others
-see live), of 31 letters and digits: 59 bits. A smaller value makes codes easier to guess.
+see live), of 32 letters and digits: 60 bits. A smaller value makes codes easier to guess.
 Chosen."""
 MAX_FOLLOWERS: Final = 100
 """Maximum number of browsers that follow one class (a leader whose 3D view of a fold others see

@@ -138,9 +138,12 @@ def test_chosen_shapes_differ() -> None:
 @pytest.mark.parametrize(
     ("verified", "words"),
     [
-        ({24: True, 64: True, 80: False}, "It works up to 64 modules, and fails from 80 on."),
-        ({24: True, 64: False, 80: True}, "It works at 24 and 80 modules, and fails at 64."),
-        ({24: False, 64: False, 80: False}, "It fails at 24, 64 and 80 modules."),
+        (
+            {24: True, 64: True, 80: False},
+            "Folds work with up to 64 modules, and fail with 80 or more.",
+        ),
+        ({24: True, 64: False, 80: True}, "Folds work with 24 and 80 modules, and fail with 64."),
+        ({24: False, 64: False, 80: False}, "Folds fail with 24, 64 and 80 modules."),
         ({}, ""),
     ],
 )
@@ -157,7 +160,7 @@ def test_threshold_of_failing_sizes_is_reported(verified: dict[int, bool], words
     page = told(runs, tuple(every))
     assert page_section(page, "threshold")["found"] == words
     assert [s for s in page["summary"] if s.startswith("Pacing")] == (
-        [f"Pacing by the threshold alone: i{words[1:]}"] if words else []
+        [f"Pacing by the threshold alone: f{words[1:]}"] if words else []
     )
 
 

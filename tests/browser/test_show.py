@@ -12,15 +12,13 @@ from tests.planner.chains import chain_of
 from tests.web.conftest import SNAKE, folding
 from web.viser import show
 
-pytestmark = [
-    pytest.mark.browser,
-    # viser logs this when a page is closed while its camera moves.
-    pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection:UserWarning"),
-]
+# viser logs this when a page is closed while its camera moves.
+QUEUED = "ignore:Queued a .* on a closed connection:UserWarning"
 LAST = 59
 
 
 @pytest.mark.long
+@pytest.mark.filterwarnings(QUEUED)
 def test_viser_server_scrubs_selects_and_plays(browser: Browser, tmp_path: Path) -> None:
     chain = chain_of(SNAKE, name="<b>snake</b>")
     with TimelineWriter.create(tmp_path / "timeline.zarr", chain) as writer:

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from planner.chain.chain import Chain
-from planner.errors import InputError
+from tests.refusal import refused
 from web.movies.encoding import EncodingError, Mp4Encoder, NoEncoderError, find_ffmpeg, open_encoder
 from web.movies.make_movie import make_movie, schedule
 from web.movies.movie import Movie
@@ -163,12 +163,10 @@ WRONG: tuple[dict[str, Any], ...] = (
 
 def test_wrong_options_and_frames_are_refused_by_name(timeline_path: Path) -> None:
     for options in WRONG:
-        with pytest.raises(InputError, match="expected") as refusal:
+        with refused("bad-movie", [*options][-1], match="expected"):
             Movie.of(options)
-        assert (refusal.value.code, refusal.value.where) == ("bad-movie", [*options][-1])
-    with pytest.raises(InputError, match="200 frames") as refusal:
+    with refused("bad-movie", "last_frame", match="200 frames"):
         schedule(TimelineView(timeline_path), Movie.of({"last_frame": 200}))
-    assert refusal.value.where == "last_frame"
 
 
 def test_formats_have_default_sizes_and_the_same_options_the_same_key() -> None:

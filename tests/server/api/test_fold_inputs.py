@@ -20,6 +20,7 @@ from server.api.parent_folds import ParentFold
 from server.errors import Unusable
 from server.store.tables import FoldRow
 from tests.case import case
+from tests.refusal import refused
 
 
 class Upload:
@@ -122,9 +123,8 @@ def test_origin_without_one_input_is_refused(context: Context) -> None:
         (Origin(smooth="mesh", refold="x"), "smooth-or-refold"),
         (Origin(shape="no-such"), "no-such-shape"),
     ):
-        with pytest.raises(Unusable) as refused, open_source(context, origin, FoldRequest()):
-            pass
-        assert refused.value.code == code, origin
+        with case(origin), refused(code, kind=Unusable):
+            complete_request(context, origin, FoldRequest())
 
 
 def test_origin_is_read_from_the_form() -> None:
@@ -134,6 +134,5 @@ def test_origin_is_read_from_the_form() -> None:
 def test_bad_option_is_refused_before_the_input_is_looked_up() -> None:
     nothing = cast(Any, None)  # no context is needed
     request = FoldRequest(world="table", preset="paper")
-    with pytest.raises(Unusable) as refused:
+    with refused("unsuited-world", kind=Unusable):
         post_fold(nothing, nothing, nothing, Origin(fold="no-such-fold"), request)
-    assert refused.value.code == "unsuited-world"

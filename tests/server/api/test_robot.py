@@ -23,7 +23,7 @@ from server.store.folds import new_id
 from tests.case import case
 from tests.server.cli.test_command_line import foldback, foldback_json
 from tests.server.rows import SOMEBODY, a_fold, store_of
-from tests.server.service_process import FinishedFold, Service, check_problem
+from tests.server.service_process import FinishedFold, Service, check_problem, wait_until
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "06_drive_a_robot.py"
 LIMITS = {"max_speed": 0.5, "max_acceleration": 1.0}
@@ -71,7 +71,11 @@ def address(service: Service, fold_id: str, **options: object) -> str:
 
 @contextlib.contextmanager
 def playing(service: Service, fold_id: str, **options: object) -> Iterator[Robot]:
-    with connect(address(service, fold_id, **options), max_size=None) as socket:
+    """Play a fold; on a busy machine, the service releases robots of earlier tests late."""
+    sockets: list[ClientConnection] = []
+    url = address(service, fold_id, **options)
+    wait_until(lambda: sockets.append(connect(url, max_size=None)) or True, errors=(InvalidStatus,))
+    with sockets[0] as socket:
         yield Robot(socket)
 
 
@@ -274,7 +278,7 @@ def test_retimed_plan_without_proved_clearance_exits_with_3(
 def test_example_06_drives_a_simulated_robot(finished: FinishedFold) -> None:
     options = ("--url", f"http://{finished.service.netloc}", "--fold", finished.id)
     command = [sys.executable, "-W", "error", str(EXAMPLE), *options]
-    command += ["--speed", "5", "--stiffness", "0.05"]
+    command += ["--speed", "5", "--stiffness", "0.02"]
     more: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 120, "check": False}
     done = subprocess.run(command, env={"PATH": ""}, **more)
     assert done.returncode == 0, done.stderr

@@ -9,38 +9,32 @@ from typing import Any
 import pytest
 
 from server.jobs import housekeeping as module
-from server.jobs.housekeeping import (
-    CANCELLED_FOLD_S,
-    DAY_S,
-    MIN_DERIVED_AGE_S,
-    MIN_ORPHAN_AGE_S,
-    Housekeeping,
-    limit_cancelled,
-)
 from server.settings import Settings
 from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import NoSuchFoldError, Store, new_id
 from tests.server.rows import a_movie, add_fold, scans, statements
 
 MIB = 2**20
+OLD_S = 2 * module.MIN_DERIVED_AGE_S
+"""Age of a file that another client no longer awaits."""
 GALLERY: dict[str, Any] = {"public": True, "shape": "wrench-24"}
 
 
-def housekeeping(store: Store, **settings: object) -> Housekeeping:
+def housekeeping(store: Store, **settings: object) -> module.Housekeeping:
     data_dir = store.folders.place("any").parents[1]
-    return Housekeeping(Settings(data_dir=data_dir, **settings), store)  # pyright: ignore
+    return module.Housekeeping(Settings(data_dir=data_dir, **settings), store)  # pyright: ignore
 
 
 def fold(store: Store, *, days: float, size: int = MIB, **more: object) -> str:
     """Add a finished fold that was last viewed ``days`` days ago; return its id."""
-    then = time.time() - days * DAY_S
+    then = time.time() - days * module.DAY_S
     usual: dict[str, object] = {"ended_at": then, "visitor": "somebody", "bytes": size}
     row = add_fold(store, **usual | {"created_at": then, "seen_at": then} | more)
     (store.folders.place(row.id) / "plan.json").write_text("{}")
     return row.id
 
 
-def derive(store: Store, fold_id: str, size: int, *, age_s: float = 2 * MIN_DERIVED_AGE_S) -> None:
+def derive(store: Store, fold_id: str, size: int, *, age_s: float = OLD_S) -> None:
     """Give a fold an export of ``size`` bytes."""
     path = store.folders.place(fold_id) / EXPORTS_DIR / "fold.csv"
     path.parent.mkdir()
@@ -51,9 +45,7 @@ def derive(store: Store, fold_id: str, size: int, *, age_s: float = 2 * MIN_DERI
     store.add_derived(fold_id, size)
 
 
-def movie(
-    store: Store, fold_id: str, *, of_owner: bool, age_s: float = 2 * MIN_DERIVED_AGE_S
-) -> Path:
+def movie(store: Store, fold_id: str, *, of_owner: bool, age_s: float = OLD_S) -> Path:
     """Add a movie that counts as 1 MiB; return its path."""
     row = a_movie(fold_id, "movie", job=f"{fold_id}.movie.mp4", of_owner=of_owner, bytes=MIB)
     row.created_at -= age_s
@@ -132,7 +124,7 @@ def test_storage_of_a_visitor_has_a_bound_of_its_own(store: Store) -> None:
 
 
 def test_cancelled_fold_is_removed_an_hour_after_the_last_look(store: Store) -> None:
-    hour = CANCELLED_FOLD_S / DAY_S
+    hour = module.CANCELLED_FOLD_S / module.DAY_S
     old, late, pinned, seen = (
         fold(store, days=days, status="cancelled", pinned=days > 2 * hour, visitor=f"{days}")
         for days in (1.1 * hour, 0.9 * hour, 3 * hour, 1.2 * hour)
@@ -148,14 +140,14 @@ def test_only_the_latest_cancelled_folds_of_a_visitor_stay(
     monkeypatch.setattr(module, "MAX_CANCELLED_FOLDS", 3)
     folds = [fold(store, days=n / 1e4, size=1, status="cancelled") for n in range(5)]
     others = fold(store, days=0.01, status="cancelled", visitor="another")
-    limit_cancelled(store, "somebody")
+    module.limit_cancelled(store, "somebody")
     assert remaining(store, *folds, others) == [True, True, True, False, False, True]
     large = [
         fold(store, days=n / 1e4, size=8 * MIB, status="cancelled", visitor="third")
         for n in range(3)
     ]
     monkeypatch.setattr(module, "MAX_CANCELLED_BYTES", 8 * MIB)
-    limit_cancelled(store, "third")
+    module.limit_cancelled(store, "third")
     exist = [store.folders.place(name).exists() for name in large]
     assert exist == [True, True, False]  # the last one, and 8 MiB more
     assert sum(store.fold(name).bytes for name in large) == 16 * MIB
@@ -249,7 +241,7 @@ def test_orphaned_files_are_removed_at_the_second_sweep(store: Store) -> None:
     kept, orphan, fresh = fold(store, days=1), new_id(), new_id()
     for name in (orphan, fresh):
         store.folders.place(name).mkdir()
-    before = time.time() - 2 * MIN_ORPHAN_AGE_S
+    before = time.time() - 2 * module.MIN_ORPHAN_AGE_S
     for name in (kept, orphan):
         os.utime(store.folders.place(name), (before, before))
     sweeping = housekeeping(store)
@@ -268,7 +260,7 @@ def test_local_copies_of_removed_folds_are_removed(tmp_path: Path, bucket_url: s
         copies = {name: settings.cache_dir / f"{name}-1" for name in (kept, orphan)}
         for copy in copies.values():
             copy.mkdir()
-        sweeping = Housekeeping(settings, store)
+        sweeping = module.Housekeeping(settings, store)
         for exists in (True, False):
             sweeping.sweep_orphans()
             assert (copies[kept].exists(), copies[orphan].exists()) == (True, exists)

@@ -11,6 +11,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -18,13 +19,12 @@ from typing import Any
 import pytest
 
 from server.processes import landlock, sandbox, seccomp
-from server.processes.children import Child
 from server.processes.fork_server import ForkServer, Kind
 from server.processes.landlock import Allowed
 from server.processes.limits import ChildLimits
 from server.processes.movie_task import ask_for_movie
 from server.settings import Settings
-from tests.server.processes.test_children import WITHOUT_LIBRARIES, run_first
+from tests.server.processes.test_children import WITHOUT_LIBRARIES, make_child, run_first
 from web.movies.movie import Movie
 
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
@@ -177,9 +177,9 @@ def forks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
     environment = attack_env(
         tmp_path_factory.mktemp("forks") / "code", "server.processes.fork_server_process", FORKED
     )
-    server = ForkServer([*FORKED_KINDS, "stages"], warm=False, environment=environment)
-    yield server
-    server.close()
+    kinds = [*FORKED_KINDS, "stages"]
+    with closing(ForkServer(kinds, warm=False, environment=environment)) as server:
+        yield server
 
 
 def run_attack(
@@ -205,12 +205,9 @@ def run_attack(
     limits = replace(ChildLimits.of(settings, awaited=many), niceness=0)
     if kind in ("retimer", "pictures"):
         limits = replace(limits, folders=(str(settings.motions_dir),))
-    child = Child(kind, limits, fork_server=forks, environment=environment)
-    try:
-        task = {"retimer": "retime", "pictures": "picture"}.get(kind, "check")
+    task = {"retimer": "retime", "pictures": "picture"}.get(kind, "check")
+    with make_child(kind, limits, fork_server=forks, environment=environment) as child:
         found = child.call(task, place, wall_s=120)
-    finally:
-        child.close()
     return json.loads(found["reason"]) if kind == "movies" else found
 
 

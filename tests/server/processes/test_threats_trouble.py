@@ -12,11 +12,10 @@ from sqlalchemy import exc
 
 from server.errors import NoRoom, ServiceError, Unavailable
 from server.http.problems import of_trouble
-from server.processes.children import Child
 from server.processes.limits import ChildLimits, environment_of_child
 from server.store.owner import new_token
 from tests.run_python import run_python
-from tests.server.processes.test_children import without_libraries
+from tests.server.processes.test_children import make_child, without_libraries
 from tests.server.service_process import SNAKE, FinishedFold, Service, bearer, check_problem
 from tests.server.service_thread import ServiceThread
 
@@ -144,8 +143,8 @@ def test_child_has_limits_and_no_secrets(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "a-secret")
     monkeypatch.setenv("FOLDBACK_DATABASE_URL", "postgresql://us:a-secret@db/folds")
     limits_of_child = ChildLimits(memory_bytes=2**30, cpu_s=60.0)
-    child = Child("stages", limits_of_child, environment=without_libraries(tmp_path))
-    try:
+    environment_of_tests = without_libraries(tmp_path)
+    with make_child("stages", limits_of_child, environment=environment_of_tests) as child:
         assert child._wait_ready(None, None)
         limits = {
             name: resource.prlimit(child.pid, getattr(resource, f"RLIMIT_{name}"))
@@ -155,8 +154,6 @@ def test_child_has_limits_and_no_secrets(tmp_path: Path, monkeypatch: pytest.Mon
             environment = file.read()
         with open(f"/proc/{child.pid}/status") as file:
             status = dict(line.split(":\t", 1) for line in file.read().splitlines())
-    finally:
-        child.close()
     assert limits["CORE"] == (0, 0)
     assert limits["CPU"] == (61, 66)
     assert 2**31 < limits["DATA"][0] == limits["DATA"][1] < 2**31 + 2**30

@@ -20,6 +20,7 @@ from server.settings import Settings
 from server.store.folds import Store
 from server.store.owner import Owner
 from server.store.tables import FoldRow, MovieRow
+from tests.refusal import refused
 from tests.server.rows import a_fold, new_owner
 from web.movies.movie import Movie
 
@@ -121,18 +122,16 @@ def test_movies_of_one_network_leave_room_for_others(processes: Processes) -> No
     one, other = processes(movies_waiting_of_visitor=1, movies_waiting=4)
     home = [visitor_at(f"2001:db8:1:{k}::1") for k in range(3)]
     one.ask(MOVIES[0], home[0])
-    with pytest.raises(TooMany) as refused:
+    with refused("too-many-movies", kind=TooMany):
         other.ask(MOVIES[1], home[0])
-    assert refused.value.code == "too-many-movies"
     assert not other.ask(MOVIES[0], home[0])[1]  # an equal request is no other movie
     other.ask(MOVIES[1], home[1])
     with pytest.raises(TooMany, match="from your network"):
         one.ask(MOVIES[2], home[2])
     for k in range(2):
         assert one.ask(MOVIES[2 + k], visitor_at(f"2001:db8:{2 + k}::1"))[1]
-    with pytest.raises(Unavailable) as full:
+    with refused("busy", kind=Unavailable):
         other.ask(Movie.of({"seconds": 5}), visitor_at("2001:db8:9::1"))
-    assert full.value.code == "busy"
 
 
 def test_repeatedly_lost_movie_fails_and_is_requested_again(processes: Processes) -> None:
