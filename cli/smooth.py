@@ -34,7 +34,7 @@ def smooth(
     request: FoldRequest,
     as_json: AsJson = False,
 ) -> None:
-    """Make a motion shorter and smoother without losing clearance; exits like `fold`."""
+    """Make a motion shorter and smoother without reducing its clearance; exits like `fold`."""
     try:
         plan = Plan.load(fold / PLAN)
         make_directory(out)

@@ -296,7 +296,7 @@ class Settings(BaseSettings):
         # What stands in it may be secret: what is wrong with it is not repeated.
         if value and not _is_database(value):
             raise ValueError(
-                "got another address, expected an address like postgresql://user@host/name."
+                "got an unsupported address, expected an address like postgresql://user@host/name."
             )
         return value
 

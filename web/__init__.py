@@ -1,1 +1,1 @@
-"""Web: scenes and pages from timelines."""
+"""Web: pictures, movies, 3D views and scripts that show folds."""

@@ -40,7 +40,7 @@ EXPORTS: Final = (
     Export(
         name="npz",
         label="Plan",
-        hint="NumPy arrays, the same numbers",
+        hint="NumPy arrays: the same numbers as in JSON",
         media_type="application/octet-stream",
         filename=PLAN,
         write=write_npz,

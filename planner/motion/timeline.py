@@ -499,7 +499,7 @@ class Timeline:
                     )
             rows = [a.shape[0] for n, a in self._arrays.items() if n not in _WINDOW_ANGLES]
             if not 0 <= frames <= min(rows):
-                raise DamagedError(self.path, f"it promises {frames} frames but has {min(rows)}")
+                raise DamagedError(self.path, f"it declares {frames} frames but has {min(rows)}")
         self._sealed = is_sealed(attributes)
         self._errors_from = attributes.get(ERRORS_FROM)
         self._frames = frames

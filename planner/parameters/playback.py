@@ -212,8 +212,8 @@ class PlaybackParameters:
         Setting(
             name="steps_per_snapshot",
             label="Steps for each snapshot",
-            help="Minimum number of motor steps for each snapshot. With 0, only the threshold "
-            "decides, except for the first snapshot.",
+            help="Minimum number of motor steps for each snapshot. With 0, only the maximum "
+            "squared error decides, except for the first snapshot.",
             group="published",
             rank=10,
             unit="steps",

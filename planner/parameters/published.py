@@ -106,7 +106,7 @@ class PaperExplosionParameters:
         Setting(
             name="pitch_cm",
             label="Module diameter",
-            help="Length of a module for which the gains are given.",
+            help="The gains are given for modules of this length.",
             group="published",
             rank=7,
             unit="cm",
@@ -119,7 +119,7 @@ class PaperExplosionParameters:
         Setting(
             name="density_kg_m3",
             label="Density",
-            help="Density of a module for which the gains are given.",
+            help="The gains are given for modules of this density.",
             group="published",
             rank=8,
             unit="kg/m³",

@@ -97,7 +97,9 @@ def exact_path(
 
 
 _REASONS: Final[dict[str, Callable[[float], str]]] = {
-    "infeasible": lambda _: "The search proved that no path with such ends visits every cell once.",
+    "infeasible": lambda _: (
+        "The search proved that no path with these ends visits every cell once."
+    ),
     "undecided": lambda limit: (
         f"No path was found in {limit:g} s, but there may be one; give it more time, repair the "
         "shape or double it."

@@ -63,8 +63,8 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
         largest = int(np.argmax(sizes))
         yield Problem(
             code="disconnected",
-            detail=f"the cells are in {count} parts that share no face, the largest of "
-            f"{sizes[largest]} of {n} cells; a chain cannot jump.",
+            detail=f"the cells are in {count} parts that share no face; the largest has "
+            f"{sizes[largest]} of {n} cells, and a chain cannot cross the gaps.",
             cells=tuples(cells[labels != largest]),
             amount=1000 * (count - 1),
         )
@@ -75,7 +75,7 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
         black = (n + excess) // 2
         yield Problem(
             code="parity",
-            detail=f"coloured like a chessboard, it has {black} black and {n - black} white cells; "
+            detail=f"coloured like a chessboard, {black} cells are black and {n - black} white; "
             "a chain needs equal numbers, or one more of one colour.",
             cells=tuples(cells[balance == np.sign(balance.sum())]),
             amount=excess - 1,

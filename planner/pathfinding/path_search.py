@@ -36,8 +36,8 @@ MAX_KNOT_CELLS: Final = 10_000
 """Maximum number of cells or tetrahedra of a path that is tested for a knot, which would keep the
 chain from unfolding. Larger values test longer paths, more slowly. Chosen."""
 NO_ASSEMBLY: Final = (
-    "No path was found whose cells can be removed one by one. Such paths are found for boxes, for "
-    "2×2×2 blocks and for layers in one part. Use the method 'blocks' or 'exact', or other ends."
+    "The search found no path whose cells can be removed one by one. It finds such paths for "
+    "boxes, 2×2×2 blocks and layers in one part. Use the method 'blocks' or 'exact', or other ends."
 )
 MAX_CHOICE_MODULES: Final = 20_000
 """Maximum number of cells or tetrahedra of a shape for which several paths are made, to choose the
@@ -253,8 +253,8 @@ def _no_blocks(connected: bool) -> str:
     if not connected:
         return "The cells form several parts that share no face; keep one part or join them."
     return (
-        "The method 'blocks' found no path: it needs 2×2×2 blocks of cells, and cannot reach all "
-        "ends. Double the shape, or use the method 'exact'."
+        "The method 'blocks' found no path: it needs 2×2×2 blocks of cells, and not every cell can "
+        "be an end. Double the shape, or use the method 'exact'."
     )
 
 

@@ -47,7 +47,7 @@ def check_fits(begins: Chain, module: str, modules: int) -> None:
     if (module, modules) != (begins.module.name, len(begins)):
         raise InputError(
             "refold-differs",
-            f"got a shape of {modules} {PLURALS[module]}, expected one of {len(begins)} "
+            f"got a shape of {modules} {PLURALS[module]}, expected {len(begins)} "
             f"{PLURALS[begins.module.name]}, as {begins.name} has.",
         )
 

@@ -55,7 +55,10 @@ def read_off(data: bytes, source: Source) -> Solid:
     if not first:
         first, at, number = _words(data, at, number)
     if not first:
-        raise InputError("truncated", f"the file ends after {kind}; expected the counts.")
+        raise InputError(
+            "truncated",
+            f"the file ends after {kind}; expected the counts of vertices and polygons.",
+        )
     vertices, polygons = _counts(number, first)
     body = memoryview(data)[at:]
     lines = data.count(b"\n", at) + 1
@@ -156,7 +159,8 @@ def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
         found = str(error) if isinstance(error, ValueError) else "too few or too large numbers"
         raise InputError(
             "damaged",
-            f"got {found}; expected three coordinates, or a count and as many corners.",
+            f"got {found}; expected three coordinates, or a number of corners and that many "
+            "vertex numbers.",
             where=f"line {number}",
         ) from error
     more = len(lines) - vertices - polygons

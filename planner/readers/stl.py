@@ -179,7 +179,7 @@ def _corners(part: bytes) -> NDArray[np.float64]:
         raise InputError(
             "damaged",
             f"got {len(found)} vertices in {expected // 3} triangles, expected three in each; the "
-            "file is cut or damaged.",
+            "file is cut off or damaged.",
         )
     # trimesh wants a vertex to have a line, joins the numbers of all, and skips bytes of no text.
     text = b"".join(b"vertex %b %b %b\n" % numbers for numbers in found)

@@ -108,8 +108,8 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
     notes: list[str] = []
     if ladder.bodies > 1:
         notes.append(
-            f"the mesh has {ladder.bodies} separate bodies; only the largest is used, "
-            f"{100 * ladder.share:.0f} % of the volume. Join them, or fold them one by one."
+            f"the mesh has {ladder.bodies} separate bodies; only the largest is used. It has "
+            f"{100 * ladder.share:.0f} % of the volume. Join the bodies, or fold them one by one."
         )
     if fine.crossed > 0.001:
         notes.append("the surface crosses itself; everything it encloses counts as inside.")

@@ -169,8 +169,8 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
         )
         return _no_path(side, "overhang", detail, tuples(hanging), may_fall=True)
     detail = (
-        f"layer {height} is in {count} separate parts; a chain that only climbs visits a layer in "
-        "one go."
+        f"layer {height} is in {count} separate parts; a chain that only climbs cannot leave a "
+        "layer and come back."
     )
     return _no_path(side, "parts", detail, tuples(layer), may_fall=True)
 
@@ -195,7 +195,7 @@ def _tipping(side: Side, margin: float, what: str, cells: Ints) -> NoPath:
         f"{what} would tip over: its centre of mass is {-margin:.2g} module widths "
         "outside its base."
         if margin < 0
-        else f"{what} would hardly stand: its centre of mass is {margin:.2g} module widths "
+        else f"{what} would almost tip over: its centre of mass is {margin:.2g} module widths "
         f"inside the rim of its base, expected at least {MIN_BALANCE_MARGIN_PITCH:g}."
     )
     return _no_path(side, "not-stable", detail, tuples(cells), remedy=LAY)

@@ -77,7 +77,7 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
         )
         found = invariants_of(np.concatenate([moved, outside]), rng)
         if found is None or drawn is None:
-            yield "determinant: it could not be computed again, with so many crossings"
+            yield "determinant: it cannot be computed again for so many crossings"
             return
         if not found.knotted:
             yield "knot: two values of the chain's polynomial show no knot"

@@ -164,7 +164,7 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
 
 def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:
     if got.layout != expected.layout:
-        yield f"{name}: its frames have another form than those of timeline.zarr"
+        yield f"{name}: its frames and those of timeline.zarr have different layouts"
         return
     theirs = expected.columns()
     both = f"{name} and timeline.zarr differ in"

@@ -158,7 +158,7 @@ def _check_kinds(manifest: Manifest, database: Database, stored: StoredFiles) ->
     if got != expected:
         raise AdminError(
             f"got a backup of {', '.join(got)}, expected {', '.join(expected)}; set "
-            "FOLDBACK_DATABASE_URL and FOLDBACK_STORAGE_URL as they were."
+            "FOLDBACK_DATABASE_URL and FOLDBACK_STORAGE_URL as they were for the backup."
         )
 
 
@@ -174,8 +174,8 @@ def _check_digests(manifest: Manifest, directory: Path) -> None:
     damaged = [file.name for file, wrong in found if wrong]
     if damaged:
         raise AdminError(
-            f"got {len(damaged)} files that are missing, changed or links, such as {damaged[0]}; "
-            "nothing was restored, so use another backup."
+            f"got {len(damaged)} files that are missing, changed or symbolic links, such as "
+            f"{damaged[0]}; nothing was restored, so use another backup."
         )
 
 

@@ -96,7 +96,7 @@ class Manifest:
         if strange or len(set(names)) < len(names):
             raise AdminError(
                 f"got a {MANIFEST} with the file name {(strange or names)[0]!r}, expected names of "
-                "folds' files without repetitions; the backup was changed, so use another one."
+                "folds' files, each once; the backup was changed, so use another one."
             )
         return found
 

@@ -35,7 +35,7 @@ CURSOR_PATTERN: Final = r"^[0-9]{1,12}(\.[0-9]{1,12})?,[A-Za-z0-9_-]{1,32}$"
 
 
 class MovieMade(Body):
-    """A movie that one has asked for."""
+    """A movie that was requested with this token."""
 
     title: str
     """Name of the movie's fold, as shown on pages."""

@@ -35,18 +35,18 @@ class ValuesBody(Body):
     unit: str
     """Unit of the numbers; at most 20 characters."""
     low: float
-    """Least number."""
+    """Smallest number."""
     high: float
     """Largest number."""
     rows: int
-    """Number of rows, which are spread evenly over the frames."""
+    """Number of rows; the rows are spread evenly over the frames."""
     data: str
     """Base64 of a byte for each module of each row: 0 to 254 from `low` to `high`, 255 for none."""
 
 
 @router.get(
     "",
-    summary="Get the numbers kept with a fold",
+    summary="Get the numbers stored with a fold",
     responses={200: {"model": ValuesBody}, **problems(404)},
 )
 def get_values(fold_id: str, context: Here) -> JSONResponse:
@@ -56,7 +56,7 @@ def get_values(fold_id: str, context: Here) -> JSONResponse:
         raise NoSuchFoldError(fold_id)
     values = values_of(context.store, found)
     if values is None:
-        raise NotFound("no-values", "Nobody has stored numbers with this fold.")
+        raise NotFound("no-values", "No numbers are stored with this fold.")
     return JSONResponse(values, headers={"Cache-Control": "private, no-cache"})
 
 
@@ -82,7 +82,7 @@ def put_values(
 @router.delete(
     "",
     status_code=204,
-    summary="Delete the numbers kept with a fold",
+    summary="Delete the numbers stored with a fold",
     responses=problems(401, 403, 404),
 )
 def delete_values(fold: ExistingFold, context: Here, owner: RequiredOwner) -> Response:

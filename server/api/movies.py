@@ -53,7 +53,8 @@ class MovieOptions(Body):
     first_frame: int | None = None
     """First frame. Default: the first frame of the playback."""
     last_frame: int | None = None
-    """Last frame. Default: the last frame. A frame before `first` plays backwards."""
+    """Last frame. Default: the last frame of the fold. If it is before `first_frame`, the movie
+    plays backwards."""
     tour: bool = False
     """True: rest at the stops of the fold's tour and show their captions."""
 
@@ -67,7 +68,7 @@ class MovieLinks(Body):
 
 
 class MovieBody(Body):
-    """A movie as it is now."""
+    """Current state of a movie."""
 
     id: str
     status: MovieStatus
@@ -80,8 +81,8 @@ class MovieBody(Body):
     seconds: float
     problem: Fault | None
     token: str | None = None
-    """Token that deletes the movie: the token you sent, or a new one. Only the first request for a
-    movie gets it."""
+    """Token that deletes the movie: the token you sent, or a new one. Only the response
+    to the first request for a movie contains it."""
     links: MovieLinks
 
     @classmethod
@@ -171,7 +172,7 @@ def delete_movie(fold_id: str, movie_id: str, context: Here, owner: OptionalOwne
     row = context.movies.state(fold_id, movie_id)
     if owner is None or not (owner.owns(row.token_hash) or context.store.owns(fold_id, owner)):
         raise not_owner(
-            "This needs the token that the response to POST contained, or that of the fold's "
+            "This request needs the token from the response to POST, or the token of the fold's "
             "owner, as 'Authorization: Bearer …'."
         )
     context.movies.delete(fold_id, movie_id)

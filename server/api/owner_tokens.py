@@ -37,7 +37,7 @@ async def _required_owner(owner: Annotated[Owner | None, Depends(_optional_owner
         return owner
     raise Unidentified(
         "no-owner-token",
-        "This needs the fold's owner token, which the response to the upload contained, as "
+        "This request needs the fold's owner token, which the response to the upload contained, as "
         "'Authorization: Bearer …'.",
     )
 

@@ -132,7 +132,7 @@ async def get_trajectory(
 ) -> StreamingResponse:
     """Return the fastest motion along the plan within the bounds, at rest at both ends.
 
-    A rate so low that modules overlap between two rows of a verified plan is refused.
+    The rate is refused if it is so low that modules of a verified plan overlap between two rows.
     """
     from planner.exports.trajectory import export
 

@@ -24,8 +24,8 @@ class Ask(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         speed: Rate of the clock; 1 keeps within the bounds below.
         max_speed: Bound of every joint's speed, in rad/s.
         max_acceleration: Bound of every joint's acceleration, in rad/s².
-        threshold_rad: Joint error above which the clock stands.
-        rate_hz: Targets in a second.
+        threshold_rad: Joint error above which the clock stops.
+        rate_hz: Number of targets per second.
         silence_s: Time without a report after which the clock stops, s.
         speeds: True if targets also have joint speeds.
     """
@@ -42,9 +42,9 @@ class Ask(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 class Report(Struct, tag_field="do", tag="report", frozen=True, forbid_unknown_fields=True):
     """Report of a robot: its largest joint error, or its joint angles.
 
-    ``number`` is that of the target that it refers to. A robot that states it is never sent more
-    than a few targets ahead; without it, angles are compared with the last target, and before the
-    first one with those of ``begin``.
+    ``number`` is the number of the target that the report refers to. A robot that sends it gets
+    at most a few targets in advance. Without it, angles are compared with the last target, or with
+    those of ``begin`` before the first target.
     """
 
     error_rad: Error | UnsetType = UNSET
@@ -53,24 +53,25 @@ class Report(Struct, tag_field="do", tag="report", frozen=True, forbid_unknown_f
 
 
 class Pause(Struct, tag_field="do", tag="pause", frozen=True, forbid_unknown_fields=True):
-    """Stand until ``resume``."""
+    """Pause the motion until ``resume``."""
 
 
 class Resume(Struct, tag_field="do", tag="resume", frozen=True, forbid_unknown_fields=True):
-    """Go on after ``pause``."""
+    """Continue after ``pause``."""
 
 
 class Stop(Struct, tag_field="do", tag="stop", frozen=True, forbid_unknown_fields=True):
-    """End here."""
+    """End the motion now."""
 
 
 Incoming = Report | Pause | Resume | Stop
 
 
 class Begin(Struct, tag_field="is", tag="begin", frozen=True, kw_only=True):
-    """Comes first: what is going to be played.
+    """First message: the plan and the options of the motion.
 
-    The robot brings its joints to ``joint_angles_rad`` and reports; targets come once it is there.
+    The robot moves its joints to ``joint_angles_rad`` and sends reports. Targets follow when the
+    reported joints are there.
     """
 
     schema: str
@@ -99,7 +100,7 @@ class Target(Struct, tag_field="is", tag="target", frozen=True, kw_only=True):
 
 
 class Waiting(Struct, tag_field="is", tag="waiting", frozen=True, kw_only=True):
-    """The clock stands, or slows down to stand."""
+    """The clock has stopped, or slows down to a stop."""
 
     because: Reason
     time_s: float
@@ -113,14 +114,14 @@ class Going(Struct, tag_field="is", tag="going", frozen=True, kw_only=True):
 
 
 class Wrong(Struct, tag_field="is", tag="problem", frozen=True, kw_only=True):
-    """Something that was asked for cannot be done."""
+    """An error: a message is refused, or the connection is about to close."""
 
     code: str
     detail: str
 
 
 class End(Struct, tag_field="is", tag="end", frozen=True, kw_only=True):
-    """Comes last: the robot has folded, or was stopped."""
+    """Last message: the robot has folded, or was stopped."""
 
     because: Literal["folded", "stop"]
     time_s: float

@@ -29,7 +29,7 @@ from words.fold import ShownFold
 SMOOTHING_MESSAGE: Final = "smoothing"
 """Progress message of the stage ``explode`` if a fold only smooths an existing plan; web pages name
 the stage by this text."""
-PAUSED_MESSAGE: Final = "Paused because others are waiting. It continues automatically."
+PAUSED_MESSAGE: Final = "Paused to let other folds run. It continues automatically."
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 MAX_FOLD_NAME: Final = 200
 """Maximum length of the name that an owner gives a fold, in characters; a longer one is refused. A
@@ -62,7 +62,7 @@ class Body(BaseModel):
 
 
 class ProblemBody(Body):
-    """A problem, as RFC 9457 has it."""
+    """A problem in the format of RFC 9457."""
 
     type: str
     title: str
@@ -129,7 +129,7 @@ class ExportBody(Body):
 
 
 class ExportList(Body):
-    """All such files of one fold."""
+    """All files that a finished fold can be downloaded as."""
 
     exports: list[ExportBody]
 
@@ -147,7 +147,7 @@ class Accepted(Body):
     """Owner token, required to cancel or delete: the token you sent, or a new one. Null for a
     gallery fold or another client's fold, which you can only view."""
     existing: bool
-    """True if the same request was made before; this is its fold."""
+    """True if the same request was made before; the fold is then the earlier one."""
     links: Links
 
 
@@ -196,14 +196,14 @@ class Progress(Body):
     frames: int
     """Number of frames available so far."""
     wait_s: float | None
-    """Estimated waiting time, s, including what is left of `preparing`; null if it is not waiting,
-    no worker runs, or the time is not known yet."""
+    """Estimated waiting time, s, including the remaining time of `preparing`; null if the fold is
+    not waiting, no worker runs, or the time is not known yet."""
     remaining_s: int | None
     """Estimated remaining time, s, including the wait, based on similar folds; 0 if this fold takes
-    longer than those; null if unknown or finished."""
+    longer than they did; null if unknown or finished."""
     preparing: PreparingBody | None
-    """Progress of compiling the solvers, while no worker can compute yet or a fold compiles some
-    that it needs."""
+    """Progress of compiling the solvers, while no worker is ready or a fold compiles solvers that
+    it needs; null otherwise."""
 
 
 class Fault(Body):
@@ -419,7 +419,7 @@ class ExpectedTimes:
     """Estimated seconds of a fold of a preview's shape.
 
     Attributes:
-        expected_s: With the options that were asked for.
+        expected_s: With the requested options.
         expected_as_published_s: With the preset ``paper``.
         expected_preferred_s: The same if a plan is chosen by time, torque or clearance.
     """
@@ -474,7 +474,8 @@ class Preview(Body):
     start: list[int] | None
     """The requested start cell."""
     not_started: str
-    """Reason why no path starts in that cell; the path then starts elsewhere. Empty if one does."""
+    """Reason why no path starts in that cell; the path then starts elsewhere. Empty if a path
+    starts there."""
     expected_s: float
     """Estimated time of the fold, s, without waiting."""
     expected_as_published_s: float

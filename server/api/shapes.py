@@ -120,8 +120,8 @@ async def post_offers(
     """Search for similar shapes: repaired ones, doubled ones and other numbers of modules.
 
     A doubled shape has 2×2×2 modules for each voxel. Send the options of the preview that found
-    no path on a table. The search may take as long as a preview, and counts as one. It ends if
-    the client disconnects.
+    no path on a table. The search may take as long as a preview, and limits count it as one. It
+    ends if the client disconnects.
     """
     options = replace(options, seed=seed)
     bounded(options, context.settings.max_modules)

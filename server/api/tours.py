@@ -49,7 +49,7 @@ class TourStop(Body):
     colour: str | None = None
     """Quantity shown by the colours."""
     path: bool | None = None
-    """Transparent modules show the path."""
+    """True: modules are transparent and show the path."""
 
 
 class TourBody(Body):

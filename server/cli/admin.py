@@ -195,7 +195,7 @@ def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
 
 @admin.command()
 def backup(directory: BackupDirectory, data_dir: DataDir = None) -> None:
-    """Write databases and files into a new directory; the service may run meanwhile."""
+    """Back up databases and files to a new directory; the service may keep running."""
     from server.admin.backup import back_up
 
     with _refusals():

@@ -24,7 +24,7 @@ COMMANDS: Final = {
     "fold": "Explode, fold and verify a chain or a shape.",
     "refold": "Unfold a folded chain and fold it into another shape.",
     "settings": "List the settings for `fold --set NAME=VALUE`.",
-    "smooth": "Make a motion shorter and smoother without losing clearance.",
+    "smooth": "Make a motion shorter and smoother without reducing its clearance.",
     "shape": "Find a path through a shape.",
     "verify": "Check a plan again: its files, its figures, and a replay in plain MuJoCo.",
     "play": "Show a fold's directory in the browser.",

@@ -34,15 +34,15 @@ def confinement(settings: Settings) -> CheckResult:
     code, words = run_python(_CONFINE, str(settings.root / "foldback.db"))
     free = words.split()[1:]
     if code or not words.startswith("free"):
-        found = f"their sandbox could not be tested ({words})"
+        found = f"the sandbox could not be tested ({words})"
     elif free:
-        found = f"this kernel does not isolate them from {' and '.join(free)} of other programs"
+        found = f"not isolated from {' and '.join(free)} of other programs by this kernel"
     else:
         return ok(
             "isolated from other programs' files, signals and sockets by Landlock and seccomp"
         )
     return warning(
         found,
-        "Use Linux 5.19 or newer with Landlock and seccomp (in a container: let it use "
-        "them), or run the service as a separate user with the sandbox options of systemd.",
+        "Use Linux 5.19 or newer with Landlock and seccomp (allow both in a container), "
+        "or run the service as a separate user with the sandbox options of systemd.",
     )

@@ -46,7 +46,7 @@ def directory(settings: Settings) -> CheckResult:
         return problem(
             found,
             "Make it writable for the user that runs foldback, or set FOLDBACK_DATA_DIR to "
-            "another one.",
+            "another directory.",
         )
     kind = _kind_of_disk(there)
     free = free_space(there)
@@ -114,7 +114,7 @@ def _tables(url: str, connection: sa.Connection) -> CheckResult:
     if schema.behind:
         return warning(
             f"{found}, {schema.behind} behind {schema.head}",
-            "Back it up; `foldback serve` updates it at start.",
+            "Back up the database; `foldback serve` updates its tables at start.",
         )
     if ahead_s > MAX_CLOCK_DIFFERENCE_S:
         return warning(
@@ -138,7 +138,7 @@ def storage(settings: Settings) -> CheckResult:
             remedy = "Check FOLDBACK_STORAGE_URL, the AWS_… variables and the bucket's policy."
         words = str(error).partition("\n")[0][:200]
         return problem(f"{place} cannot be used ({type(error).__name__}: {words})", remedy)
-    return ok(f"{place}; a probe was written, read and deleted")
+    return ok(f"{place}; a test file was written, read and deleted")
 
 
 def _check_storage(settings: Settings) -> None:
@@ -172,7 +172,7 @@ def _unusable(url: str, error: Exception) -> CheckResult:
     said = getattr(error, "orig", None) or error
     words = str(said).strip().partition("\n")[0][:200]
     if "not a database" in words or "malformed" in words:
-        remedy = "Move it away and restore a backup; without a backup, a new one is created."
+        remedy = "Move the file away and restore a backup, or start with an empty database."
     else:
-        remedy = "Start it, or check FOLDBACK_DATABASE_URL."
+        remedy = "Start the database, or check FOLDBACK_DATABASE_URL."
     return problem(f"{_shown(url)} cannot be used ({words})", remedy)

@@ -51,7 +51,7 @@ def gl(settings: Settings) -> CheckResult:
             return ok(f"{backend} draws without a screen")
         said.append(f"{backend}: {words}")
     return warning(
-        f"no movies: {'; '.join(said) or f'it is switched off by {GL_SETTING}'}",
+        f"no movies: {'; '.join(said) or f'drawing is switched off by {GL_SETTING}'}",
         f"{NO_GL[0].upper()}{NO_GL[1:]}." if tried else f"Unset {GL_SETTING}.",
     )
 
@@ -73,7 +73,9 @@ def kernels(settings: Settings) -> CheckResult:
     code, words = run_python(_COMPILE)
     if code == 0:
         return ok(f"compiled kernels are stored in {words}")
-    return problem(f"they cannot be used ({words})", "Set NUMBA_CACHE_DIR to a writable directory.")
+    return problem(
+        f"compiled kernels cannot be used ({words})", "Set NUMBA_CACHE_DIR to a writable directory."
+    )
 
 
 def run_python(

@@ -142,7 +142,7 @@ def files(settings: Settings) -> CheckResult:
     judged = problem if soft < OTHER_OPEN_FILES else warning
     return judged(
         f"{soft} can be open (limit {_count(hard)}), but up to {needed} are needed",
-        f"Raise it: `ulimit -n {max(needed, 4096)}`, or LimitNOFILE= in a systemd unit.",
+        f"Raise the limit: `ulimit -n {max(needed, 4096)}`, or LimitNOFILE= in a systemd unit.",
     )
 
 
@@ -157,7 +157,8 @@ def memory(settings: Settings) -> CheckResult:
     besides = WEB_PROCESS_BYTES + INTERACTIVE_CHILDREN * WEB_CHILD_BYTES
     needed = folds * settings.child_memory_bytes + besides
     found = (
-        f"{_mib(there)} for {folds} folds at once of up to {_mib(settings.child_memory_bytes)} each"
+        f"{_mib(there)} for {folds} simultaneous folds of up to "
+        f"{_mib(settings.child_memory_bytes)} each"
     )
     if there >= needed:
         return ok(found)

@@ -225,14 +225,14 @@ class Movies:
             if most is not None and count >= most:
                 raise TooMany(
                     "too-many-movies",
-                    f"{count} movies {holder} are being created, which is the limit; wait for one, "
-                    "or delete it.",
+                    f"{count} movies {holder} are being created, which is the limit; wait until "
+                    "one is finished, or delete one.",
                     retry_after_s=MOVIE_RETRY_S,
                 )
         if others >= settings.movies_waiting:
             raise Unavailable(
                 "busy",
-                f"{others} movies are being created for others; try again in {MOVIE_RETRY_S} s.",
+                f"{others} movies of others are being created; try again in {MOVIE_RETRY_S} s.",
                 retry_after_s=MOVIE_RETRY_S,
             )
         check_space(settings.root, settings.min_free_disk_bytes)

@@ -200,7 +200,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         queue.hand_back_all(identity.name, lost=False)
         monitor.deregister()
     except Exception:
-        log.exception("jobs could not be put back; other workers will take them over")
+        log.exception("jobs could not be returned to the queue; other workers will take them over")
     send_rest()
 
 

@@ -43,7 +43,8 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
     if own and sum(own) + wanted.cost_s > settings.largest_queue_seconds_of_visitor:
         raise _full(
             f"your waiting folds ({len(own)}) take about {sum(own):.0f} s and this one "
-            f"{wanted.cost_s:.0f} s, more than {settings.largest_queue_seconds_of_visitor:g} s"
+            f"{wanted.cost_s:.0f} s, together more than "
+            f"{settings.largest_queue_seconds_of_visitor:g} s"
         )
     network = network_of(wanted.visitor)
     near = [fold.cost_s for fold in waiting if network_of(fold.visitor) == network]

@@ -1,1 +1,1 @@
-"""Pages: one file for each, and their texts about folds."""
+"""Pages: one file for each page, and the facts about folds that pages show."""

@@ -87,8 +87,8 @@ async def manifest() -> Response:
 async def static_file(request: Request, name: str) -> Response:
     """Return a style sheet, a script or a picture.
 
-    Browsers keep a script with its version in the address. If the version is another one, as on a
-    page that was opened before an update, they get the current script and ask again next time.
+    Browsers cache a script whose address contains the current version. For another version, as on a
+    page that was opened before an update, they get the current script and request it each time.
     """
     headers = dict(INDEXED_HEADERS)
     if (versioned := re.fullmatch(rf"{VERSIONED}/([0-9a-f]+)/(js/.+\.js)", name)) is not None:

@@ -357,7 +357,7 @@ class Child:
             )
         if code < 0:
             name = signal.Signals(-code).name
-            hint = " (often: the machine ran out of memory)" if name == "SIGKILL" else ""
+            hint = " (often because the machine ran out of memory)" if name == "SIGKILL" else ""
             return ChildError(CRASHED, f"the computing process was ended by {name}{hint}.")
         return ChildError(CRASHED, f"the computing process ended with exit code {code}.")
 

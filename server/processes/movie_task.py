@@ -17,7 +17,7 @@ GL_BACKENDS: Final = ("egl", "osmesa")
 GL_SETTING: Final = "MUJOCO_GL"
 OFF_WORDS: Final = ("disable", "disabled", "off", "false", "0")
 NO_GL: Final = (
-    "there is no OpenGL that draws without a screen. Install it on the service's machine: on "
+    "OpenGL that draws without a screen is missing. Install it on the service's machine: on "
     "Debian or Ubuntu 'apt-get install libegl1 libgl1 libgl1-mesa-dri' (or 'libosmesa6')"
 )
 NO_FFMPEG: Final = (
@@ -84,7 +84,7 @@ def run_movie(
                 raise ChildError("no-encoder", f"{NO_FFMPEG}.")
             case code:
                 raise ChildError(code, f"the movie could not be created: {result['reason']}")
-    found = "; ".join(said)[:300] or f"it is switched off by {GL_SETTING}"
+    found = "; ".join(said)[:300] or f"drawing is switched off by {GL_SETTING}"
     raise ChildError("no-gl", f"{NO_GL}. Found: {found}.")
 
 

@@ -1,4 +1,4 @@
-"""The 3D view: viser's client, scenes of previews and folds, and folds as one file.
+"""The 3D view: viser's client, scenes of previews and folds, and pages that work without a server.
 
 From a program or a notebook, ``show`` is all there is to know:
 

@@ -210,8 +210,8 @@ def test_timeline_with_other_attributes_raises(five: FilePath, hook_chain: Chain
     for name, value, words in (
         *((name, None, None) for name in ("format", "frames", "chain", "status")),
         ("format", "foldback-timeline/9", "foldback-timeline/9"),
-        ("frames", 9, "promises 9 frames but has 5"),
-        ("frames", -1, "promises -1 frames but has 5"),
+        ("frames", 9, "declares 9 frames but has 5"),
+        ("frames", -1, "declares -1 frames but has 5"),
         ("chain", {}, "is damaged"),
         ("chain", {**chain, "module": "cubxe"}, "is damaged"),
     ):

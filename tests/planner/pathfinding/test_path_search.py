@@ -48,7 +48,7 @@ def test_large_shapes_are_peeled() -> None:
 def test_method_assembly_works_for_boxes_and_blocks_only() -> None:
     assert find_paths(BENT, method="assembly").method == "assembly"
     none = find_paths(PLATE, method="assembly")
-    assert none.paths == () and "found for boxes" in none.reason
+    assert none.paths == () and "paths for boxes" in none.reason
 
 
 def test_seed_decides_the_candidates() -> None:

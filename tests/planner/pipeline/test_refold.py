@@ -220,7 +220,7 @@ def test_refold_of_a_refold(plan: Plan, square: Plan) -> None:
 
 
 def test_refold_is_refused_before_anything_is_computed(square: Plan, tmp_path: FilePath) -> None:
-    with refused("refold-differs", match="got a shape of 12 cubes, expected one of 8"):
+    with refused("refold-differs", match="got a shape of 12 cubes, expected 8 cubes"):
         refold(square, COIL, directory=tmp_path)
     assert not (tmp_path / "timeline.zarr").exists()
     with pytest.raises(InputError, match="8 tetrahedra"):

@@ -97,7 +97,7 @@ def slab_without_a_path(service: Service) -> tuple[dict[str, Any], dict[str, str
 def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(idle: Service) -> None:
     none, same = slab_without_a_path(idle)
     (problem,) = none["feasibility"]["problems"]
-    assert problem["detail"].startswith("coloured like a chessboard, it has 5 black and 3 white")
+    assert problem["detail"].startswith("coloured like a chessboard, 5 cells are black and 3 white")
     assert set(map(tuple, problem["cells"])) <= set(map(tuple, none["cells"]))
     offers = idle.http.post("/api/shapes/offers", data=same).json()["offers"]
     assert [offer["kind"] for offer in offers] == ["repair", "blocks"]

@@ -96,7 +96,7 @@ FINDINGS: tuple[tuple[Any, dict[str, Any], str, str], ...] = (
     (data.directory, {"data_dir": "/dev/shm/foldback-nowhere"}, "warning", "tmpfs"),
     (machine.port, {"host": "203.0.113.1", "port": 8123}, "problem", "FOLDBACK_HOST"),
     (machine.memory, {"child_memory_bytes": 2**28}, "ok", ""),
-    (machine.memory, {"workers": 64, "folds_per_worker": 64}, "warning", "4096 folds at once"),
+    (machine.memory, {"workers": 64, "folds_per_worker": 64}, "warning", "4096 simultaneous folds"),
     (machine.names, {}, "ok", ""),
     (machine.names, {"host": "0.0.0.0"}, "warning", ""),
     (machine.names, {"allowed_hosts": "*"}, "warning", ""),
