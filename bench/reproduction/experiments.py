@@ -165,9 +165,9 @@ STATEMENTS: Final = (
         published="the rule for all folds",
         words="Taken literally, the rule skips each snapshot that the chain is already close to. "
         "Every hinge may then be 22° behind its target, and the chain cuts the corners of the "
-        "recorded motion. In the other experiments, each snapshot is the target for at least one step. "
-        "Here the motor gain is 10/s instead of 60/s, because at 60/s the first jump of 22° throws "
-        "the chain apart.",
+        "recorded motion. In the other experiments, each snapshot is the target for at least one "
+        "step. Here the motor gain is 10/s instead of 60/s, because at 60/s the first jump of 22° "
+        "throws the chain apart.",
         by_size=True,
     ),
     Statement(
