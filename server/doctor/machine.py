@@ -77,7 +77,7 @@ def variables(settings: Settings) -> CheckResult:
         return ok(f"{len(settings.model_fields_set)} set, all others at their defaults")
     return warning(
         "; ".join(unknown_words(name, nearest) for name, nearest in unknown.items()),
-        "Correct the name, or unset it; docs/operations.md lists all settings.",
+        "Correct the name, or unset the variable; docs/operations.md lists all settings.",
     )
 
 
