@@ -46,7 +46,8 @@ Robot = Annotated[
 Workers = Annotated[
     int | None,
     typer.Option(
-        min=1, help="Explosions to run in parallel if one stalls. Default: number of cores."
+        min=1,
+        help="Number of explosions to run in parallel if one stalls. Default: number of cores.",
     ),
 ]
 PATH_OPTIONS: Final = (*options_of(PathOptions), "seed")

@@ -36,14 +36,14 @@ def refold(
     start: Annotated[
         str,
         typer.Argument(
-            metavar="A", help=("Folder written by `foldback fold`, or a shape to fold first.")
+            metavar="A", help="Folder written by `foldback fold`, or a shape to fold first."
         ),
     ],
     shape: Annotated[
         str,
         typer.Argument(
             metavar="B",
-            help=("Target with the same number of modules of the same kind, folded or not."),
+            help="Folder or shape to fold into. It needs as many modules as A, of the same kind.",
         ),
     ],
     out: PlanDirectory,

@@ -56,7 +56,8 @@ def retime(
     ] = None,
     gravity: Annotated[float, typer.Option(help="Gravity in m/s², 0 for none.")] = GRAVITY_M_S2,
     floating: Annotated[
-        bool, typer.Option("--floating", help="Let the chain float; otherwise its root is held.")
+        bool,
+        typer.Option("--floating", help="Let the chain float. Default: its middle module is held."),
     ] = False,
     motor_torque: Annotated[
         float | None,
@@ -149,7 +150,7 @@ class _Retimed:
         facts = [
             ("Plan", certificate_words.headline(self.plan.certificate.as_dict())),
             ("Duration", f"{self.trajectory.duration_s:.3g} s"),
-            ("Deviation from the plan", f"{off_rad:.2g} rad at most"),
+            ("Deviation from the plan", f"at most {off_rad:.2g} rad"),
         ]
         if self.clear is not None:
             facts.append(("Between rows", _clearance_words(self.clear, self.sufficient_hz)))

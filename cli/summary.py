@@ -64,7 +64,7 @@ def show(summary: dict[str, Any], out: Path) -> None:
     console.print(certificate_words.headline(certificate), markup=False, soft_wrap=True)
     if stuck := summary["stuck"]:
         console.print(f"{sentence(stuck['words'])}.", markup=False, soft_wrap=True)
-    row("Starts in shape", summary["refold"] and summary["refold"]["start"])
+    row("Start shape", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
     row("Strategy", certificate_words.baseline(strategy) or strategy)
     row("Explosion", summary["explosion"]["steps"] or None, "steps")

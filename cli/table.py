@@ -60,7 +60,7 @@ def table(
 ) -> None:
     """Check whether a plan works on a table, and compute the joint torques.
 
-    Exits with 3 when it does not rest.
+    Exits with 3 if the chain does not stay on the table.
     """
     try:
         path = _file(plan)
@@ -148,7 +148,8 @@ def _show(found: TableCertificate, written: Path) -> None:
             "Lowest corner",
             f"{found.clearance:+.3f} of the pitch, in frame {found.clearance_frame}",
         )
-    facts.add_row("Frames", f"{len(found.torques)}, {len(found.unbalanced)} would tip over")
+    tips = len(found.unbalanced)
+    facts.add_row("Frames", f"{len(found.torques)}; the chain would tip over in {tips}")
     facts.add_row("Written to", str(written))
     console.print(facts)
     for line in found.assumptions:

@@ -46,7 +46,7 @@ def verify(
         OtherProgram | None,
         typer.Option(
             "--with",
-            help="Also let another program look for contacts between frames: ipctk "
+            help="Also check for contacts between frames with another program: ipctk "
             r"(pip install 'foldback\[ipctk]').",
         ),
     ] = None,

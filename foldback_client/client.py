@@ -243,7 +243,7 @@ class Client:
         """Return the path; raise ``Problem`` if it leads to another host."""
         if not path.startswith("/"):
             raise Problem(
-                "bad-link", f"got the link {path[:100]!r}, expected a link of the service."
+                "bad-link", f"got the link {path[:100]!r}, expected a path that starts with /."
             )
         return path
 

@@ -44,7 +44,7 @@ class Problem(Exception):
         problem: dict[str, Any] = body if isinstance(body, dict) else {}
         plain = f"got the HTTP status {answer.status_code}"
         if answer.has_redirect_location:
-            plain += f" and the address {answer.headers['location']}; use that one"
+            plain += f" and a redirect to {answer.headers['location']}; use that address"
         return cls(
             str(problem.get("code") or f"http-{answer.status_code}"),
             str(problem.get("detail") or plain),

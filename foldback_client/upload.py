@@ -67,7 +67,8 @@ def form_of(options: Any, known: type[Any], shape: str | None) -> dict[str, str]
         TypeError: When an option is not known; the service would not notice.
     """
     if unknown := set(options) - set(known.__annotations__):
-        raise TypeError(f"got {sorted(unknown)}, expected some of {sorted(known.__annotations__)}.")
+        allowed = sorted(known.__annotations__)
+        raise TypeError(f"got the options {sorted(unknown)}, expected some of {allowed}.")
     found = {**options, "shape": shape}
     return {name: _text(value) for name, value in found.items() if value is not None}
 

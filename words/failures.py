@@ -42,7 +42,7 @@ FAILURE_HEADINGS: Final = {
     "limit": "Not finished",
     "stopped": "Not finished",
     "overlap": "Modules overlap",
-    "off": "It doesn't end in its target shape",
+    "off": "The chain does not end in its target shape",
     "refused": "Not verified",
 }
 STAGE_WORDS: Final = {
@@ -142,7 +142,7 @@ def _blocks(told: BlockFigures) -> list[str]:
     for turn in told["turns"]:
         degrees, (a, b) = abs(np.rad2deg(turn["turned_rad"])), turn["modules"]
         lines.append(
-            f"Hinge {turn['hinge']} at module {turn['module'] + 1}, turned by {degrees:.0f}°: "
+            f"If hinge {turn['hinge']} at module {turn['module'] + 1} turns by {degrees:.0f}°, "
             f"modules {a + 1} and {b + 1} overlap by {module_widths(turn['overlap'], 2)}"
         )
     for move in told["moves"]:
@@ -150,7 +150,7 @@ def _blocks(told: BlockFigures) -> list[str]:
         way = f"{'+' if move['direction'][axis] > 0 else '−'}{'xyz'[axis]}"
         a, b = move["modules"]
         lines.append(
-            f"The next part, moved by {module_widths(move['moved'])} along {way}: "
+            f"If the next part moves by {module_widths(move['moved'])} along {way}, "
             f"modules {a + 1} and {b + 1} overlap by {module_widths(move['overlap'], 2)}"
         )
     more = len(lines) - MAX_BLOCKING_LINES
@@ -245,7 +245,7 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     if attempt.get("gentle"):
         how.append("half the force")
     if (smooths := attempt.get("smooths")) is not None:
-        how.append(f"smooths attempt {smooths + 1}")
+        how.append(f"smoothed from attempt {smooths + 1}")
     if "finer" in attempt:
         how.append("played back in smaller steps")
     verdict = str(attempt.get("verdict", ""))

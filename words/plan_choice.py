@@ -34,7 +34,7 @@ SUPERLATIVES: Final[dict[Preference, str]] = {
     "time": "fastest",
     "torque": "least torque",
     "clearance": "most clearance",
-    "margin": "largest margin for a hinge",
+    "margin": "largest allowed hinge error",
 }
 MILLI_PER_UNIT: Final = 1e3
 """Number of thousandths in a unit, to convert N·m to mN·m."""

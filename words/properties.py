@@ -234,7 +234,7 @@ def used_parameters(
     )
     robot = playback.get("robot")
     if simulated and controller == "robot" and robot:
-        heading = "Simulated robots (torques relative to the largest planned)"
+        heading = "Simulated robots (torques relative to the largest planned torque)"
         groups.append((heading, robot))
     return groups
 

@@ -76,8 +76,8 @@ def _contact(moments: Moments) -> Stop | None:
         return None
     near = LINKS[CONTACT_LINKS - 1]
     text = (
-        f"First contact: {_modules(met.modules)} come within a tenth of a module width. Of all "
-        f"modules more than {near} links apart in the chain, they are the first to do so."
+        f"First contact: {_modules(met.modules)} are the first to come within a tenth of a module "
+        f"width of each other. Modules up to {near} links apart in the chain are not counted."
     )
     return _meeting(text, met)
 
@@ -102,7 +102,7 @@ def _knot(moments: Moments) -> Stop | None:
         return None
     text = (
         "Here the chain gets knotted, and it stays knotted to the end: pulling its ends apart "
-        "would not straighten it. Played backwards, it slips out of the knot here."
+        "would not straighten it. In the reverse motion, the knot opens here."
     )
     return _stop(text, moments.knot, path=True)
 
@@ -113,10 +113,10 @@ def _torque(certificate: CertificateFigures, moments: Moments) -> Stop | None:
         return None
     if certificate.get("table") is not None:
         label, value = "Largest torque", dict(main_rows(certificate))["Torque on a table (statics)"]
-        begin, colour = "carries the highest torque on the table here", "joint_torque"
+        begin, colour = "needs the highest torque on the table here", "joint_torque"
     else:
         label, value = torque(certificate)
-        begin, colour = "works hardest here", "torque"
+        begin, colour = "needs the highest torque here", "torque"
     if value is None:
         return None
     one, other = met.modules
@@ -129,8 +129,8 @@ def _direct(moments: Moments) -> Stop | None:
     if met is None or moments.direct_percent is None:
         return None
     text = (
-        "A simpler way would fail: if all joints turned evenly from straight to folded, "
-        f"{_modules(met.modules)} would overlap after {moments.direct_percent} % of the way."
+        "A simpler motion would fail: if all joints turned evenly from straight to folded, "
+        f"{_modules(met.modules)} would overlap after {moments.direct_percent} % of the motion."
     )
     return _meeting(text, met)
 

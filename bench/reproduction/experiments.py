@@ -93,9 +93,10 @@ STATEMENTS: Final = (
         quote="It took approximately 160000 time steps (or 1600 seconds of simulated time) to "
         "achieve the wrench shape.",
         published="folds in about 160\u202f000 steps",
-        words="The explosion is simulated first, then the fold. Red is joint error, as in the "
-        "paper. With one servo step for each snapshot, the fold takes a tenth of the explosion's "
-        "steps. With ten, as in the recording, it takes as many steps as the explosion.",
+        words="The explosion is simulated first, then the fold. Red shows joint error, as in the "
+        "paper. There is one snapshot for every ten steps of the explosion. With one servo step "
+        "for each snapshot, the fold takes a tenth of the explosion's steps; with ten servo steps, "
+        "it takes as many steps as the explosion.",
     ),
     Statement(
         id="mallet",
@@ -149,10 +150,11 @@ STATEMENTS: Final = (
         "servoing approach, but of course this is very configuration path specific.",
         published="all tangle",
         words="There is no explosion: all hinges turn at once from straight to folded, with the "
-        "motors and contacts of the other folds. In long chains, motors without a force limit "
-        "push modules through each other. Motors with a limit, as in ODE, stop where modules meet, "
-        "and the chain stays tangled. The last fold uses the published method with such motors. "
-        "Orange marks the largest overlaps.",
+        "same motors and contacts as in the other folds. In long chains, motors without a force "
+        "limit push modules through each other. Motors with a limit, such as those of ODE (the "
+        "paper's physics engine), stop where modules meet, and the chain stays tangled. The last "
+        "fold uses the published method and motors with a limit. Orange marks the largest "
+        "overlaps.",
     ),
     Statement(
         id="threshold",
@@ -162,10 +164,10 @@ STATEMENTS: Final = (
         "less than some given threshold.",
         published="the rule for all folds",
         words="Taken literally, the rule skips each snapshot that the chain is already close to. "
-        "Every hinge may then be 22° behind, and the chain cuts the corners of the recorded "
-        "motion. In the other experiments, each snapshot is the target for at least one step. "
-        "Here the motor gain is 10/s instead of 60/s, because at 60/s the first jump of 22° throws "
-        "the chain apart.",
+        "Every hinge may then be 22° behind its target, and the chain cuts the corners of the "
+        "recorded motion. In the other experiments, each snapshot is the target for at least one "
+        "step. Here the motor gain is 10/s instead of 60/s, because at 60/s the first jump of 22° "
+        "throws the chain apart.",
         by_size=True,
     ),
     Statement(

@@ -83,5 +83,5 @@ def _checked(browser: Browser, address: str) -> dict[str, Any]:
         assert taken is not None, text
         seconds.append(float(taken[1]))
     context.close()
-    proved = text.startswith("Checked by this browser, without our server")
+    proved = text.startswith("This browser checked")
     return {"verdict": "proved" if proved else text, "s": seconds}

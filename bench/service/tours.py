@@ -116,7 +116,7 @@ class _Fold:
             "The tightest place": self._tightest,
             "Here the chain becomes a knot": self._knot,
             "The joint between": self._torque,
-            "A simpler way would fail": self._direct,
+            "A simpler motion would fail": self._direct,
             "Done": self._done,
         }
         found = next((check for begin, check in checks.items() if stop.caption.startswith(begin)))

@@ -158,7 +158,7 @@ def test_folds_are_accessible(visit: Visit, service: Service, tmp_path: Path) ->
             assert findings(page) == {}, (tone, tab)
     page.locator("#tab-properties").click()
     page.get_by_role("button", name="Check it here").click()
-    expect(page.locator("#check [role=status]")).to_contain_text("Checked by this browser")
+    expect(page.locator("#check [role=status]")).to_contain_text("This browser checked")
     assert findings(page) == {}
     dialogs = {"share": "sharing", "compare": "compare-dialog", "keys": "keys-dialog"}
     for button, dialog in dialogs.items():

@@ -15,7 +15,7 @@ def check_in_page(check: Locator) -> Locator:
     """Have a fold checked in its page, and return the element with the result."""
     check.get_by_role("button", name="Check it here").click()
     status = check.get_by_role("status")
-    expect(status).to_contain_text("Checked by this browser, without our server: 24 modules")
+    expect(status).to_contain_text("This browser checked 24 modules without our server")
     return status
 
 
@@ -37,11 +37,11 @@ def test_fold_is_checked_and_broken_on_purpose(visit: Visit, service: Service, w
     assert page.evaluate(WIDTH) <= 390
 
     check.get_by_role("button", name="Larger modules").click()
-    expect(status).to_contain_text("The modules of this plan are 95.0 % of a cell wide.")
+    expect(status).to_contain_text("In this plan, a module is 95.0 % as wide as a cell.")
     page.evaluate("foldback.player.send({ do: 'select', module: 12 })")
     page.locator("#tab-properties").click()
     check.get_by_role("button", name="Turn a hinge by 1°").click()
-    expect(status).to_contain_text("With the joint behind module 13 off by 1°")
+    expect(status).to_contain_text("If the joint behind module 13 is off by 1°")
 
     check_in_page(check)
     check.get_by_role("button", name="Tightest place").click()
@@ -74,7 +74,7 @@ def test_embedded_fold_is_checked_in_a_dialog(visit: Visit, wrench: str) -> None
     page.wait_for_function("() => window.foldback?.timeline.complete")
     page.get_by_role("button", name="Check it here").click()
     dialog = page.get_by_role("dialog")
-    expect(dialog.get_by_role("status")).to_contain_text("Checked by this browser")
+    expect(dialog.get_by_role("status")).to_contain_text("This browser checked")
     dialog.get_by_role("button", name="Tightest place").click()
     expect(dialog).to_have_count(0)
     assert len(page.evaluate("foldback.player.marked")) == 2

@@ -97,7 +97,7 @@ def test_tools_files_and_a_drawn_path(visit: Visit, service: Service) -> None:
     for step in steps.tolist():
         page.keyboard.press(f"Shift+{keys[tuple(step)]}")
     expect(count).to_have_text(f"The path visits all {len(own)} cells.")
-    expect(page.locator("#checked")).to_contain_text("Folds in about")
+    expect(page.locator("#checked")).to_contain_text("Computing the fold takes about")
     page.keyboard.press("Backspace")
     expect(count).to_contain_text(f"{len(own) - 1} of {len(own)} cells")
     page.locator("#complete").click()

@@ -72,7 +72,7 @@ def test_running_fold_plays_from_its_start_to_the_finished_shape(visit: Visit) -
     titles = noted["titles"]
     assert any(re.fullmatch(r"[A-Z][a-z ]+ \d+ % · Small wrench · foldback", t) for t in titles)
     assert titles[-1] == "✓ Small wrench"
-    assert "✓ Small wrench folds: verified" in noted["toasts"]
+    assert "✓ Small wrench: fold verified" in noted["toasts"]
     expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
 
 

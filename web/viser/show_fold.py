@@ -102,8 +102,8 @@ class Show:
             if not len(fold.motion):
                 raise InputError(
                     "no-frames",
-                    f"got a plan of {fold.chain.name} without a frame, expected at least one; show "
-                    "the fold's directory to see its frames.",
+                    f"got the plan of {fold.chain.name} without frames, expected at least one "
+                    "frame; show the fold's directory to see its frames.",
                 )
             motion = MotionMoments(fold.chain, fold.motion)
             return Shown(lambda: motion, host=host, port=port, open_browser=open_browser)

@@ -145,13 +145,13 @@ test("a refusal has the words of the service, its status and its code", async ()
   for (let k = 0; k < 4; k++) refusals.push(await ask("/x").catch((error) => error));
   assert.ok(refusals.every((error) => error instanceof Refusal));
   assert.deepEqual(refusals.map(({ message, status, code, final }) => [message, status, code, final]), [
-    ["Module 1 hangs", 422, "not-for-a-table", true], ["The server answered 502.", 502, "", false],
-    ["The server cannot be reached. Check the connection and try again.", 0, "", false], ["The server answered 429.", 429, "", false],
+    ["Module 1 hangs", 422, "not-for-a-table", true], ["The server answered with status 502.", 502, "", false],
+    ["The server cannot be reached. Check the connection and try again.", 0, "", false], ["The server answered with status 429.", 429, "", false],
   ]);
 });
 
 test("a fold that is already gone counts as removed", async () => {
   answering([204, ""], [404, "{}"], [403, "{}"], [500, "{}"]);
   for (let k = 0; k < 3; k++) await remove("/x", OTHER);
-  await assert.rejects(remove("/x", OTHER), /answered 500/);
+  await assert.rejects(remove("/x", OTHER), /answered with status 500/);
 });

@@ -23,7 +23,7 @@ test("the title has a mark when there is a verdict", () => {
 });
 
 test("only a verified fold is announced", () => {
-  assert.deepEqual(["good", "bad"].map((tone) => announcementOf(facts(tone))), ["✓ torus folds: verified", null]);
+  assert.deepEqual(["good", "bad"].map((tone) => announcementOf(facts(tone))), ["✓ torus: fold verified", null]);
 });
 
 /** @param {[string, number, number][]} reports */

@@ -78,7 +78,7 @@ test("the module that was clicked can become the first, which can be undone", ()
   assert.deepEqual(preview.start, { text: "Module 5 of 64", button: "Start here", change: { start: "1,2,3" } });
   preview.change({ start: "1,2,3" });
   preview.take(report());
-  assert.deepEqual(preview.start, { text: "Starts in (1, 2, 3)", button: "Undo", change: { start: null } });
+  assert.deepEqual(preview.start, { text: "The chain starts at cell (1, 2, 3)", button: "Undo", change: { start: null } });
   preview.picked = { module: 0, cell: [1, 2, 3] };
   assert.equal(preview.start.button, "");
   preview.take(report({ not_started: "no path starts there" }));
@@ -90,7 +90,7 @@ test("a report is put into words", () => {
   assert.equal(verdictOf(report({ has_path: false })), "64 cells, no path yet");
   assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5 })), { iou: "50 %", candidates: "3", knotted: true, knot: "Knotted (3)", knotHint: "determinant 3" });
   assert.deepEqual([figuresOf(report()).knot, figuresOf(report({ knot: { verdict: "unknot", determinant: 1 } })).knot], ["–", "None"]);
-  assert.deepEqual(nearby(opened(), report({ asked: 65, below: 60, above: 64 })), { counts: [60], text: "64 is the closest possible count to 65" });
+  assert.deepEqual(nearby(opened(), report({ asked: 65, below: 60, above: 64 })), { counts: [60], text: "64 is the possible number closest to 65" });
   assert.deepEqual(nearby(opened(), report({ below: 60, above: 72 })), { counts: [60, 72], text: "Also possible" });
   assert.deepEqual(nearby(opened("?world=table"), report({ below: 60 })), { counts: [], text: "" });
   const long = opened("?world=table");
@@ -107,7 +107,7 @@ test("the reason why there is no path comes with a remedy", () => {
   assert.deepEqual(ways, [
     { text: "Repair: add one cell", primary: true, change: { repair: true, modules: 72 } }, { text: "Use blocks (2×2×2 modules per voxel)", change: { method: "blocks" } },
   ]);
-  assert.equal(oddWords(bad), "cells of the colour that the shape has too many of");
+  assert.equal(oddWords(bad), "cells of the chessboard colour that occurs more often");
   assert.equal(oddWords(report()), "");
   const apart = report({ has_path: false, feasibility: { feasible: false, problems: [problem("disconnected")], repairs: [] } });
   assert.deepEqual(troubleOf(opened(), apart).ways, []);

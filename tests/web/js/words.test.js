@@ -43,7 +43,7 @@ test("a refusal says what is wrong and where", () => {
   assert.equal(refusalWords({ detail: "got 3, expected 2", where: "seed" }, 422), "Seed: got 3, expected 2");
   assert.equal(refusalWords({ detail: "the module size is too large", where: "module_size" }, 422), "The module size is too large");
   assert.equal(refusalWords({ detail: "got an empty file, expected cells.", message: "This file is empty." }, 422), "This file is empty.");
-  assert.equal(refusalWords({}, 503), "The server answered 503.");
+  assert.equal(refusalWords({}, 503), "The server answered with status 503.");
 });
 
 /**
@@ -58,7 +58,7 @@ function motors(torque, peak) {
 }
 
 test("without a motor the answer is the required torque, not a refusal", () => {
-  assert.equal(motorWords(motors(null, 201)), "Motors of 201 N·m or more are strong enough. joint_2_y needs the most: 201 N·m, 0.47 s into the motion.");
+  assert.equal(motorWords(motors(null, 201)), "Motors of 201 N·m or more are strong enough. joint_2_y needs the highest torque: 201 N·m, 0.47 s after the start.");
 });
 
 test("required figures are rounded up", () => {
@@ -66,8 +66,8 @@ test("required figures are rounded up", () => {
 });
 
 test("the judgement of a motor is a sentence", () => {
-  assert.match(motorWords(motors(3, 0.5)), /^Yes, 3 N·m is enough\. joint_2_y needs the most: 500 mN·m/);
-  assert.match(motorWords(motors(3, 501)), /^No, 3 N·m is too weak for 1 of 2 hinges\. joint_2_y needs the most: 501 N·m/);
+  assert.match(motorWords(motors(3, 0.5)), /^Yes, 3 N·m is enough\. joint_2_y needs the highest torque: 500 mN·m/);
+  assert.match(motorWords(motors(3, 501)), /^No, 3 N·m is too weak for 1 of 2 hinges\. joint_2_y needs the highest torque: 501 N·m/);
 });
 
 test("while the share is unknown, the text does not mention a first start", () => {

@@ -35,7 +35,7 @@ export async function readNpz(bytes) {
     readable(!found.has(name) && (method === 0 || method === DEFLATED), `the array ${name} occurs twice, or is compressed by the unknown method ${method}`);
     const stored = bytes.subarray(start, start + long(at + 20)), stream = () => new Blob([stored]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
     const plain = method ? new Uint8Array(await new Response(stream()).arrayBuffer()) : stored;
-    readable(plain.length === long(at + 24), `the array ${name} has ${plain.length} bytes, not as many as the archive states`);
+    readable(plain.length === long(at + 24), `the array ${name} has ${plain.length} bytes, but the archive states ${long(at + 24)}`);
     found.set(name, column(plain));
   }
   return found;

@@ -60,7 +60,7 @@ export class Plan {
     this.step = (certificate.max_joint_step_rad || Infinity) + 1e-9;
     this.windowed = arrays.has("first");
     const J = this.folded.length, frames = this.numbers(this.windowed ? "first" : "time_s").length;
-    readable(J === (this.n - 1) * this.module.hinges - this.pad && this.n >= 2, `${J} hinges do not fit ${this.n} modules`);
+    readable(J === (this.n - 1) * this.module.hinges - this.pad && this.n >= 2, `${J} hinges do not match ${this.n} modules`);
     /** In frame k hinges first[k] to last[k] stand at values[offsets[k]] and on, those before as folded, those behind at 0. */
     this.first = this.windowed ? this.numbers("first") : new Float64Array(frames);
     this.offsets = this.windowed ? this.numbers("offsets") : Float64Array.from({ length: frames + 1 }, (_, k) => k * J);
@@ -69,7 +69,7 @@ export class Plan {
       && this.first.every((a, k) => a >= 0 && this.last[k] <= J), "a window extends beyond the chain");
     this.frames = frames;
     this.values = this.angles(J);
-    readable(this.values.length === this.offsets[frames], "the number of angles does not fit the hinges");
+    readable(this.values.length === this.offsets[frames], "the number of angles does not match the hinges");
     this.most = Math.max(widest(this.values), widest(this.folded));
   }
 
@@ -84,7 +84,7 @@ export class Plan {
   angles(J) {
     const { arrays, told: { angles }, folded, first, last, offsets } = this, name = this.windowed ? "angles_rad" : "joint_angles_rad";
     const shape = (arrays.has(name) ? arrays.get(name) : angles)?.shape;
-    readable(this.windowed || (shape?.[0] === this.frames && shape[1] === J), "the angles do not fit the hinges and frames");
+    readable(this.windowed || (shape?.[0] === this.frames && shape[1] === J), "the angles do not match the hinges and frames");
     if (arrays.has(name)) return this.numbers(name);
     const planes = this.numbers("angle_planes"), count = arrays.get("angle_planes")?.shape[1] ?? 0, step = angles.step_rad, now = new Float64Array(J);
     const values = Float64Array.from({ length: count }, (_, k) => { // whole numbers whose lowest bit is the sign
@@ -110,14 +110,14 @@ export class Plan {
     const count = (apart - 1) * (n - 1), exempt = said.exempt_pairs ?? { apart, count }, digest = told.claim?.angles_sha256;
     return {
       [`the verdict is "${said.verdict}"`]: String(said.verdict).startsWith("verified"),
-      "the module differs from its kind": !known || JSON.stringify(geometry) === JSON.stringify(known),
+      "the module does not match its stated kind": !known || JSON.stringify(geometry) === JSON.stringify(known),
       "the shape of the module is impossible": sound,
       "the module size or the clearance is out of range": size > 0 && size <= 1 && claim > 0 && Number.isFinite(claim),
-      "the names of the hinges do not fit the chain": JSON.stringify(names) === JSON.stringify(arrays.get("joint_names")?.values),
+      "the names of the hinges do not match the chain": JSON.stringify(names) === JSON.stringify(arrays.get("joint_names")?.values),
       "the angles are missing, or stored more than once": ["joint_angles_rad", "angles_rad", "angle_planes"].filter((name) => arrays.has(name)).length === 1,
-      "the exempt pairs are not those of the module": exempt.apart === apart && exempt.count === count,
+      "the exempt pairs do not match the module": exempt.apart === apart && exempt.count === count,
       "an angle exceeds the limit": most <= limit + SLIP,
-      "the certificate is for another number of frames": [undefined, null, frames].includes(said.frames),
+      "the certificate states another number of frames": [undefined, null, frames].includes(said.frames),
       "the times do not increase": times.length === frames && rise(times),
       "the first frame is not the start": near(this.frame(0).subarray(pad), start ? start.folded_rad : new Float64Array(folded.length)),
       "the last frame is not the folded shape": near(this.frame(frames - 1).subarray(pad), folded),

@@ -65,7 +65,7 @@ export class Proof {
       yield k;
       this.interval(k);
     }
-    if (this.largest > this.plan.step) throw new NotProved(`A hinge moves by ${this.largest.toFixed(6)} rad from frame to frame, more than the plan says.`);
+    if (this.largest > this.plan.step) throw new NotProved(`A hinge turns by ${this.largest.toFixed(6)} rad between two frames, more than the plan states.`);
   }
 
   get intervals() { return Math.max(1, this.plan.frames - 1); }
@@ -94,7 +94,7 @@ export class Proof {
     const left = (only ?? this.near())?.filter(([i, j]) => !this.clear(i, j)) ?? null;
     if (left?.length === 0) return;
     const open = left && { modules: left[0], frame: this.frame, gap: this.plan.claim, fits: this.size };
-    if (w <= 2 ** -DEPTH) throw new NotProved(`No proof around frame ${this.frame.toFixed(6)}.`, open);
+    if (w <= 2 ** -DEPTH) throw new NotProved(`The clearance could not be proved near frame ${this.frame.toFixed(6)}.`, open);
     for (const begin of [t, t + w / 2]) this.look(begin, w / 2, left);
   }
 
@@ -178,7 +178,7 @@ export class Proof {
     const { frame, plan: { claim } } = this, bound = this.solids(this.lost(i, j, this.module.radius)), { gap, fits } = this.best;
     const place = /** @type {Place} */ ({ modules: [i, j], frame, gap, fits });
     if (!this.tightest || gap < this.tightest.gap) this.tightest = place;
-    if (!(bound >= claim || gap >= claim)) throw new NotProved(`Modules ${i} and ${j}: the largest gap that was found at frame ${frame.toFixed(6)} is ${gap.toFixed(9)}, less than the claimed ${claim.toFixed(9)}.`, place);
+    if (!(bound >= claim || gap >= claim)) throw new NotProved(`The gap found between modules ${i} and ${j} at frame ${frame.toFixed(6)} is ${gap.toFixed(9)}, but the plan claims ${claim.toFixed(9)}.`, place);
     return bound >= claim;
   }
 

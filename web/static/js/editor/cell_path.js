@@ -86,10 +86,10 @@ export function told({ length, cells, gaps, repeats, missing, lost: apart, diffe
     return { text: `Cells ${gaps[0] + 1} and ${gaps[0] + 2} do not touch. Add the cell between them, or cut the path there.`, tone: "bad" };
   }
   if (whole) return { text: `The path visits all ${cells} cells.`, tone: "good" };
-  if (length && !missing.length) return { text: `Only ${length} cells. A path needs at least ${FEWEST}.`, tone: "" };
+  if (length && !missing.length) return { text: `The path has only ${length} cells. It needs at least ${FEWEST}.`, tone: "" };
   const so = length ? `${length} of ${cells} cells, ${missing.length} to go.` : "No path yet.";
   if (difference > 1) {
-    return { text: `${so} No path visits all of them. Coloured like a chessboard, the shape has ${difference} more cells of one colour than of the other.`, tone: "bad" };
+    return { text: `${so} No path visits all cells. If you colour the cells like a chessboard, there are ${difference} more of one colour than of the other.`, tone: "bad" };
   }
   if (apart.length) return { text: `${so} The path can no longer reach ${apart.length} of them.`, tone: "bad" };
   return { text: so, tone: "" };

@@ -13,7 +13,7 @@ export const HINTS = {
   fill: ["Click a connected region in this layer. Empty cells are filled, painted cells are cleared.", ""],
   box: ["Drag from corner to corner, or click two corners in any layers. Start on a painted cell to erase.", ""],
   move: ["Drag the shape, or use the buttons.", "Arrow keys, Page Up and Page Down also move it."],
-  path: ["Drag from cell to cell, starting at either end. Drag back to undo. Possible next cells are framed. The button Complete finds the rest.",
+  path: ["Drag from cell to cell, starting at either end. Drag back to undo. Possible next cells are framed. The Complete button finds the rest of the path.",
     "You can also draw with Shift and the arrow keys, Page Up or Page Down. X cuts, Backspace undoes."],
 };
 

@@ -12,7 +12,7 @@ const ARROWS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowR
 /** @type {Record<string, string>} */
 const MODULES = {
   no: "Each cell becomes 2×2×2 modules. A path always exists.",
-  yes: "Each cell becomes one module. Exact, but there may be no path.",
+  yes: "Each cell becomes one module. The shape is exact, but there may be no path.",
   path: "Each cell becomes one module, in the order you draw them.",
 };
 
@@ -129,7 +129,7 @@ export class Sheet {
       const missing = drawn && on && index === undefined;
       const classes = `${on ? "on" : ""}${under ? " below" : ""}${missing ? " missing" : ""}${next.has(key) ? " next" : ""}${key === corner ? " corner" : ""}`;
       const step = index === undefined ? missing ? ", not on the path" : "" : `, cell ${index + 1} of the path`;
-      const label = `Row ${x + 1}, column ${y + 1}, ${on ? "filled" : "empty"}${under ? ", filled below" : ""}${step}`;
+      const label = `Row ${x + 1}, column ${y + 1}, ${on ? "filled" : "empty"}${under ? ", cell below filled" : ""}${step}`;
       if (square.className !== classes) square.className = classes;
       if (square.ariaLabel !== label) square.ariaLabel = label;
       if (square.ariaSelected !== String(on)) square.ariaSelected = String(on);

@@ -98,7 +98,7 @@ export class OwnPanel {
     const where = kept ? "Everyone with a link to this fold can see them." : "They stay in this browser.";
     const fewer = own && token && keptRows(own) < own.rows ? ` Only ${keptRows(own)} evenly spaced rows can be saved with the fold.` : "";
     this.words.textContent = own ? `${own.name}${own.unit && ` (${own.unit})`}: ${more}. ${where}${fewer}`
-      : `Colour the modules by your own numbers: drop a CSV or JSON file here, or choose one. It has ${chain.modules} numbers, one for each module${rows}. The file stays in this browser.`;
+      : `Colour the modules by your own numbers: drop a CSV or JSON file here, or choose one. The file must contain ${chain.modules} numbers, one for each module${rows}. The file stays in this browser.`;
     this.keep.hidden = !own || kept || !token;
     this.remove.hidden = !own || (kept && !token);
   }

@@ -68,7 +68,7 @@ function jsonOf(text) {
   const { values } = told;
   if (told.format !== FORMAT && !Array.isArray(values)) throw new Error('This JSON file has no list of numbers. Use a list, or an object with "values", "name" and "unit".');
   const rows = (Array.isArray(values) ? (Array.isArray(values[0]) ? values : [values]) : []).map((row, k) => {
-    if (!Array.isArray(row)) throw new Error(`Value ${k + 1}: ${JSON.stringify(row)?.slice(0, 40)} is not a list of numbers, as the first value is.`);
+    if (!Array.isArray(row)) throw new Error(`Value ${k + 1}: ${JSON.stringify(row)?.slice(0, 40)} is not a list of numbers, but the first value is one.`);
     return row.map((/** @type {unknown} */ value, /** @type {number} */ i) => {
       if (typeof value === "number") return value;
       if (value === null || (typeof value === "string" && NOTHING.test(value))) return NaN;
@@ -108,7 +108,7 @@ function arranged(cells, { modules, frames }) {
   let { rows } = cells;
   const width = rows[0]?.length ?? 0;
   const odd = rows.findIndex((row) => row.length !== width);
-  if (odd >= 0) throw new Error(`Line ${cells.places[odd]}: this line has ${rows[odd].length} values, but the lines before have ${width}.`);
+  if (odd >= 0) throw new Error(`Line ${cells.places[odd]}: this line has ${rows[odd].length} values, but the lines before it have ${width}.`);
   if (![1, modules, frames].includes(width) && rows.every((row) => Number.isNaN(row.at(-1)))) rows = rows.map((row) => row.slice(0, -1));
   if (rows[0]?.length === 1 && rows.length === modules) return [rows.flat()];
   if (rows[0]?.length === 2 && modules !== 2 && rows.length <= modules) return byNumber(cells, modules);
@@ -186,7 +186,7 @@ export function packed(own) {
 export function unpacked({ name, unit, low, high, rows, data }, modules) {
   let levels = "";
   try { levels = atob(data); } catch { }
-  if (!(rows >= 1) || levels.length !== rows * modules || !(low <= high)) throw new Error(`These are the values of another fold. This fold needs ${modules} in each row.`);
+  if (!(rows >= 1) || levels.length !== rows * modules || !(low <= high)) throw new Error(`These are the values of another fold. This fold needs ${modules} values in each row.`);
   const values = Float32Array.from(levels, (level) => (level.charCodeAt(0) === NONE ? NaN : low + (level.charCodeAt(0) / LEVELS) * (high - low)));
   return { name: String(name), unit: String(unit), rows, values, low, high };
 }

@@ -81,7 +81,7 @@ function check(ready) {
     const words = await exchanging(({ report, pathFile }) => report({ file: pathFile(editor.name, state), full: false }).then(
       ({ knot, expected_s: s, preparing }) => (knot?.verdict === "knotted"
         ? { text: "The path is knotted, so the chain cannot be pulled straight.", tone: "bad" }
-        : { text: `Folds in ${wholeTime(s, preparing) ?? `${duration(s)}, once the solvers are ready`}.`, tone: "" }),
+        : { text: `Computing the fold takes ${wholeTime(s, preparing) ?? `${duration(s)}, once the solvers are ready`}.`, tone: "" }),
       (error) => ({ text: wordsOf(error), tone: "bad" }),
     ));
     if (path === checkedPath && words) say("checked", words.text, words.tone);
@@ -167,7 +167,7 @@ get("complete").onclick = async () => {
     // What was drawn meanwhile is not drawn over.
     if (painting.path !== drawn.path) return;
     if (completed) editor.step(() => editor.follow(completed));
-    else refused = "Found no path from here through the remaining cells. Draw from the other end, or cut the path and try again.";
+    else refused = "No path from here through the remaining cells was found. Draw from the other end, or cut the path and try again.";
   } catch (error) {
     refused = wordsOf(error);
   } finally {

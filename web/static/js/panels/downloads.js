@@ -64,7 +64,7 @@ function movieForm(id) {
     choice("Length", "seconds", [["", "Automatic"], ["6", "6 s"], ["10", "10 s"], ["20", "20 s"], ["40", "40 s"]]),
     choice("Shows", "part", [["fold", "The fold"], ["all", "Whole timeline"]]),
     choice("Camera", "turn", [["30", "Turns slightly"], ["0", "Stands still"], ["360", "Circles once"]]),
-    choice("Ground", "theme", [["light", "Light"], ["dark", "Dark"]]),
+    choice("Background", "theme", [["light", "Light"], ["dark", "Dark"]]),
     choice("Captions", "captions", [["", "None"], ["tour", "From the tour"]]),
     element("div", { class: "wide" }, element("button", { class: "button", type: "submit" }, "Create movie")));
   const stop = element("button", { class: "button quiet", type: "button", hidden: true }, "Stop");
@@ -164,7 +164,7 @@ function robotForm(api) {
     const asked = `max_speed=${encodeURIComponent(speed)}&max_acceleration=${encodeURIComponent(acceleration)}`;
     links.replaceChildren(
       file({ label: "Trajectory, CSV", hint: "Joint angles and speeds with time stamps", href: `${api}/trajectory?${asked}&format=csv` }),
-      file({ label: "Trajectory, JSON", hint: "The same, foldback-trajectory/1", href: `${api}/trajectory?${asked}&format=json` }));
+      file({ label: "Trajectory, JSON", hint: "The same data in the format foldback-trajectory/1", href: `${api}/trajectory?${asked}&format=json` }));
   };
   form.oninput = fill;
   fill();
@@ -188,6 +188,6 @@ function robotForm(api) {
   };
   const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${api}/play`;
   return element("div", {}, form, verdict, links,
-    element("p", { class: "hint" }, "Joint targets in real time, which pause if the robot falls behind:"),
+    element("p", { class: "hint" }, "This WebSocket sends joint targets in real time. It pauses if the robot falls behind:"),
     element("p", {}, element("code", { class: "address" }, address)));
 }

@@ -24,7 +24,7 @@ export const headingOf = ({ name, verdict: { tone } }) => MARKS[tone] ? `${MARKS
 
 // What the page announces; null where the failure says it.
 /** @param {Pick<Facts, "name" | "verdict">} facts */
-export const announcementOf = ({ name, verdict: { tone } }) => (tone === "good" ? `✓ ${name} folds: verified` : null);
+export const announcementOf = ({ name, verdict: { tone } }) => (tone === "good" ? `✓ ${name}: fold verified` : null);
 
 // Offer a notification. Return what tells of the end of the fold.
 /**

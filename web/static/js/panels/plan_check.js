@@ -9,8 +9,8 @@ import { at as hrefOf, button, element, number, svg, whole } from "../lib/text.j
 
 const NOT_CLAIMED = [
   "Real joints have play, and real modules bend. The check assumes rigid modules and exact hinges.",
-  "Modules that share a joint are left out. They overlap there by design.",
-  "Simulated robots are samples. They do not stand for every robot.",
+  "The check does not compare modules that share a joint. They overlap at the joint by design.",
+  "Only a few robots were simulated. Other robots may behave differently.",
 ];
 
 const TOUCHING = 1e-3; // widths of a cell that are not worth a number
@@ -33,13 +33,13 @@ export function outcome(way, said) {
   if (said.is === "refused") return refusal(way, said);
   const { plan: { modules, size, claim }, touch, joint, seconds } = said;
   if (way === "claim") {
-    return `Checked by this browser, without our server: ${whole(modules)} modules. Any two that share no joint stay at least ${percent(claim)} of a module width apart all the way. The check took ${took(seconds)}.`;
+    return `This browser checked ${whole(modules)} modules without our server. Modules that share no joint stay at least ${percent(claim)} of a module width apart during the whole motion. The check took ${took(seconds)}.`;
   }
   if (way === "size") {
-    if (!touch || touch.size > FULL) return `The modules of this plan are ${percent(size)} of a cell wide. Even modules that fill their cells would not overlap on the way.`;
-    return `The modules of this plan are ${percent(size)} of a cell wide. At ${percentUp(touch.size)} the first two touch: ${pair(touch)}. A little below that, no modules touch at all.`;
+    if (!touch || touch.size > FULL) return `In this plan, a module is ${percent(size)} as wide as a cell. Even modules that fill their cells would not overlap during the motion.`;
+    return `In this plan, a module is ${percent(size)} as wide as a cell. At ${percentUp(touch.size)}, the first two touch: ${pair(touch)}. If the modules are slightly smaller, none touch.`;
   }
-  return `With the joint behind module ${whole(joint + 1)} off by 1°, no modules touch.`;
+  return `If the joint behind module ${whole(joint + 1)} is off by 1°, no modules touch.`;
 }
 
 // The size at which modules touch is rounded up: a little below it they are proved not to.
@@ -52,7 +52,7 @@ const percentUp = (share) => `${(Math.ceil(10000 * share) / 100).toFixed(2)} %`;
  */
 function refusal(way, { text, place, claim, joint }) {
   if (place && place.gap >= claim) return `Not proved: the check cannot tell whether ${pair(place)} are far enough apart.`;
-  if (way === "hinge" && place) return `With the joint behind module ${whole(joint + 1)} off by 1°, ${pair(place)} touch.`;
+  if (way === "hinge" && place) return `If the joint behind module ${whole(joint + 1)} is off by 1°, ${pair(place)} touch.`;
   if (!place) return `Not proved: ${text}`;
   return `Not proved: ${pair(place)} come within ${percent(Math.max(place.gap, 0))} of a module width of each other.`;
 }
@@ -85,7 +85,7 @@ export class Checking {
     this.seen = null;
     this.tries = element("div", { hidden: true }, element("h4", {}, "Try to break it"),
       element("p", { class: "line" }, button("button", "Larger modules", () => this.begin("size")), button("button", "Turn a hinge by 1°", () => this.begin("hinge"))),
-      element("p", { class: "hint" }, "Make all modules larger until the first two touch. Or keep one hinge 1° away from the plan: a hinge of the selected module, or any hinge."));
+      element("p", { class: "hint" }, "Make all modules larger until the first two touch. Or keep one hinge 1° away from its planned angle. The hinge belongs to the selected module; without a selection, it is chosen at random."));
     this.open = element("details", { class: "assumptions", hidden: true }, element("summary", {}, "What this check does not show"), element("ul", {}, ...NOT_CLAIMED.map((said) => element("li", {}, said))));
     this.all = element("div", {}, this.running, this.line, element("p", {}, this.where), this.open, this.tries);
     place.append(this.all);
@@ -123,7 +123,7 @@ export class Checking {
   heard(way, said) {
     if (said.is === "progress") {
       this.bar.value = said.frame / said.frames;
-      if (said.tightest) this.show(said.tightest, said.frames, "Tightest so far");
+      if (said.tightest) this.show(said.tightest, said.frames, "Tightest place so far");
       return;
     }
     this.end();

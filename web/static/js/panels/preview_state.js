@@ -15,7 +15,7 @@ const RESHAPING = new Set(["module", "modules", "method", "world", "repair", "se
 
 /** What the coloured cells of a shape without a path are. @type {Record<string, string>} */
 const ODD = {
-  parity: "cells of the colour that the shape has too many of",
+  parity: "cells of the chessboard colour that occurs more often",
   disconnected: "cells not connected to the largest part",
   "dead-ends": "cells with a single neighbour",
   overhang: "cells with nothing below them",
@@ -165,7 +165,7 @@ export class Preview {
     const picked = report?.has_path ? this.picked : null;
     const first = picked?.module === 0;
     if (this.onTable || (!picked && !start)) return null;
-    if (!report || !picked || (first && start)) return { text: `Starts in (${start?.replaceAll(",", ", ")})`, button: first ? "" : "Undo", change: { start: null } };
+    if (!report || !picked || (first && start)) return { text: `The chain starts at cell (${start?.replaceAll(",", ", ")})`, button: first ? "" : "Undo", change: { start: null } };
     const text = `Module ${whole(picked.module + 1)} of ${whole(report.modules)}${first ? ", the first" : ""}`;
     return { text, button: "Start here", change: { start: picked.cell?.join(",") ?? null } };
   }
@@ -187,7 +187,7 @@ export function verdictOf({ module, modules, iou, has_path: path }) {
  * @param {Api.Preview} report
  */
 export function nearby({ bound, onTable, maxModules }, { asked, modules, below, above }) {
-  const nearest = (asked ?? modules) === modules ? "" : `${whole(modules)} is the closest possible count to ${whole(asked ?? modules)}`;
+  const nearest = (asked ?? modules) === modules ? "" : `${whole(modules)} is the possible number closest to ${whole(asked ?? modules)}`;
   // A neighbouring count may have no path for a table: the offers are those that were checked.
   const counts = onTable ? [] : [below, above].flatMap((n) => (n && n !== modules && n <= maxModules ? [n] : []));
   return { counts, text: [bound, nearest].filter(Boolean).join("; ") || (counts.length ? "Also possible" : "") };
