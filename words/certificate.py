@@ -242,9 +242,7 @@ def _base(table: TableCertificate) -> str:
             "free on the table (the simulation pins the first module, because without friction "
             "everything would slide)"
         )
-    return (
-        "free on the table, where it may drift; errors compare shapes, not positions on the table"
-    )
+    return "free on the table, where it may drift; errors measure the shape, not the position"
 
 
 def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
