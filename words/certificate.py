@@ -64,9 +64,9 @@ LARGEST_JOINT_ERROR: Final = Figure(
 )
 CLEARANCES: Final = (
     Figure("Module size in the clearance check", "module_size"),
-    Figure("Least clearance, plan", "min_clearance"),
-    Figure("Least clearance, simulated robots", "min_clearance_playback", of_simulation=True),
-    Figure("Least clearance, recorded explosion", "min_clearance_record"),
+    Figure("Smallest clearance, plan", "min_clearance"),
+    Figure("Smallest clearance, simulated robots", "min_clearance_playback", of_simulation=True),
+    Figure("Smallest clearance, recorded explosion", "min_clearance_record"),
 )
 MOTION_FIGURES: Final = (
     Figure(
