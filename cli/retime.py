@@ -49,7 +49,8 @@ def retime(
     ] = None,
     check: Annotated[bool, typer.Option(help="Check the trajectory for collisions again.")] = True,
     module_mass: Annotated[
-        float | None, typer.Option(help="Mass of a module, kg; also computes torques.")
+        float | None,
+        typer.Option(help="Mass of a module, kg. With it, the command computes torques."),
     ] = None,
     pitch: Annotated[
         float | None, typer.Option(help="Distance between modules, m. Default: the plan's pitch.")
@@ -70,11 +71,11 @@ def retime(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Add time stamps to a plan within a robot's limits. Exits with 3 if it is unsuitable."""
+    """Add time stamps to a plan within a robot's limits. Exits with 3 if a check fails."""
     try:
         form = _form(out)
         if module_mass is None and (motor_torque is not None or table is not None):
-            raise InputError("no-mass", "torques need the mass of a module: --module-mass KG.")
+            raise InputError("no-mass", "torques cannot be computed without --module-mass KG.")
         plan = read_plan(directory)
         retimed = _retimed(plan, retime_plan(plan, max_speed, max_acceleration), rate, check=check)
         parts = retimed.export(form)

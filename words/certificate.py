@@ -64,9 +64,9 @@ LARGEST_JOINT_ERROR: Final = Figure(
 )
 CLEARANCES: Final = (
     Figure("Module size in the clearance check", "module_size"),
-    Figure("Least clearance, plan", "min_clearance"),
-    Figure("Least clearance, simulated robots", "min_clearance_playback", of_simulation=True),
-    Figure("Least clearance, recorded explosion", "min_clearance_record"),
+    Figure("Smallest clearance, plan", "min_clearance"),
+    Figure("Smallest clearance, simulated robots", "min_clearance_playback", of_simulation=True),
+    Figure("Smallest clearance, recorded explosion", "min_clearance_record"),
 )
 MOTION_FIGURES: Final = (
     Figure(
@@ -242,9 +242,7 @@ def _base(table: TableCertificate) -> str:
             "free on the table (the simulation pins the first module, because without friction "
             "everything would slide)"
         )
-    return (
-        "free on the table, where it may drift; errors compare shapes, not positions on the table"
-    )
+    return "free on the table, where it may drift; errors measure the shape, not the position"
 
 
 def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:

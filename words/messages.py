@@ -47,7 +47,8 @@ VERDICT_PHRASES: Final = (
     (re.compile(r"\brests on a table within "), "stays on the table and needs at most "),
     (
         re.compile(r"\bthe chain floats and does not rest on a table; laid down in each frame, it"),
-        "the chain floats, so a table does not support it. Laid down in each frame, it",
+        "the chain floats, so a table does not support it. "
+        "If it is laid on a table in each frame, it",
     ),
 )
 """Patterns in verdicts, and the words that replace them for people. Plans store the verdicts, and

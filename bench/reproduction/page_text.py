@@ -240,9 +240,10 @@ def _lead(runs: Mapping[str, Run]) -> str:
     )
     return (
         f"{published} Here the same chain folds in {whole(steps)} steps: "
-        f"{whole(run.explosion.steps)} to explode, {whole(run.playback.steps)} to fold. It ends "
+        f"{whole(run.explosion.steps)} to explode, {whole(run.playback.steps)} to fold. At the "
+        "end, the modules are "
         f"{'less than ' if run.rms < MIN_SHOWN_ERROR_PITCH else ''}"
-        f"{figure(max(run.rms, MIN_SHOWN_ERROR_PITCH))} pitch from its shape.{apart}"
+        f"{figure(max(run.rms, MIN_SHOWN_ERROR_PITCH))} pitch (RMS) from their targets.{apart}"
     )
 
 
@@ -250,13 +251,13 @@ def _summary(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str
     """Return sentences that summarise the runs."""
     found: list[str] = []
     for published, words in (
-        ("verified", "folds that work in the paper work here."),
-        ("tangled", "attempts that fail in the paper fail here."),
+        ("verified", "folds that work in the paper also work here."),
+        ("tangled", "attempts that fail in the paper also fail here."),
     ):
         of = [one for one in every if one.published == published and one.id in runs]
         same = sum(runs[one.id].verified == (published == "verified") for one in of)
         if of:
-            found.append(f"{same} of {len(of)} {words}")
+            found.append(f"{same} of the {len(of)} {words}")
     for statement in STATEMENTS:
         own = [one for one in every if one.statement == statement.id]
         if statement.by_size and (sentence := _by_size(own, runs)):

@@ -1,4 +1,4 @@
-"""*Check it here*: plans that the page of a fold proves in one worker of Chromium."""
+"""*Check this plan*: plans that the page of a fold proves in one worker of Chromium."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def _checked(browser: Browser, address: str) -> dict[str, Any]:
     text = ""
     for _ in range(PROOFS_PER_PLAN):
         page.wait_for_timeout(1000)
-        check.get_by_role("button", name="Check it here").click()
+        check.get_by_role("button", name="Check this plan").click()
         check.get_by_text("It took").wait_for()
         text = check.get_by_role("status").inner_text()
         taken = re.search(r"It took ([\d.]+) s", text)

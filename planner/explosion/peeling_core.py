@@ -81,7 +81,7 @@ class Core:
         if not chain.module.fills_cell or chain.module.rigid_links != 1:
             raise InputError(
                 "not-peelable",
-                f"got a chain of the module {chain.module.name}, expected cubes; use another "
+                f"got a chain of the module type {chain.module.name}, expected cubes; use another "
                 "strategy.",
             )
         folded = forward_kinematics(chain.module, chain.folded_rad)

@@ -127,9 +127,9 @@ class FoldRequest(PathOptions):
         AUTO,
         Option(
             title="Explosion strategy",
-            help="How the chain is released: all at once, rigid blocks first, or one part at a "
-            "time from its far end, which `auto` uses for long chains. `one-by-one`, a baseline, "
-            "bends one joint at a time.",
+            help="How the chain is released: all modules at once (`simultaneous`), rigid blocks "
+            "first (`blocks`), or one part at a time from the far end (`peel`). For long chains, "
+            "`auto` uses `peel`. `one-by-one`, a baseline, bends one joint at a time.",
             choices=STRATEGY_CHOICES,
         ),
     )

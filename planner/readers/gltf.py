@@ -237,7 +237,7 @@ class _Scene:
             raise InputError(
                 "too-large",
                 f"got {total} vertices in all parts, expected at most {MAX_GLTF_VERTICES}; join "
-                "parts that share them.",
+                "parts that share vertices.",
             )
         parts = {mesh: [self._part(p) for p in every] for mesh, every in primitives.items()}
         # The last part comes first, as trimesh has it: how a solid is oriented depends on it.

@@ -403,8 +403,8 @@ class _Models:
             if corners.min() < 0 or corners.max() >= len(own):
                 raise InputError(
                     "bad-index",
-                    f"a triangle names vertex {corners.max()} of {len(own)}; export the model "
-                    "again.",
+                    f"a triangle uses vertex {corners.max()}, but there are {len(own)} vertices, "
+                    "counted from 0; export the model again.",
                 )
             with np.errstate(all="ignore"):
                 points.append(own @ transform[:3] + transform[3])

@@ -109,9 +109,12 @@ class MotorTable:
             f"at frame {self.peak_frame[k]:.0f}"
         )
         if self.would_do is None:
-            return f"{need} (the largest)"
+            return f"{need}, the largest torque of all"
         if self.would_do:
-            return f"Yes: {need} (the largest), and the motor supplies {self.motor_torque_nm:g} N·m"
+            return (
+                f"Yes: {need}, the largest torque of all, and the motor supplies "
+                f"{self.motor_torque_nm:g} N·m"
+            )
         short = int((self.peak_torque_nm > (self.motor_torque_nm or 0.0)).sum())
         return (
             f"No: {need}, but the motor supplies {self.motor_torque_nm:g} N·m; too weak for "

@@ -61,7 +61,7 @@ class Blocks:
         if not chain.module.fills_cell:
             raise InputError(
                 "no-blocks",
-                f"got a chain of the module {chain.module.name}, expected cubes; use another "
+                f"got a chain of the module type {chain.module.name}, expected cubes; use another "
                 "strategy.",
             )
         stops = np.append(self.starts[1:], n)

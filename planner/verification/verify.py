@@ -159,7 +159,7 @@ def _verified(
     if playback is not None:
         found.look("timeline.zarr shows the plan's playback", playback_differs(plan, playback))
         found.look(
-            "the playback was simulated if the plan says so",
+            "the playback was simulated if the plan declares it",
             kind_differs(plan, playback, earlier=earlier),
         )
     found.look(

@@ -146,7 +146,7 @@ def _read(directory: Path) -> Manifest:
     if manifest.schema not in known:
         raise AdminError(
             f"got a backup with tables of version {manifest.schema}, expected {known[-1]} at most; "
-            f"install foldback {manifest.foldback}, which made it."
+            f"install foldback {manifest.foldback}, which made the backup."
         )
     return manifest
 

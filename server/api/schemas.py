@@ -393,7 +393,7 @@ class Feasibility(Body):
 
 
 class Knot(Body):
-    """Knot of the folded chain, whose ends are connected far away from it."""
+    """Knot of the folded chain after its ends are connected far away from it."""
 
     verdict: Literal["unknot", "knotted", "undecided"]
     determinant: int | None

@@ -35,7 +35,7 @@ COMMANDS: Final = {
     "retime": "Add time stamps to a plan within a robot's limits.",
     "servos": "List servos that are strong enough for a torque.",
     "table": "Check whether a plan works on a table, and compute the joint torques.",
-    "doctor": "Check the requirements of the service.",
+    "doctor": "Check that this machine meets the requirements of the service.",
     "admin": "Manage the folds, backups and tables of a service.",
 }
 """Commands of ``foldback`` with the first line of their help; the list of commands is printed

@@ -18,7 +18,7 @@ def doctor(
     data_dir: Annotated[Path | None, typer.Option(help="Data directory of the service.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
-    """Check the requirements of the service; exits with 1 if there is a problem."""
+    """Check that this machine meets the requirements; exits with 1 if there is a problem."""
     from server.doctor.doctor import examined
 
     found = examined({"host": host, "port": port, "data_dir": data_dir})

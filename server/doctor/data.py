@@ -55,7 +55,7 @@ def directory(settings: Settings) -> CheckResult:
         found += "; it will be created"
     if free < settings.min_free_disk_bytes:
         return problem(
-            f"{found}, of which {settings.min_free_disk_bytes // 2**20} MiB must stay free",
+            f"{found}, expected at least {settings.min_free_disk_bytes // 2**20} MiB",
             "Free some space (`foldback admin expire --older DAYS`), or use a larger disk.",
         )
     if kind in NETWORK_FILESYSTEMS and settings.database_url is None:
@@ -113,7 +113,7 @@ def _tables(url: str, connection: sa.Connection) -> CheckResult:
         return ok(f"{_shown(url)}, empty; tables will be created")
     if schema.behind:
         return warning(
-            f"{found}, {schema.behind} behind {schema.head}",
+            f"{found}, expected {schema.head}",
             "Back up the database; `foldback serve` updates its tables at start.",
         )
     if ahead_s > MAX_CLOCK_DIFFERENCE_S:

@@ -77,7 +77,7 @@ def variables(settings: Settings) -> CheckResult:
         return ok(f"{len(settings.model_fields_set)} set, all others at their defaults")
     return warning(
         "; ".join(unknown_words(name, nearest) for name, nearest in unknown.items()),
-        "Correct the name, or unset it; docs/operations.md lists all settings.",
+        "Correct the name, or unset the variable; docs/operations.md lists all settings.",
     )
 
 
@@ -195,7 +195,7 @@ def names(settings: Settings) -> CheckResult:
             )
         return ok(", ".join(settings.allowed_hosts))
     if host in LOOPBACK or host.startswith("127."):
-        return ok(f"only this machine's own names, on {host}")
+        return ok(f"only this machine's own names are accepted, on {host}")
     return warning(
         f"other machines can reach {host}, and the service accepts requests for any host name",
         "Set FOLDBACK_ALLOWED_HOSTS to the service's host names, against DNS rebinding.",
@@ -212,7 +212,7 @@ def clock(settings: Settings) -> CheckResult:
     shown = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(now))
     if now < past - 60.0:
         return warning(
-            f"it shows {shown}, but some files were written {_hours(past - now)} after that",
+            f"the clock shows {shown}, but some files were written {_hours(past - now)} later",
             "Set the clock and synchronise it with NTP: it decides when folds expire.",
         )
     return ok(shown)

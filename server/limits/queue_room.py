@@ -54,8 +54,8 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
         and admits(sum(near), wanted.cost_s, total=all_s, limit=settings.largest_queue_seconds)
     ):
         raise _full(
-            f"{len(waiting)} folds are waiting, {len(near)} of them from your network; together "
-            f"they take about {all_s:.0f} s"
+            f"{len(waiting)} folds are waiting ({len(near)} of them from your network), and "
+            f"together they take about {all_s:.0f} s"
         )
 
 

@@ -28,7 +28,7 @@ EXPECTED_WORDS: Final = {
     "less_than_equal": "at most {le}",
 }
 """Texts for the expected value in error messages about settings, by pydantic's type of error."""
-REMEDY: Final = "Correct it, or unset it; docs/operations.md lists all settings."
+REMEDY: Final = "Correct the setting, or unset it; docs/operations.md lists all settings."
 MAX_QUOTED_CHARACTERS: Final = 60
 """Maximum length of a setting's value that an error message quotes, in characters; the rest is cut
 off. A larger value makes messages longer. Chosen."""

@@ -21,8 +21,8 @@ NO_GL: Final = (
     "Debian or Ubuntu 'apt-get install libegl1 libgl1 libgl1-mesa-dri' (or 'libosmesa6')"
 )
 NO_FFMPEG: Final = (
-    "MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or pip install 'foldback[movies]', "
-    "or request a .gif"
+    "MP4 needs ffmpeg: install it (Debian: apt install ffmpeg), run pip install "
+    "'foldback[movies]', or request a .gif"
 )
 
 

@@ -76,8 +76,8 @@ class Schema:
         if self.newer:
             raise NewerSchemaError(
                 f"got a database with tables of version {self.found}, expected {self.head} at "
-                f"most: a newer foldback than this one ({version('foldback')}) wrote it. Install "
-                "that version again, or restore an older backup."
+                f"most. A newer foldback than this one ({version('foldback')}) wrote the database. "
+                "Install the newer version again, or restore an older backup."
             )
 
 

@@ -157,7 +157,7 @@ def test_folds_are_accessible(visit: Visit, service: Service, tmp_path: Path) ->
             expect(page.locator(f"#panel-{tab}")).to_be_visible()
             assert findings(page) == {}, (tone, tab)
     page.locator("#tab-properties").click()
-    page.get_by_role("button", name="Check it here").click()
+    page.get_by_role("button", name="Check this plan").click()
     expect(page.locator("#check [role=status]")).to_contain_text("This browser checked")
     assert findings(page) == {}
     dialogs = {"share": "sharing", "compare": "compare-dialog", "keys": "keys-dialog"}

@@ -13,7 +13,7 @@ from tests.server.service_process import Service
 
 def check_in_page(check: Locator) -> Locator:
     """Have a fold checked in its page, and return the element with the result."""
-    check.get_by_role("button", name="Check it here").click()
+    check.get_by_role("button", name="Check this plan").click()
     status = check.get_by_role("status")
     expect(status).to_contain_text("This browser checked 24 modules without our server")
     return status
@@ -30,7 +30,7 @@ def test_fold_is_checked_and_broken_on_purpose(visit: Visit, service: Service, w
     plan = Plan(service.directory(wrench) / "plan.npz")
     assert f"{int(1000 * plan.claim) / 10:.1f} % of a module width apart" in status.inner_text()
     assert [url for url in urls if url.endswith("/plan.npz")]
-    expect(check.get_by_role("button", name="Check it here")).to_be_focused()
+    expect(check.get_by_role("button", name="Check this plan")).to_be_focused()
     check.get_by_text("What this check does not show").click()
     expect(check).to_contain_text("Real joints have play")
     assert "def main" in service.http.get("/static/foldback_check.py").text
@@ -72,7 +72,7 @@ def test_downloaded_page_checks_itself(
 def test_embedded_fold_is_checked_in_a_dialog(visit: Visit, wrench: str) -> None:
     page = visit(f"/embed/{wrench}", width=640, height=420, view=False)
     page.wait_for_function("() => window.foldback?.timeline.complete")
-    page.get_by_role("button", name="Check it here").click()
+    page.get_by_role("button", name="Check this plan").click()
     dialog = page.get_by_role("dialog")
     expect(dialog.get_by_role("status")).to_contain_text("This browser checked")
     dialog.get_by_role("button", name="Tightest place").click()

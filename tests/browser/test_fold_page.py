@@ -109,7 +109,7 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
 
     # Properties and downloads.
     page.locator("#tab-properties").click()
-    expect(page.locator("#panel-properties")).to_contain_text("Least clearance")
+    expect(page.locator("#panel-properties")).to_contain_text("Smallest clearance")
     page.locator("#tab-downloads").click()
     with page.expect_download() as download:
         page.locator("#panel-downloads a").first.click()

@@ -136,16 +136,16 @@ def test_plots_show_figures_and_seek(page: Page, figures: Figures) -> None:
     plots = page.locator(".plot")
     expect(plots).to_have_count(4)
     seek(page, 40)
-    plot = page.get_by_role("slider", name="Least clearance")
+    plot = page.get_by_role("slider", name="Smallest clearance")
     plot.focus()
     page.keyboard.press("PageUp")
     page.keyboard.press("ArrowLeft")
     at_frame(page, 49)
     least = f"{float(f'{figures.min_clearance[49]:.2g}'):g} pitch"
-    expect(plot).to_have_attribute("aria-valuetext", f"Frame 50, least clearance {least}")
-    expect(plots.filter(has_text="Least clearance").locator("b")).to_have_text(least)
+    expect(plot).to_have_attribute("aria-valuetext", f"Frame 50, smallest clearance {least}")
+    expect(plots.filter(has_text="Smallest clearance").locator("b")).to_have_text(least)
     with page.expect_download() as download:
-        page.get_by_role("link", name="Least clearance as CSV").click()
+        page.get_by_role("link", name="Smallest clearance as CSV").click()
     table = np.genfromtxt(download.value.path(), delimiter=",", names=True)
     np.testing.assert_allclose(table["min_clearance"], figures.min_clearance, rtol=1e-6)
 
@@ -156,7 +156,7 @@ def test_plots_show_figures_and_seek(page: Page, figures: Figures) -> None:
     where = plots.nth(0).locator(".plot-where")
     expect(where).to_contain_text(re.compile(r"^frame \d+, [\d.]+ s$"))
     assert shown_frame(page) > 0.5 * len(figures), "a reading moves nothing"
-    larger = page.get_by_role("button", name="Larger view of least clearance")
+    larger = page.get_by_role("button", name="Larger view of smallest clearance")
     larger.click()
     large = page.locator("dialog.plot-dialog .plot svg[role=slider]")
     before = shown_frame(page)

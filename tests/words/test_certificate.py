@@ -74,7 +74,7 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
 def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:
     simulated, followed = dict(rows(SIMULATED)), dict(rows(FOLLOWED))
     unknown = dict(rows(SIMULATED | {"simulated": None, "rms_position_error": None}))
-    for label in ("Least clearance, simulated robots", FINAL_ERROR, "Largest joint error"):
+    for label in ("Smallest clearance, simulated robots", FINAL_ERROR, "Largest joint error"):
         assert simulated[label] and simulated[label] != "not simulated"
         assert followed[label] == "not simulated"
     assert unknown[FINAL_ERROR] == certificate_words.NOT_KNOWN

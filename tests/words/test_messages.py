@@ -41,7 +41,8 @@ VERDICTS = {
         "failed: modules 1 and 2 block each other"
     ),
     "failed: the chain floats and does not rest on a table; laid down in each frame, it": (
-        "failed: the chain floats, so a table does not support it. Laid down in each frame, it"
+        "failed: the chain floats, so a table does not support it. "
+        "If it is laid on a table in each frame, it"
     ),
     "failed: modules 2 and 9 overlap by 1.03 pitch at module size 0.95": (
         "failed: modules 2 and 9 overlap by 1.03 module widths at module size 0.95"

@@ -117,7 +117,7 @@ export class Plan {
       "the angles are missing, or stored more than once": ["joint_angles_rad", "angles_rad", "angle_planes"].filter((name) => arrays.has(name)).length === 1,
       "the exempt pairs do not match the module": exempt.apart === apart && exempt.count === count,
       "an angle exceeds the limit": most <= limit + SLIP,
-      "the certificate states another number of frames": [undefined, null, frames].includes(said.frames),
+      "the certificate states a different number of frames": [undefined, null, frames].includes(said.frames),
       "the times do not increase": times.length === frames && rise(times),
       "the first frame is not the start": near(this.frame(0).subarray(pad), start ? start.folded_rad : new Float64Array(folded.length)),
       "the last frame is not the folded shape": near(this.frame(frames - 1).subarray(pad), folded),

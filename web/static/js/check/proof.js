@@ -178,7 +178,7 @@ export class Proof {
     const { frame, plan: { claim } } = this, bound = this.solids(this.lost(i, j, this.module.radius)), { gap, fits } = this.best;
     const place = /** @type {Place} */ ({ modules: [i, j], frame, gap, fits });
     if (!this.tightest || gap < this.tightest.gap) this.tightest = place;
-    if (!(bound >= claim || gap >= claim)) throw new NotProved(`The gap found between modules ${i} and ${j} at frame ${frame.toFixed(6)} is ${gap.toFixed(9)}, but the plan claims ${claim.toFixed(9)}.`, place);
+    if (!(bound >= claim || gap >= claim)) throw new NotProved(`The gap found between modules ${i} and ${j} at frame ${frame.toFixed(6)} is ${gap.toFixed(9)}, but the plan claims at least ${claim.toFixed(9)}.`, place);
     return bound >= claim;
   }
 

@@ -12,7 +12,7 @@ export const HINTS = {
   paint: ["Click or drag to paint. Start on a painted cell to erase.", "Page Up and Page Down change the layer."],
   fill: ["Click a connected region in this layer. Empty cells are filled, painted cells are cleared.", ""],
   box: ["Drag from corner to corner, or click two corners in any layers. Start on a painted cell to erase.", ""],
-  move: ["Drag the shape, or use the buttons.", "Arrow keys, Page Up and Page Down also move it."],
+  move: ["Drag the shape, or use the buttons.", "Arrow keys, Page Up and Page Down also move the shape."],
   path: ["Drag from cell to cell, starting at either end. Drag back to undo. Possible next cells are framed. The Complete button finds the rest of the path.",
     "You can also draw with Shift and the arrow keys, Page Up or Page Down. X cuts, Backspace undoes."],
 };
@@ -204,7 +204,7 @@ export class Editor {
 
   /** @param {number} key */
   cutAt(key) {
-    if (!this.painting.path.includes(key)) { this.refused = "First touch the path cell where the path should end."; return; }
+    if (!this.painting.path.includes(key)) { this.refused = "First touch the cell where the path should end."; return; }
     this.step(() => this.follow(cut(this.drawn, key)));
   }
 

@@ -143,7 +143,7 @@ async function refusedToStop(address, token) {
   } catch (error) {
     if (!(error instanceof Refusal) || error.status === GONE) return "";
     if (error.status === FORBIDDEN) return "Someone else requested this movie too, so it will be finished";
-    return error.status ? "It could not be stopped" : "The server cannot be reached. The movie was not stopped";
+    return error.status ? "The movie could not be stopped" : "The server cannot be reached. The movie was not stopped";
   }
   return "";
 }

@@ -44,7 +44,7 @@ export class Drawer {
     this.onCheck = () => {};
     this.check = element("div", { class: "group", id: "check", hidden: true }, element("h3", {}, "Check it yourself"),
       element("p", { class: "hint" }, "This browser can prove the clearance from the plan file alone. You do not have to trust us."),
-      element("p", { class: "line" }, button("button", "Check it here", () => this.onCheck()),
+      element("p", { class: "line" }, button("button", "Check this plan", () => this.onCheck()),
         element("a", { class: "button quiet", href: "/static/foldback_check.py", download: true }, "Download the checker")));
     get("details").onclick = () => this.open(Boolean(get("drawer").hidden));
     get("drawer-close").onclick = () => this.close();

@@ -23,7 +23,7 @@ const KEPT_MS = 60_000; // what is being downloaded
 /** @type {Plot[]} */
 const PLOTS = [
   { name: "max_error_rad", label: "Largest joint error", text: radians, worst: Math.max },
-  { name: "min_clearance", label: "Least clearance", text: pitches, worst: Math.min },
+  { name: "min_clearance", label: "Smallest clearance", text: pitches, worst: Math.min },
   { name: "hinges_moving", label: "Hinges moving", text: whole, worst: Math.max },
   { name: "peak_torque_nm", label: "Largest torque", text: newtonMetres, worst: Math.max },
 ];

@@ -161,7 +161,7 @@ export class Progress {
       if (shared) this.token = null;
       if (this.now) this.show(this.now);
       get("cancel").disabled = false;
-      toast(shared ? "Other people requested this fold too, so it will keep running" : "It could not be cancelled");
+      toast(shared ? "Other people requested this fold too, so it will keep running" : "The fold could not be cancelled");
     }
   }
 }

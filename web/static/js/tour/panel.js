@@ -180,7 +180,7 @@ export class TourPanel {
     if (!this.state || !view) return;
     const { frame, module, from, to, camera, colour, path, follow } = view;
     /** @type {TourStop} */
-    const stop = { caption: "Describe what can be seen here.", frame: Math.round(frame ?? 0) + 1 };
+    const stop = { caption: "Describe what is visible here.", frame: Math.round(frame ?? 0) + 1 };
     if (module !== null) stop.modules = [module + 1];
     if (from !== null && to !== null) Object.assign(stop, { from: Math.round(from) + 1, to: Math.round(to) + 1 });
     if (camera) stop.camera = cameraText(camera);
