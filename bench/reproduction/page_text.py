@@ -16,6 +16,7 @@ from bench.reproduction.experiments import (
 from bench.reproduction.runs import Phase, Run
 from planner.parameters.parameters import preset
 from planner.parameters.settings_text import SETTINGS, value_of
+from words.failures import count_from_one
 
 FORMAT: Final = "foldback-reproduction/1"
 """Format of the page's data."""
@@ -189,10 +190,10 @@ def verdict(run: Run | None) -> str:
 
 
 def why(run: Run) -> str:
-    """Return the reason of a failure, in a line."""
+    """Return the reason of a failure in one line, with modules counted from 1."""
     if (place := run.overlap) is None:
-        return run.verdict.partition(": ")[2]
-    a, b = place.modules
+        return count_from_one(run.verdict.partition(": ")[2])
+    a, b = (module + 1 for module in place.modules)
     where = "" if place.of == "playback" else " in the plan"
     return (
         f"modules {a} and {b} overlap by {figure(place.depth)} pitch{where}, "

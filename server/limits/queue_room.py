@@ -39,7 +39,7 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
     """
     own = [fold.cost_s for fold in waiting if fold.visitor == wanted.visitor]
     if len(own) >= settings.largest_queue_of_visitor:
-        raise _full(f"{len(own)} of your folds are waiting")
+        raise _full(f"{len(own)} of your folds are waiting or running")
     if own and sum(own) + wanted.cost_s > settings.largest_queue_seconds_of_visitor:
         raise _full(
             f"your waiting folds ({len(own)}) take about {sum(own):.0f} s and this one "
