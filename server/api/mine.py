@@ -52,7 +52,7 @@ class MoviesMade(Body):
 async def listing_owner(
     request: Request, response: Response, context: Here, owner: RequiredOwner
 ) -> Owner:
-    """Return the owner of a request that counts towards the limit on lists; it is not cached."""
+    """Return the owner, count the request towards the limit on lists, and forbid caching."""
     response.headers["Cache-Control"] = "no-store"
     context.take_list(request)
     return owner
