@@ -1,7 +1,4 @@
-"""Drive a simulated robot along a fold of a running service.
-
-The service waits when the robot falls behind.
-"""
+"""Drive a simulated robot along a fold of a running service; the fold waits for the robot."""
 
 from __future__ import annotations
 
