@@ -237,7 +237,7 @@ class Plan:
             near = off <= 1e-6 or (words == "end" and not whole)
             yield f"{words} of the motion; a hinge is off by {off:.7f} rad", near
         stated = told.get("claim", {}).get("angles_sha256", self.digest)
-        yield "the digest of its angles", stated == self.digest or not whole
+        yield "the checksum of the angles", stated == self.digest or not whole
 
     def angles(self, frame, low, high):
         """Return the angles of slots low to high in a frame."""

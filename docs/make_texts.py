@@ -55,8 +55,13 @@ SENTENCE = re.compile(r"[A-Za-z]{2,}[,;:]? +[(\"]?[a-z0-9{…]|^[A-Z][a-z]+( [a-
 CODE = re.compile(
     r"^(SELECT|UPDATE|INSERT|DELETE|CREATE|ALTER|PRAGMA|VACUUM)\b|[{;]\s*$|^[a-z-]+(/[a-z-]+)+$"
     r"|^\(prefers-|^\(max-width|^(button|hint|swatch|choice-dot) [a-z]+$|sandbox;|max-age="
+    r"|\bno-(cache|store)\b|^[a-z]+(-[a-z]+)+( [a-z]+(-[a-z]+)+)+$|\bu?int\d+ [a-z]|^MSG: "
 )
-"""Matches SQL statements and pieces of code, which no person is shown."""
+"""Matches SQL statements, lists of CSS classes, headers of HTTP, definitions of messages and other
+pieces of code, which no person is shown."""
+
+MARKUP = re.compile(r"^(?!.*\b(alt|title)=\"[^\"{])<[^<>]*>( ?<[^<>]*>)*$")
+"""Matches elements of XML or HTML without a text, a title or an alternative text of their own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +75,7 @@ class Text:
 
 def is_for_people(words: str) -> bool:
     """Return True if a string reads as a text for people."""
-    return bool(SENTENCE.search(words)) and not CODE.search(words)
+    return bool(SENTENCE.search(words)) and not (CODE.search(words) or MARKUP.search(words))
 
 
 def in_python(source: str) -> Iterator[tuple[int, str]]:

@@ -143,13 +143,16 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
         return []
     size, one, each = found["module_size"], found["one_hinge_rad"], found["independent_rad"]
     return [
-        ("Margin: module size", f"up to {rounded_down(size['value'])} pitch; {_limit(size)}"),
         (
-            "Margin: error of one hinge",
+            "Margin for the module size",
+            f"up to {rounded_down(size['value'])} pitch; {_limit(size)}",
+        ),
+        (
+            "Margin for an error in one hinge",
             f"up to {degrees_down(one['value'])}, all others exact; {_limit(one)}",
         ),
         (
-            "Margin: random errors of all hinges",
+            "Margin for random errors in all hinges",
             f"up to {degrees_down(each['value'])} each: modules touch in at most "
             f"{100 * found['failure_probability']:.0f} of 100 robots; {_limit(each)}",
         ),

@@ -25,7 +25,10 @@ MESSAGES: Final = (
     ),
     (re.compile(r"Not Found"), "There is nothing at this address."),
     (re.compile(r"got an empty file\b.*"), "This file is empty."),
-    (re.compile(r"got 0 angles, expected a positive\b.*"), "Type at least one angle: 0, + or −."),
+    (
+        re.compile(r"got 0 angles, expected a positive\b.*"),
+        "Type at least one angle, using the signs 0, + or −.",
+    ),
     (
         re.compile(
             r"(?:character \d+: )?got (?P<sign>.+?) after \d+ angles, expected 0, \+ or -.*"
@@ -50,6 +53,12 @@ VERDICT_PHRASES: Final = (
         "the chain floats, so a table does not support it. "
         "If it is laid on a table in each frame, it",
     ),
+    (re.compile(r"\bdoes not start folded as (?=\S)"), "does not start in the folded shape "),
+    (
+        re.compile(r"\bthe playback passes (\S+ pitch) \(RMS\) from straight"),
+        r"the playback misses the straight shape by \1 (RMS)",
+    ),
+    (re.compile(r"\bthe frames have no plan\b"), "there is no plan for these frames"),
 )
 """Patterns in verdicts, and the words that replace them for people. Plans store the verdicts, and
 ``foldback verify`` compares them, so the verdicts themselves keep their text."""

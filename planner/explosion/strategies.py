@@ -74,8 +74,8 @@ def ranked_strategies(
     if not possible:
         raise InputError(
             "unsuited-world",
-            f"got a chain of {chain.module.name}s for a fold on a table, expected cubes that fold "
-            "into the cells of a lattice; use the world 'floating'.",
+            f"got a chain of {chain.module.name}s for a fold on a table, expected cubes that fill "
+            "the cells of a lattice; use the 'floating' world.",
         )
     if wished == AUTO:
         return tuple(name for name in _preferred(chain) if name in possible) or possible[:1]

@@ -106,7 +106,9 @@ def find_paths(
             f"got the method {method!r}, expected one of: {', '.join(PATH_METHODS)}.",
         )
     if ends not in PATH_ENDS:
-        raise InputError("unknown-ends", f"got the ends {ends!r}, expected any or surface.")
+        raise InputError(
+            "unknown-ends", f"got {ends!r} for the path's ends, expected 'any' or 'surface'."
+        )
     index_of(shape.cells, start)
     options = _Options(
         ends=ends,

@@ -191,14 +191,14 @@ def _ours(modules: int, request: FoldRequest, parameters: Parameters) -> Expecte
         LOWER_BOUND_FRACTION * robots_s,
     )
     stage, cause = "play_back", f"{modules} modules and {parameters.playback.robot.runs} robots"
-    remedy = "Use fewer robots, or a smaller simulated_modules."
+    remedy = "Use fewer robots, or a lower value of simulated_modules."
     if request.world != FLOATING and LOWER_BOUND_FRACTION * usual_s > least_s:
         least_s, stage, cause = (
             LOWER_BOUND_FRACTION * usual_s,
             "explode",
             f"{modules} modules on a table",
         )
-        remedy = "Use fewer modules, or the world 'floating'."
+        remedy = "Use fewer modules, or the 'floating' world."
     strategy = request.strategy
     if strategy in COSTS_INTERLOCKED and not request.smooth:
         expected_s += COSTS_INTERLOCKED[strategy].of(modules)

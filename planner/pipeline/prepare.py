@@ -293,8 +293,8 @@ def check_for_table(chain: Chain) -> None:
     if chain.module.name != CUBE.name:
         raise InputError(
             "unsuited-world",
-            f"got the module {chain.module.name} for a fold on a table, expected {CUBE.name}; use "
-            "the world 'floating' for other modules.",
+            f"got {chain.module.name} modules for a fold on a table, expected {CUBE.name} modules; "
+            "use the 'floating' world for other modules.",
             where="world",
         )
     faults = rule_violations(np.rint(chain.folded_poses.positions).astype(np.int64))

@@ -118,7 +118,8 @@ class FoldRequest(PathOptions):
         Option(
             title="Module size in the clearance check, as a fraction of the pitch",
             noun="module size",
-            help="Edge of a module in pitches (one pitch is the distance between modules).",
+            help="Edge of a module in pitches. One pitch is the distance between the centres of "
+            "two neighbouring modules.",
             range=MODULE_SIZE_RANGE,
             unit="of the pitch",
         ),
@@ -203,25 +204,25 @@ class FoldRequest(PathOptions):
                 raise InputError(
                     "unsuited-world",
                     f"got the {what} {got} for a fold on a table, expected "
-                    f"{getattr(plain, name)}; use the world 'floating' for other values.",
+                    f"{getattr(plain, name)}; use the 'floating' world for other values.",
                 )
         if self.method not in ("auto", "blocks"):
             raise InputError(
                 "unsuited-world",
                 f"got the path method {self.method} for a fold on a table, expected auto or "
-                "blocks; use the world 'floating' for other methods.",
+                "blocks; use the 'floating' world for other methods.",
             )
         if self.start is not None:
             raise InputError(
                 "unsuited-world",
                 "got a start cell for a fold on a table, expected none, because the path is chosen "
-                "for stability; use the world 'floating' to choose a start.",
+                "for stability; use the 'floating' world to choose a start.",
             )
         if self.refold or self.smooth:
             raise InputError(
                 "unsuited-world",
                 "got a refold or smoothing for a fold on a table, expected a new fold of a shape; "
-                "use the world 'floating' to refold or smooth.",
+                "use the 'floating' world to refold or smooth.",
             )
 
     @property

@@ -181,7 +181,10 @@ def post_cancel(before: ExistingFold, context: Here, owner: RequiredOwner) -> Fo
 def patch_fold(
     row: ExistingFold, changes: FoldChanges, context: Here, owner: RequiredOwner
 ) -> Fold:
-    """Change the name on pages, in lists and of downloads; the name in the plan does not change.
+    """Change the name or the owner token of a fold.
+
+    The name is shown on pages, in lists and in download file names; the name in the plan stays the
+    same.
 
     Gallery folds cannot be renamed.
     """

@@ -52,7 +52,7 @@ class MoviesMade(Body):
 async def listing_owner(
     request: Request, response: Response, context: Here, owner: RequiredOwner
 ) -> Owner:
-    """Return the owner of a request in the rate of lists; the answer must not be cached."""
+    """Return the owner, count the request towards the limit on lists, and forbid caching."""
     response.headers["Cache-Control"] = "no-store"
     context.take_list(request)
     return owner

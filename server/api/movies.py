@@ -36,9 +36,9 @@ class MovieOptions(Body):
 
     format: Literal["mp4", "gif"] = "mp4"
     width: int | None = None
-    """Width in pixels, even, at most 1920 (GIF: 960)."""
+    """Width in pixels; must be an even number, at most 1920 (GIF: 960)."""
     height: int | None = None
-    """Height in pixels, even."""
+    """Height in pixels; must be an even number."""
     fps: int | None = None
     """Frames per second, at most 60 (GIF: 25)."""
     seconds: float | None = None
@@ -118,7 +118,7 @@ def post_movie(
 ) -> MovieBody:
     """Add a movie to the queue. The same options return the same movie.
 
-    Movies requested by the fold's owner, with the owner token, are not replaced by those of others.
+    A movie requested with the owner token is replaced only by a newer movie of the owner's.
     """
     found = context.store.find(fold_id) if options.tour else None
     tour = None if found is None else tour_of(context.store, found)

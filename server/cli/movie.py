@@ -29,8 +29,8 @@ from server.processes.movie_task import ask_for_movie, is_on_table, run_movie
 from web.movies.movie import FORMATS, Movie
 
 MOVIE_OPTIONS: Final[dict[str, tuple[str, type, str]]] = {
-    "width": ("--width", int, "Width in pixels, even."),
-    "height": ("--height", int, "Height in pixels, even."),
+    "width": ("--width", int, "Width in pixels; must be an even number."),
+    "height": ("--height", int, "Height in pixels; must be an even number."),
     "fps": ("--fps", int, "Pictures per second."),
     "seconds": ("--seconds", float, "Length in seconds."),
     "azimuth_deg": (

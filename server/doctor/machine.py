@@ -95,7 +95,7 @@ def port(settings: Settings) -> CheckResult:
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
             if _foldback_answers(settings):
-                return ok(f"foldback already answers at {place}")
+                return ok(f"foldback is already running at {place}")
             return problem(
                 f"another program listens at {place}",
                 "Set FOLDBACK_PORT to a free port, or stop that program.",

@@ -1,4 +1,4 @@
-"""Base path: a service behind a proxy, below a path of a host that has other things beside it."""
+"""Base path: path prefix of the addresses of a service that shares its host with other sites."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 BASE_PATH: Final[ContextVar[str]] = ContextVar("base_path", default="")
-"""Path below which the service is that answers the present request; empty at the root."""
+"""Path prefix of the service for the current request; empty if it runs at the root."""
 
 
 def at(path: str) -> str:

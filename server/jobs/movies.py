@@ -232,7 +232,8 @@ class Movies:
         if others >= settings.movies_waiting:
             raise Unavailable(
                 "busy",
-                f"{others} movies of others are being created; try again in {MOVIE_RETRY_S} s.",
+                f"{others} movies for other people are being created; try again in "
+                f"{MOVIE_RETRY_S} s.",
                 retry_after_s=MOVIE_RETRY_S,
             )
         check_space(settings.root, settings.min_free_disk_bytes)

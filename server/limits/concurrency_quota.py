@@ -323,7 +323,7 @@ class Quota:
 
     def _too_busy(self, count: int, holder: Holder) -> ServiceError:
         if holder is Holder.ALL:
-            return _busy(Unavailable, f"{count} {self._what} of others are being created")
+            return _busy(Unavailable, f"{count} {self._what} for other people are being created")
         return _busy(TooMany, f"{count} {self._what} {holder} are being created")
 
 

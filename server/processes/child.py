@@ -406,13 +406,13 @@ def _problem(error: Exception, task: str) -> tuple[str, str]:
     """Return the code and the detail of an unexpected error of a task."""
     if isinstance(error, OSError) and error.errno in FULL_DISK_ERRNOS:
         return "disk-full", (
-            "the disk of the service is full, so this task failed; stored data is unharmed. Try "
+            "the disk of the service is full, so this task failed; stored data is safe. Try "
             "again later."
         )
     if isinstance(error, OSError) and error.errno in FAILED_DISK_ERRNOS:
         return "disk-failed", (
-            f"the disk of the service cannot be written ({error.strerror}), so this task failed; "
-            "stored data is unharmed. Try again later."
+            f"the service cannot write to its disk ({error.strerror}), so this task failed; stored "
+            "data is safe. Try again later."
         )
     return "internal", f"the stage '{task}' failed: {type(error).__name__}: {error}"
 

@@ -3,7 +3,7 @@
 import shutil
 from pathlib import Path
 
-from docs.make_texts import READERS, ROOT, all_texts
+from docs.make_texts import READERS, ROOT, all_texts, is_for_people
 from tests.case import case
 
 
@@ -23,6 +23,23 @@ def test_reader_finds_texts_and_no_comments() -> None:
             found = {" ".join(words.split()) for _, words in READERS[suffix](source)}
             assert set(texts) <= found
             assert not {"no", "Module.", "code here"} & found
+
+
+def test_texts_for_people_are_told_from_code() -> None:
+    for words, expected in (
+        ("the angles do not match the hinges", True),
+        ("chain-end and chain-start are equal", True),
+        ('<img src="a.webp" alt="A cup of 24" width="200">', True),
+        ("<b>Two words</b>", True),
+        ("private, no-cache", False),
+        ("icon-button dialog-close", False),
+        ("int32 sec uint32 nanosec", False),
+        ("MSG: std_msgs/Header builtin_interfaces/Time stamp", False),
+        ('<option gravity="0 0 0"><flag autoreset="disable"/></option>', False),
+        ('<iframe src="{…}/embed/{…}" title="{…}" loading="lazy"></iframe>', False),
+    ):
+        with case(words):
+            assert is_for_people(words) == expected
 
 
 def test_all_texts_name_a_line_that_holds_the_text(tmp_path: Path) -> None:

@@ -64,11 +64,11 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
     }
     limit = "limited by modules 1 and 159 near frame 43 of the plan"
     shown = dict(rows(SIMULATED | {"margins": margins}))
-    assert shown["Margin: module size"] == f"up to 0.995 pitch; {limit}"
-    assert shown["Margin: error of one hinge"] == f"up to 0.17°, all others exact; {limit}"
-    assert str(shown["Margin: random errors of all hinges"]).startswith("up to 0.0022° each: ")
-    assert "5 of 100 robots" in str(shown["Margin: random errors of all hinges"])
-    assert "Margin: error of one hinge" not in dict(rows(SIMULATED))
+    assert shown["Margin for the module size"] == f"up to 0.995 pitch; {limit}"
+    assert shown["Margin for an error in one hinge"] == f"up to 0.17°, all others exact; {limit}"
+    assert str(shown["Margin for random errors in all hinges"]).startswith("up to 0.0022° each: ")
+    assert "5 of 100 robots" in str(shown["Margin for random errors in all hinges"])
+    assert "Margin for an error in one hinge" not in dict(rows(SIMULATED))
 
 
 def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:

@@ -9,7 +9,7 @@ from words.messages import message_for_people, verdict_for_people
 
 MESSAGES = {
     "got 0 angles, expected a positive multiple of 1, one for each hinge.": (
-        "Type at least one angle: 0, + or −."
+        "Type at least one angle, using the signs 0, + or −."
     ),
     "got a after 0 angles, expected 0, + or - for each hinge.": (
         '"a" isn\'t an angle. Use 0, + or − for each hinge.'
@@ -44,6 +44,13 @@ VERDICTS = {
         "failed: the chain floats, so a table does not support it. "
         "If it is laid on a table in each frame, it"
     ),
+    "failed: the plan does not start folded as hairpin": (
+        "failed: the plan does not start in the folded shape hairpin"
+    ),
+    "failed: the playback passes 0.2 pitch (RMS) from straight": (
+        "failed: the playback misses the straight shape by 0.2 module widths (RMS)"
+    ),
+    "failed: the frames have no plan": "failed: there is no plan for these frames",
     "failed: modules 2 and 9 overlap by 1.03 pitch at module size 0.95": (
         "failed: modules 2 and 9 overlap by 1.03 module widths at module size 0.95"
     ),

@@ -95,13 +95,13 @@ def test_end_is_compared_with_a_path_or_the_angles_of_a_chain(
             foldback_check.check_end(chain, other)
 
 
-def test_new_plan_states_its_digest(folded: Folded, tmp_path: FilePath) -> None:
+def test_new_plan_states_its_checksum(folded: Folded, tmp_path: FilePath) -> None:
     def other(arrays: dict[str, Any], meta: Any) -> None:
         arrays["joint_angles_rad"][5, 5] += 1e-9
 
     plan = folded.directory / "plan.npz"
     found = foldback_check.check(rewrite(plan, tmp_path / "plan.npz", other))
-    assert "digest" in str(found["reason"])
+    assert "checksum" in str(found["reason"])
 
 
 def random_motion(random: np.random.Generator, kind: Any, modules: int) -> Array:

@@ -157,7 +157,7 @@ def test_port_of_another_program_is_a_problem(tmp_path: Path, blog: Blog, idle: 
     alien = settings(tmp_path, port=blog.server_port)
     check_finding(machine.port(alien), "problem", "another program")
     ours = urlsplit(str(idle.http.base_url)).port
-    check_finding(machine.port(settings(tmp_path, port=ours)), "ok", "foldback already answers")
+    check_finding(machine.port(settings(tmp_path, port=ours)), "ok", "foldback is already running")
 
 
 def test_limit_of_open_files_is_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

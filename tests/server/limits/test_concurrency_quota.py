@@ -37,10 +37,10 @@ def test_visitor_cannot_take_all_places() -> None:
             pass
         assert refused.value.retry_after_s == 5
         others = [begin("b", 3), begin("c", 3)]  # c gets the slot that a has in excess
-        with pytest.raises(Unavailable, match="of others") as full:
+        with pytest.raises(Unavailable, match="for other people") as full:
             displaced.result(30.0)
         assert full.value.code == "busy"
-        with pytest.raises(Unavailable, match="of others"), quota.turn("d"):
+        with pytest.raises(Unavailable, match="for other people"), quota.turn("d"):
             pass
         go_on.set()
         for done in (first, *others):

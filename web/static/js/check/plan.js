@@ -122,7 +122,7 @@ export class Plan {
       "the first frame is not the start": near(this.frame(0).subarray(pad), start ? start.folded_rad : new Float64Array(folded.length)),
       "the last frame is not the folded shape": near(this.frame(frames - 1).subarray(pad), folded),
       // Browsers hash for pages of https and of localhost alone; the proof itself needs no digest.
-      "the digest of the angles is wrong": !digest || !globalThis.crypto?.subtle || digest === await this.digest(),
+      "the checksum of the angles does not match": !digest || !globalThis.crypto?.subtle || digest === await this.digest(),
     };
   }
 
