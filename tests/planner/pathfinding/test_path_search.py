@@ -109,7 +109,7 @@ def test_options_out_of_range_are_refused() -> None:
     assert tuple(PATH_METHODS) == ("auto", "blocks", "exact", "snake")
     with pytest.raises(InputError, match="expected one of: auto, blocks, exact, snake"):
         find_paths(BOX, method="magic")
-    with pytest.raises(InputError, match="any or surface"):
+    with pytest.raises(InputError, match="expected 'any' or 'surface'"):
         find_paths(BOX, ends="inside")
     with pytest.raises(InputError, match="cell of the shape"):
         find_paths(BOX, start=(9, 9, 9))
