@@ -31,7 +31,6 @@ from server.api.fold_states import FoldStates
 from server.api.frame_waits import FrameWaits
 from server.api.shipped_folds import import_shipped_folds
 from server.files.artifacts import Artifacts
-from server.files.exports import Exports
 from server.files.pictures import Pictures
 from server.files.preview_reports import PreviewReports
 from server.files.preview_scenes import PreviewScenes
@@ -228,7 +227,6 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     store = Store(settings)
     previews = Previews(settings, store)
     leases = Leases.of(settings, store)
-    artifacts = _artifacts(settings, store)
     awaited = ChildLimits.of(settings, awaited=True)
     fork_server = shared or ForkServer.where_possible(
         ["reader", "preparer", "retimer"],
@@ -271,8 +269,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
             settings, previews, _preparer(settings, awaited, fork_server)
         ),
         preview_scenes=PreviewScenes(previews),
-        artifacts=artifacts,
-        exports=Exports(store, artifacts),
+        artifacts=_artifacts(settings, store),
         pictures=_pictures(settings, awaited, motions),
         movies=Movies(settings, store),
         gallery=gallery,

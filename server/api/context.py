@@ -11,7 +11,6 @@ from planner.readers.gallery import Gallery
 from server.api.fold_lookup import Viewing
 from server.api.fold_states import FoldStates
 from server.errors import TooMany
-from server.files.exports import Exports
 from server.files.pictures import Pictures
 from server.files.preview_reports import PreviewReports
 from server.files.preview_scenes import PreviewScenes
@@ -48,7 +47,6 @@ class Context(Viewing):
     preview_reports: PreviewReports
     preview_scenes: PreviewScenes
     pictures: Pictures
-    exports: Exports
     movies: Movies
     gallery: Gallery
     fold_states: FoldStates

@@ -54,6 +54,7 @@ from server.errors import (
 from server.files.trajectories import MotorsWanted, Retimed, Wanted
 from server.http.client_address import address_of
 from server.http.limited_stream import LimitedStream
+from server.http.websockets import first_of, receive
 from server.store.folds import FoldRow, NoSuchFoldError
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
@@ -378,20 +379,12 @@ class _RobotSession:
                 **_echoed(ask),
             )
         )
-        works = [asyncio.ensure_future(work) for work in (self._listen(), self._speak())]
+        await first_of(self._listen(), self._speak())
         try:
-            done, _ = await asyncio.wait(works, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for work in works:
-                work.cancel()
-            await asyncio.gather(*works, return_exceptions=True)
-        try:
-            for work in done:
-                work.result()
             # What is on its way may still come, and the end is read before this side hangs up.
             async with asyncio.timeout(CLOSE_TIMEOUT_S):
                 while True:
-                    await self._receive()
+                    await receive(self._websocket)
         except (WebSocketDisconnect, RuntimeError, TimeoutError):
             return
 
@@ -457,7 +450,7 @@ class _RobotSession:
         joints = len(self._trajectory.joint_names)
         window, count = 0, 0
         while True:
-            data = await self._receive()
+            data = await receive(self._websocket)
             second = int(self._clock())
             window, count = second, (count + 1 if second == window else 1)
             if count > MAX_MESSAGES_PER_SECOND:
@@ -482,12 +475,6 @@ class _RobotSession:
                     self._pace.paused = isinstance(message, Pause)
             except (msgspec.DecodeError, InputError) as error:
                 await self._send(Wrong(code="bad-message", detail=f"{error}."))
-
-    async def _receive(self) -> str | bytes:
-        message = await self._websocket.receive()
-        if message["type"] == "websocket.disconnect":
-            raise WebSocketDisconnect
-        return message.get("text") or message.get("bytes") or b""
 
     def _error_of(self, report: Report) -> float:
         """Return the largest joint error in a report."""
