@@ -22,9 +22,8 @@ from server.jobs.eta import EtaEstimator
 from server.jobs.movies import Movies
 from server.limits.concurrency_quota import Quota
 from server.limits.networks import hidden
-from server.limits.robot_rates import RobotRates
 from server.limits.single_flight import SingleFlight
-from server.limits.token_buckets import TokenBuckets
+from server.limits.token_buckets import SharedBuckets, TokenBuckets
 from server.ops.metrics import Metrics
 from server.processes.children import Reader
 from server.processes.fork_server import ForkServer
@@ -52,7 +51,7 @@ class Context(Viewing):
     fold_states: FoldStates
     streams: Quota
     robots: Quota
-    robot_rates: RobotRates
+    robot_rates: SharedBuckets
     classes: LiveClasses
     trajectories: Trajectories
     answers: SingleFlight
