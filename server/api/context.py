@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import ceil
 
 from fastapi import Request
+from starlette.requests import HTTPConnection
 
 from planner.readers.gallery import Gallery
 from server.api.fold_lookup import Viewing
@@ -82,8 +83,8 @@ class Context(Viewing):
         return hidden(address_of(request), self.secret)
 
 
-def context_of(request: Request) -> Context:
-    """Return the context of the application that a request is for."""
+def context_of(request: HTTPConnection) -> Context:
+    """Return the context of the application that a request or a websocket is for."""
     context: Context = request.app.state.context
     return context
 

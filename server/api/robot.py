@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from planner.errors import DamagedError, InputError
 from planner.file_names import PLAN
 from planner.verification.integrity import check
-from server.api.context import Context
+from server.api.context import Context, context_of
 from server.api.fold_lookup import ADDRESS_ID
 from server.api.folds import Here, file_or_problems
 from server.api.results import not_there
@@ -266,7 +266,7 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
     Limits are checked before the socket is accepted, because until then an error can be sent as an
     HTTP response.
     """
-    context = cast("Context", websocket.app.state.context)
+    context = context_of(websocket)
     visitor = address_of(websocket)
     try:
         ask = msgspec.convert(dict(websocket.query_params), Ask, strict=False)

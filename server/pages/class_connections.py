@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from typing import Final, cast
+from typing import Final
 
 import segno
 from fastapi import APIRouter, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse, Response
 
-from server.api.context import Context
+from server.api.context import context_of
 from server.api.fold_lookup import ADDRESS_ID
 from server.http.base_path import BASE_PATH
 from server.http.client_address import address_of
@@ -49,14 +49,14 @@ OVER: Final = "over"
 @router.get("/c/{code}")
 async def join(request: Request, code: str) -> Response:
     """Redirect to the fold that a class is watching."""
-    found = _context_of(request).classes.find(code)
+    found = context_of(request).classes.find(code)
     return RedirectResponse(f"/folds/{found.fold_id}?class={code.upper()}", status_code=303)
 
 
 @router.websocket("/api/class/lead")
 async def lead(websocket: WebSocket) -> None:
     """Take a leader's views, and report the number of followers."""
-    context, asked = _context_of(websocket), websocket.query_params
+    context, asked = context_of(websocket), websocket.query_params
     if "key" in asked:
         await _lead(websocket, context.classes.find_led(asked.get("code", ""), asked["key"]))
         return
@@ -75,7 +75,7 @@ async def lead(websocket: WebSocket) -> None:
 @router.websocket("/api/class/follow")
 async def follow(websocket: WebSocket) -> None:
     """Send a follower the views of a class."""
-    context = _context_of(websocket)
+    context = context_of(websocket)
     shown = context.classes.find(websocket.query_params.get("code", ""))
     with context.classes.followers.enter(address_of(websocket)), shown.joined():
         await websocket.accept()
@@ -154,7 +154,3 @@ async def _send(websocket: WebSocket, text: str) -> None:
 async def _close(websocket: WebSocket, code: int, reason: str = "") -> None:
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await websocket.close(code, reason)
-
-
-def _context_of(connection: Request | WebSocket) -> Context:
-    return cast("Context", connection.app.state.context)
