@@ -126,7 +126,7 @@ def test_leaked_key_is_replaced(visit: Visit, service: Service) -> None:
     page.route("**/api/mine/key", lambda route: route.abort())
     page.get_by_role("button", name="New key").click()
     page.locator("#confirm-yes").click()
-    expect(page.locator("#key-message")).to_contain_text("may still be in use")
+    expect(page.locator("#key-message")).to_contain_text("may still work")
     expect(page.locator("#keys li")).to_have_count(1)
     assert key_of(page) == leaked
     page.get_by_role("button", name="Remove").click()

@@ -93,7 +93,7 @@ export class KeyPanel {
       this.say("Done. The old key no longer works.");
     } catch (error) {
       if (error instanceof Refusal && error.final) dropKey(made);
-      this.say(`The old key may still be in use. ${wordsOf(error)}`);
+      this.say(`The old key may still work. ${wordsOf(error)}`);
     }
     await this.again();
   }
