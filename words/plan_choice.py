@@ -32,8 +32,8 @@ PREFERENCE_WORDS: Final[dict[Preference, str]] = {
 """Labels of the criteria by which one of several plans is chosen, by their names in the API."""
 SUPERLATIVES: Final[dict[Preference, str]] = {
     "time": "fastest",
-    "torque": "lowest torque",
-    "clearance": "largest clearance",
+    "torque": "least torque",
+    "clearance": "most clearance",
     "margin": "largest allowed hinge error",
 }
 MILLI_PER_UNIT: Final = 1e3
