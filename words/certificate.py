@@ -153,7 +153,7 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
         ),
         (
             "Margin for random errors in all hinges",
-            f"up to {degrees_down(each['value'])} each: modules touch in at most "
+            f"up to {degrees_down(each['value'])} in each hinge, so that modules touch in at most "
             f"{100 * found['failure_probability']:.0f} of 100 robots; {_limit(each)}",
         ),
     ]
@@ -343,7 +343,7 @@ def torque(certificate: CertificateFigures) -> tuple[str, str | None]:
     where = "the number of frames checked is unknown"
     if None not in of:
         where = f"checked at {of[0]} of {of[1]} frames"
-    return "Largest torque seen", f"{value}, {where}"
+    return "Largest torque found", f"{value}, {where}"
 
 
 def linked(certificate: CertificateFigures) -> str | None:

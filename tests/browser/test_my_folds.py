@@ -108,7 +108,7 @@ def test_early_folds_are_claimed_and_the_browser_forgotten(visit: Visit, service
     key = key_of(page)
     assert key != early["owner_token"]
     assert service.http.get("/api/mine/folds", headers=bearer(key)).json()["total"] == 1
-    page.get_by_role("button", name="Forget this browser").click()
+    page.get_by_role("button", name="Forget the keys").click()
     expect(page.locator("#confirm-text")).to_contain_text("stay until they expire")
     page.locator("#confirm-yes").click()
     expect(page.get_by_text("Nothing here yet")).to_be_visible()

@@ -85,7 +85,7 @@ def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:
 
 def test_torque_is_called_peak_only_if_every_step_was_simulated() -> None:
     assert torque(SIMULATED) == ("Peak torque", "400 µN·m, simulated motors")
-    assert torque(FOLLOWED) == ("Largest torque seen", "400 µN·m, checked at 1210 of 4036 frames")
+    assert torque(FOLLOWED) == ("Largest torque found", "400 µN·m, checked at 1210 of 4036 frames")
 
 
 def test_text_about_linked_modules() -> None:

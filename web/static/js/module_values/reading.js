@@ -92,7 +92,7 @@ function byNumber({ rows, places }, modules) {
   const seen = new Set();
   rows.forEach(([module, value], k) => {
     if (!Number.isInteger(module) || module < from || module >= modules + from) throw new Error(`Line ${places[k]}: there is no module ${module}. Module numbers go from ${from} to ${modules + from - 1}.`);
-    if (seen.has(module)) throw new Error(`Line ${places[k]}: module ${module} appears twice. List each module once. Decimal places need a point, not a comma.`);
+    if (seen.has(module)) throw new Error(`Line ${places[k]}: module ${module} appears twice. List each module once, and write decimals with a point, not a comma.`);
     seen.add(module);
     row[module - from] = value;
   });

@@ -101,7 +101,7 @@ export class Checking {
     this.bar.value = 0;
     this.worker = Checking.worker();
     this.worker.onmessage = (/** @type {MessageEvent<Progress | Proved | Refused>} */ { data }) => this.heard(way, data);
-    this.worker.onerror = () => { this.end(); this.line.textContent = "This browser cannot run the check."; };
+    this.worker.onerror = () => { this.end(); this.line.textContent = "This browser cannot run the check. Try another browser."; };
     this.worker.postMessage({ href: new URL(this.href, location.href).href, way, module: this.player.selected });
   }
 
