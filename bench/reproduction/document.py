@@ -17,8 +17,9 @@ INTRODUCTION: Final = """\
 Sequence Design* describes a dozen folds. We ran each of them again with `--preset paper`, the
 published method with the published numbers. This page compares the results with the paper.
 
-`make reproduction` runs missing experiments and writes this page and the page `/paper`, which plays
-all films. Red shows joint error; orange marks the modules at which a fold fails.
+`make reproduction` runs the experiments that have no results yet. Then it writes this page and the
+page `/paper`, which plays the films of all experiments. Red shows joint error; orange marks the
+modules at which a fold fails.
 """
 
 
