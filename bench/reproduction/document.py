@@ -39,7 +39,7 @@ def document(page: dict[str, Any]) -> str:
         parts += _section(section, page["head"])
     parts += [
         "## Values we had to assume",
-        "This table lists the numbers of `--preset paper`. Each can be set by name, as in "
+        "This table lists the numbers of `--preset paper`. Each number can be set by name, as in "
         "`--set damping=0.05 --set radial_gain=0.2`; "
         "[decisions/0002](decisions/0002-published-preset.md) describes how they were found.",
         _table(

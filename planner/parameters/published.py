@@ -160,8 +160,8 @@ class PaperExplosionParameters:
         Setting(
             name="spring",
             label="Hinge spring",
-            help="Stiffness of the spring that straightens each hinge. Tension makes the spring up "
-            "to a hundred times stiffer.",
+            help="Stiffness of the springs that straighten the hinges. The tension in the chain is "
+            "up to a hundred times stronger than these springs.",
             group="published",
             rank=13,
             unit="g·cm²/s²",
