@@ -189,23 +189,23 @@ def _gained(
         each["figures"]["seconds"] if "figures" in each else each.get("seconds", 0.0)
         for each in since
     )
-    cost = f"after {number(more, 2)} s of further computing"
+    cost = f"{number(more, 2)} s of further computing"
     if best is first:
-        return f"The first plan that worked is still the best {cost}."
+        return f"The first plan that worked is still the best after {cost}."
     both = (best.figures, first.figures)
     if prefer == "time":
         after, before = (_told(each.fold_time_s) for each in both)
-        of = "s of folding time"
+        what, unit = "folding time", " s"
     elif prefer == "torque":
         after, before = (_torque(each.torque_in(slowest)) for each in both)
-        of = f"of torque at the same folding time of {number(slowest)} s"
+        what, unit = f"torque at the same folding time of {number(slowest)} s", ""
     elif prefer == "margin":
         after, before = (_margin(each.one_hinge_rad) for each in both)
-        of = "of allowed error in one hinge"
+        what, unit = "allowed error in one hinge", ""
     else:
         after, before = (_room(each.clearance_bound) for each in both)
-        of = "pitch of proved clearance"
-    return f"{after} instead of {before} {of}, {cost}."
+        what, unit = "proved clearance", " pitch"
+    return f"The {what} is {after}{unit} instead of {before}{unit}. This took {cost}."
 
 
 def _told(value: float | None) -> str:

@@ -37,11 +37,11 @@ def test_fold_is_checked_and_broken_on_purpose(visit: Visit, service: Service, w
     assert page.evaluate(WIDTH) <= 390
 
     check.get_by_role("button", name="Larger modules").click()
-    expect(status).to_contain_text("In this plan, a module is 95.0 % as wide as a cell.")
+    expect(status).to_contain_text("In this plan, the modules are 95.0 % as wide as their cells.")
     page.evaluate("foldback.player.send({ do: 'select', module: 12 })")
     page.locator("#tab-properties").click()
     check.get_by_role("button", name="Turn a hinge by 1°").click()
-    expect(status).to_contain_text("If the joint behind module 13 is off by 1°")
+    expect(status).to_contain_text("If the joint between modules 13 and 14 is off by 1°")
 
     check_in_page(check)
     check.get_by_role("button", name="Tightest place").click()
