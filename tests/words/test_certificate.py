@@ -69,7 +69,7 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
         shown["Margin for an error in one hinge"]
         == f"up to 0.17° if all other hinges are exact; {limit}"
     )
-    assert str(shown["Margin for random errors in all hinges"]).startswith("up to 0.0022° each: ")
+    assert str(shown["Margin for random errors in all hinges"]).startswith("up to 0.0022° in each ")
     assert "5 of 100 robots" in str(shown["Margin for random errors in all hinges"])
     assert "Margin for an error in one hinge" not in dict(rows(SIMULATED))
 
