@@ -212,8 +212,8 @@ class PlaybackParameters:
         Setting(
             name="steps_per_snapshot",
             label="Steps for each snapshot",
-            help="Minimum number of motor steps for each snapshot. With 0, only the squared "
-            "error decides when the next snapshot begins, except for the first snapshot.",
+            help="Minimum number of motor steps for each snapshot. With 0, only the maximum "
+            "squared error decides when the motors go on, except at the first snapshot.",
             group="published",
             rank=10,
             unit="steps",

@@ -39,7 +39,7 @@ class PaperExplosionParameters:
         Setting(
             name="radial_gain",
             label="Radial force gain λ",
-            help="λ in equation 1 of the paper, in which we take d as the diameter of one module.",
+            help="λ in equation 1 of the paper, with the diameter of one module as d.",
             group="published",
             rank=0,
             unit="dyn",
@@ -160,7 +160,8 @@ class PaperExplosionParameters:
         Setting(
             name="spring",
             label="Hinge spring",
-            help="A spring straightens each hinge. Under tension it is up to 100 times stronger.",
+            help="Stiffness of the springs that straighten the hinges. The tension in the chain is "
+            "up to a hundred times stronger than these springs.",
             group="published",
             rank=13,
             unit="g·cm²/s²",

@@ -136,8 +136,8 @@ def _check_corners(corners: Ints, points: int) -> None:
         row, column = (int(i) for i in np.argwhere(bad)[0])
         raise InputError(
             "bad-index",
-            f"got vertex {corners[row, column]} of {points}; every corner of a triangle must be "
-            "a vertex of the file.",
+            f"got vertex {corners[row, column]}, but the file has {points} vertices, counted from "
+            "0; every corner of a triangle must be a vertex of the file.",
             where=f"triangle {row}",
         )
 

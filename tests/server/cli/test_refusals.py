@@ -39,7 +39,7 @@ REFUSALS = {
     "smooth empty --out out": "plan.npz contains no readable plan",
     "smooth plan --out plan": "expected another directory",
     "refold empty hammer --out out": "plan.npz contains no readable plan",
-    "refold wrench-160 hammer --out out": "examples that fit: axe, mallet-160",
+    "refold wrench-160 hammer --out out": "these examples fit: axe, mallet-160",
     "movie plan --out fold.avi": ".mp4 or .gif",
     "movie plan --out fold.gif --width 65": "expected an even number",
     "movie plan --out none/fold.mp4": "the folder for the movie does not exist",
