@@ -106,7 +106,7 @@ class PaperExplosionParameters:
         Setting(
             name="pitch_cm",
             label="Module diameter",
-            help="The gains are given for modules of this length.",
+            help="The gains are given for modules of this diameter.",
             group="published",
             rank=7,
             unit="cm",
