@@ -19,7 +19,7 @@ from planner.readers.text import READ_AS_VOXELS
 if TYPE_CHECKING:
     from planner.plan.plan import Plan
 
-TYPED_REMEDY = "for voxels in any order, use --as-voxels"
+TYPED_REMEDY = "if the order has no meaning, use --as-voxels"
 MAX_INPUT_BYTES = 64 * 2**20
 """Maximum size of an input file of the command line, in bytes; a larger one is refused before it is
 read. A larger value lets a wrong file take more memory. Chosen."""

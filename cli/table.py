@@ -146,10 +146,10 @@ def _show(found: TableCertificate, written: Path) -> None:
     if found.on_table:
         facts.add_row(
             "Lowest corner",
-            f"{found.clearance:+.3f} of the pitch, in frame {found.clearance_frame}",
+            f"{found.clearance:+.3f} pitch above the table, in frame {found.clearance_frame}",
         )
     tips = len(found.unbalanced)
-    facts.add_row("Frames", f"{len(found.torques)}; the chain would tip over in {tips}")
+    facts.add_row("Frames", f"{len(found.torques)}; the chain would tip over in {tips} of them")
     facts.add_row("Written to", str(written))
     console.print(facts)
     for line in found.assumptions:

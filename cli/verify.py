@@ -46,7 +46,7 @@ def verify(
         OtherProgram | None,
         typer.Option(
             "--with",
-            help="Also check for contacts between frames with another program: ipctk "
+            help="Let another program check for contacts between frames, too: ipctk "
             r"(pip install 'foldback\[ipctk]').",
         ),
     ] = None,

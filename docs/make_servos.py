@@ -11,11 +11,11 @@ BEGIN, END = "<!-- servos -->\n", "<!-- end of servos -->\n"
 COLUMNS = (
     "servo",
     "stall torque, N·m",
-    "at, V",
-    "no load, rad/s",
+    "voltage, V",
+    "no-load speed, rad/s",
     "mass, g",
     "size, mm",
-    "range, °",
+    "rotation range, °",
 )
 
 

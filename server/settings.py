@@ -83,8 +83,8 @@ class Settings(BaseSettings):
     allowed_hosts: Names = ()
     """Host names that requests may use, separated by commas; * allows any name, *.example.org all
     subdomains. This machine's own names are always allowed. Default: no other names if
-    the service listens on a loopback address, any name if it listens on a public address. Set it on
-    public addresses and behind proxies, against DNS rebinding."""
+    the service listens on a loopback address, any name if it listens on a public address. If the
+    service has a public address or a proxy, set this variable to prevent DNS rebinding."""
 
     log_format: Literal["text", "json"] = "text"
     """Format of log lines: text for people, or JSON."""
@@ -103,7 +103,7 @@ class Settings(BaseSettings):
     as http://host:4318/v1/traces; needs the extra `foldback[otel]`."""
     trusted_proxies: Names = ("127.0.0.0/8", "::1")
     """Addresses or networks of proxies, separated by commas. X-Forwarded-For and X-Forwarded-Proto
-    are trusted from these proxies and ignored from other senders."""
+    are accepted from these proxies and ignored from other senders."""
 
     workers: int = Field(default=1, ge=0, le=64)
     """Number of worker processes that `serve` starts."""
@@ -115,7 +115,8 @@ class Settings(BaseSettings):
     the service is idle, but the first visitor waits some seconds longer. Start each new version
     once with `true`, which compiles the solvers."""
     finished_folds: bool = True
-    """Add the package's finished folds to a new database. Deleted ones are not added again."""
+    """Add the package's finished folds to a new database. Folds that were deleted are not added
+    again."""
     lease_s: PositiveFloat = 15.0
     """Time without a heartbeat after which a worker counts as dead. Other workers then take over
     its folds."""
@@ -123,23 +124,23 @@ class Settings(BaseSettings):
     """Time for which a stopping worker may finish its folds. Folds that are not finished by then go
     back to the queue."""
     largest_queue: Count = 256
-    """Maximum number of queued and running folds. A network may use half of these places if no
-    other network has folds, a third if one other network has as many, and so on."""
+    """Maximum number of queued and running folds. If only one network has folds, it may use half of
+    these places; two networks may use a third each, three a quarter each, and so on."""
     largest_queue_of_visitor: Count = 16
     """Maximum number of queued and running folds of one visitor."""
     largest_queue_seconds: PositiveFloat = 7200.0
-    """Maximum estimated computing time of all queued and running folds, s. Networks share it in the
-    same way as the places of `FOLDBACK_LARGEST_QUEUE`."""
+    """Maximum estimated computing time of all queued and running folds, s. Networks share this
+    time in the same way as the places of `FOLDBACK_LARGEST_QUEUE`."""
     largest_queue_seconds_of_visitor: PositiveFloat = 1800.0
     """Maximum estimated computing time of one visitor's queued and running folds, s. A
     visitor's only fold may take longer."""
 
     slice_seconds: PositiveFloat = 30.0
-    """Computing time after which a fold pauses if shorter ones wait, s. It triples after each
-    pause."""
+    """Computing time after which a fold pauses if shorter folds wait, s. This time triples after
+    each pause."""
 
     max_upload_bytes: int = Field(default=MAX_FILE_BYTES, ge=1024, le=MAX_FILE_BYTES)
-    """Maximum size of an upload; at most 64 MiB, the size that the readers of shapes accept."""
+    """Maximum size of an upload; at most 64 MiB, the largest file that foldback can read."""
     max_uploads: Count = 24
     """Maximum number of uploads that are received or read at once."""
     max_uploads_of_visitor: Count = 6
@@ -158,13 +159,13 @@ class Settings(BaseSettings):
     """Maximum number of connections that one visitor may have open. A trusted proxy may open all
     `FOLDBACK_MAX_CONNECTIONS`."""
     requests_per_second_of_visitor: PositiveFloat = 100.0
-    """Maximum average number of requests per second by one visitor. Each request allows 40 protocol
-    events, such as chunks or HTTP/2 frames."""
+    """Maximum average number of requests per second by one visitor. A visitor may also cause 40
+    times as many protocol events per second, such as chunks or HTTP/2 frames."""
     requests_at_once_of_visitor: Count = 2000
     """Maximum number of requests that one visitor may send at once after a pause."""
     lists_per_second_of_visitor: PositiveFloat = 5.0
     """Maximum average number of lists (`/api/mine`, `/api/folds`, `/gallery`, `/`) that one visitor
-    may load per second. After a pause, 20 times as many may be loaded at once."""
+    may load per second. After a pause, a visitor may load 20 times as many at once."""
     max_modules: int = Field(default=12_000, ge=3)
     """Maximum number of modules of a chain."""
     min_free_disk_bytes: int = Field(default=64 * MIB_BYTES, ge=0)
@@ -172,8 +173,8 @@ class Settings(BaseSettings):
     read_seconds: PositiveFloat = 10.0
     """Maximum time to read an upload."""
     preview_seconds: PositiveFloat = 10.0
-    """Maximum time to prepare a preview. On a busy machine a preview may take up to six times as
-    long, until it has had that much processor time."""
+    """Maximum time to prepare a preview. On a busy machine, a preview may run until it has used
+    this much processor time, but at most six times as long."""
     preview_search_seconds: PositiveFloat = 4.0
     """Part of `FOLDBACK_PREVIEW_SECONDS` that the search for a path through unsplit cells may
     take."""
@@ -217,7 +218,7 @@ class Settings(BaseSettings):
     """Maximum number of waiting movies for one visitor."""
     movies_of_fold: Count = 12
     """Maximum number of stored movies of one fold, counted separately for its owner and for all
-    others. The oldest are deleted first."""
+    others. The oldest movies are deleted first."""
     movie_seconds: PositiveFloat = 600.0
     """Maximum time to create a movie."""
 

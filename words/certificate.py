@@ -149,11 +149,11 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
         ),
         (
             "Margin for an error in one hinge",
-            f"up to {degrees_down(one['value'])}, all others exact; {_limit(one)}",
+            f"up to {degrees_down(one['value'])} if all other hinges are exact; {_limit(one)}",
         ),
         (
             "Margin for random errors in all hinges",
-            f"up to {degrees_down(each['value'])} each: modules touch in at most "
+            f"up to {degrees_down(each['value'])} in each hinge, so that modules touch in at most "
             f"{100 * found['failure_probability']:.0f} of 100 robots; {_limit(each)}",
         ),
     ]
@@ -245,7 +245,7 @@ def _base(table: TableCertificate) -> str:
             "free on the table (the simulation pins the first module, because without friction "
             "everything would slide)"
         )
-    return "free on the table, where it may drift; errors measure the shape, not the position"
+    return "free on the table; the chain may drift, so errors measure its shape, not its position"
 
 
 def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
@@ -267,7 +267,7 @@ def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
         key=lambda one: (one[0], one[1].name),
     )
     if not larger or larger[0][0] <= table.pitch_m:
-        return "No servo in our list is strong enough for PLA modules of any pitch.", []
+        return "For PLA modules, no servo in our list is strong enough at any pitch.", []
     least = length_m(larger[0][0])
     text = (
         "No servo in our list suits PLA modules at this pitch. "
@@ -322,8 +322,8 @@ def robots(certificate: CertificateFigures) -> str | None:
         return None
     least = min(one["min_clearance"] for one in found)
     return (
-        f"{len(found)} imperfect robots were simulated; you see the worst one. Clearance at least "
-        f"{rounded_down(least)} pitch"
+        f"{len(found)} imperfect robots were simulated; you see the worst one. Their clearance "
+        f"is at least {rounded_down(least)} pitch"
     )
 
 
@@ -340,10 +340,10 @@ def torque(certificate: CertificateFigures) -> tuple[str, str | None]:
     if source.startswith("simulation"):
         return "Peak torque", f"{value}, simulated motors"
     of = certificate.get("torque_frames"), certificate.get("frames")
-    where = "number of frames checked is unknown"
+    where = "the number of frames checked is unknown"
     if None not in of:
         where = f"checked at {of[0]} of {of[1]} frames"
-    return "Largest torque seen", f"{value}, {where}"
+    return "Largest torque found", f"{value}, {where}"
 
 
 def linked(certificate: CertificateFigures) -> str | None:
@@ -357,10 +357,12 @@ def linked(certificate: CertificateFigures) -> str | None:
     if (radius := exempt["relief_radius"]) is None:
         return f"{told}."
     if (bound := exempt["worst_overlap_bound"]) is not None:
-        told += f": full cubes would overlap by up to {math.ceil(bound * 100) / 100:.2f} pitch"
+        told += (
+            f", because full cubes would overlap by up to {math.ceil(bound * 100) / 100:.2f} pitch"
+        )
     return (
-        f"{told}. Real modules need rounded edges: no material farther than {radius:g} pitch "
-        f"from a joint (removes {100 * exempt['relief_share']:.0f} % of the volume)."
+        f"{told}. Real modules need rounded edges: remove all material farther than {radius:g} "
+        f"pitch from a joint ({100 * exempt['relief_share']:.0f} % of the volume)."
     )
 
 
@@ -369,19 +371,21 @@ def record(certificate: CertificateFigures, *, limit_rad: float | None = None) -
     told: list[str] = []
     least = certificate.get("min_clearance_record")
     if least is not None and least < -ROUNDING_PITCH:
-        told.append(f"overlaps by {quantity(-least, 'pitch', CERTIFICATE_DIGITS)}")
+        told.append(f"modules overlap by {quantity(-least, 'pitch', CERTIFICATE_DIGITS)}")
     bent = certificate.get("max_angle_record_rad")
     if bent is not None and limit_rad is not None and bent > limit_rad + 1e-6:
         told.append(
-            f"bends a joint to {math.degrees(bent):.1f}°, beyond its limit of "
+            f"a joint turns to {math.degrees(bent):.1f}°, beyond its limit of "
             f"±{math.degrees(limit_rad):.4g}°"
         )
     if not told:
         return None
     plan = (
-        ", but the plan does not" if str(certificate.get("verdict")).startswith("verified") else ""
+        " This does not happen in the plan."
+        if str(certificate.get("verdict")).startswith("verified")
+        else ""
     )
-    return f"The recorded explosion {' and '.join(told)}{plan}."
+    return f"In the recorded explosion, {' and '.join(told)}.{plan}"
 
 
 def baseline(strategy: object) -> str | None:

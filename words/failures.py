@@ -154,7 +154,7 @@ def _blocks(told: BlockFigures) -> list[str]:
             f"modules {a + 1} and {b + 1} overlap by {module_widths(move['overlap'], 2)}"
         )
     more = len(lines) - MAX_BLOCKING_LINES
-    return lines if more <= 0 else [*lines[:MAX_BLOCKING_LINES], f"And {more} more"]
+    return lines if more <= 0 else [*lines[:MAX_BLOCKING_LINES], f"And {more} more blocked motions"]
 
 
 def exploding(summary: FoldSummary) -> int | None:
@@ -243,7 +243,7 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
         path += " from the other end"
     how = [path, f"seed {attempt['seed']}"]
     if attempt.get("gentle"):
-        how.append("half the force")
+        how.append("with half the force")
     if (smooths := attempt.get("smooths")) is not None:
         how.append(f"smoothed from attempt {smooths + 1}")
     if "finer" in attempt:

@@ -17,11 +17,11 @@ from words.quantities import STRATEGY_LABELS, number, quantity, sentence
 
 PLAN_COLUMNS: Final = (
     "Plan",
-    "Time, s",
+    "Folding time, s",
     "Torque",
-    "Torque at equal time",
+    "Torque at equal folding time",
     "Clearance, pitch",
-    "Computing, s",
+    "Computing time, s",
 )
 """Column headings of the table that compares several plans of one fold: folding time, largest
 torque, largest torque if all plans took as long as the slowest one, proved clearance between
@@ -160,7 +160,7 @@ class _Plan:
         parts = [STRATEGY_LABELS.get(strategy, strategy).partition(",")[0]]
         parts += [f"path {attempt['candidate'] + 1}"] if attempt["candidate"] else []
         parts += [f"seed {attempt['seed']}"] if attempt["seed"] else []
-        parts += ["finer frames"] if "finer" in attempt else []
+        parts += ["smaller steps"] if "finer" in attempt else []
         return ", ".join(parts)
 
 
@@ -189,23 +189,23 @@ def _gained(
         each["figures"]["seconds"] if "figures" in each else each.get("seconds", 0.0)
         for each in since
     )
-    cost = f"after {number(more, 2)} s of further computing"
+    cost = f"{number(more, 2)} s of further computing"
     if best is first:
-        return f"The first plan that worked is still the best {cost}."
+        return f"The first plan that worked is still the best after {cost}."
     both = (best.figures, first.figures)
     if prefer == "time":
         after, before = (_told(each.fold_time_s) for each in both)
-        of = "s of folding time"
+        what, unit = "folding time", " s"
     elif prefer == "torque":
         after, before = (_torque(each.torque_in(slowest)) for each in both)
-        of = f"of torque at the same folding time of {number(slowest)} s"
+        what, unit = f"torque at the same folding time of {number(slowest)} s", ""
     elif prefer == "margin":
         after, before = (_margin(each.one_hinge_rad) for each in both)
-        of = "of allowed error in one hinge"
+        what, unit = "allowed error in one hinge", ""
     else:
         after, before = (_room(each.clearance_bound) for each in both)
-        of = "pitch of proved clearance"
-    return f"{after} instead of {before} {of}, {cost}."
+        what, unit = "proved clearance", " pitch"
+    return f"The {what} is {after}{unit} instead of {before}{unit}. This took {cost}."
 
 
 def _told(value: float | None) -> str:

@@ -29,7 +29,7 @@ PUBLISHED_CHANGED: Final = Button("Published method, changed", "With your own se
 OTHER_PRESETS: Final = {
     "default": Button("Reverse explosion", "The default method"),
     "direct": Button(
-        "Direct servoing", "Drives every joint straight to its target (fails for most shapes)"
+        "Direct servoing", "Turns every joint directly to its final angle (fails for most shapes)"
     ),
 }
 """Presets, besides the published one, that a fold may be compared with."""
@@ -49,7 +49,7 @@ def on_a_table(time: str, modules: int) -> Button:
         time: Expected time in words.
         modules: Number of modules; the button warns that long chains usually get stuck.
     """
-    stuck = "; usually gets stuck with so many modules" if modules > MAX_TABLE_MODULES else ""
+    stuck = "; chains this long usually get stuck" if modules > MAX_TABLE_MODULES else ""
     return Button("On a table", f"With gravity, takes {time}{stuck}")
 
 

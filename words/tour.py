@@ -92,7 +92,7 @@ def _tightest(certificate: CertificateFigures, plan: int) -> Stop | None:
     text = f"The tightest place of the plan: {_modules((one, other))} {how}."
     proved = clearance(certificate)
     if proved and str(certificate.get("verdict")).startswith("verified"):
-        text += f" It is proved that {proved} throughout."
+        text += f" It is proved that {proved} during the whole motion."
     met = Meeting(frame=plan + int(place["frame"]), modules=(one, other))
     return _meeting(text, met, colour="clearance")
 

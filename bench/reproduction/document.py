@@ -17,8 +17,9 @@ INTRODUCTION: Final = """\
 Sequence Design* describes a dozen folds. We ran each of them again with `--preset paper`, the
 published method with the published numbers. This page compares the results with the paper.
 
-`make reproduction` runs missing experiments and writes this page and the page `/paper`, which plays
-all films. Red shows joint error; orange marks the modules at which a fold fails.
+`make reproduction` runs the experiments that have no results yet. Then it writes this page and the
+page `/paper`, which plays the films of all experiments. Red shows joint error; orange marks the
+modules at which a fold fails.
 """
 
 
@@ -38,7 +39,7 @@ def document(page: dict[str, Any]) -> str:
         parts += _section(section, page["head"])
     parts += [
         "## Values we had to assume",
-        "This table lists the numbers of `--preset paper`. Each can be set by name, as in "
+        "This table lists the numbers of `--preset paper`. Each number can be set by name, as in "
         "`--set damping=0.05 --set radial_gain=0.2`; "
         "[decisions/0002](decisions/0002-published-preset.md) describes how they were found.",
         _table(

@@ -29,7 +29,7 @@ COLUMNS: Final = (
     "Verdict",
     "Steps",
     "Simulated",
-    "Wall (processor)",
+    "Wall time (processor time)",
     "End error",
     "Clearance (proved)",
     "Largest lag",
@@ -39,9 +39,9 @@ COLUMNS: Final = (
 UNITS: Final = {
     "Steps": "explosion + playback",
     "Simulated": "explosion + playback, seconds",
-    "Wall (processor)": "seconds, of all stages",
+    "Wall time (processor time)": "seconds, of all stages",
     "End error": "RMS, pitches",
-    "Clearance (proved)": "of the simulated playback, pitches, modules of 0.95",
+    "Clearance (proved)": "of the simulated playback, pitches, modules of 0.95 pitch",
     "Largest lag": "of a hinge behind its target, rad",
     "Files": "MB",
 }
@@ -60,16 +60,16 @@ which the text says that the machine was also doing other work. A smaller value 
 Chosen."""
 SOURCES: Final = {
     "published": "published",
-    "named": "named, without a number",
+    "named": "named, but without a number",
     "ours": "not in the paper",
 }
 """Words for the source of a parameter."""
 GENERAL_DIFFERENCES: Final = (
-    "The paper's simulations ran on the Open Dynamics Engine, these run on MuJoCo. Contacts, "
+    "The paper's simulations ran on the Open Dynamics Engine; ours run on MuJoCo. Contacts, "
     "friction, stops and motors are modelled differently.",
-    "We had neither the paper's program nor its recordings or video. We chose the values that the "
-    "paper does not state so that its folds work. The table above marks these values.",
-    "The paper states no wall times, clearances or joint errors, so ours cannot be compared.",
+    "We had neither the paper's program nor its recordings or video. Where the paper states no "
+    "value, we chose one with which its folds work. The table above marks these values.",
+    "The paper states no wall times, clearances or joint errors, so we cannot compare these.",
 )
 """General differences from the paper."""
 
@@ -357,8 +357,8 @@ def _machine(runs: Mapping[str, Run]) -> str:
         "reliable."
     )
     return (
-        f"Times were measured on {' and '.join(str(n) for n in cores)} cores of "
-        f"{' and '.join(names)}, where 1000 steps of MuJoCo on a chain of 160 cubes took "
+        f"Times were measured on {' and '.join(str(n) for n in cores)} processor cores "
+        f"({' and '.join(names)}), where 1000 steps of MuJoCo on a chain of 160 cubes took "
         f"{min(reference):.2f} to {max(reference):.2f} s just before each run."
         f"{busy if max(reference) > BUSY_TIME_RATIO * min(reference) else ''}"
     )

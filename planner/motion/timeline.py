@@ -238,7 +238,7 @@ class TimelineWriter:
         """
         if self._status != "growing":
             raise TimelineError(
-                f"the timeline is {self._status}; frames can be added only to a growing one."
+                f"the timeline is {self._status}; frames can be added only to a growing timeline."
             )
         if frames.is_windowed != self._windowed:
             names = ("a dense motion", "a windowed one")

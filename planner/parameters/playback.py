@@ -72,7 +72,7 @@ class RobotParameters:
         Setting(
             name="servo_give",
             label="Servo yield",
-            help="Error of a hinge at rest whose motor is at its torque limit.",
+            help="Angle error of a resting hinge whose motor is at its torque limit.",
             group="robot",
             rank=4,
             unit="rad",
@@ -184,7 +184,7 @@ class PlaybackParameters:
             name="threshold",
             label="Maximum squared error",
             help="The motors go on to the next snapshot when every hinge's squared error is below "
-            "this.",
+            "this value.",
             group="published",
             rank=2,
             unit="rad²",
@@ -213,7 +213,7 @@ class PlaybackParameters:
             name="steps_per_snapshot",
             label="Steps for each snapshot",
             help="Minimum number of motor steps for each snapshot. With 0, only the maximum "
-            "squared error decides, except for the first snapshot.",
+            "squared error decides when the motors go on, except at the first snapshot.",
             group="published",
             rank=10,
             unit="steps",

@@ -39,7 +39,7 @@ class PaperExplosionParameters:
         Setting(
             name="radial_gain",
             label="Radial force gain λ",
-            help="λ in equation 1 of the paper. We take d there as the diameter of one module.",
+            help="λ in equation 1 of the paper, with the diameter of one module as d.",
             group="published",
             rank=0,
             unit="dyn",
@@ -106,7 +106,7 @@ class PaperExplosionParameters:
         Setting(
             name="pitch_cm",
             label="Module diameter",
-            help="The gains are given for modules of this length.",
+            help="The gains are given for modules of this diameter.",
             group="published",
             rank=7,
             unit="cm",
@@ -160,7 +160,8 @@ class PaperExplosionParameters:
         Setting(
             name="spring",
             label="Hinge spring",
-            help="Straightens the hinges. Under tension it is up to a hundred times stronger.",
+            help="Stiffness of the springs that straighten the hinges. The tension in the chain is "
+            "up to a hundred times stronger than these springs.",
             group="published",
             rank=13,
             unit="g·cm²/s²",

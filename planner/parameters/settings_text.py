@@ -109,9 +109,9 @@ def read_settings(text: str) -> dict[str, Value]:
         setting = _BY_NAME.get(name)
         if setting is None or not equals:
             names = ", ".join(setting.name for setting in ALL_SETTINGS)
-            raise _bad(f"got {part[:40]!r}, expected NAME=VALUE with one of: {names}.")
+            raise _bad(f"got {part[:40]!r}, expected NAME=VALUE with one of these names: {names}.")
         if name in found:
-            raise _bad(f"got {name} twice, expected only one value for it.")
+            raise _bad(f"got two values for {name}, expected one.")
         found[name] = _value(setting, value)
     return found
 
@@ -151,7 +151,7 @@ def with_settings(parameters: Parameters, settings: Mapping[str, Value]) -> Para
         if not used or not _is_used(setting, parameters):
             where = f"the preset {parameters.preset}, which does"
             if setting.group == "table":
-                where = "a fold that floats, which does"
+                where = "a fold in the 'floating' world, which does"
             raise _bad(f"got {name} for {where} not use it.")
         number = int(value) if setting.whole and isinstance(value, float) else value
         for part in set(used) & set(parts):
@@ -166,8 +166,8 @@ def with_settings(parameters: Parameters, settings: Mapping[str, Value]) -> Para
     turned = playback.gain * playback.step_s
     if playback.controller not in ("robot", "computed-torque") and turned > MAX_TURN_PER_STEP:
         raise _bad(
-            f"got motor_gain · step_s = {turned:g}, expected at most {MAX_TURN_PER_STEP:g}: above "
-            "it a motor turns past its target in each step."
+            f"got motor_gain · step_s = {turned:g}, expected at most {MAX_TURN_PER_STEP:g}; use "
+            "smaller values, because above this limit a motor turns past its target in each step."
         )
     return replace(
         parameters,

@@ -16,13 +16,16 @@ PATH_METHODS: Final[Choices] = {
     "auto": Choice(label="Auto", hint="Picks the best method for this shape."),
     "blocks": Choice(
         label="Blocks",
-        hint="Splits each voxel into 2×2×2 modules. A path always exists, and it folds most "
-        "reliably.",
+        hint="Splits each voxel into 2×2×2 modules. A path always exists, and the chain folds "
+        "most reliably.",
     ),
     "exact": Choice(
-        label="Exact", hint="One module for each voxel. Finer, but there may be no path."
+        label="Exact",
+        hint="Uses one module for each voxel. The shape is finer, but may have no path.",
     ),
-    "snake": Choice(label="Snake", hint="Back and forth, layer by layer. For boxes only."),
+    "snake": Choice(
+        label="Snake", hint="Goes back and forth, layer by layer. Works only for boxes."
+    ),
 }
 """Methods of searching a path through a shape that a request may name."""
 PATH_ENDS: Final[Choices] = {

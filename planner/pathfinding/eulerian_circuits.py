@@ -38,8 +38,8 @@ def eulerian_circuit(pairs: Nodes, along: NDArray[np.float64] | None = None) -> 
         where = tuple(map(int, nodes[np.argmax(counts % 2)]))
         raise InputError(
             "no-trail",
-            f"an odd number of tetrahedra meet at {odd} nodes, expected an even number at each, "
-            "so that a closed trail can visit all.",
+            f"got {odd} nodes where an odd number of tetrahedra meet, expected an even number at "
+            "each node; otherwise no closed trail can visit all tetrahedra.",
             where=f"node {where}",
         )
     # Opposite ends at a node next to each other: sorted by node, then by axis of the step.
@@ -57,7 +57,7 @@ def eulerian_circuit(pairs: Nodes, along: NDArray[np.float64] | None = None) -> 
     if parts > 1:
         raise InputError(
             "no-trail",
-            f"the tetrahedra are in {parts} parts that share no hinge, expected one; join the "
+            f"the tetrahedra are in {parts} parts that share no hinge, expected one part; join the "
             "cells by their faces or keep one part.",
         )
     exits = np.empty(n, dtype=np.int64)

@@ -101,8 +101,8 @@ _REASONS: Final[dict[str, Callable[[float], str]]] = {
         "The search proved that no path with these ends visits every cell once."
     ),
     "undecided": lambda limit: (
-        f"No path was found in {limit:g} s, but there may be one; give it more time, repair the "
-        "shape or double it."
+        f"No path was found in {limit:g} s, but there may be one; give the search more time, "
+        "repair the shape, or split each cell into 2×2×2 cells."
     ),
 }
 
@@ -120,13 +120,15 @@ def _refused_ends(cells: Ints, ends: Flags, start: int | None) -> str | None:
         return "The start cell is not on the surface."
     if start is not None and excess and shades[start] != more:
         return (
-            "With an odd number of cells, a path starts on the chessboard colour with more cells. "
-            "The start cell has the other colour; start with one of its neighbours."
+            "Imagine the cells coloured like a chessboard: if their number is odd, a path must "
+            "start on the colour that has more cells. The start cell has the other "
+            "colour; start in one of its neighbours."
         )
     if excess and int((ends & (shades == more)).sum()) < 2:
         return (
-            "Both ends need the same chessboard colour, but fewer than two such cells are on "
-            "the surface."
+            "Imagine the cells coloured like a chessboard: both ends of the path must be on the "
+            "colour that has more cells, but fewer than two cells of this colour are on the "
+            "surface."
         )
     return None
 

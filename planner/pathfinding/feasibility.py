@@ -216,7 +216,7 @@ def _repair(before: Cells, after: Cells) -> Repair:
     add, drop = sorted(after - before), sorted(before - after)
     words = [
         f"{word} {_count(len(cells), 'cell')}"
-        for word, cells in (("add", add), ("drop", drop))
+        for word, cells in (("add", add), ("remove", drop))
         if cells
     ]
     detail = " and ".join(words)
@@ -233,7 +233,8 @@ def _doubling(before: Cells, whole: Cells) -> Repair:
             f"Remove {_count(len(drop), 'cell')}, then split each remaining cell into 2×2×2 cells"
         )
     return Repair(
-        detail=f"{words}: {8 * len(whole)} modules of half the size, which always have a path.",
+        detail=f"{words}. This makes {8 * len(whole)} modules of half the size, and there is "
+        "always a path through them.",
         add=add,
         drop=drop,
         doubled=True,

@@ -60,7 +60,7 @@ class Cubes:
         elif method == "blocks" and halved(shape) is None:
             shape, was_doubled = doubled(shape), True
         elif options.modules not in (None, given) and not options.repair and not of_solid:
-            notes = (f"Voxels are used unchanged: {given} modules.",)
+            notes = (f"The voxels are used unchanged, so the chain has {given} modules.",)
         scale = round((len(shape) / given) ** (1 / 3))
         state = feasibility(shape)
         if was_doubled:
@@ -110,7 +110,7 @@ class Cubes:
         why = " ".join(problem.detail for problem in state.problems)
         ways: list[str] = []
         if state.repairs:
-            ways.append(f"fold it with 'repair' ({state.repairs[0].detail})")
+            ways.append(f"use the option 'repair' ({state.repairs[0].detail})")
         if not any(problem.code == "disconnected" for problem in state.problems):
             ways.append(
                 "use the method 'blocks', which splits each cell into 2×2×2 modules and always has "

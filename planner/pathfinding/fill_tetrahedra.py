@@ -83,7 +83,7 @@ class Tetrahedra:
             raise InputError(
                 "no-path",
                 f"got cells that no chain of tetrahedra can fill. {why} Expected connected cells; "
-                f"fold them with 'repair' ({state.repairs[0].detail})",
+                f"use the option 'repair' ({state.repairs[0].detail}).",
             )
 
 

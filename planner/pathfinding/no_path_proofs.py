@@ -75,8 +75,9 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
         black = (n + excess) // 2
         yield Problem(
             code="parity",
-            detail=f"coloured like a chessboard, {black} cells are black and {n - black} white; "
-            "a chain needs equal numbers, or one more of one colour.",
+            detail=f"coloured like a chessboard, {black} cells are black and {n - black} are "
+            "white; a path alternates between the colours, so the numbers may differ by at "
+            "most one.",
             cells=tuples(cells[balance == np.sign(balance.sum())]),
             amount=excess - 1,
         )
@@ -132,7 +133,7 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
         yield Problem(
             code="parity",
             detail="a part that is connected by a single cell has too many cells of one "
-            "chessboard colour; a path through it alternates between the colours.",
+            "chessboard colour, but a path through this part alternates between the colours.",
             cells=tuples(cells[sorted(cell for cell, _ in uneven)]),
             amount=max(amount for _, amount in uneven),
         )

@@ -48,7 +48,7 @@ class PathOptions:
         CUBE.name,
         Option(
             title="Module type",
-            help="Module type for meshes, voxels and cells. A chain file states its own.",
+            help="Module type for meshes, voxels and cells. A chain file states its own type.",
             label="Modules are",
             choices=MODULE_CHOICES,
         ),

@@ -37,7 +37,8 @@ MAX_KNOT_CELLS: Final = 10_000
 chain from unfolding. Larger values test longer paths, more slowly. Chosen."""
 NO_ASSEMBLY: Final = (
     "The search found no path whose cells can be removed one by one. It finds such paths for "
-    "boxes, 2×2×2 blocks and layers in one part. Use the method 'blocks' or 'exact', or other ends."
+    "boxes, for shapes made of 2×2×2 blocks, and for shapes whose layers are each in one part. "
+    "Use the method 'blocks' or 'exact', or other ends."
 )
 MAX_CHOICE_MODULES: Final = 20_000
 """Maximum number of cells or tetrahedra of a shape for which several paths are made, to choose the
@@ -255,8 +256,9 @@ def _no_blocks(connected: bool) -> str:
     if not connected:
         return "The cells form several parts that share no face; keep one part or join them."
     return (
-        "The method 'blocks' found no path: it needs 2×2×2 blocks of cells, and not every cell can "
-        "be an end. Double the shape, or use the method 'exact'."
+        "The method 'blocks' found no path: it needs a shape made of 2×2×2 blocks of cells, and "
+        "not every cell can be an end of the path. Split each cell into 2×2×2 cells, or use the "
+        "method 'exact'."
     )
 
 
@@ -283,7 +285,7 @@ def _exact(shape: Shape, options: _Options, candidates: int) -> PathSearch:
             break
         else:
             outside = False
-    made = _search(shape, found, candidates, "exact", "No path was found in the time given.")
+    made = _search(shape, found, candidates, "exact", "No path was found within the time limit.")
     wanted = min(candidates, options.tries)
     if made.paths and len(found) < wanted:
         note = f"Only {len(found)} of {wanted} paths were found within the time limit."

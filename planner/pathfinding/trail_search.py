@@ -62,8 +62,8 @@ def find_trails(
     if parts(shape.cells)[0] > 1:
         raise InputError(
             "no-trail",
-            f"the cells are in {parts(shape.cells)[0]} parts, expected one: the trail passes from "
-            "cell to cell through their faces.",
+            f"the cells are in {parts(shape.cells)[0]} parts, but the trail passes from "
+            "cell to cell through their faces; join the parts or keep one part.",
         )
     pairs = ring_pairs(shape.cells)
     made = TRAILS_PER_SHAPE if len(pairs) <= MAX_CHOICE_MODULES else 1
@@ -104,7 +104,8 @@ def _cuts(nodes: Ints, pairs: Ints, free: NDArray[np.bool_], first: int | None, 
     elif ends == "surface":
         raise InputError(
             "no-start",
-            "the chain cannot start in this cell, whose hinges are all shared; start elsewhere.",
+            "the chain cannot start in this cell, because all its hinges are shared with other "
+            "cells; start in another cell.",
         )
     return np.flatnonzero(allowed)
 

@@ -143,11 +143,11 @@ def _published(
         expected_s=expected_seconds(modules) + exploding_s + playing_s,
         least_s=least_s[stage],
         stage=stage,
-        cause=f"settings with which {modules} modules take about {steps:.2g} steps to explode and "
-        f"{playing:.2g} to fold",
+        cause=f"settings with which {modules} modules need about {steps:.2g} steps to explode and "
+        f"{playing:.2g} steps to fold",
         remedy="Use fewer modules, a longer step_s, larger gains, or less damping."
         if stage == "explode"
-        else "Use fewer modules, a longer snapshot_interval, or fewer steps_per_snapshot.",
+        else "Use fewer modules, a larger snapshot_interval, or fewer steps_per_snapshot.",
     )
 
 

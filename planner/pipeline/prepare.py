@@ -34,7 +34,7 @@ MAX_LISTED_VIOLATIONS: Final = 2
 """Maximum number of violated rules that the error for an unsuitable path for a table names; further
 ones are only counted. Larger values make longer messages. Chosen."""
 TABLE_REMEDY: Final = (
-    "Choose blocks, a repair or another number of modules, or fold in zero gravity."
+    "Choose the method 'blocks', a repair or another number of modules, or fold it in zero gravity."
 )
 """Advice at the end of the error message for a shape that has no path along which a chain folds on
 a table."""
@@ -91,7 +91,7 @@ class Preparation:
                 there are others than those that were wished for.
         """
         if self.not_started:
-            raise InputError("no-start", f"{self.not_started} Choose another start, or none.")
+            raise InputError("no-start", f"{self.not_started} Choose another start cell, or none.")
         if self.chains:
             return self.chains[0]
         problems = [] if self.feasibility is None else list(self.feasibility.problems)
@@ -275,7 +275,7 @@ def prepare_in_any_order(
     except InputError as error:
         if error.code != "not-adjacent":
             raise
-        why = f"Read as voxels, because {error.where} are not neighbours."
+        why = f"The cells were read as voxels, because {error.where} are not neighbours."
     options = replace(options, as_voxels=True)
     made = prepare(data, filename, options, **how)
     return replace(made, notes=(why, *made.notes))
@@ -305,7 +305,7 @@ def check_for_table(chain: Chain) -> None:
         raise InputError(
             "not-for-a-table",
             f"got a path along which a chain cannot fold on a table: {told} "
-            "Expected one that rises layer by layer; read the cells as voxels to find one.",
+            "Expected one that rises layer by layer; read the cells as voxels to find such a path.",
         )
 
 
@@ -320,7 +320,9 @@ def filling_of(options: PathOptions) -> FillingMethod:
 def _prepared_chain(chain: Chain, options: PathOptions, kind: str) -> Preparation:
     notes = ()
     if options.modules is not None and options.modules != len(chain):
-        notes = (f"A {kind} is not resampled: it has {len(chain)} modules.",)
+        notes = (
+            f"The number of modules was ignored, because this {kind} has {len(chain)} modules.",
+        )
     chain, not_started = starting_at(chain, options.start)
     return Preparation(
         kind=kind,

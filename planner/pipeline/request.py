@@ -106,7 +106,7 @@ class FoldRequest(PathOptions):
         "",
         Option(
             title="Settings",
-            help="Other values for the presets `paper` and `direct`, for example "
+            help="Settings to change in the presets `paper` and `direct`, for example "
             "`damping=0.05,radial_gain=0.2`. Available settings: "
             f"{names_with_units(SETTINGS)}.",
             max_chars=MAX_TEXT_CHARS,
@@ -141,9 +141,10 @@ class FoldRequest(PathOptions):
             noun="preference",
             help="Preferred plan. `computing` is the first verified plan. The others choose from "
             "several verified plans: `time` by folding time at the joints' speed limit, `torque` "
-            "by torque at equal folding time, `clearance` by proved clearance, `margin` by how far "
-            "one hinge may be off. This takes several times as long, because other strategies, "
-            "paths and smoothings are tried. The plan's `attempts` list all plans with figures.",
+            "by torque at equal folding time, `clearance` by proved clearance, `margin` by the "
+            "largest error that one hinge may have. This takes several times as long, because "
+            "other strategies, paths and smoothings are tried. The plan's `attempts` list all "
+            "these plans with their figures.",
             label="Preferred plan",
             choices={**PREFERENCES},
         ),
@@ -180,8 +181,9 @@ class FoldRequest(PathOptions):
                 if getattr(self, name) != getattr(plain, name):
                     raise InputError(
                         f"smooth-{name}",
-                        f"got the {name} {getattr(self, name)} for a plan to be smoothed, expected "
-                        f"{getattr(plain, name)}; smoothing runs no new explosion.",
+                        f"got the {name} {getattr(self, name)} for smoothing a plan, expected "
+                        f"{getattr(plain, name)}; smoothing runs no new explosion, so leave this "
+                        "option out.",
                     )
         except InputError as error:
             raise _placed(error) from None
@@ -215,8 +217,9 @@ class FoldRequest(PathOptions):
         if self.start is not None:
             raise InputError(
                 "unsuited-world",
-                "got a start cell for a fold on a table, expected none, because the path is chosen "
-                "for stability; use the 'floating' world to choose a start.",
+                "got a start cell for a fold on a table, expected no start cell; use the "
+                "'floating' world to choose one, because on a table the path is chosen for "
+                "stability.",
             )
         if self.refold or self.smooth:
             raise InputError(

@@ -78,7 +78,7 @@ def model_differences(text: str, expected: str) -> Iterator[str]:
 def _difference(model: Any, part: str, name: str, mine: Any, theirs: Any) -> Iterator[str]:
     got, expected = np.asarray(mine), np.asarray(theirs)
     if got.shape != expected.shape:
-        yield f"{part}{name}: got {got.shape} numbers, expected {expected.shape}"
+        yield f"{part}{name}: got the shape {got.shape}, expected {expected.shape}"
         return
     if got.dtype.kind not in "fiub":
         return
@@ -99,4 +99,4 @@ def _renamed(here: Any, there: Any) -> str:
     for got, expected in zip(mine, theirs, strict=False):
         if got != expected:
             return f"names: got {got.decode(errors='replace')}, expected {expected.decode()}"
-    return f"names: got {len(mine)} of them, expected {len(theirs)}"
+    return f"got {len(mine)} names, expected {len(theirs)}"

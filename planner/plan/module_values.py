@@ -50,11 +50,11 @@ def checked_values(values: object, modules: int) -> dict[str, Any]:
         raise _bad("fields", odd[0], ", ".join(sorted(FIELDS)))
     for name, most in (("name", MAX_VALUES_NAME_CHARACTERS), ("unit", MAX_UNIT_CHARACTERS)):
         if not isinstance(told[name], str) or len(told[name]) > most:
-            raise _bad(name, told[name], f"a text of at most {most} characters")
+            raise _bad(name, told[name], f"text of at most {most} characters")
     low, high, rows, data = (told[key] for key in ("low", "high", "rows", "data"))
     numbers = all(isinstance(x, int | float) and math.isfinite(x) for x in (low, high))
     if not numbers or low > high:
-        raise _bad("low", f"{low} to {high}", "two finite numbers, 'low' not above 'high'")
+        raise _bad("low", f"{low} to {high}", "two finite numbers, with 'low' not above 'high'")
     most_rows = max(1, MAX_OWN_VALUES // modules)
     if type(rows) is not int or not 1 <= rows <= most_rows:
         raise _bad("rows", rows, f"1 to {most_rows}")
@@ -63,8 +63,8 @@ def checked_values(values: object, modules: int) -> dict[str, Any]:
     except (TypeError, ValueError):
         raise _bad("data", data, "bytes in base64") from None
     if len(levels) != rows * modules:
-        each = "one for each module of each row"
-        raise _bad("data", f"{len(levels)} bytes", f"{rows * modules}, {each}")
+        each = "bytes, one for each module in each row"
+        raise _bad("data", f"{len(levels)} bytes", f"{rows * modules} {each}")
     return {
         **told,
         "name": clean_name(told["name"], max_length=MAX_VALUES_NAME_CHARACTERS) or "Own numbers",

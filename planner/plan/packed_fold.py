@@ -206,14 +206,16 @@ def torque_step(torque_nm: Array) -> float:
 def _steps(key: str, angles_rad: Array) -> Ints:
     steps = to_step_counts(angles_rad)
     if steps is None or np.signbit(angles_rad[steps == 0]).any():  # −0 would come back as 0
-        raise InputError("not-packable", f"{key}: got angles that are not in whole steps.")
+        raise InputError(
+            "not-packable", f"{key}: got angles that are not multiples of the angle step."
+        )
     return steps
 
 
 def _whole(key: str, values: Array) -> Ints:
     whole = np.rint(values)
     if not np.array_equal(whole, values):
-        raise InputError("not-packable", f"{key}: got values that are not in whole steps.")
+        raise InputError("not-packable", f"{key}: got values that are not multiples of their step.")
     return whole.astype(np.int64)
 
 

@@ -192,7 +192,8 @@ class Plan:
             raise InputError(
                 "refold-not-folded",
                 f"got a plan of {self.chain.name} that does not start straight and end folded, "
-                "expected one that does; fold that shape again with another seed or preset.",
+                "expected a plan that starts straight and ends folded; fold the shape again with "
+                "another seed or preset.",
             )
         return Unfolding(chain=self.chain, time_s=times - times[0], folding_rad=angles)
 
@@ -437,7 +438,7 @@ def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
     """Return the motion and the largest errors among a plan's values."""
     layout = EARLIER_FORMATS.get(values["format"]) or values["motion"]
     if layout not in ("frames", "windows"):
-        raise ValueError(f"got a motion of {layout!r}, expected frames or windows")
+        raise ValueError(f"got the motion layout {layout!r}, expected frames or windows")
     values = _unpacked(values, layout, chain)
     hinges = len(chain.folded_rad)
     arrays: dict[str, Any] = {

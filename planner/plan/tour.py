@@ -121,7 +121,7 @@ class Tour:
         stops = told.get("stops")
         if not isinstance(stops, list) or not 1 <= len(cast("list[object]", stops)) <= MAX_STOPS:
             got = f"{len(cast('list[object]', stops))} stops" if isinstance(stops, list) else stops
-            raise _bad("stops", got, f"a list of 1 to {MAX_STOPS}")
+            raise _bad("stops", got, f"a list of 1 to {MAX_STOPS} stops")
         return cls(
             title=_text("title", told.get("title"), MAX_TITLE),
             stops=tuple(
@@ -161,7 +161,11 @@ def _stop(values: object, place: str, frames: int, modules: int) -> Stop:
 
 
 _TEXTS: Final = (
-    ("camera", CAMERA_PATTERN, "a camera as in an address, such as '-62.5,24,1.2'"),
+    (
+        "camera",
+        CAMERA_PATTERN,
+        "a camera position as in the address of a view, such as '-62.5,24,1.2'",
+    ),
     ("colour", COLOUR_PATTERN, "the name of a quantity, such as 'clearance'"),
 )
 
@@ -179,7 +183,7 @@ def _text(where: str, value: object, most: int) -> str:
     text = clean_name(value, max_length=most + 1) if isinstance(value, str) else ""
     if not 1 <= len(text) <= most or (isinstance(value, str) and len(value) > 2 * most):
         got = f"{len(value)} characters" if isinstance(value, str) else value
-        raise _bad(where, got, f"a text of 1 to {most} visible characters")
+        raise _bad(where, got, f"text of 1 to {most} visible characters")
     return text
 
 

@@ -56,7 +56,7 @@ def value_differences(
     elif isinstance(got, list | tuple) and isinstance(expected, list | tuple):
         some, others = cast("list[Any]", got), cast("list[Any]", expected)
         if len(some) != len(others):
-            yield f"{name}: got {len(some)} of them, expected {len(others)}"
+            yield f"{name}: got {len(some)} entries, expected {len(others)}"
             return
         for k, (one, other) in enumerate(zip(some, others, strict=True)):
             yield from value_differences(one, other, f"{name}[{k}]", rtol=rtol, atol=atol)

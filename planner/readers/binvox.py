@@ -36,7 +36,9 @@ def read_binvox(data: bytes, source: Source) -> Shape:
     """
     end = DATA.search(data[:MAX_BINVOX_HEADER_BYTES])
     if end is None:
-        raise InputError("truncated", "the file ends within its header, expected a line 'data'.")
+        raise InputError(
+            "truncated", "the file ends before the line 'data'; save or send it again."
+        )
     dim = next(
         (w[1:] for line in data[: end.start()].splitlines() if (w := line.split())[:1] == [b"dim"]),
         [],
@@ -59,7 +61,7 @@ def read_binvox(data: bytes, source: Source) -> Shape:
         code = "truncated" if total < expected else "damaged"
         raise InputError(
             code,
-            f"the header declares {expected} voxels and the runs hold {total}; save the file "
+            f"the header declares {expected} voxels, but the file has {total}; save the file "
             "again.",
         )
     if (values > 1).any():

@@ -115,8 +115,8 @@ def _refuse_radians(angles: list[float]) -> None:
     ).all():
         raise InputError(
             "radians",
-            f"got {turned[0]:g}, and no angle is a multiple of 90 degrees: these look like "
-            "radians, expected degrees; multiply them by 180/π.",
+            f"got {turned[0]:g} and no multiple of 90, expected angles in degrees; these look like "
+            "radians, so multiply them by 180/π.",
             where="joint_angles_deg",
         )
 
@@ -131,8 +131,8 @@ def _refuse_turns(angles: list[float]) -> None:
     if turned and turned <= QUARTER_TURNS:
         raise InputError(
             "quarter-turns",
-            f"got no angles larger than {max(turned):g}: these look like quarter turns, expected "
-            "degrees; multiply them by 90.",
+            f"got no angle larger than {max(turned):g}, expected angles in degrees; these look "
+            "like quarter turns, so multiply them by 90.",
             where="joint_angles_deg",
         )
 

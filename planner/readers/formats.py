@@ -107,7 +107,9 @@ def read(
         check_size(data, most_cells)
     text = decode(data, READABLE_FORMATS)
     if not text.strip():
-        raise InputError("empty", f"got a file with only white space, expected {READABLE_FORMATS}.")
+        raise InputError(
+            "empty", f"this looks like a file with only white space, expected {READABLE_FORMATS}."
+        )
     if is_json(text):
         return read_json(text, source)
     if is_angle_string(text):

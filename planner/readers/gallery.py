@@ -106,7 +106,7 @@ class Gallery:
             if len(names) > MAX_LISTED_EXAMPLES
             else ""
         )
-        fit = f"examples that fit: {', '.join(names[:MAX_LISTED_EXAMPLES])}{more}"
+        fit = f"these examples fit: {', '.join(names[:MAX_LISTED_EXAMPLES])}{more}"
         detail = f"{error.detail.removesuffix('.')}; {fit if names else 'no example fits'}."
         return InputError(error.code, detail, where=error.where)
 

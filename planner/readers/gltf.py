@@ -153,7 +153,7 @@ def _chunks(data: bytes) -> dict[int, bytes]:
     if length > len(data):
         raise InputError(
             "truncated",
-            f"the header declares {length} bytes and the file has {len(data)}; save or send it "
+            f"the header declares {length} bytes, but the file has {len(data)}; save or send it "
             "again.",
         )
     chunks: dict[int, bytes] = {}
@@ -163,7 +163,9 @@ def _chunks(data: bytes) -> dict[int, bytes]:
         kind = int.from_bytes(data[at + 4 : at + 8], "little")
         if at + 8 + size > len(data):
             raise InputError(
-                "truncated", f"a chunk of {size} bytes reaches beyond the end of the file."
+                "truncated",
+                f"a chunk of {size} bytes reaches beyond the end of the file; save or send it "
+                "again.",
             )
         chunks.setdefault(kind, data[at + 8 : at + 8 + size])
         at += 8 + size
@@ -208,8 +210,8 @@ class _Scene:
                 if uri is not None and not str(uri).startswith("data:"):
                     raise InputError(
                         "outside-reference",
-                        f"it refers to {quote(str(uri))!r} outside of the file, which is not "
-                        "fetched; export the scene as one file (GLB).",
+                        f"the scene refers to {quote(str(uri))!r} outside the file; export the "
+                        "scene as one file (GLB).",
                         where=f"{key}[{index}]",
                     )
         self._buffers = [
@@ -255,14 +257,14 @@ class _Scene:
         if not nodes:
             return [(i, np.eye(4)) for i in range(len(self._document.get("meshes", [])))]
         if len(nodes) > MAX_NODES:
-            raise InputError("too-large", f"got {len(nodes)} nodes, expected {MAX_NODES} at most.")
+            raise InputError("too-large", f"got {len(nodes)} nodes, expected at most {MAX_NODES}.")
         scenes = self._document.get("scenes", [])
         if len(scenes) > 1 and "scene" not in self._document:
             self._notes[f"the file has {len(scenes)} scenes; the first one was read."] = None
         if scenes:
             scene = self._document.get("scene", 0)
             if not 0 <= scene < len(scenes):
-                raise _damaged(f"it refers to scene {scene}, but has {len(scenes)} scenes")
+                raise _damaged(f"the file refers to scene {scene}, but has {len(scenes)} scenes")
             roots = scenes[scene].get("nodes", [])
         else:
             children = {c for node in nodes for c in node.get("children", [])}
@@ -292,7 +294,7 @@ class _Scene:
                 self._note_deformation(node)
             if len(meshes) > MAX_NODES:
                 raise InputError(
-                    "too-large", f"got {len(meshes)} parts, expected {MAX_NODES} at most."
+                    "too-large", f"got {len(meshes)} parts, expected at most {MAX_NODES}."
                 )
             waiting += [(int(child), transform, visible) for child in node.get("children", [])]
         self._note_unreached(seen)
@@ -322,7 +324,7 @@ class _Scene:
         counts = counts or [_count(self._document["accessors"][k]) for k in attributes.values()]
         count = min(counts, default=1)
         if count > MAX_NODES:
-            raise InputError("too-large", f"got {count} instances, expected {MAX_NODES} at most.")
+            raise InputError("too-large", f"got {count} instances, expected at most {MAX_NODES}.")
         rows = [{n.lower(): v[k].tolist() for n, v in columns.items()} for k in range(count)]
         with np.errstate(all="ignore"):
             places = [node @ _transform(row) for row in rows]
@@ -372,7 +374,11 @@ class _Scene:
                 raise _InvalidValueError("indices that are not whole numbers")
             corners = numbers.ravel().astype(np.int64)
         if corners.max() >= len(points):
-            raise InputError("bad-index", f"got vertex {corners.max()} of {len(points)}.")
+            raise InputError(
+                "bad-index",
+                f"a triangle uses vertex {corners.max()}, but there are {len(points)} vertices, "
+                "counted from 0; export the scene again.",
+            )
         mode = primitive.get("mode", TRIANGLES)
         if mode == TRIANGLES:
             return points, corners[: len(corners) // 3 * 3].reshape(-1, 3)

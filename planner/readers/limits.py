@@ -97,7 +97,7 @@ def check_bytes(data: bytes, most_bytes: int) -> None:
         InputError: ``empty`` or ``too-large``.
     """
     if not data:
-        raise InputError("empty", "got an empty file, expected cells or joint angles, or a mesh.")
+        raise InputError("empty", "got an empty file, expected cells, joint angles or a mesh.")
     if len(data) > most_bytes:
         raise InputError(
             "too-large",

@@ -40,20 +40,21 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
     shape, fortran, dtype, start = _header(data)
     if dtype.hasobject:
         raise InputError(
-            "wrong-type", "got an array of Python objects, expected whole numbers (N, 3)."
+            "wrong-type",
+            "got an array of Python objects, expected whole numbers of the shape (N, 3).",
         )
     is_grid = len(shape) == 3 and dtype.kind in "iubf"
     if not is_grid and (dtype.kind not in "iuf" or dtype.itemsize > 8):
         raise InputError(
             "wrong-type",
-            f"got an array of {dtype}, expected whole numbers (N, 3), or a grid of voxels "
-            "(X, Y, Z) with True in filled cells.",
+            f"got an array of {dtype}, expected whole numbers of the shape (N, 3), or a grid of "
+            "voxels of the shape (X, Y, Z) with True in filled cells.",
         )
     if not is_grid and (len(shape) != 2 or shape[1] != 3):
         raise InputError(
             "wrong-shape",
-            f"got an array of shape {shape}, expected (N, 3), one cell per row, or a grid of "
-            "voxels (X, Y, Z) with True in filled cells.",
+            f"got an array of shape {shape}, expected the shape (N, 3) with one cell per row, or "
+            "a grid of voxels of the shape (X, Y, Z) with True in filled cells.",
         )
     if not is_grid and shape[0] > source.most_cells:
         raise too_many(shape[0], source.most_cells)

@@ -89,7 +89,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
 def _damaged(found: str, line: int | None = None) -> InputError:
     return InputError(
         "damaged",
-        f"got {found}, expected 'v x y z', or 'f' and the numbers of vertices.",
+        f"got {found}, expected 'v x y z', or 'f' and vertex numbers.",
         where=None if line is None else f"line {line}",
     )
 
@@ -148,16 +148,16 @@ def _first_fault(data: bytes, vertices: int) -> InputError | None:
             if kind == "v":
                 known += 1
                 if len([parse_float(word) for word in words[:3]]) < 3:
-                    raise ValueError(f"a vertex of {len(words)} coordinates")
+                    raise ValueError(f"a vertex with {len(words)} coordinates")
             elif kind == "f":
                 for corner in (parse_int(word.partition("/")[0]) for word in words):
                     if corner == 0:
-                        raise ValueError("corner 0")
+                        raise ValueError("the vertex number 0")
                     if not -known <= corner <= vertices:
                         return InputError(
                             "bad-index",
-                            f"got vertex {corner} of {vertices}; every corner of a polygon must "
-                            "be a vertex of the file.",
+                            f"got vertex {corner}, but the file has {vertices} vertices; every "
+                            "corner of a polygon must be a vertex of the file.",
                             where=f"line {number}",
                         )
         except ValueError as error:

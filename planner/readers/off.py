@@ -151,7 +151,7 @@ def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
         for number, words in lines[vertices : vertices + polygons]:  # noqa: B007
             corners = parse_int(words[0])
             if not 0 <= corners <= MAX_POLYGON_CORNERS or corners >= len(words):
-                raise ValueError(f"a polygon of {quote(words[0])} corners")
+                raise ValueError(f"a polygon with {quote(words[0])} corners")
             flat += [parse_int(word) for word in words[1 : corners + 1]]
             counts.append(corners)
         rows = np.array(flat, dtype=np.int64)

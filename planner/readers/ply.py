@@ -95,7 +95,9 @@ def read_ply(data: bytes, source: Source) -> Solid:
     others = [e.name for e in elements if e.count and any(p.length for p in e.properties)]
     lists = [name for name in others if name not in ("face", "tristrips")]
     if points is None or not sum(map(len, parts)):
-        found = f"the element {quote(lists[0])!r} is not supported" if lists else "points alone"
+        found = (
+            f"the element {quote(lists[0])!r} is not supported" if lists else "it has only points"
+        )
         raise InputError(
             "no-triangles",
             f"got a PLY file without faces ({found}), expected a closed surface of polygons.",
@@ -150,7 +152,9 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
                 elements and length in TYPES and kind in TYPES
             ):
                 if TYPES[length][0] == "f":
-                    raise _damaged(f"line {number}: lists with lengths of type {length}")
+                    raise _damaged(
+                        f"line {number} declares lists whose length has the type {length}"
+                    )
                 elements[-1].properties.append(
                     _Property(name=name, kind=TYPES[kind], length=TYPES[length])
                 )
@@ -159,7 +163,7 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
             case [] | ["ply" | "comment" | "obj_info", *_]:
                 pass
             case _:
-                raise _damaged(f"line {number} of the header is {quote(line.strip())!r}")
+                raise _damaged(f"line {number} of the header is not valid: {quote(line.strip())!r}")
     if order is None:
         raise _damaged("the header names no format")
     return order, elements, last.end()
@@ -383,6 +387,6 @@ class _Binary:
 def _truncated(element: _Element) -> InputError:
     return InputError(
         "truncated",
-        f"the header declares {element.count} of the element {quote(element.name)!r} and the file "
-        "holds fewer; save or send it again.",
+        f"the header declares {element.count} entries of the element {quote(element.name)!r}, but "
+        "the file has fewer; save or send it again.",
     )

@@ -11,7 +11,7 @@ SIGNATURES: Final = (
     (b"\x89PNG", "a PNG picture"),
     (b"\xff\xd8\xff", "a JPEG picture"),
     (b"GIF8", "a GIF picture"),
-    (b"RIFF", "a WebP picture, sound or film"),
+    (b"RIFF", "a WebP picture, a sound or a video"),
     (b"%PDF", "a PDF document"),
     (b"\x1f\x8b", "a gzip archive"),
     (b"PK\x05\x06", "an empty zip archive"),
@@ -67,7 +67,9 @@ def wrong_kind(found: str, expected: str) -> InputError:
 def unknown_kind(text: str, expected: str) -> InputError:
     """Return the refusal of text that no reader recognises."""
     start = text.strip()[:200]
-    return wrong_kind(f"got text of no known format, which begins with {quote(start)!r}", expected)
+    return wrong_kind(
+        f"this looks like text in an unknown format that begins with {quote(start)!r}", expected
+    )
 
 
 def looks_like(data: bytes) -> str | None:

@@ -121,14 +121,14 @@ def _binary(data: bytes, source: Source) -> Solid:
         held = (len(data) - HEADER_BYTES) // TRIANGLE_BYTES
         raise InputError(
             "truncated",
-            f"the header declares {count} triangles and the file holds {held}; save or send it "
+            f"the header declares {count} triangles, but the file has {held}; save or send it "
             "again.",
         )
     if len(data) > expected + (MAX_TAIL_BYTES if count else 0):
         raise InputError(
             "damaged",
-            f"the header declares {count} triangles, but {len(data) - expected} bytes follow "
-            "them; save the file again.",
+            f"the header declares {count} triangles, but the file has {len(data) - expected} "
+            "more bytes after them; save the file again.",
         )
     notes = () if len(data) == expected else (TAIL_IGNORED,)
     points, faces = triangles_in(data[:expected], "stl")
@@ -168,7 +168,7 @@ def _facets(text: bytes) -> Iterator[bytes]:
     if VERTEX.search(SOLID_NAME.sub(b"", text[at:])):
         raise InputError(
             "damaged",
-            "the last triangle is incomplete; the file is cut off or damaged, save it again.",
+            "the last triangle is incomplete; the file is cut off or damaged, so save it again.",
         )
 
 
@@ -178,8 +178,8 @@ def _corners(part: bytes) -> NDArray[np.float64]:
     if len(found) != expected:
         raise InputError(
             "damaged",
-            f"got {len(found)} vertices in {expected // 3} triangles, expected three in each; the "
-            "file is cut off or damaged.",
+            f"got {len(found)} vertices in {expected // 3} triangles, expected three vertices in "
+            "each triangle; the file is cut off or damaged, so save it again.",
         )
     # trimesh wants a vertex to have a line, joins the numbers of all, and skips bytes of no text.
     text = b"".join(b"vertex %b %b %b\n" % numbers for numbers in found)

@@ -43,7 +43,7 @@ BYTE_ORDER_MARKS: Final = (
 )
 """Byte order marks with their encodings, tried in this order: the marks of UTF-32 come first, as
 that of little-endian UTF-32 begins like that of UTF-16."""
-READ_AS_VOXELS: Final = "for voxels in any order, read them as voxels"
+READ_AS_VOXELS: Final = "if the order has no meaning, read the cells as voxels"
 
 
 def to_utf8(data: bytes) -> bytes:
@@ -76,11 +76,15 @@ def decode(data: bytes, expected: str) -> str:
         text = data.decode()
     except UnicodeDecodeError as error:
         if CONTROL.search(data):
-            raise wrong_kind(f"byte {error.start} is not text: a binary file", expected) from error
+            raise wrong_kind(
+                f"this looks like a binary file (byte {error.start} is not text)", expected
+            ) from error
         text = data.decode("cp1252", "replace")
     if "\0" in text:
         place = text.index("\0")
-        raise wrong_kind(f"character {place} is a zero byte: a binary file", expected)
+        raise wrong_kind(
+            f"this looks like a binary file (character {place} is a zero byte)", expected
+        )
     return text
 
 
@@ -107,7 +111,7 @@ def refuse_prose(text: str, expected: str) -> None:
     """
     words = WORD_SEPARATOR.split(text.strip()[:TEXT_PROBE_SIZE])
     if not any(is_number(word) for word in words):
-        raise wrong_kind(f"this is text that begins with {quote(text.strip())!r}", expected)
+        raise wrong_kind(f"this looks like text that begins with {quote(text.strip())!r}", expected)
 
 
 def coordinate(field: str, axis: str, line: int) -> float:
@@ -131,15 +135,15 @@ def coordinate(field: str, axis: str, line: int) -> float:
     if abs(value) > MAX_COORDINATE:
         raise InputError(
             "too-far",
-            f"got {quote(word)} for {axis}, expected at most {MAX_COORDINATE} in size; move "
-            "the shape to the origin.",
+            f"got {quote(word)} for {axis}, expected −{MAX_COORDINATE} to {MAX_COORDINATE}; "
+            "move the shape to the origin.",
             where=where,
         )
     if value != round(value):
         raise InputError(
             "not-whole",
-            f"got {quote(word)} for {axis}, expected a whole number: cells lie on an integer "
-            "lattice; scale and shift the shape.",
+            f"got {quote(word)} for {axis}, expected a whole number; scale and shift the shape, "
+            "because cells lie on a grid of whole numbers.",
             where=where,
         )
     return value

@@ -68,9 +68,9 @@ ACCEPTED_EXTENSION_PARTS: Final = ("/production/", "/material/", "/trianglesets/
 models that require other extensions are refused."""
 OTHER_FORMS: Final = {
     "beam": "beams",
-    "ball": "balls of a lattice",
-    "booleanshape": "differences of meshes",
-    "levelset": "functions of space",
+    "ball": "lattices of balls",
+    "booleanshape": "Boolean combinations of meshes",
+    "levelset": "shapes given by functions",
     "displacementmesh": "displaced meshes",
 }
 CORE: Final = "/3dmanufacturing/core/"
@@ -153,7 +153,7 @@ def _models(archive: zipfile.ZipFile) -> list[str]:
     if not models and any(e.filename.endswith(".npy") for e in entries):
         raise InputError(
             "wrong-kind",
-            "this looks like NumPy's .npz, expected one array; save it with numpy.save.",
+            "this looks like a NumPy archive (.npz), expected one array; save it with numpy.save.",
         )
     if not models:
         raise InputError(
@@ -192,8 +192,8 @@ def _is_bomb(unpacked: int, packed: int) -> bool:
 def _bomb(unpacked: int, packed: int) -> InputError:
     return InputError(
         "bomb",
-        f"{packed} bytes unpack to more than {unpacked}, which is not plausible for a mesh; export "
-        "the model again.",
+        f"{packed} bytes unpack to more than {unpacked} bytes, which is not plausible for a "
+        "mesh; export the model again.",
     )
 
 
@@ -252,7 +252,7 @@ class _Models:
             raise _damaged(f"its XML is broken ({quote(str(error))})") from error
 
     def _refuse_doctype(self, *_: Any) -> None:
-        raise InputError("damaged", "its XML declares a document type, which no 3MF model does.")
+        raise _damaged("its XML declares a document type, which no 3MF model does")
 
     def _start_role(self, tag: str, fields: dict[str, str]) -> None:
         match tag:
@@ -376,7 +376,9 @@ class _Models:
             more = self._amount(key, known, 0)
             triangles, instances = triangles + more[0], instances + more[1]
         if instances > MAX_INSTANCES:
-            raise InputError("too-large", f"got {instances} parts, expected {MAX_INSTANCES}.")
+            raise InputError(
+                "too-large", f"got {instances} parts, expected at most {MAX_INSTANCES}."
+            )
         check_triangles(triangles, self._source.most_triangles)
         points: list[Floats] = []
         faces: list[Ints] = []
@@ -413,7 +415,8 @@ class _Models:
             rows += len(own)
         if not faces and LEFT_OUT in self._notes:
             raise InputError(
-                "empty", "all parts are cutters, modifiers or supports, expected material."
+                "empty",
+                "all parts are cutters, modifiers or supports; add a part that is material.",
             )
         check_triangles(len(faces), self._source.most_triangles)
         self._note_unbuilt([key for key, _ in items] + self._unprinted)

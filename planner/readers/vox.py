@@ -80,7 +80,7 @@ def read_vox(data: bytes, source: Source) -> Shape:
     for model, placed in placements:
         if not 0 <= model < len(content.models):
             raise _damaged(
-                f"its scene refers to model {model}, but there are {len(content.models)}"
+                f"its scene refers to model {model}, but the file has {len(content.models)} models"
             )
         total += len(content.models[model])
         if total > source.most_cells:
@@ -90,7 +90,7 @@ def read_vox(data: bytes, source: Source) -> Shape:
         cells.append((doubled @ placed.turn.T - 1) // 2 + placed.shift)
     if total == 0:
         sight = (
-            " that are visible: show its objects and save it again"
+            " that are visible; show its objects and save it again"
             if HIDDEN in content.notes
             else ""
         )
@@ -122,7 +122,7 @@ def _chunks(data: bytes) -> _File:
             raise InputError(
                 "truncated",
                 f"a chunk {quote(kind.decode('latin-1'))!r} declares {size} bytes, but the file "
-                f"ends after {len(data) - start}.",
+                f"ends after {len(data) - start}; save or send it again.",
             )
         _take(kind, _Reader(data[start : start + size]), content)
         at = start + size
@@ -292,7 +292,7 @@ def _placements(content: _File) -> list[tuple[int, _Placed]]:
         elif node in content.shapes:
             placements += [(model, above) for model in content.shapes[node]]
         else:
-            raise _damaged(f"its scene names node {node}, which it does not have")
+            raise _damaged(f"its scene refers to node {node}, which does not exist")
     if any(len(cells) for model, cells in enumerate(content.models) if model not in content.named):
         _note(content, "models outside of the scene were ignored.")
     return placements

@@ -74,7 +74,7 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
         code = "truncated" if len(rows) < promised else "wrong-count"
         raise InputError(
             code,
-            f"got {len(rows)} cells after a first line that declares {promised}; "
+            f"the first line declares {promised} cells, but the file has {len(rows)}; "
             "the file is cut off, or has more than one frame.",
             where=f"line {first + 1}",
         )
@@ -109,7 +109,7 @@ def _count(words: list[str]) -> int | None:
 def _wrong_width(words: list[str], headers: Sequence[str], line: int) -> InputError:
     expected = "three whole numbers: x y z"
     if len(headers) > len(AXES):
-        expected = f"{len(headers)} words, as the header has"
+        expected = f"{len(headers)} words, as in the header"
     return InputError(
         "wrong-count",
         f"got {quote(' '.join(words[:12]))!r}, expected {expected}.",

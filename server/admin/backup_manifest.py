@@ -96,8 +96,8 @@ class Manifest(
         strange += [name for name in names[1:] if not is_file_name(name)]
         if strange or len(set(names)) < len(names):
             raise AdminError(
-                f"got a {MANIFEST} with the file name {(strange or names)[0]!r}, expected names of "
-                "folds' files, each once; the backup was changed, so use another one."
+                f"got a {MANIFEST} with the file name {(strange or names)[0]!r}, expected "
+                "each name of a fold's file once; use another backup, because this one was changed."
             )
         return found
 

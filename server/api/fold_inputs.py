@@ -93,11 +93,12 @@ class Origin:
             raise Unusable(
                 "file-or-shape",
                 f"got {' and '.join(given) or 'none'} of the form fields 'file', 'shape', "
-                "'preview', 'fold' and 'smooth', expected one of them.",
+                "'preview', 'fold' and 'smooth', expected exactly one of them.",
             )
         if self.smooth is not None and self.refold is not None:
             raise Unusable(
-                "smooth-or-refold", "got the form fields 'smooth' and 'refold', expected one."
+                "smooth-or-refold",
+                "got both form fields 'smooth' and 'refold', expected one of them.",
             )
 
 

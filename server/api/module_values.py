@@ -50,7 +50,7 @@ class ValuesBody(Body):
     responses={200: {"model": ValuesBody}, **problems(404)},
 )
 def get_values(fold_id: str, context: Here) -> JSONResponse:
-    """Return the numbers for modules that the owner has stored; 404 without any."""
+    """Return the numbers that the owner has stored for the modules; 404 if there are none."""
     found = context.store.find(fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)

@@ -41,7 +41,7 @@ PLAN_MEDIA_TYPES: Final = {
 
 @router.get(
     "/frames",
-    summary="Frames of the timeline",
+    summary="Get frames of the timeline",
     response_model=FramesBody,
     responses=problems(404, 409, 422, 429, 503),
 )
@@ -56,7 +56,7 @@ async def get_frames(
     stride: Annotated[int, Query(ge=1, le=1_000_000, description="Return every Nth frame.")] = 1,
     poses: Annotated[bool, Query(description="Include the pose of every module.")] = False,
 ) -> Response:
-    """Return the frames computed so far, also while the fold runs; `next` leads to the rest."""
+    """Return the frames that exist so far, even while the fold runs; `next` links to the rest."""
     timeline = await asyncio.to_thread(_timeline, context, fold_id)
     total = len(timeline)
     end = total if stop is None else min(stop, total)
@@ -142,7 +142,7 @@ def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: b
     responses=problems(404, 409),
 )
 def get_exports(fold_id: str, context: Here) -> ExportList:
-    """List the files for other programs that can be downloaded, in the order of the page."""
+    """List the downloadable files for other programs, in the order of the fold's page."""
     row = _finished(context, fold_id)
     moving = has_motion(row.summary)
     return ExportList(
@@ -214,7 +214,7 @@ def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
         return NotFound("no-such-artifact", f"This fold finished without its {what}{reason}.")
     return Conflict(
         "not-ready",
-        f"The {what} does not exist yet: the fold is {row.status}. Follow its events.",
+        f"The {what} does not exist yet: the fold is {row.status}. Try again later.",
         retry_after_s=1,
     )
 

@@ -116,7 +116,9 @@ Form = Literal["csv", "json"]
     summary="Get the plan with time stamps for a robot",
     response_class=Response,
     responses=file_or_problems(
-        "foldback-trajectory/1 or a table", *DOCUMENTED_FORMS, problem=COMPUTING_PROBLEMS
+        "The trajectory, as foldback-trajectory/1 or as a table",
+        *DOCUMENTED_FORMS,
+        problem=COMPUTING_PROBLEMS,
     ),
 )
 async def get_trajectory(
@@ -131,9 +133,9 @@ async def get_trajectory(
         Query(gt=0, le=1e4, description="Rows per second. Default: one row per frame of the plan."),
     ] = None,
 ) -> StreamingResponse:
-    """Return the fastest motion along the plan within the bounds, at rest at both ends.
+    """Return the fastest motion along the plan that keeps to the limits and rests at both ends.
 
-    The rate is refused if it is so low that modules of a verified plan overlap between two rows.
+    A rate is refused if it is so low that modules of a verified plan overlap between two rows.
     """
     from planner.exports.trajectory import export
 
@@ -146,8 +148,8 @@ async def get_trajectory(
     if numbers > MAX_TRAJECTORY_NUMBERS:
         raise TooLarge(
             "too-large",
-            f"got {numbers:.3g} numbers, expected at most {MAX_TRAJECTORY_NUMBERS:.3g}; lower the "
-            "rate, or use `foldback retime`.",
+            f"got a trajectory of {numbers:.3g} numbers, expected at most "
+            f"{MAX_TRAJECTORY_NUMBERS:.3g}; lower the rate, or use `foldback retime`.",
             where="query.rate",
         )
     try:
@@ -245,11 +247,11 @@ async def get_motors(
 
 @router.get("/play", include_in_schema=False)
 def get_play(fold_id: str) -> Response:
-    """Refuse plain requests, because this is a websocket."""
+    """Refuse plain HTTP requests, because this address is for a websocket."""
     del fold_id
     raise WebsocketNeeded(
         "websocket",
-        "A robot gets its motion over a websocket, which /api/play-schema describes.",
+        "Open a websocket at this address; /api/play-schema describes its messages.",
     )
 
 
@@ -261,7 +263,7 @@ def get_play_schema() -> dict[str, Any]:
 
 @router.websocket("/play")
 async def play(websocket: WebSocket, fold_id: str) -> None:
-    """Send a robot its joint angles in real time, waiting while the robot falls behind.
+    """Send a robot its joint angles in real time, and wait whenever it falls behind.
 
     Limits are checked before the socket is accepted, because until then an error can be sent as an
     HTTP response.
@@ -322,7 +324,7 @@ def _playable(context: Context, fold_id: str, ask: Ask) -> Wanted:
 
 
 def _not_verified() -> Conflict:
-    return Conflict("not-verified", "This plan is not verified, so it cannot be played to a robot.")
+    return Conflict("not-verified", "This plan is not verified, so it cannot be sent to a robot.")
 
 
 class _RobotSession:
@@ -455,7 +457,7 @@ class _RobotSession:
             window, count = second, (count + 1 if second == window else 1)
             if count > MAX_MESSAGES_PER_SECOND:
                 raise TooMany(
-                    "too-fast", f"More than {MAX_MESSAGES_PER_SECOND} messages per second."
+                    "too-fast", f"Got more than {MAX_MESSAGES_PER_SECOND} messages per second."
                 )
             if len(data) > 4096 + MAX_MESSAGE_BYTES_PER_JOINT * joints:
                 raise TooLarge("too-large", f"A message of {len(data)} bytes is too large.")

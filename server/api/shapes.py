@@ -44,7 +44,8 @@ async def previewed_in_form(
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[
-        str | None, id_field("Or: the id of an earlier preview, with other options.")
+        str | None,
+        id_field("Or: the id of an earlier preview. Its shape is previewed with these options."),
     ] = None,
 ) -> Origin:
     """Return the origin of a preview that a form names."""

@@ -126,9 +126,9 @@ def expire(
     force: Force = False,
     data_dir: DataDir = None,
 ) -> None:
-    """Delete folds and their files. Pinned folds and gallery folds stay."""
+    """Delete folds and their files. Pinned folds and gallery folds are kept."""
     if bool(ids) == (older is not None):
-        raise typer.BadParameter("give ids or --older DAYS, and not both.")
+        raise typer.BadParameter("give either ids or --older DAYS.")
     with _tasks(data_dir) as tasks:
         if older is not None:
             rows = tasks.folds(older_days=older)
@@ -231,7 +231,7 @@ def migrate(
     ] = False,
     data_dir: DataDir = None,
 ) -> None:
-    """Update all tables to this version, as the service does when it starts."""
+    """Update all tables to this version of foldback, as the service does when it starts."""
     from server.admin.migration import pending_changes, run_migration
 
     settings = settings_of(data_dir=data_dir)

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 COMMANDS: Final = {
     "serve": "Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR, …).",
-    "worker": "Compute folds for a service that runs on the same data.",
-    "fold": "Explode, fold and verify a chain or a shape.",
+    "worker": "Compute folds for a service that uses the same data.",
+    "fold": "Plan how a chain folds into a shape, and verify the plan.",
     "refold": "Unfold a folded chain and fold it into another shape.",
     "settings": "List the settings for `fold --set NAME=VALUE`.",
     "smooth": "Make a motion shorter and smoother without reducing its clearance.",

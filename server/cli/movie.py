@@ -112,7 +112,11 @@ def _format_of(out: Path) -> str:
             "bad-movie", f"got the file {out.name!r}, expected one that ends in .mp4 or .gif."
         )
     if not out.resolve().parent.is_dir():
-        raise InputError("no-directory", "the folder of the movie does not exist.", where=str(out))
+        raise InputError(
+            "no-directory",
+            "the folder for the movie does not exist; create it first.",
+            where=str(out),
+        )
     return kind
 
 

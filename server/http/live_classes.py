@@ -99,7 +99,9 @@ class LiveClass:
             TooMany: If there are as many as there may be.
         """
         if self.followers >= MAX_FOLLOWERS:
-            detail = f"{MAX_FOLLOWERS} people follow this class, which is the limit."
+            detail = (
+                f"{MAX_FOLLOWERS} people follow this class, which is the limit; try again later."
+            )
             raise TooMany("class-full", detail, retry_after_s=OPEN_RETRY_S)
         self.change(followers=self.followers + 1)
         try:
@@ -139,7 +141,9 @@ class LiveClasses:
         """
         found = self._by_code.get(code.upper())
         if found is None:
-            raise NoSuch("no-class", "This class has ended, or the link is incomplete.")
+            raise NoSuch(
+                "no-class", "This class has ended, or its link is incomplete; ask for a new link."
+            )
         return found
 
     def find_led(self, code: str, key: str) -> LiveClass:

@@ -93,7 +93,7 @@ class Movies:
         if not row.over:
             raise Conflict(
                 "not-ready",
-                f"the fold is {row.status}; movies can be created when it has finished.",
+                f"the fold is {row.status}; movies can be created once it has finished.",
                 retry_after_s=MOVIE_RETRY_S,
             )
         check(self._store.directory(fold_id), TIMELINE)

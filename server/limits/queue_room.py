@@ -42,8 +42,8 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
         raise _full(f"{len(own)} of your folds are waiting or running")
     if own and sum(own) + wanted.cost_s > settings.largest_queue_seconds_of_visitor:
         raise _full(
-            f"your waiting folds ({len(own)}) take about {sum(own):.0f} s and this one "
-            f"{wanted.cost_s:.0f} s, together more than "
+            f"your waiting folds ({len(own)}) take about {sum(own):.0f} s and this one takes "
+            f"{wanted.cost_s:.0f} s. Together they take more than "
             f"{settings.largest_queue_seconds_of_visitor:g} s"
         )
     network = network_of(wanted.visitor)

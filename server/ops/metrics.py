@@ -119,7 +119,7 @@ def _of_rows(found: Figures | None) -> Iterator[GaugeMetricFamily]:
     yield _counts("fold_seconds_lately", words, "quantile", seconds)
     words = "Folds that ended within the last hour, at most 500."
     yield _gauge("folds_ended_lately", words, len(found.computed_s))
-    words = "Failed folds among these, by code."
+    words = "Failed folds among those that ended within the last hour, by error code."
     yield _counts("failures_lately", words, "code", found.failures)
 
 

@@ -49,7 +49,7 @@ shows the result later. Chosen."""
 
 @router.get("/folds/{fold_id}/drawing.svg")
 async def drawing_of_fold(request: Request, fold_id: str) -> Response:
-    """Return a drawing of the folded shape for lists; none if it is too large.
+    """Return the drawing of the folded shape that lists show; none if it is too large.
 
     A request does not count as a view of the fold, so it does not postpone the fold's expiry.
     """
@@ -74,7 +74,7 @@ async def picture_of_fold(
         str | None, Query(pattern=SHORT_FORM_PATTERN, max_length=MAX_SHORT_FORM_LENGTH)
     ] = None,
 ) -> Response:
-    """Return a picture of 1200×630 pixels: the folded shape, or the view in ``view``."""
+    """Return a picture of 1200×630 pixels: the folded shape, or the view that ``view`` names."""
     found = await find_fold(request, fold_id)
     if found is None:
         return not_found()

@@ -32,16 +32,16 @@ def test_fold_is_checked_and_broken_on_purpose(visit: Visit, service: Service, w
     assert [url for url in urls if url.endswith("/plan.npz")]
     expect(check.get_by_role("button", name="Check this plan")).to_be_focused()
     check.get_by_text("What this check does not show").click()
-    expect(check).to_contain_text("Real joints have play")
+    expect(check).to_contain_text("Real joints are slightly loose")
     assert "def main" in service.http.get("/static/foldback_check.py").text
     assert page.evaluate(WIDTH) <= 390
 
     check.get_by_role("button", name="Larger modules").click()
-    expect(status).to_contain_text("In this plan, a module is 95.0 % as wide as a cell.")
+    expect(status).to_contain_text("In this plan, the modules are 95.0 % as wide as their cells.")
     page.evaluate("foldback.player.send({ do: 'select', module: 12 })")
     page.locator("#tab-properties").click()
     check.get_by_role("button", name="Turn a hinge by 1°").click()
-    expect(status).to_contain_text("If the joint behind module 13 is off by 1°")
+    expect(status).to_contain_text("If the joint between modules 13 and 14 is off by 1°")
 
     check_in_page(check)
     check.get_by_role("button", name="Tightest place").click()

@@ -108,7 +108,7 @@ def test_early_folds_are_claimed_and_the_browser_forgotten(visit: Visit, service
     key = key_of(page)
     assert key != early["owner_token"]
     assert service.http.get("/api/mine/folds", headers=bearer(key)).json()["total"] == 1
-    page.get_by_role("button", name="Forget this browser").click()
+    page.get_by_role("button", name="Forget the keys").click()
     expect(page.locator("#confirm-text")).to_contain_text("stay until they expire")
     page.locator("#confirm-yes").click()
     expect(page.get_by_text("Nothing here yet")).to_be_visible()
@@ -126,7 +126,7 @@ def test_leaked_key_is_replaced(visit: Visit, service: Service) -> None:
     page.route("**/api/mine/key", lambda route: route.abort())
     page.get_by_role("button", name="New key").click()
     page.locator("#confirm-yes").click()
-    expect(page.locator("#key-message")).to_contain_text("may still be in use")
+    expect(page.locator("#key-message")).to_contain_text("may still work")
     expect(page.locator("#keys li")).to_have_count(1)
     assert key_of(page) == leaked
     page.get_by_role("button", name="Remove").click()

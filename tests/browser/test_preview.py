@@ -47,7 +47,7 @@ def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, vi
     preview_file(page, "brick.stl", stl())
     expect(page.locator("#name")).to_have_text("brick")
     expect(page.locator("#verdict")).to_have_text(
-        re.compile(r"\d+ modules · matches your model: \d+ %")
+        re.compile(r"\d+ modules · match with your model: \d+ %")
     )
     page.locator(".more > summary").click()
     expect(page.locator("#preset")).to_be_visible()
@@ -137,7 +137,7 @@ def test_missing_path_is_explained_repaired_and_unrepaired(visit: Visit) -> None
     page.locator("[name=world][value=table]").check(force=True)
     add = page.get_by_role("button", name=re.compile(r"^Add \d cells?: \d+ modules"))
     expect(add).to_be_visible()
-    expect(page.locator("#problems")).to_contain_text("5 cells are black and 3 white")
+    expect(page.locator("#problems")).to_contain_text("5 cells are black and 3 are white")
     assert page.evaluate(WIDTH) <= 390
     modules = re.findall(r"\d+", add.inner_text())[1]
     add.tap()

@@ -65,8 +65,11 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
     limit = "limited by modules 1 and 159 near frame 43 of the plan"
     shown = dict(rows(SIMULATED | {"margins": margins}))
     assert shown["Margin for the module size"] == f"up to 0.995 pitch; {limit}"
-    assert shown["Margin for an error in one hinge"] == f"up to 0.17°, all others exact; {limit}"
-    assert str(shown["Margin for random errors in all hinges"]).startswith("up to 0.0022° each: ")
+    assert (
+        shown["Margin for an error in one hinge"]
+        == f"up to 0.17° if all other hinges are exact; {limit}"
+    )
+    assert str(shown["Margin for random errors in all hinges"]).startswith("up to 0.0022° in each ")
     assert "5 of 100 robots" in str(shown["Margin for random errors in all hinges"])
     assert "Margin for an error in one hinge" not in dict(rows(SIMULATED))
 
@@ -82,7 +85,7 @@ def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:
 
 def test_torque_is_called_peak_only_if_every_step_was_simulated() -> None:
     assert torque(SIMULATED) == ("Peak torque", "400 µN·m, simulated motors")
-    assert torque(FOLLOWED) == ("Largest torque seen", "400 µN·m, checked at 1210 of 4036 frames")
+    assert torque(FOLLOWED) == ("Largest torque found", "400 µN·m, checked at 1210 of 4036 frames")
 
 
 def test_text_about_linked_modules() -> None:
@@ -95,8 +98,11 @@ def test_text_about_linked_modules() -> None:
 def test_text_about_a_record_that_overlaps() -> None:
     assert record(SIMULATED, limit_rad=1.6057) is None
     for changes, words in (
-        ({"min_clearance_record": -0.0042}, "overlaps by 0.0042 pitch, but the plan does not."),
-        ({"max_angle_record_rad": 1.62}, "bends a joint to 92.8°, beyond its limit of ±92°, but"),
+        (
+            {"min_clearance_record": -0.0042},
+            "modules overlap by 0.0042 pitch. This does not happen in the plan.",
+        ),
+        ({"max_angle_record_rad": 1.62}, "a joint turns to 92.8°, beyond its limit of ±92°. This"),
     ):
         assert words in str(record(SIMULATED | changes, limit_rad=1.6057))
 
@@ -106,7 +112,7 @@ def test_text_about_the_base_on_a_table() -> None:
     motion = swing(chain, 1, -LIFTED)
     cases: tuple[tuple[float, Base, str, str], ...] = (
         (0.0, "free", "frictionless", "the simulation pins the first module"),
-        (0.2, "free", "friction 0.2, free base", "free on the table, where it may drift"),
+        (0.2, "free", "friction 0.2, free base", "free on the table; the chain may drift"),
         (0.2, "clamped", "friction 0.2, clamped base", "the first module is clamped"),
     )
     for friction, base, words, held in cases:

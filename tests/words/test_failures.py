@@ -81,7 +81,7 @@ def test_failure_lists_blocks_and_budgets() -> None:
     ]
     many = {**evidence, "turns": 30 * [turn]}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
-    assert shown is not None and shown["blocks"][-1] == "And 7 more"
+    assert shown is not None and shown["blocks"][-1] == "And 7 more blocked motions"
     budget = {"kind": "budget", "spent": "steps"}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": budget}})
     assert shown is not None and shown["heading"] == "Stalled: step limit reached"

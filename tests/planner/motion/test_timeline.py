@@ -186,7 +186,7 @@ def test_append_takes_frames_of_the_chain_up_to_the_end(place: FilePath, hook_ch
     with pytest.raises(TimelineError, match="joint"):
         writer.append(some_frames(2, joints=8))
     writer.close()
-    with pytest.raises(TimelineError, match="only to a growing one"):
+    with pytest.raises(TimelineError, match="only to a growing timeline"):
         writer.append(some_frames(1))
 
 

@@ -52,7 +52,7 @@ def test_settings_reach_their_parameters_of_each_preset() -> None:
 
 def test_read_settings_refuses_other_names_and_values() -> None:
     for text, words in (
-        ("speed=1", "got 'speed=1', expected NAME=VALUE with one of: radial_gain"),
+        ("speed=1", "got 'speed=1', expected NAME=VALUE with one of these names: radial_gain"),
         ("damping", "got 'damping', expected NAME=VALUE"),
         ("damping=", "damping = '', expected a number from 0 to 0.9"),
         ("damping=nan", "expected a number from 0 to 0.9"),
@@ -66,7 +66,7 @@ def test_read_settings_refuses_other_names_and_values() -> None:
         ("table_base=held", "got table_base = 'held', expected clamped or free"),
         ("table_base=1", "got table_base = '1', expected clamped or free"),
         ("table_base=", "got table_base = '', expected clamped or free"),
-        ("damping=0.1,damping=0.2", "got damping twice, expected only one value"),
+        ("damping=0.1,damping=0.2", "got two values for damping, expected one"),
         ("a" * 501, "got 501 characters of settings, expected at most 500"),
     ):
         with case((text, words)):

@@ -224,7 +224,7 @@ def test_binary_stl_with_another_count_or_head() -> None:
     data = exported("stl", torus())
     more = data[:80] + struct.pack("<I", 100_000) + data[84:]
     assert refusal_of(more, filename="x.stl").code == "truncated"
-    assert "100000 triangles and the file holds 576" in refusal_of(more, filename="x.stl").detail
+    assert "100000 triangles, but the file has 576" in refusal_of(more, filename="x.stl").detail
     assert refusal_of(data[:-20], filename="x.STL").code == "truncated"
     noted = solid_in(data + b"tail", "x.stl")
     assert "ignored" in noted.notes[0]

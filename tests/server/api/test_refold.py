@@ -49,7 +49,7 @@ def test_shapes_that_fit_are_listed_and_others_are_refused(service: Service, wre
         status, problem = service.refusal(refold=wrench, shape=shape)
         assert (status, problem["code"]) == (422, "refold-differs")
         assert f"got a shape of {what}, expected 24 cubes" in problem["detail"]
-        assert "examples that fit: mallet-24, wrench-24." in problem["detail"]
+        assert "these examples fit: mallet-24, wrench-24." in problem["detail"]
 
 
 def test_refold_that_differs_after_a_search_fails(service: Service, wrench: str) -> None:
@@ -58,7 +58,7 @@ def test_refold_that_differs_after_a_search_fails(service: Service, wrench: str)
     state = service.wait_over(accepted["id"])
     assert (state["status"], state["stage"]) == ("failed", "read")
     assert state["error"]["code"] == "refold-differs"
-    assert "examples that fit: mallet-24, wrench-24." in state["error"]["detail"]
+    assert "these examples fit: mallet-24, wrench-24." in state["error"]["detail"]
 
 
 def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(

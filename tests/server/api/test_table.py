@@ -40,7 +40,10 @@ def test_options_that_do_not_suit_a_table_are_refused(idle: Service) -> None:
 
 
 def test_settings_and_paths_that_do_not_suit_the_world_are_refused(idle: Service) -> None:
-    assert "for a fold that floats" in get_json(idle, settings="table_torque=3").json()["detail"]
+    assert (
+        "for a fold in the 'floating' world"
+        in get_json(idle, settings="table_torque=3").json()["detail"]
+    )
     assert get_json(idle, world="table", settings="table_torque=0").json()["code"] == "bad-settings"
     over = [[0, 0, 1], [1, 0, 1], [2, 0, 1], [2, 0, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 1, 0]]
     answer = idle.upload("over.json", str(over), world="table")
@@ -97,7 +100,9 @@ def slab_without_a_path(service: Service) -> tuple[dict[str, Any], dict[str, str
 def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(idle: Service) -> None:
     none, same = slab_without_a_path(idle)
     (problem,) = none["feasibility"]["problems"]
-    assert problem["detail"].startswith("coloured like a chessboard, 5 cells are black and 3 white")
+    assert problem["detail"].startswith(
+        "coloured like a chessboard, 5 cells are black and 3 are white"
+    )
     assert set(map(tuple, problem["cells"])) <= set(map(tuple, none["cells"]))
     offers = idle.http.post("/api/shapes/offers", data=same).json()["offers"]
     assert [offer["kind"] for offer in offers] == ["repair", "blocks"]

@@ -37,7 +37,7 @@ test("a path is whole when it visits all cells, each once, from face to face", (
   assert.deepEqual(checked(painted(square, [square[0], square[2], square[1], square[3]])).gaps, [0, 2]);
   const twice = checked(painted(square, [...square, square[0]]));
   assert.deepEqual(twice.repeats, [[0, 4]]);
-  assert.equal(told(twice).text, "Cells 1 and 5 are the same cell. A path visits each cell only once.");
+  assert.equal(told(twice).text, "Cells 1 and 5 of the path are the same cell. A path visits each cell only once.");
   assert.equal(checked(painted(row(2), row(2))).whole, false); // a chain needs a joint
   assert.match(told(checked(painted(row(2), row(2)))).text, /needs at least 3/);
   assert.match(told(checked(painted(row(4), [key(0, 0), key(0, 1), key(0, 3)]))).text, /^Cells 2 and 3 do not touch/);
@@ -63,7 +63,7 @@ test("the editor says while you draw that a shape can have no path", () => {
   assert.deepEqual(left.lost, []);
   const apart = checked(painted([...row(3), key(5, 6)], row(3)));
   assert.deepEqual(apart.lost, [key(5, 6)]);
-  assert.match(told(apart).text, /can no longer reach 1 of them/);
+  assert.match(told(apart).text, /can no longer reach 1 of the remaining cells/);
 });
 
 test("a path grows at its ends, removes its last cell, and closes a gap", () => {

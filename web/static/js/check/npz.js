@@ -25,7 +25,7 @@ export async function readNpz(bytes) {
   const view = viewOf(bytes), short = (/** @type {number} */ at) => view.getUint16(at, true), long = (/** @type {number} */ at) => view.getUint32(at, true);
   let end = bytes.length - 22;
   while (end >= 0 && long(end) !== END) end--;
-  readable(end >= 0, "the archive has no end");
+  readable(end >= 0, "the end of the archive is missing");
   /** @type {Map<string, Column>} */
   const found = new Map();
   for (let entry = 0, at = long(end + 16); entry < short(end + 10); entry++, at += 46 + short(at + 28) + short(at + 30) + short(at + 32)) {

@@ -109,7 +109,7 @@ export class Plan {
     const names = Array.from({ length: n - 1 - rigid }, (_, i) => hinges.map((h) => `joint_${i + rigid}${h}`)).flat();
     const count = (apart - 1) * (n - 1), exempt = said.exempt_pairs ?? { apart, count }, digest = told.claim?.angles_sha256;
     return {
-      [`the verdict is "${said.verdict}"`]: String(said.verdict).startsWith("verified"),
+      [`the plan is not verified; its verdict is "${said.verdict}"`]: String(said.verdict).startsWith("verified"),
       "the module does not match its stated kind": !known || JSON.stringify(geometry) === JSON.stringify(known),
       "the shape of the module is impossible": sound,
       "the module size or the clearance is out of range": size > 0 && size <= 1 && claim > 0 && Number.isFinite(claim),
@@ -117,9 +117,9 @@ export class Plan {
       "the angles are missing, or stored more than once": ["joint_angles_rad", "angles_rad", "angle_planes"].filter((name) => arrays.has(name)).length === 1,
       "the exempt pairs do not match the module": exempt.apart === apart && exempt.count === count,
       "an angle exceeds the limit": most <= limit + SLIP,
-      "the certificate states a different number of frames": [undefined, null, frames].includes(said.frames),
+      "the number of frames differs from the certificate": [undefined, null, frames].includes(said.frames),
       "the times do not increase": times.length === frames && rise(times),
-      "the first frame is not the start": near(this.frame(0).subarray(pad), start ? start.folded_rad : new Float64Array(folded.length)),
+      "the first frame is not the start shape": near(this.frame(0).subarray(pad), start ? start.folded_rad : new Float64Array(folded.length)),
       "the last frame is not the folded shape": near(this.frame(frames - 1).subarray(pad), folded),
       // Browsers hash for pages of https and of localhost alone; the proof itself needs no digest.
       "the checksum of the angles does not match": !digest || !globalThis.crypto?.subtle || digest === await this.digest(),

@@ -22,7 +22,7 @@ async function check({ href, way, module }) {
   let frames = 0, joint = 0, claim = 0, told = 0;
   try {
     const answer = await fetch(href);
-    if (!answer.ok) throw new NotProved("The plan file cannot be loaded.");
+    if (!answer.ok) throw new NotProved("The plan file cannot be loaded. Check the connection and try again.");
     const plan = await Plan.read(new Uint8Array(await answer.arrayBuffer())), { n: modules, size } = plan;
     if (way !== "claim") plan.claim = TOUCHES;
     if (way === "hinge") joint = turnMore(plan, module ?? Math.floor(Math.random() * plan.n));

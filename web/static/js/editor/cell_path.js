@@ -80,7 +80,7 @@ function lost(missing, path, size) {
 export function told({ length, cells, gaps, repeats, missing, lost: apart, difference, whole }) {
   if (repeats.length) {
     const [first, second] = repeats[0];
-    return { text: `Cells ${first + 1} and ${second + 1} are the same cell. A path visits each cell only once.`, tone: "bad" };
+    return { text: `Cells ${first + 1} and ${second + 1} of the path are the same cell. A path visits each cell only once.`, tone: "bad" };
   }
   if (gaps.length) {
     return { text: `Cells ${gaps[0] + 1} and ${gaps[0] + 2} do not touch. Add the cell between them, or cut the path there.`, tone: "bad" };
@@ -91,7 +91,7 @@ export function told({ length, cells, gaps, repeats, missing, lost: apart, diffe
   if (difference > 1) {
     return { text: `${so} No path visits all cells. If you colour the cells like a chessboard, there are ${difference} more of one colour than of the other.`, tone: "bad" };
   }
-  if (apart.length) return { text: `${so} The path can no longer reach ${apart.length} of them.`, tone: "bad" };
+  if (apart.length) return { text: `${so} The path can no longer reach ${apart.length} of the remaining cells.`, tone: "bad" };
   return { text: so, tone: "" };
 }
 

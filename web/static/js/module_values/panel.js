@@ -72,7 +72,7 @@ export class OwnPanel {
     this.error.textContent = "";
     const { timeline } = this.player;
     try {
-      if (file.size > MAX_FILE_BYTES) throw new Error(`This file has ${Math.ceil(file.size / 2 ** 20)} MB. The limit is ${MAX_FILE_BYTES / 2 ** 20} MB. Use fewer digits or frames.`);
+      if (file.size > MAX_FILE_BYTES) throw new Error(`This file is ${Math.ceil(file.size / 2 ** 20)} MB. The limit is ${MAX_FILE_BYTES / 2 ** 20} MB. Use fewer digits or frames.`);
       const frames = timeline.growing ? 0 : timeline.total;
       this.own = readValues(await file.text(), file.name, { modules: timeline.chain.modules, frames });
       [this.asked, this.kept] = [true, false];

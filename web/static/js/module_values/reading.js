@@ -47,7 +47,7 @@ function cellsOf(text) {
     const row = cells.map(read);
     const wrong = row.indexOf(null);
     if (line.startsWith("#") || (wrong >= 0 && !found.rows.length)) { found.header = line.startsWith("#") ? [line.replace(/^#\s*/, "")] : cells; return; }
-    if (wrong >= 0) throw new Error(`Line ${k + 1}: "${cells[wrong].slice(0, 40)}" is not a number. Leave the field empty if there is none.`);
+    if (wrong >= 0) throw new Error(`Line ${k + 1}: "${cells[wrong].slice(0, 40)}" is not a number. Leave the field empty if a value is missing.`);
     found.rows.push(/** @type {number[]} */ (row));
     found.places.push(k + 1);
   });
@@ -68,11 +68,11 @@ function jsonOf(text) {
   const { values } = told;
   if (told.format !== FORMAT && !Array.isArray(values)) throw new Error('This JSON file has no list of numbers. Use a list, or an object with "values", "name" and "unit".');
   const rows = (Array.isArray(values) ? (Array.isArray(values[0]) ? values : [values]) : []).map((row, k) => {
-    if (!Array.isArray(row)) throw new Error(`Value ${k + 1}: ${JSON.stringify(row)?.slice(0, 40)} is not a list of numbers, but the first value is one.`);
+    if (!Array.isArray(row)) throw new Error(`Value ${k + 1}: ${JSON.stringify(row)?.slice(0, 40)} is not a list of numbers, but the first value is a list.`);
     return row.map((/** @type {unknown} */ value, /** @type {number} */ i) => {
       if (typeof value === "number") return value;
       if (value === null || (typeof value === "string" && NOTHING.test(value))) return NaN;
-      throw new Error(`Value ${i + 1}: ${JSON.stringify(value).slice(0, 40)} is not a number. Use null if there is none.`);
+      throw new Error(`Value ${i + 1}: ${JSON.stringify(value).slice(0, 40)} is not a number. Use null if a value is missing.`);
     });
   });
   return { told, cells: { rows, header: [], places: rows.map((_, k) => k + 1) } };
@@ -91,8 +91,8 @@ function byNumber({ rows, places }, modules) {
   const row = new Array(modules).fill(NaN);
   const seen = new Set();
   rows.forEach(([module, value], k) => {
-    if (!Number.isInteger(module) || module < from || module >= modules + from) throw new Error(`Line ${places[k]}: there is no module ${module}. Modules count from ${from} to ${modules + from - 1}.`);
-    if (seen.has(module)) throw new Error(`Line ${places[k]}: module ${module} appears twice. List each module once. Decimal places need a point, not a comma.`);
+    if (!Number.isInteger(module) || module < from || module >= modules + from) throw new Error(`Line ${places[k]}: there is no module ${module}. Module numbers go from ${from} to ${modules + from - 1}.`);
+    if (seen.has(module)) throw new Error(`Line ${places[k]}: module ${module} appears twice. List each module once, and write decimals with a point, not a comma.`);
     seen.add(module);
     row[module - from] = value;
   });
@@ -150,7 +150,7 @@ export function readValues(text, file, expected) {
   const values = Float32Array.from(rows.flat(), (value) => (Number.isFinite(value) ? value : NaN));
   let [low, high] = [Infinity, -Infinity];
   for (const value of values) { if (value < low) low = value; if (value > high) high = value; }
-  if (low > high) throw new Error("This file contains no number.");
+  if (low > high) throw new Error("This file contains no numbers.");
   return { name: name || "Own numbers", unit: typeof told.unit === "string" ? told.unit.slice(0, 20) : unit, rows: rows.length, values, low, high };
 }
 

@@ -82,7 +82,7 @@ function refuse({ message, status, code }) {
   if (!preview.report) return;
   if (code === UNFIT) showTrouble({ title: "This path cannot be folded on a table", details: [message], ways: preview.waysFromPath }, change);
   showProblem(code === UNFIT ? "" : message);
-  get("verdict").textContent = "No preview for these options";
+  get("verdict").textContent = "There is no preview for these options";
 }
 
 // Search for versions of the shape that fold on a table. The search ends with the next look.

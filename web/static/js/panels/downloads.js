@@ -62,7 +62,7 @@ function movieForm(id) {
     choice("Format", "format", [["mp4", "MP4"], ["gif", "GIF"]]),
     choice("Size", "size", [["1280x720", "1280 × 720"], ["1920x1080", "1920 × 1080"], ["720x1280", "720 × 1280, upright"], ["640x360", "640 × 360"]]),
     choice("Length", "seconds", [["", "Automatic"], ["6", "6 s"], ["10", "10 s"], ["20", "20 s"], ["40", "40 s"]]),
-    choice("Shows", "part", [["fold", "The fold"], ["all", "Whole timeline"]]),
+    choice("Content", "part", [["fold", "The fold"], ["all", "Whole timeline"]]),
     choice("Camera", "turn", [["30", "Turns slightly"], ["0", "Stands still"], ["360", "Circles once"]]),
     choice("Background", "theme", [["light", "Light"], ["dark", "Dark"]]),
     choice("Captions", "captions", [["", "None"], ["tour", "From the tour"]]),

@@ -128,7 +128,7 @@ export class Drawer {
   // What smoothing has changed.
   /** @param {Smoothing} smoothing */
   smoothing({ rows, note, compare }) {
-    const changes = table(["Figure", "Before", "After", "Ratio"], rows.map(({ label, ...values }) =>
+    const changes = table(["Quantity", "Before", "After", "Ratio"], rows.map(({ label, ...values }) =>
       element("tr", {}, element("th", { scope: "row" }, label), ...Object.values(values).map((text) => element("td", {}, text)))));
     return element("div", { class: "group" }, element("h3", {}, BEFORE_AFTER), rows.length ? changes : null,
       element("p", { class: "hint" }, note), compare ? element("a", { class: "button", href: compare }, "Compare side by side") : null);

@@ -33,7 +33,7 @@ export class Failure {
     get("stuck-attempts").hidden = !tab || !attempts.length;
     if (tab) {
       tab.hidden = false;
-      get("stuck-attempts").textContent = attempts.length === 1 ? "The attempt" : `All ${attempts.length} attempts`;
+      get("stuck-attempts").textContent = attempts.length === 1 ? "Show the attempt" : `Show all ${attempts.length} attempts`;
       get("attempts").replaceChildren(...this.panel(failure, attempts, downloads.length ? `/api/folds/${id}` : null));
     }
     if (!this.found) return;
@@ -99,7 +99,7 @@ function confirming(files) {
     element("h3", {}, "Check it yourself"),
     element("p", {}, "The checker confirms this reason from ", plan, " and ", record, " alone. You do not have to trust us."),
     element("p", {}, element("code", {}, "python foldback_check_refusals.py plan.npz record.npz")),
-    element("p", {}, "The checker is two files. Keep them in one folder:"),
+    element("p", {}, "The checker consists of two files. Keep them in one folder:"),
     element("p", {}, ...["foldback_check_refusals.py", "foldback_check.py"].flatMap((name) =>
       [element("a", { class: "button quiet", href: `/static/${name}`, download: true }, name), " "])),
   ];

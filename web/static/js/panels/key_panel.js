@@ -93,7 +93,7 @@ export class KeyPanel {
       this.say("Done. The old key no longer works.");
     } catch (error) {
       if (error instanceof Refusal && error.final) dropKey(made);
-      this.say(`The old key may still be in use. ${wordsOf(error)}`);
+      this.say(`The old key may still work. ${wordsOf(error)}`);
     }
     await this.again();
   }
@@ -113,7 +113,7 @@ export class KeyPanel {
   }
 
   async forget() {
-    const sure = await confirmed("Forget this browser?", "This removes the keys from this browser. Your folds and links stay until they expire, but without the key you cannot list, rename or delete them. Copy the key first if you may need it again.", "Forget");
+    const sure = await confirmed("Forget the keys?", "This removes the keys from this browser. Your folds and links stay until they expire, but without the key you cannot list, rename or delete them. Copy the key first if you may need it again.", "Forget");
     if (!sure) return;
     forgetKeys();
     this.say("Keys removed. You will get a new key with your next fold.");

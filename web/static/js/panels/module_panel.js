@@ -67,7 +67,7 @@ export class ModulePanel {
     if (before !== module.index || module.index === null) this.number();
     if (module.index === null) {
       // The ends of the chain, and how the view marks them.
-      this.told.replaceChildren(element("p", { class: "hint" }, "Click a module, or type its number, to see its joint. Modules count from 1."),
+      this.told.replaceChildren(element("p", { class: "hint" }, "Click a module, or type its number, to see its joint. Module numbers start at 1."),
         element("p", { class: "hint" }, "A white stud marks the ", this.link("first module", () => 0), " of the chain. A dark stud marks the ", this.link("last module", () => this.modules - 1), "."));
       return;
     }

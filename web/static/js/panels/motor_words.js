@@ -27,5 +27,5 @@ export function motorWords({ would_do: enough, motor_torque_nm: given, joints })
   if (given === null || enough === null) return `Motors of ${need} or more are strong enough. ${most}`;
   if (enough) return `Yes, ${newtonMetres(given)} is enough. ${most}`;
   const weak = joints.filter((joint) => joint.would_do === false).length;
-  return `No, ${newtonMetres(given)} is too weak for ${weak} of ${joints.length} hinges. ${most} Choose stronger motors, lighter modules or less acceleration.`;
+  return `No, ${newtonMetres(given)} is not enough for ${weak} of ${joints.length} hinges. ${most} Choose stronger motors, lighter modules or less acceleration.`;
 }

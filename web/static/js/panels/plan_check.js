@@ -8,7 +8,7 @@ import { at as hrefOf, button, element, number, svg, whole } from "../lib/text.j
 /** @typedef {import("../check/plan.js").Place} Place */
 
 const NOT_CLAIMED = [
-  "Real joints have play, and real modules bend. The check assumes rigid modules and exact hinges.",
+  "Real joints are slightly loose, and real modules bend. The check assumes rigid modules and exact hinges.",
   "The check does not compare modules that share a joint. They overlap at the joint by design.",
   "Only a few robots were simulated. Other robots may behave differently.",
 ];
@@ -36,10 +36,10 @@ export function outcome(way, said) {
     return `This browser checked ${whole(modules)} modules without our server. Modules that share no joint stay at least ${percent(claim)} of a module width apart during the whole motion. The check took ${took(seconds)}.`;
   }
   if (way === "size") {
-    if (!touch || touch.size > FULL) return `In this plan, a module is ${percent(size)} as wide as a cell. Even modules that fill their cells would not overlap during the motion.`;
-    return `In this plan, a module is ${percent(size)} as wide as a cell. At ${percentUp(touch.size)}, the first two touch: ${pair(touch)}. If the modules are slightly smaller, none touch.`;
+    if (!touch || touch.size > FULL) return `In this plan, the modules are ${percent(size)} as wide as their cells. Modules as wide as their cells would not overlap during the motion, either.`;
+    return `In this plan, the modules are ${percent(size)} as wide as their cells. At ${percentUp(touch.size)}, ${pair(touch)} touch. If the modules are slightly smaller, none touch.`;
   }
-  return `If the joint behind module ${whole(joint + 1)} is off by 1°, no modules touch.`;
+  return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, no modules touch.`;
 }
 
 // The size at which modules touch is rounded up: a little below it they are proved not to.
@@ -52,7 +52,7 @@ const percentUp = (share) => `${(Math.ceil(10000 * share) / 100).toFixed(2)} %`;
  */
 function refusal(way, { text, place, claim, joint }) {
   if (place && place.gap >= claim) return `Not proved: the check cannot tell whether ${pair(place)} are far enough apart.`;
-  if (way === "hinge" && place) return `If the joint behind module ${whole(joint + 1)} is off by 1°, ${pair(place)} touch.`;
+  if (way === "hinge" && place) return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, ${pair(place)} touch.`;
   if (!place) return `Not proved: ${text}`;
   return `Not proved: ${pair(place)} come within ${percent(Math.max(place.gap, 0))} of a module width of each other.`;
 }
@@ -85,7 +85,7 @@ export class Checking {
     this.seen = null;
     this.tries = element("div", { hidden: true }, element("h4", {}, "Try to break it"),
       element("p", { class: "line" }, button("button", "Larger modules", () => this.begin("size")), button("button", "Turn a hinge by 1°", () => this.begin("hinge"))),
-      element("p", { class: "hint" }, "Make all modules larger until the first two touch. Or keep one hinge 1° away from its planned angle. The hinge belongs to the selected module; without a selection, it is chosen at random."));
+      element("p", { class: "hint" }, "Make all modules larger until two of them touch, or keep one hinge 1° away from its planned angle. To choose the hinge, select its module. If no module is selected, the hinge is chosen at random."));
     this.open = element("details", { class: "assumptions", hidden: true }, element("summary", {}, "What this check does not show"), element("ul", {}, ...NOT_CLAIMED.map((said) => element("li", {}, said))));
     this.all = element("div", {}, this.running, this.line, element("p", {}, this.where), this.open, this.tries);
     place.append(this.all);
@@ -101,7 +101,7 @@ export class Checking {
     this.bar.value = 0;
     this.worker = Checking.worker();
     this.worker.onmessage = (/** @type {MessageEvent<Progress | Proved | Refused>} */ { data }) => this.heard(way, data);
-    this.worker.onerror = () => { this.end(); this.line.textContent = "This browser cannot run the check."; };
+    this.worker.onerror = () => { this.end(); this.line.textContent = "This browser cannot run the check. Try another browser."; };
     this.worker.postMessage({ href: new URL(this.href, location.href).href, way, module: this.player.selected });
   }
 

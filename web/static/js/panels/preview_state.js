@@ -178,7 +178,7 @@ const percent = (/** @type {number} */ share) => `${Math.round(100 * share)} %`;
 /** @param {Api.Preview} report */
 export function verdictOf({ module, modules, iou, has_path: path }) {
   if (!path) return `${whole(modules)} cells, no path yet`;
-  return `${whole(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${iou === null ? "" : ` · matches your model: ${percent(iou)}`}`;
+  return `${whole(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${iou === null ? "" : ` · match with your model: ${percent(iou)}`}`;
 }
 
 // Numbers of modules that are near and possible, and a text that says why they are there.
@@ -187,7 +187,7 @@ export function verdictOf({ module, modules, iou, has_path: path }) {
  * @param {Api.Preview} report
  */
 export function nearby({ bound, onTable, maxModules }, { asked, modules, below, above }) {
-  const nearest = (asked ?? modules) === modules ? "" : `${whole(modules)} is the possible number closest to ${whole(asked ?? modules)}`;
+  const nearest = (asked ?? modules) === modules ? "" : `${whole(modules)} is the closest possible number to ${whole(asked ?? modules)}`;
   // A neighbouring count may have no path for a table: the offers are those that were checked.
   const counts = onTable ? [] : [below, above].flatMap((n) => (n && n !== modules && n <= maxModules ? [n] : []));
   return { counts, text: [bound, nearest].filter(Boolean).join("; ") || (counts.length ? "Also possible" : "") };

@@ -88,7 +88,7 @@ export class Progress {
     let text = advance.name();
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;
     if (this.cancelling) text = "Cancelling…";
-    else if (preparing) text = `${preparingWords(preparing)}${queue > 1 ? ` · then behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
+    else if (preparing) text = `${preparingWords(preparing)}${queue > 1 ? ` · then in the queue, behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
     else if (now.status === "queued") {
       if (now.paused) text = now.message ?? "Paused";
       else text = queueWords(queue, now.running_before);

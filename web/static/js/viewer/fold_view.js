@@ -83,7 +83,7 @@ export function view({ source, figures, load, over = true, details = null, play 
     // To ask is to start the browser's 3D graphics, which takes a second where they are software.
     if (hasWebGL()) { load(frame); return; }
     get("flat").hidden = false;
-    if (!sketch.worker) get("cover-text").textContent = "This browser shows no 3D graphics";
+    if (!sketch.worker) get("cover-text").textContent = "This browser cannot show 3D graphics";
   }
   setTimeout(start3d, sketch.worker ? START_DELAY_MS : 0);
   setTimeout(start3d, MAX_WAIT_3D_MS);
