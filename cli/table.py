@@ -33,7 +33,9 @@ def table(
         Path,
         typer.Argument(metavar="PLAN", help=("Folder written by `foldback fold`, or a plan file.")),
     ],
-    friction: Annotated[float, typer.Option(help="Friction between modules and table.")] = 0.0,
+    friction: Annotated[
+        float, typer.Option(help="Coefficient of friction between modules and table.")
+    ] = 0.0,
     base: Annotated[
         str, typer.Option(help="Base: clamped (first module fixed to the table) or free.")
     ] = "clamped",
