@@ -33,14 +33,16 @@ def table(
         Path,
         typer.Argument(metavar="PLAN", help=("Folder written by `foldback fold`, or a plan file.")),
     ],
-    friction: Annotated[float, typer.Option(help="Friction between modules and table.")] = 0.0,
+    friction: Annotated[
+        float, typer.Option(help="Coefficient of friction between modules and table.")
+    ] = 0.0,
     base: Annotated[
         str, typer.Option(help="Base: clamped (first module fixed to the table) or free.")
     ] = "clamped",
     module_kg: Annotated[
         float | None,
         typer.Option(
-            help=("Mass of a module, kg. Default: solid modules with the plan's density.")
+            help=("Mass of a module, kg. Default: that of a solid module with the plan's density.")
         ),
     ] = None,
     pitch_mm: Annotated[

@@ -108,7 +108,7 @@ EXPORTS: Final = (
     Export(
         name="obj",
         label="Mesh for the URDF",
-        hint="OBJ of the same solid, in metres",
+        hint="OBJ of one module's outer solid, in metres",
         media_type="model/obj",
         filename="module.obj",
         write=_by("obj"),

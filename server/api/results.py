@@ -49,9 +49,9 @@ async def get_frames(
     request: Request,
     fold_id: str,
     context: Here,
-    start: Annotated[int, Query(alias="from", ge=0, description="First frame.")] = 0,
+    start: Annotated[int, Query(alias="from", ge=0, description="Index of the first frame.")] = 0,
     stop: Annotated[
-        int | None, Query(alias="to", ge=0, description=("First frame after the range."))
+        int | None, Query(alias="to", ge=0, description="Index of the first frame after the range.")
     ] = None,
     stride: Annotated[int, Query(ge=1, le=1_000_000, description="Return every Nth frame.")] = 1,
     poses: Annotated[bool, Query(description="Include the pose of every module.")] = False,

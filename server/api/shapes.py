@@ -118,7 +118,7 @@ async def post_offers(
     preview: Annotated[str, id_field("The id of an earlier preview.")],
     seed: Seed = 0,
 ) -> TableOffers:
-    """Search for similar shapes: repaired ones, doubled ones and other numbers of modules.
+    """Search for similar shapes: repaired, doubled, or with another number of modules.
 
     A doubled shape has 2×2×2 modules for each voxel. Send the options of the preview that found
     no path on a table. The search may take as long as a preview, and limits count it as one. It

@@ -79,10 +79,10 @@ def _tasks(data_dir: Path | None) -> Generator[AdminTasks]:
 
 @admin.command("list")
 def list_folds(
-    status: Annotated[Status | None, typer.Option(help="Only folds with this status.")] = None,
+    status: Annotated[Status | None, typer.Option(help="List only folds with this status.")] = None,
     older: Annotated[
         float | None,
-        typer.Option(min=0, help=("Only folds that have not been used for this many days.")),
+        typer.Option(min=0, help="List only folds that have not been used for this many days."),
     ] = None,
     as_json: AsJson = False,
     data_dir: DataDir = None,
@@ -119,7 +119,7 @@ def expire(
     older: Annotated[
         float | None,
         typer.Option(
-            min=0, help=("Instead of ids: folds that have not been used for this many days.")
+            min=0, help=("Instead of ids: all folds that have not been used for this many days.")
         ),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
@@ -226,7 +226,8 @@ def migrate(
     check: Annotated[
         bool,
         typer.Option(
-            "--check", help="Only list the changes; exits with 3 if there are any, otherwise 0."
+            "--check",
+            help="Only list the changes; exits with 3 if there are any, and with 0 if not.",
         ),
     ] = False,
     data_dir: DataDir = None,

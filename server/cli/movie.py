@@ -40,7 +40,7 @@ MOVIE_OPTIONS: Final[dict[str, tuple[str, type, str]]] = {
     ),
     "elevation_deg": ("--elevation", float, "Camera angle above the ground, degrees."),
     "turn_deg": ("--turn", float, "Angle through which the camera circles, degrees."),
-    "theme": ("--theme", str, "light or dark."),
+    "theme": ("--theme", str, "Colours: light or dark."),
     "first_frame": ("--from", int, "First frame. Default: the first frame of the playback."),
     "last_frame": (
         "--to",

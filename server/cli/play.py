@@ -171,7 +171,7 @@ def play(
         ),
     ] = False,
 ) -> None:
-    """Show a fold's directory in the browser."""
+    """Show a fold in the browser."""
     try:
         name = row_of(directory).name
         if viser:

@@ -75,7 +75,7 @@ def variables(settings: Settings) -> CheckResult:
     unknown = unknown_names(os.environ)
     if not unknown:
         return ok(
-            f"{len(settings.model_fields_set)} settings are set, all others have their defaults"
+            f"settings that are set: {len(settings.model_fields_set)}; all others have defaults"
         )
     return warning(
         "; ".join(unknown_words(name, nearest) for name, nearest in unknown.items()),

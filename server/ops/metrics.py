@@ -30,7 +30,7 @@ class Metrics:
         ProcessCollector(registry=self._registry)
         self._seconds = Histogram(
             "foldback_request_seconds",
-            "Time to send a response; event streams count until they are closed.",
+            "Time to send a response; for event streams, the time until they are closed.",
             ("method", "route", "status"),
             buckets=BUCKETS_S,
             registry=self._registry,

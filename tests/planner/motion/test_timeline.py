@@ -235,7 +235,7 @@ def test_timeline_that_loses_frames_has_another_id(place: FilePath, hook_chain: 
         pass
     assert Timeline.open(place).id != reader.id
     assert reader.replaced
-    with pytest.raises(TimelineError, match="started again"):
+    with pytest.raises(TimelineError, match="replaced by a new one"):
         reader.refresh()
     assert_same(Timeline.open(place).frames(), some_frames(2))
 
