@@ -42,9 +42,8 @@ service's port, to find out if it is this service, in s. With a smaller value it
 a busy service. Chosen."""
 
 
-def python(settings: Settings) -> CheckResult:
+def python(_: Settings) -> CheckResult:
     """Check the interpreter and the packages that foldback needs."""
-    del settings
     wrong: list[str] = []
     count = 0
     for line in requires("foldback") or ():
