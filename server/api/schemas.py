@@ -575,11 +575,6 @@ def moment(seconds: float | None) -> datetime | None:
     return None if seconds is None else datetime.fromtimestamp(seconds, UTC)
 
 
-def _message(row: FoldRow, reported: str) -> str:
-    """Return the message of a stage; one that only smooths never counts as an explosion."""
-    return SMOOTHING_MESSAGE if row.stage == "explode" and row.smooths else reported
-
-
 def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
     """Return the progress of a fold, as its events tell it."""
     # What the stage before has said is not of the one that begins.
@@ -587,6 +582,9 @@ def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
     outlook = remaining.of(row)
     preparing = PreparingBody.of(outlook.preparing)
     paused = row.status == "queued" and row.pauses > 0
+    message = PAUSED_MESSAGE if paused else str(told.get("message", ""))
+    if row.stage == "explode" and row.smooths and not paused:
+        message = SMOOTHING_MESSAGE  # one that only smooths never counts as an explosion
     return {
         "status": row.status,
         "stage": row.stage,
@@ -594,7 +592,7 @@ def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
         "steps": int(told.get("steps", 0)),
         "steps_per_second": float(told.get("steps_per_second", 0.0)),
         "simulated_s": float(told.get("simulated_s", 0.0)),
-        "message": PAUSED_MESSAGE if paused else _message(row, str(told.get("message", ""))),
+        "message": message,
         "plan": int(told.get("plan", 0)),
         "plans": int(told.get("plans", 0)),
         "modules": row.modules,
