@@ -39,7 +39,10 @@ def fold(
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
-    """Explode, fold and verify a chain or a shape; exits 0, 3 (not verified) or 2 (bad input)."""
+    """Plan how a chain folds into a shape, and verify the plan.
+
+    Exits with 0 if the plan is verified, with 3 if it is not, and with 2 if the input is bad.
+    """
     try:
         data, filename = read_input(shape, angles)
         make_directory(out)

@@ -71,7 +71,10 @@ def retime(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Add time stamps to a plan within a robot's limits. Exits with 3 if a check fails."""
+    """Add time stamps to a plan so that it keeps to a robot's limits.
+
+    Exits with 3 if a check fails.
+    """
     try:
         form = _form(out)
         if module_mass is None and (motor_torque is not None or table is not None):

@@ -128,7 +128,7 @@ def show(report: dict[str, Any], out: Path) -> None:
         table.add_row("Overlap with the mesh (IoU)", f"{report['iou']:.2f}")
         near = [str(n) for n in (report["below"], report["above"]) if n is not None]
         if near:
-            table.add_row("Nearest other module counts", ", ".join(near))
+            table.add_row("Nearest possible numbers of modules", ", ".join(near))
     if report["method"]:
         table.add_row("Path method", f"{report['method']}, {report['candidates']} candidates")
     if report["knot"] is not None:

@@ -33,14 +33,16 @@ def table(
         Path,
         typer.Argument(metavar="PLAN", help=("Folder written by `foldback fold`, or a plan file.")),
     ],
-    friction: Annotated[float, typer.Option(help="Friction between modules and table.")] = 0.0,
+    friction: Annotated[
+        float, typer.Option(help="Coefficient of friction between modules and table.")
+    ] = 0.0,
     base: Annotated[
         str, typer.Option(help="Base: clamped (first module fixed to the table) or free.")
     ] = "clamped",
     module_kg: Annotated[
         float | None,
         typer.Option(
-            help=("Mass of a module, kg. Default: solid modules with the plan's density.")
+            help=("Mass of a module, kg. Default: that of a solid module with the plan's density.")
         ),
     ] = None,
     pitch_mm: Annotated[
@@ -146,10 +148,10 @@ def _show(found: TableCertificate, written: Path) -> None:
     if found.on_table:
         facts.add_row(
             "Lowest corner",
-            f"{found.clearance:+.3f} of the pitch, in frame {found.clearance_frame}",
+            f"{found.clearance:+.3f} pitch above the table, in frame {found.clearance_frame}",
         )
     tips = len(found.unbalanced)
-    facts.add_row("Frames", f"{len(found.torques)}; the chain would tip over in {tips}")
+    facts.add_row("Frames", f"{len(found.torques)}; the chain would tip over in {tips} of them")
     facts.add_row("Written to", str(written))
     console.print(facts)
     for line in found.assumptions:

@@ -46,13 +46,13 @@ def verify(
         OtherProgram | None,
         typer.Option(
             "--with",
-            help="Also check for contacts between frames with another program: ipctk "
+            help="Let another program check for contacts between frames, too: ipctk "
             r"(pip install 'foldback\[ipctk]').",
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check a plan again: its files, its figures, and a replay in plain MuJoCo."""
+    """Check a plan's files and figures again, and replay it in plain MuJoCo."""
     with_ipctk = other is OtherProgram.IPCTK
     result = _verification(directory, module_size, third_opinion=with_ipctk, as_json=as_json)
     largest = _largest(directory, result) if largest_size and result.verified else None

@@ -152,7 +152,7 @@ def summary_of(component: str) -> str:
 
 def table() -> str:
     """Return the components from the top down as a table in Markdown."""
-    lines = ["| component | what it is for | files |", "|---|---|---|"]
+    lines = ["| component | purpose | files |", "|---|---|---|"]
     for component in (component for layer in reversed(LAYERS) for component in layer):
         names = ", ".join(f"`{path.stem}`" for path in files_of(component))
         lines.append(f"| `{component.replace('.', '/')}` | {summary_of(component)} | {names} |")

@@ -189,7 +189,7 @@ class Client:
         form: dict[str, str],
     ) -> Any:
         if source is not None and shape is not None:
-            raise TypeError("got a source and a shape, expected one of them.")
+            raise TypeError("got a source and a shape, expected only one of them.")
         files = None if source is None else {"file": file_of(source, filename)}
         return self.ask("POST", path, data=form, files=files, token=self.token)
 

@@ -68,7 +68,9 @@ def form_of(options: Any, known: type[Any], shape: str | None) -> dict[str, str]
     """
     if unknown := set(options) - set(known.__annotations__):
         allowed = sorted(known.__annotations__)
-        raise TypeError(f"got the options {sorted(unknown)}, expected some of {allowed}.")
+        raise TypeError(
+            f"got the unknown options {sorted(unknown)}, expected options from {allowed}."
+        )
     found = {**options, "shape": shape}
     return {name: _text(value) for name, value in found.items() if value is not None}
 
@@ -97,7 +99,8 @@ def file_of(source: Source, filename: str | None) -> tuple[str, bytes]:
         return filename or "solid.npy", file.getvalue()
     if dimensions != 2:
         raise ValueError(
-            f"got an array of {dimensions} dimensions, expected cells (n, 3) or a solid (x, y, z)."
+            f"got an array with {dimensions} dimensions, expected cells (n, 3) or a solid "
+            "(x, y, z)."
         )
     cells = given.tolist() if hasattr(given, "tolist") else [list(cell) for cell in given]
     return filename or "cells.json", json.dumps(cells).encode()

@@ -401,7 +401,9 @@ def unknown_names(names: Iterable[str]) -> dict[str, str | None]:
 
 def unknown_words(name: str, nearest: str | None) -> str:
     """Return the message about a name that is no setting."""
-    return f"{name} is not a setting and is ignored" + (f"; is {nearest} meant?" if nearest else "")
+    return f"{name} is not a setting and is ignored" + (
+        f"; did you mean {nearest}?" if nearest else ""
+    )
 
 
 def _is_origin(value: str) -> bool:

@@ -59,6 +59,8 @@ VERDICT_PHRASES: Final = (
         r"the playback misses the straight shape by \1 (RMS)",
     ),
     (re.compile(r"\bthe frames have no plan\b"), "there is no plan for these frames"),
+    (re.compile(r"\ba robot lost its target: (?=\S)"), "a robot could not follow the motion: "),
+    (re.compile(r"(?<=\S) yielded: it is off by (?=\S)"), " is too weak: it is off by "),
 )
 """Patterns in verdicts, and the words that replace them for people. Plans store the verdicts, and
 ``foldback verify`` compares them, so the verdicts themselves keep their text."""

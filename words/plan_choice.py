@@ -17,11 +17,11 @@ from words.quantities import STRATEGY_LABELS, number, quantity, sentence
 
 PLAN_COLUMNS: Final = (
     "Plan",
-    "Time, s",
+    "Folding time, s",
     "Torque",
-    "Torque at equal time",
+    "Torque at equal folding time",
     "Clearance, pitch",
-    "Computing, s",
+    "Computing time, s",
 )
 """Column headings of the table that compares several plans of one fold: folding time, largest
 torque, largest torque if all plans took as long as the slowest one, proved clearance between
@@ -160,7 +160,7 @@ class _Plan:
         parts = [STRATEGY_LABELS.get(strategy, strategy).partition(",")[0]]
         parts += [f"path {attempt['candidate'] + 1}"] if attempt["candidate"] else []
         parts += [f"seed {attempt['seed']}"] if attempt["seed"] else []
-        parts += ["finer frames"] if "finer" in attempt else []
+        parts += ["smaller steps"] if "finer" in attempt else []
         return ", ".join(parts)
 
 

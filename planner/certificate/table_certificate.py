@@ -350,7 +350,7 @@ def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tu
         "Statics only: accelerating the modules needs additional torque.",
         f"Corners up to {FLOOR_GAP:g} pitch above the table count as standing on it. Full-size "
         f"modules up to {MODULE_GAP:g} pitch apart count as touching and push each other without "
-        "friction. Linked cubes do not: the parts that would touch are cut away.",
+        "friction. Linked cubes do not touch: the parts that would touch are cut away.",
         f"Modules are rigid, have the same weight and are {size:g} pitch wide at contacts. Joints "
         "bear any force, and any moment across their hinges.",
         f"Torques up to {MIN_TORQUE_WP:g} w·p count as zero.",
@@ -360,9 +360,9 @@ def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tu
         said.append("No friction: the table exerts no forces along its plane.")
     else:
         said.append(
-            f"Coulomb friction of {friction:g} with the table, against the motion to the next "
-            "frame. At corners that do not slip, the friction cone is replaced by an inscribed "
-            f"pyramid with {CONE_SIDES} sides."
+            f"Coulomb friction with the table (coefficient {friction:g}) opposes the motion to the "
+            "next frame. At corners that do not slip, the friction cone is replaced by an "
+            f"inscribed pyramid with {CONE_SIDES} sides."
         )
     if base == "clamped":
         said.append("The first module is clamped to the table, which bears any force and moment.")
@@ -371,9 +371,9 @@ def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tu
     else:
         said.append(
             "The chain lies free on the table. It drifts so that friction does the least work, "
-            "computed with the contact forces without friction. Friction forces may deviate from "
-            f"the slip direction by {DIRECTION_SPREADS_RAD[0]:g} rad, or by "
-            f"{DIRECTION_SPREADS_RAD[1]:g} rad if there is no balance otherwise."
+            "computed with the contact forces of a table without friction. Friction forces may "
+            f"deviate from the slip direction by {DIRECTION_SPREADS_RAD[0]:g} rad, or by "
+            f"{DIRECTION_SPREADS_RAD[1]:g} rad if the forces cannot balance otherwise."
         )
     if not on_table:
         said.append(

@@ -172,7 +172,7 @@ class Chain:
             raise InputError(
                 "out-of-range",
                 f"got {np.rad2deg(folded[index]):g}°, expected at most "
-                f"{np.rad2deg(module.angle_limit_rad):g}° either way.",
+                f"{np.rad2deg(module.angle_limit_rad):g}° in either direction.",
                 where=f"joint {index // module.hinges_per_joint}",
             )
         check_pitch(pitch_m)

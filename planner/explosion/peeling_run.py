@@ -273,6 +273,7 @@ class Peeling(Explosion[Window, WindowConfiguration]):
             "stalled",
             f"the chain is stuck {released}: {pulses.count} random pushes in a row made no "
             f"progress. The joint of module {window.first + 1 + worst} is still bent by "
-            f"{np.rad2deg(bends[worst]):.0f}°. Try to start at the other end, or try another path.",
+            f"{np.rad2deg(bends[worst]):.0f}°. Start the chain at its other end, or try "
+            "another path.",
             pulses.spent,
         )

@@ -57,7 +57,8 @@ def require_frames(plan: Plan) -> None:
     """
     if not len(plan.time_s):
         raise InputError(
-            "no-frames", "the plan has no frames, expected some; its fold failed before playback."
+            "no-frames",
+            "the plan has no frames, because its fold failed before playback; fold it again.",
         )
 
 

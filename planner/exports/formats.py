@@ -73,7 +73,7 @@ EXPORTS: Final = (
     Export(
         name="srdf",
         label="Collision pairs",
-        hint="SRDF for MoveIt and others: linked modules, which may overlap; belongs to the URDF",
+        hint="SRDF for MoveIt and others, for use with the URDF: linked modules, which may overlap",
         media_type="application/xml",
         filename="model.srdf",
         write=_by("srdf"),
@@ -108,7 +108,7 @@ EXPORTS: Final = (
     Export(
         name="obj",
         label="Mesh for the URDF",
-        hint="OBJ of the same solid, in metres",
+        hint="OBJ of one module's outer solid, in metres",
         media_type="model/obj",
         filename="module.obj",
         write=_by("obj"),

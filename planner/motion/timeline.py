@@ -238,7 +238,7 @@ class TimelineWriter:
         """
         if self._status != "growing":
             raise TimelineError(
-                f"the timeline is {self._status}; frames can be added only to a growing one."
+                f"the timeline is {self._status}; frames can be added only to a growing timeline."
             )
         if frames.is_windowed != self._windowed:
             names = ("a dense motion", "a windowed one")
@@ -378,7 +378,7 @@ class Timeline:
         before = (self._frames, self._status)
         attributes = _attributes(self.path)
         if attributes["id"] != self.id:
-            raise TimelineError(f"the timeline at {self.path} was started again.")
+            raise TimelineError(f"the timeline at {self.path} was replaced by a new one.")
         with _reading(self.path, self.id):
             self._take(attributes)
         return before != (self._frames, self._status)
@@ -527,7 +527,7 @@ def _reading(path: str, timeline_id: str) -> Generator[None]:
         yield
     except (DamagedError, InputError, *UNREADABLE) as error:
         if _is_replaced(path, timeline_id):
-            raise TimelineError(f"the timeline at {path} was started again.") from error
+            raise TimelineError(f"the timeline at {path} was replaced by a new one.") from error
         if isinstance(error, DamagedError):
             raise
         raise DamagedError(path, f"{type(error).__name__}: {error}") from error

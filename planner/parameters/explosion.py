@@ -243,7 +243,8 @@ class TableParameters(PeelingParameters):
             name="table_base",
             label="Base",
             help="`free`: the chain lies on the table and may drift. `clamped`: its first module "
-            "is fixed to the table. With friction, a clamped base needs several times the torque.",
+            "is fixed to the table. With friction, a clamped base needs several times the torque "
+            "of a free one.",
             group="table",
             rank=2,
             words=get_args(Base),

@@ -43,7 +43,7 @@ WORLD_CHOICES: Final[Choices] = {
     FLOATING: Choice(
         label="In zero gravity",
         note="no gravity",
-        hint="No gravity. Fastest, and works for any shape.",
+        hint="There is no gravity. This is the fastest choice, and works for any shape.",
     ),
     "table": Choice(
         label="On a table",

@@ -72,7 +72,7 @@ class RobotParameters:
         Setting(
             name="servo_give",
             label="Servo yield",
-            help="Error of a hinge at rest whose motor is at its torque limit.",
+            help="Angle error of a resting hinge whose motor is at its torque limit.",
             group="robot",
             rank=4,
             unit="rad",

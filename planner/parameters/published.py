@@ -92,7 +92,7 @@ class PaperExplosionParameters:
         Setting(
             name="step_s",
             label="Step size",
-            help="Time step of both simulations.",
+            help="Time step of the explosion and of the playback.",
             group="published",
             rank=6,
             unit="s",
@@ -106,7 +106,7 @@ class PaperExplosionParameters:
         Setting(
             name="pitch_cm",
             label="Module diameter",
-            help="The gains are given for modules of this length.",
+            help="The gains are given for modules of this diameter.",
             group="published",
             rank=7,
             unit="cm",
@@ -147,7 +147,7 @@ class PaperExplosionParameters:
         Setting(
             name="repulsion_cutoff",
             label="Repulsion cutoff",
-            help="Modules at a larger distance do not repel each other.",
+            help="Modules farther apart than this do not repel each other.",
             group="published",
             rank=12,
             unit="pitches",

@@ -111,7 +111,7 @@ def read_settings(text: str) -> dict[str, Value]:
             names = ", ".join(setting.name for setting in ALL_SETTINGS)
             raise _bad(f"got {part[:40]!r}, expected NAME=VALUE with one of these names: {names}.")
         if name in found:
-            raise _bad(f"got {name} twice, expected it once.")
+            raise _bad(f"got two values for {name}, expected one.")
         found[name] = _value(setting, value)
     return found
 

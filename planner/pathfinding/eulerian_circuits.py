@@ -57,7 +57,7 @@ def eulerian_circuit(pairs: Nodes, along: NDArray[np.float64] | None = None) -> 
     if parts > 1:
         raise InputError(
             "no-trail",
-            f"the tetrahedra are in {parts} parts that share no hinge, expected one; join the "
+            f"the tetrahedra are in {parts} parts that share no hinge, expected one part; join the "
             "cells by their faces or keep one part.",
         )
     exits = np.empty(n, dtype=np.int64)

@@ -216,7 +216,7 @@ def _repair(before: Cells, after: Cells) -> Repair:
     add, drop = sorted(after - before), sorted(before - after)
     words = [
         f"{word} {_count(len(cells), 'cell')}"
-        for word, cells in (("add", add), ("drop", drop))
+        for word, cells in (("add", add), ("remove", drop))
         if cells
     ]
     detail = " and ".join(words)

@@ -51,7 +51,7 @@ def index_of(cells: Ints, start: Cell | None) -> int | None:
         return None
     matches = np.flatnonzero((cells == np.array(start)).all(axis=1))
     if not len(matches):
-        raise InputError("not-a-cell", f"got {start} to start with, expected a cell of the shape.")
+        raise InputError("not-a-cell", f"got the start cell {start}, expected a cell of the shape.")
     return int(matches[0])
 
 

@@ -62,8 +62,8 @@ def find_trails(
     if parts(shape.cells)[0] > 1:
         raise InputError(
             "no-trail",
-            f"the cells are in {parts(shape.cells)[0]} parts, expected one, because the trail "
-            "passes from cell to cell through their faces; join the parts or keep one.",
+            f"the cells are in {parts(shape.cells)[0]} parts, but the trail passes from "
+            "cell to cell through their faces; join the parts or keep one part.",
         )
     pairs = ring_pairs(shape.cells)
     made = TRAILS_PER_SHAPE if len(pairs) <= MAX_CHOICE_MODULES else 1

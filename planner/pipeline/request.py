@@ -217,8 +217,9 @@ class FoldRequest(PathOptions):
         if self.start is not None:
             raise InputError(
                 "unsuited-world",
-                "got a start cell for a fold on a table, expected none, because the path is chosen "
-                "for stability; use the 'floating' world to choose a start.",
+                "got a start cell for a fold on a table, expected no start cell; use the "
+                "'floating' world to choose one, because on a table the path is chosen for "
+                "stability.",
             )
         if self.refold or self.smooth:
             raise InputError(

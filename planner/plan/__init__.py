@@ -1,1 +1,1 @@
-"""Plans: a chain, its motion and its certificate, in files that others can read and replay."""
+"""Plans: a chain, its motion and its certificate, in files that other programs can read."""

@@ -192,7 +192,8 @@ class Plan:
             raise InputError(
                 "refold-not-folded",
                 f"got a plan of {self.chain.name} that does not start straight and end folded, "
-                "expected one that does; fold the shape again with another seed or preset.",
+                "expected a plan that starts straight and ends folded; fold the shape again with "
+                "another seed or preset.",
             )
         return Unfolding(chain=self.chain, time_s=times - times[0], folding_rad=angles)
 

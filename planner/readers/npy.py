@@ -53,8 +53,8 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
     if not is_grid and (len(shape) != 2 or shape[1] != 3):
         raise InputError(
             "wrong-shape",
-            f"got an array of shape {shape}, expected (N, 3) with one cell per row, or a grid of "
-            "voxels of the shape (X, Y, Z) with True in filled cells.",
+            f"got an array of shape {shape}, expected the shape (N, 3) with one cell per row, or "
+            "a grid of voxels of the shape (X, Y, Z) with True in filled cells.",
         )
     if not is_grid and shape[0] > source.most_cells:
         raise too_many(shape[0], source.most_cells)

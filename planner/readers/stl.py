@@ -178,8 +178,8 @@ def _corners(part: bytes) -> NDArray[np.float64]:
     if len(found) != expected:
         raise InputError(
             "damaged",
-            f"got {len(found)} vertices in {expected // 3} triangles, expected three in each; the "
-            "file is cut off or damaged, so save it again.",
+            f"got {len(found)} vertices in {expected // 3} triangles, expected three vertices in "
+            "each triangle; the file is cut off or damaged, so save it again.",
         )
     # trimesh wants a vertex to have a line, joins the numbers of all, and skips bytes of no text.
     text = b"".join(b"vertex %b %b %b\n" % numbers for numbers in found)

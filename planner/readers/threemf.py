@@ -416,7 +416,7 @@ class _Models:
         if not faces and LEFT_OUT in self._notes:
             raise InputError(
                 "empty",
-                "all parts are cutters, modifiers or supports, expected a part made of material.",
+                "all parts are cutters, modifiers or supports; add a part that is material.",
             )
         check_triangles(len(faces), self._source.most_triangles)
         self._note_unbuilt([key for key, _ in items] + self._unprinted)

@@ -117,8 +117,8 @@ class MotorTable:
             )
         short = int((self.peak_torque_nm > (self.motor_torque_nm or 0.0)).sum())
         return (
-            f"No: {need}, but the motor supplies {self.motor_torque_nm:g} N·m; too weak for "
-            f"{short} of {len(self.joint_names)} hinges"
+            f"No: {need}, but the motor supplies {self.motor_torque_nm:g} N·m, which is too weak "
+            f"for {short} of {len(self.joint_names)} hinges"
         )
 
     def as_dict(self) -> dict[str, Any]:

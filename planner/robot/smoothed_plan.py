@@ -48,8 +48,8 @@ def check_smoothable(plan: Plan) -> None:
     if not plan.verified:
         raise InputError(
             "smooth-not-verified",
-            f"got a plan of {name} that is not verified, expected a verified plan; fold it again "
-            "with another seed or preset.",
+            f"got a plan of {name} that is not verified, expected a verified plan; fold the shape "
+            "again with another seed or preset.",
         )
     if not plan.certificate.fold_time_s:
         raise InputError(
@@ -58,7 +58,8 @@ def check_smoothable(plan: Plan) -> None:
     if plan.certificate.peak_torque_nm is None:
         raise InputError(
             "smooth-no-torques",
-            f"got a plan of {name} without torques, from an earlier version; fold it again.",
+            f"got a plan of {name} from an earlier version, which has no torques; fold the "
+            "shape again.",
         )
     hinges, frames = len(plan.chain.folded_rad), len(plan.motion)
     if frames * hinges <= MAX_SMOOTHED_ANGLES:

@@ -150,8 +150,8 @@ def _check_lengths(points: Floats) -> None:
             (
                 np.abs(points) > MAX_VERTEX_COORDINATE,
                 "too-far",
-                f"at most {MAX_VERTEX_COORDINATE:g} in size; scale the mesh and move it to the "
-                "origin",
+                f"−{MAX_VERTEX_COORDINATE:g} to {MAX_VERTEX_COORDINATE:g}; scale the mesh and move "
+                "it to the origin",
             ),
         ),
         row="vertex",
@@ -200,7 +200,7 @@ def _check_extents(points: Floats, triangles: int) -> None:
         what = "one triangle encloses" if triangles == 1 else f"{triangles} flat triangles enclose"
         raise InputError(
             "flat",
-            f"got a mesh of {size} whose {what} no volume, expected a closed surface: give it some "
+            f"got a mesh of {size} whose {what} no volume, expected a closed surface; give it some "
             "thickness.",
         )
 
@@ -235,7 +235,11 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
         # A triangle without area that was left out leaves a hole without area.
         if closed.holes and closed.share > MIN_NOTED_HOLE_SHARE:
             word = "hole was" if closed.holes == 1 else "holes were"
-            share = f", {100 * closed.share:.0f} % of the surface" if closed.share > 0.05 else ""
+            share = (
+                f", which are {100 * closed.share:.0f} % of the surface"
+                if closed.share > 0.05
+                else ""
+            )
             said.append(f"the mesh is open: {closed.holes} {word} closed{share}.")
         if closed.holes:
             points, corners = closed.vertices, closed.faces
@@ -254,7 +258,7 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
 def _no_surface(triangles: int) -> InputError:
     return InputError(
         "not-a-surface",
-        f"got {triangles} triangles that hardly share edges, expected a closed surface.",
+        f"got {triangles} triangles that share almost no edges, expected a closed surface.",
     )
 
 
@@ -269,8 +273,8 @@ def _outside_out(solid: Solid, said: list[str]) -> Solid:
     if oriented.volume <= MIN_FILLED_SHARE * float(np.prod(solid.extents)):
         raise InputError(
             "no-volume",
-            "got a closed mesh that encloses no volume, expected a solid: its walls lie on each "
-            "other or cancel out.",
+            "got a closed mesh that encloses no volume, because its walls lie on each other or "
+            "cancel out, expected a solid.",
         )
     said += oriented.notes
     return replace(solid, faces=oriented.faces, oriented=True)

@@ -67,8 +67,8 @@ def too_fine(pitch: float, extents: Floats) -> InputError:
     box = " × ".join(f"{extent:.4g}" for extent in extents)
     return InputError(
         "too-fine",
-        f"cells of {pitch:.4g} are too small for a solid of {box} with so little volume; "
-        "use fewer modules.",
+        f"cells with an edge of {pitch:.4g} are too small for a solid that measures {box} and has "
+        "little volume; use fewer modules.",
     )
 
 

@@ -179,8 +179,8 @@ class Chooser:
         if not any(fit.counts.any() for fit in visited.values()):
             raise InputError(
                 "no-volume",
-                "the mesh has no inside that cells of this size can fill, expected a closed "
-                "surface with thicker walls; or use more modules.",
+                "the mesh has no inside that cells of this size can fill; use more modules, or "
+                "a closed surface with thicker walls.",
             )
         best = max(visited.values(), key=lambda fit: _merit(fit, cells))
         for turn in dict.fromkeys([best.turn, 0]):

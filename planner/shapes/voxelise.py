@@ -126,7 +126,7 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
     lost = checked_fraction(_volume_apart(joined.cells, filled) / total, "share that is lost")
     if lost > 0.005:
         notes.append(
-            f"{100 * lost:.1f} % of the volume is thinner than a cell and is lost; "
+            f"{100 * lost:.1f} % of the volume is in parts thinner than a cell and is lost; "
             "use more modules to keep it."
         )
     if iou < POOR_IOU and kept < MIN_PRESERVED_SHARE:

@@ -60,7 +60,7 @@ class NoPath:
     @property
     def text(self) -> str:
         """Text of side, detail and remedy."""
-        side = "as it stands" if self.down == "-z" else f"with its {self.down} side down"
+        side = "in this position" if self.down == "-z" else f"with its {self.down} side down"
         return f"{side}: {self.detail} {self.remedy}"
 
 
@@ -145,7 +145,7 @@ def most_telling(reasons: tuple[NoPath, ...]) -> tuple[str, str]:
     """Return code and detail without any path: of the closest side, and codes of the rest."""
     first = closest(reasons)
     others = [f"{reason.down} {reason.code}" for reason in reasons if reason is not first]
-    rest = f" On other sides: {', '.join(others)}." if others else ""
+    rest = f" Reasons on other sides: {', '.join(others)}." if others else ""
     return first.code, f"got a shape without a path for a table; {first.text}{rest}"
 
 
@@ -196,7 +196,7 @@ def _tipping(side: Side, margin: float, what: str, cells: Ints) -> NoPath:
         "outside its base."
         if margin < 0
         else f"{what} would almost tip over: its centre of mass is {margin:.2g} module widths "
-        f"inside the rim of its base, expected at least {MIN_BALANCE_MARGIN_PITCH:g}."
+        f"inside the rim of its base, but must be at least {MIN_BALANCE_MARGIN_PITCH:g} inside."
     )
     return _no_path(side, "not-stable", detail, tuples(cells), remedy=LAY)
 

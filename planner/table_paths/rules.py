@@ -99,7 +99,8 @@ def _of_the_start(order: Ints) -> list[Fault]:
     if order[0, 2] == 0 and order[1, 2] == 0:
         return []
     detail = (
-        "the first link does not lie on the floor, expected a path that starts with a link on it."
+        "the first link does not lie on the floor, but the path must start with a link on the "
+        "floor."
     )
     return [Fault(code="first-link", detail=detail, at=0, cells=_named(order[:2]))]
 
@@ -109,8 +110,8 @@ def _downs(order: Ints, rule: Rule) -> list[Fault]:
         return [
             Fault(
                 code="boxed-in",
-                detail=f"cell {k} is below an earlier cell and enclosed on all sides, expected a "
-                "side from which a module can reach it.",
+                detail=f"cell {k} is below an earlier cell and enclosed on all sides, but one "
+                "side must be free, so that a module can reach the cell.",
                 at=k,
                 cells=_named(order[k : k + 1]),
             )
@@ -119,7 +120,7 @@ def _downs(order: Ints, rule: Rule) -> list[Fault]:
     return [
         Fault(
             code="goes-down",
-            detail=f"the link from cell {k} to cell {k + 1} goes down, expected a path that rises "
+            detail=f"the link from cell {k} to cell {k + 1} goes down, but the path must rise "
             "layer by layer.",
             at=k,
             cells=_named(order[k : k + 2]),
@@ -132,8 +133,8 @@ def _hairpins(order: Ints) -> list[Fault]:
     return [
         Fault(
             code="hairpin",
-            detail=f"the path turns back directly above itself at cells {a} to {b}, expected a "
-            "path that does not reverse its direction across vertical links.",
+            detail=f"the path turns back directly above itself at cells {a} to {b}, but it must "
+            "not reverse its direction across vertical links.",
             at=a,
             cells=_named(order[a : b + 1]),
         )
@@ -147,9 +148,9 @@ def _unstable(order: Ints) -> list[Fault]:
         return []
     k = bad[0]
     detail = (
-        f"the first {k + 1} cells tip over, expected their centre of mass "
+        f"the first {k + 1} cells would tip over: their centre of mass must be at least "
         f"{MIN_BALANCE_MARGIN_PITCH:g} module widths inside their base. In total, "
-        f"{len(bad)} beginnings of the path tip over."
+        f"{len(bad)} beginnings of the path would tip over."
     )
     return [Fault(code="not-stable", detail=detail, at=k, cells=_named(order[k : k + 1]))]
 

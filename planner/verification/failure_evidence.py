@@ -96,7 +96,7 @@ def check_reason(
     try:
         differences = tuple(_differences(chain, record, told, parameters))
     except UNREADABLE as error:
-        differences = (f"it cannot be computed ({type(error).__name__}: {error})",)
+        differences = (f"the evidence cannot be computed again ({type(error).__name__}: {error})",)
     return ReasonCheck(kind=str(told.get("kind")), words=stuck["words"], differences=differences)
 
 

@@ -95,7 +95,10 @@ def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Diff
     if not len(corners):
         apart = float(np.linalg.norm(positions[-1] - positions[0]))
         if apart > MAX_TOUCHING_ENDS_PITCH:
-            yield f"closings: got no corners, expected some, because the ends are {apart:.3g} apart"
+            yield (
+                "closings: got no corners, expected some, because the ends are "
+                f"{apart:.3g} pitches apart"
+            )
         return
     if len(corners) > MAX_CLOSING_CORNERS:
         yield f"closings: got {len(corners)} corners, expected at most {MAX_CLOSING_CORNERS}"

@@ -46,4 +46,4 @@ def _unconfirmed(directory: FilePath) -> Differences:
     except ValueError as error:
         found = {"verdict": "no plan", "reason": str(error)}
     if found["verdict"] != "refusal confirmed":
-        yield f"the independent checker does not confirm it: {found['reason']}"
+        yield f"the independent checker does not confirm the reason: {found['reason']}"

@@ -31,7 +31,7 @@ def formats_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Dif
     arrays = {**plan.motion.columns(), "max_error_rad": plan.max_error_rad}
     theirs = {**other.motion.columns(), "max_error_rad": other.max_error_rad}
     if plan.motion.layout != other.motion.layout:
-        yield "plan.json and plan.npz differ in the form of their frames"
+        yield "plan.json and plan.npz store their frames in different layouts"
         return
     for name, mine in arrays.items():
         if name != "joint_error_rad":  # which a plan has not

@@ -139,4 +139,7 @@ def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differ
     if here == made:
         yield from different
     else:
-        notes += [f"{each} of foldback {here}; the plan is from {made}." for each in different]
+        notes += [
+            f"{each}, as in foldback {here}; the plan is from foldback {made}."
+            for each in different
+        ]

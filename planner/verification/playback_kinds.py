@@ -67,7 +67,10 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
     if playback.status == "folded" and not most <= (playback.max_angle_error_rad or 0.0) * (
         1 + SINGLE_PRECISION_ATOL_RAD
     ):
-        yield f"plan.npz playback.max_angle_error_rad: expected at least {most}, as in a frame"
+        yield (
+            f"plan.npz playback.max_angle_error_rad: expected at least {most}, as in one of the "
+            "frames"
+        )
     told = playback.summary()
     for name in ("rms_position_error", "max_angle_error_rad", "peak_torque", "rms_torque"):
         if told[name] is None:

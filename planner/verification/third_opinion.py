@@ -57,7 +57,7 @@ it, as a fraction of the clearance that the plan claims; with more, the motion i
 pieces. Smaller values confirm more, more slowly. Chosen: 0.9 − 2 · 0.02 = 86 % of the claim is
 confirmed."""
 IPCTK_MISSING: Final = (
-    "The IPC Toolkit is not installed; expected the package ipctk. Install it: "
+    "The IPC Toolkit (package ipctk) is not installed; install it with "
     "pip install 'foldback[ipctk]'."
 )
 """Error if the optional package is missing."""
@@ -108,8 +108,8 @@ class Opinion:
         """Plain English for what was looked at."""
         return (
             f"{self.program} finds no modules within {self.clearance:.4f} pitches of each other "
-            f"({self.intervals} intervals in {self.parts} straight parts, off by at most "
-            f"{self.deviation:.1g} pitches; {self.seconds:.1f} s)"
+            f"({self.intervals} intervals, divided into {self.parts} straight parts that deviate "
+            f"from the motion by at most {self.deviation:.1g} pitches; took {self.seconds:.1f} s)"
         )
 
     @property

@@ -159,7 +159,7 @@ def _verified(
     if playback is not None:
         found.look("timeline.zarr shows the plan's playback", playback_differs(plan, playback))
         found.look(
-            "the playback was simulated if the plan declares it",
+            "the plan states correctly whether the playback was simulated",
             kind_differs(plan, playback, earlier=earlier),
         )
     found.look(
@@ -167,7 +167,10 @@ def _verified(
         stage_files_differ(directory, plan, npz, record, playback, found.notes),
     )
     parameters = plan_parameters(plan, module_size)
-    found.look("parameters are those of the request", request_differs(directory, plan, found.notes))
+    found.look(
+        "the plan's parameters are those of the request",
+        request_differs(directory, plan, found.notes),
+    )
     certificate = certify(
         plan.chain,
         record,
@@ -282,8 +285,11 @@ def _reason(directory: FilePath, plan: Plan, found: _Findings) -> ReasonCheck | 
     reason = reason_of(directory, plan, found.notes)
     if reason is not None:
         found.look(
-            "the reason why it stalled was confirmed",
-            (f"the reason why it stalled: {difference}" for difference in reason.differences),
+            "the reason why the explosion stalled was confirmed",
+            (
+                f"the reason why the explosion stalled: {difference}"
+                for difference in reason.differences
+            ),
         )
     return reason
 
@@ -298,7 +304,7 @@ def _replayed(plan: Plan, model: str, found: _Findings) -> Replay | None:
     except InputError as error:
         found.problems.append(f"failed: model.xml: {error.detail}")
         return None
-    where = "" if stride == 1 else f" at one frame in {stride}"
+    where = "" if stride == 1 else f" (checked at one frame in {stride})"
     found.look(
         f"plain MuJoCo has the same poses and finds no overlap{where}", replay_differs(replayed)
     )
@@ -339,7 +345,10 @@ class _Findings:
         told = list(dict.fromkeys(differences))
         self.problems += [f"failed: {difference}" for difference in told[:MAX_DIFFERENCES]]
         if len(told) > MAX_DIFFERENCES:
-            self.problems.append(f"failed: … and {len(told) - MAX_DIFFERENCES} more where {at}")
+            self.problems.append(
+                f"failed: … and {len(told) - MAX_DIFFERENCES} more differences where this was "
+                f"checked: {at}"
+            )
 
 
 def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differences:
@@ -353,8 +362,8 @@ def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differe
     if earlier and (fewer := EXEMPT_PAIR_LINE.sub(needed, text)) != text:
         text = fewer
         notes.append(
-            "model.xml, from an earlier version, exempts neighbours from collision; the replay "
-            "checked them nevertheless."
+            "model.xml is from an earlier version and exempts neighbours from collision checks; "
+            "the replay checked them nevertheless."
         )
     try:
         size = plan_parameters(plan, None).module_size

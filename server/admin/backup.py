@@ -158,7 +158,8 @@ def _check_kinds(manifest: Manifest, database: Database, stored: StoredFiles) ->
     if got != expected:
         raise AdminError(
             f"got a backup of {', '.join(got)}, expected {', '.join(expected)}; set "
-            "FOLDBACK_DATABASE_URL and FOLDBACK_STORAGE_URL as they were for the backup."
+            "FOLDBACK_DATABASE_URL and FOLDBACK_STORAGE_URL to the values that they had when the "
+            "backup was made."
         )
 
 
@@ -175,7 +176,7 @@ def _check_digests(manifest: Manifest, directory: Path) -> None:
     if damaged:
         raise AdminError(
             f"got {len(damaged)} files that are missing, changed or symbolic links, such as "
-            f"{damaged[0]}; nothing was restored, so use another backup."
+            f"{damaged[0]}; use another backup. Nothing was restored."
         )
 
 

@@ -143,8 +143,8 @@ class Database:
         path = shutil.which(program)
         if path is None:
             raise AdminError(
-                f"got no program {program}; install PostgreSQL's client programs of the server's "
-                "version or a newer one (Debian: apt install postgresql-client)."
+                f"the program {program} is missing; install PostgreSQL's client programs, in the "
+                "server's version or a newer one (Debian: apt install postgresql-client)."
             )
         inherited = {k: v for k, v in os.environ.items() if not k.startswith(SECRET_PREFIXES)}
         done = subprocess.run(

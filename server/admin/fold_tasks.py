@@ -48,7 +48,7 @@ class AdminTasks:
         if schema.missing:
             raise AdminError(
                 f"got tables of version {schema.found}, expected {schema.head}; run `foldback "
-                "admin migrate`, or use the version that wrote them."
+                "admin migrate`, or use the foldback version that wrote them."
             )
         self._store = Store(settings)
 
@@ -111,7 +111,7 @@ class AdminTasks:
         if (row.pinned or row.public) and not force:
             what = "is pinned" if row.pinned else "belongs to the gallery"
             raise AdminError(
-                f"{fold_id} {what} and is not deleted; use --force to delete it anyway."
+                f"{fold_id} {what}, so it is not deleted; use --force to delete it anyway."
             )
         self._store.delete(fold_id)
         self._store.folders.remove(fold_id)

@@ -13,7 +13,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from planner.display_names import clean_name
 from planner.pipeline.request import FoldRequest
 from server.api.context import Context, context_of, in_list_rate
-from server.api.fold_inputs import Origin, origin_in_form, validate
+from server.api.fold_inputs import Origin, validate
 from server.api.forms import form_of
 from server.api.owner_tokens import AnyClaim, OptionalOwner, RequiredOwner, not_owner
 from server.api.schemas import (
@@ -75,7 +75,7 @@ def post_fold(
     http: Request,
     context: Here,
     claim: AnyClaim,
-    origin: Annotated[Origin, Depends(origin_in_form)],
+    origin: Annotated[Origin, Depends(Origin)],
     asked: Annotated[FoldRequest, Depends(form_of(FoldRequest))],
 ) -> Accepted:
     """Accept a fold and add it to the queue.
@@ -150,7 +150,7 @@ async def get_events(
     responses=problems(404),
 )
 def get_refolds(fold_id: str, context: Here) -> Shapes:
-    """List shapes with the same number of modules of the same kind, except the fold's own."""
+    """List gallery shapes with as many modules, of the same kind, except the fold's own shape."""
     row = context.store.fold(fold_id)
     fitting = context.gallery.fitting(row.module, row.modules)
     return Shapes(shapes=[Shape.of(shape) for shape in fitting if shape.name != row.shape])
@@ -160,7 +160,7 @@ def get_refolds(fold_id: str, context: Here) -> Shapes:
     "/{fold_id}/cancel", status_code=202, summary="Stop a fold", responses=problems(401, 403, 404)
 )
 def post_cancel(before: ExistingFold, context: Here, owner: RequiredOwner) -> Fold:
-    """Cancel a fold. A gallery fold that other clients requested too keeps running.
+    """Cancel a fold. A gallery fold keeps running if other clients requested it, too.
 
     The input is stored for up to an hour, so that the fold can be started again.
     """

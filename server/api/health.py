@@ -31,7 +31,10 @@ async def get_health() -> dict[str, str]:
 
 @router.get("/ready", summary="Readiness check")
 def get_ready(request: Request) -> JSONResponse:
-    """Answer 503 with reasons if a part of the service fails, no worker runs, or it is stopping."""
+    """Answer 503, with the reasons, if the service is not ready.
+
+    It is not ready if a part of it fails, no worker runs, or it is stopping.
+    """
     readiness: Readiness = request.app.state.readiness
     found = readiness.state()
     return JSONResponse(
@@ -48,7 +51,7 @@ class PreparingState(Body):
     """Null once a worker is ready to compute."""
 
 
-@router.get("/api/preparing", summary="Progress of compiling the solvers")
+@router.get("/api/preparing", summary="Get the progress of compiling the solvers")
 def get_preparing(context: Here, response: Response) -> PreparingState:
     """Return the progress of compiling the solvers, which happens once on each machine."""
     response.headers["Cache-Control"] = "no-store"

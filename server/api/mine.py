@@ -76,7 +76,7 @@ def get_my_folds(
         int, Query(ge=1, le=MAX_FOLDS_PER_PAGE, description=("Maximum number of results."))
     ] = 24,
 ) -> FoldsMade:
-    """List the folds first requested with this token, gallery shapes included."""
+    """List the folds that were first requested with this token, including gallery shapes."""
     found = folds_made(context.store, owner, before=before, limit=limit)
     query = urlencode({"before": found.next, "limit": limit}, safe=",")
     return FoldsMade(
@@ -88,7 +88,7 @@ def get_my_folds(
 
 @router.get("/previews", summary="List my previews", responses=problems(401, 429))
 def get_my_previews(context: Here, owner: ListingOwner) -> PreviewsMade:
-    """List the previews uploaded with this token, with their latest options."""
+    """List the previews of uploads with this token, each with its latest options."""
     keep_s = context.settings.preview_keep_s
     return PreviewsMade(
         previews=[
@@ -114,15 +114,15 @@ def get_my_previews(context: Here, owner: ListingOwner) -> PreviewsMade:
     responses=problems(401, 403, 429),
 )
 def delete_my_preview(context: Here, owner: ListingOwner, preview_id: str) -> Response:
-    """Delete an upload and its previews. Folds made from it stay."""
+    """Delete an upload and its previews. Its folds are not deleted."""
     if not context.previews.remove(preview_id, owner):
-        raise not_owner("This token does not belong to this preview.")
+        raise not_owner("This is not the token of the preview's owner.")
     return Response(status_code=204)
 
 
 @router.get("/movies", summary="List my movies", responses=problems(401, 429))
 def get_my_movies(context: Here, owner: ListingOwner) -> MoviesMade:
-    """List the movies requested with this token, of any fold."""
+    """List all movies that were requested with this token."""
     return MoviesMade(
         movies=[
             MovieMade(
@@ -145,6 +145,8 @@ def post_my_key(context: Here, owner: ListingOwner, wanted: KeyWanted | None = N
     token = None if wanted is None else wanted.owner_token
     claim = Claim.new() if token is None else Claim(token)
     if claim.owner == owner:
-        raise Malformed("same-key", "got the same key again; send a new key, or none.")
+        raise Malformed(
+            "same-key", "got the current key, expected a new one; send another key, or none."
+        )
     folds = hand_over_all(context.store, owner, claim.owner)
     return KeyReplaced(owner_token=claim.token, folds=folds)

@@ -50,7 +50,7 @@ class ValuesBody(Body):
     responses={200: {"model": ValuesBody}, **problems(404)},
 )
 def get_values(fold_id: str, context: Here) -> JSONResponse:
-    """Return the numbers for modules that the owner has stored; 404 without any."""
+    """Return the numbers that the owner has stored for the modules; 404 if there are none."""
     found = context.store.find(fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)
@@ -68,7 +68,10 @@ def get_values(fold_id: str, context: Here) -> JSONResponse:
 def put_values(
     fold: ExistingFold, context: Here, owner: RequiredOwner, body: ValuesBody
 ) -> ValuesBody:
-    """Store numbers that colour the modules: one for each, or one for each in several frames."""
+    """Store numbers that colour the modules.
+
+    Send one number per module for the whole fold, or one per module for each of several frames.
+    """
     frames_of_own(fold, context, owner)
     try:
         told = checked_values(body.model_dump(), fold.modules)

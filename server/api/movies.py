@@ -118,7 +118,7 @@ def post_movie(
 ) -> MovieBody:
     """Add a movie to the queue. The same options return the same movie.
 
-    A movie requested with the owner token is replaced only by a newer movie of the owner's.
+    If a movie was requested with the owner token, only a newer movie of the owner replaces it.
     """
     found = context.store.find(fold_id) if options.tour else None
     tour = None if found is None else tour_of(context.store, found)
@@ -137,7 +137,10 @@ def post_movie(
 
 @router.get("/{movie_id}", summary="Get the status of a movie", responses=problems(404))
 def get_movie(response: Response, fold_id: str, movie_id: str, context: Here) -> MovieBody:
-    """Return the status. Repeat after `Retry-After` seconds until it is `ready` or `failed`."""
+    """Return the status of a movie.
+
+    Repeat the request after `Retry-After` seconds until the status is `ready` or `failed`.
+    """
     context.store.fold(fold_id)
     body = MovieBody.of(context.movies.state(fold_id, movie_id))
     _again(response, body)
@@ -156,7 +159,9 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     check(context.store.directory(fold_id), TIMELINE)
     path = context.movies.file(fold_id, movie_id)
     if path is None:
-        raise Conflict("not-ready", "The movie is not ready yet.", retry_after_s=1)
+        raise Conflict(
+            "not-ready", "The movie is not ready yet; try again in a moment.", retry_after_s=1
+        )
     return download(path, MOVIE_MEDIA_TYPES[path.suffix[1:]], row.name, path.suffix)
 
 
@@ -172,8 +177,8 @@ def delete_movie(fold_id: str, movie_id: str, context: Here, owner: OptionalOwne
     row = context.movies.state(fold_id, movie_id)
     if owner is None or not (owner.owns(row.token_hash) or context.store.owns(fold_id, owner)):
         raise not_owner(
-            "This request needs the token from the response to POST, or the token of the fold's "
-            "owner, as 'Authorization: Bearer …'."
+            "This request needs the token that was returned when the movie was requested, or the "
+            "token of the fold's owner, as 'Authorization: Bearer …'."
         )
     context.movies.delete(fold_id, movie_id)
     return Response(status_code=204)

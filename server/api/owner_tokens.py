@@ -37,8 +37,8 @@ async def _required_owner(owner: Annotated[Owner | None, Depends(_optional_owner
         return owner
     raise Unidentified(
         "no-owner-token",
-        "This request needs the fold's owner token, which the response to the upload contained, as "
-        "'Authorization: Bearer …'.",
+        "This request needs the fold's owner token as 'Authorization: Bearer …'; the response to "
+        "the upload contained the token.",
     )
 
 

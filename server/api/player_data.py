@@ -59,7 +59,7 @@ def view_page() -> Asset:
 
 @router.get("/folds/{fold_id}/bundle")
 async def bundle(request: Request, fold_id: str) -> Response:
-    """Return a fold's chain and scene; the id is that of the timeline."""
+    """Return a fold's chain and scene, with the id of its timeline."""
 
     def answer() -> Response:
         row, timeline = _view(request, fold_id)
@@ -77,10 +77,10 @@ async def batch(
     stride: Annotated[int, Query(ge=1, le=1_000_000)] = 1,
     wait: Annotated[float, Query(ge=0, le=MAX_FRAME_WAIT_S)] = 0.0,
 ) -> Response:
-    """Return frames of a fold's timeline; ``wait`` is how many seconds to wait for the first one.
+    """Return frames of a fold's timeline; wait at most ``wait`` seconds for the first one.
 
     Raises:
-        TooMany: Too many requests of the visitor, of its network, or in total are waiting.
+        TooMany: Too many requests are waiting: of the visitor, of its network, or in total.
     """
     if not wait:
         return await _frames(request, fold_id, start, stop, stride)
@@ -119,7 +119,7 @@ async def figures(
     fold_id: str,
     part: Annotated[int | None, Query(ge=0, le=1_000_000)] = None,
 ) -> Response:
-    """Return figures of a finished fold: curves of all frames, or every figure of some frames."""
+    """Return curves over all frames of a finished fold, or all figures of some of its frames."""
 
     def answer() -> Response:
         found = found_fold(request, fold_id)
@@ -136,13 +136,13 @@ async def figures(
 
 @router.get("/folds/{fold_id}/tour.json")
 async def tour(request: Request, fold_id: str) -> Response:
-    """Return the tour of a fold for its pages: the one that is stored, else a draft."""
+    """Return the stored tour of a fold for its pages, or a draft if none is stored."""
     return await asyncio.to_thread(_stored, request, fold_id, tour_of)
 
 
 @router.get("/folds/{fold_id}/values.json")
 async def values(request: Request, fold_id: str) -> Response:
-    """Return the numbers that are stored with a fold for its pages; 204 without any."""
+    """Return the numbers that are stored with a fold, for its pages; 204 if there are none."""
     return await asyncio.to_thread(_stored, request, fold_id, values_of)
 
 

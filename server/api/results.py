@@ -19,6 +19,7 @@ from server.api.context import Context
 from server.api.folds import Here, file_or_problems, problems
 from server.api.schemas import ExportBody, ExportList, FramesBody
 from server.errors import Conflict, NotFound, Unusable
+from server.files.exports import export_file
 from server.http.client_address import address_of
 from server.http.downloads import download
 from server.store.folds import FoldRow
@@ -40,7 +41,7 @@ PLAN_MEDIA_TYPES: Final = {
 
 @router.get(
     "/frames",
-    summary="Frames of the timeline",
+    summary="Get frames of the timeline",
     response_model=FramesBody,
     responses=problems(404, 409, 422, 429, 503),
 )
@@ -48,14 +49,14 @@ async def get_frames(
     request: Request,
     fold_id: str,
     context: Here,
-    start: Annotated[int, Query(alias="from", ge=0, description="First frame.")] = 0,
+    start: Annotated[int, Query(alias="from", ge=0, description="Index of the first frame.")] = 0,
     stop: Annotated[
-        int | None, Query(alias="to", ge=0, description=("First frame after the range."))
+        int | None, Query(alias="to", ge=0, description="Index of the first frame after the range.")
     ] = None,
     stride: Annotated[int, Query(ge=1, le=1_000_000, description="Return every Nth frame.")] = 1,
     poses: Annotated[bool, Query(description="Include the pose of every module.")] = False,
 ) -> Response:
-    """Return the frames computed so far, also while the fold runs; `next` leads to the rest."""
+    """Return the frames that exist so far, even while the fold runs; `next` links to the rest."""
     timeline = await asyncio.to_thread(_timeline, context, fold_id)
     total = len(timeline)
     end = total if stop is None else min(stop, total)
@@ -141,7 +142,7 @@ def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: b
     responses=problems(404, 409),
 )
 def get_exports(fold_id: str, context: Here) -> ExportList:
-    """List the files for other programs that can be downloaded, in the order of the page."""
+    """List the downloadable files for other programs, in the order of the fold's page."""
     row = _finished(context, fold_id)
     moving = has_motion(row.summary)
     return ExportList(
@@ -166,9 +167,9 @@ async def get_export(request: Request, fold_id: str, name: str, context: Here) -
         export = export_named(name)
     except InputError as error:
         raise NotFound("no-such-export", error.detail) from error
-    directory = await asyncio.to_thread(context.store.directory, fold_id)
-    await asyncio.to_thread(check, directory, PLAN, export.filename)
-    path = await context.exports.file(fold_id, export, visitor=address_of(request))
+    path = await export_file(
+        context.store, context.artifacts, fold_id, export, visitor=address_of(request)
+    )
     if export.shared:
         return FileResponse(path, media_type=export.media_type, filename=export.filename)
     return download(path, export.media_type, row.name, f"-{export.filename}")
@@ -213,7 +214,7 @@ def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
         return NotFound("no-such-artifact", f"This fold finished without its {what}{reason}.")
     return Conflict(
         "not-ready",
-        f"The {what} does not exist yet: the fold is {row.status}. Follow its events.",
+        f"The {what} does not exist yet: the fold is {row.status}. Try again later.",
         retry_after_s=1,
     )
 

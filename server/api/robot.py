@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from planner.errors import DamagedError, InputError
 from planner.file_names import PLAN
 from planner.verification.integrity import check
-from server.api.context import Context
+from server.api.context import Context, context_of
 from server.api.fold_lookup import ADDRESS_ID
 from server.api.folds import Here, file_or_problems
 from server.api.results import not_there
@@ -54,6 +54,7 @@ from server.errors import (
 from server.files.trajectories import MotorsWanted, Retimed, Wanted
 from server.http.client_address import address_of
 from server.http.limited_stream import LimitedStream
+from server.http.websockets import first_of, receive
 from server.store.folds import FoldRow, NoSuchFoldError
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
@@ -115,7 +116,9 @@ Form = Literal["csv", "json"]
     summary="Get the plan with time stamps for a robot",
     response_class=Response,
     responses=file_or_problems(
-        "foldback-trajectory/1 or a table", *DOCUMENTED_FORMS, problem=COMPUTING_PROBLEMS
+        "The trajectory, as foldback-trajectory/1 or as a table",
+        *DOCUMENTED_FORMS,
+        problem=COMPUTING_PROBLEMS,
     ),
 )
 async def get_trajectory(
@@ -130,9 +133,9 @@ async def get_trajectory(
         Query(gt=0, le=1e4, description="Rows per second. Default: one row per frame of the plan."),
     ] = None,
 ) -> StreamingResponse:
-    """Return the fastest motion along the plan within the bounds, at rest at both ends.
+    """Return the fastest motion along the plan that keeps to the limits and rests at both ends.
 
-    The rate is refused if it is so low that modules of a verified plan overlap between two rows.
+    A rate is refused if it is so low that modules of a verified plan overlap between two rows.
     """
     from planner.exports.trajectory import export
 
@@ -145,8 +148,8 @@ async def get_trajectory(
     if numbers > MAX_TRAJECTORY_NUMBERS:
         raise TooLarge(
             "too-large",
-            f"got {numbers:.3g} numbers, expected at most {MAX_TRAJECTORY_NUMBERS:.3g}; lower the "
-            "rate, or use `foldback retime`.",
+            f"got a trajectory of {numbers:.3g} numbers, expected at most "
+            f"{MAX_TRAJECTORY_NUMBERS:.3g}; lower the rate, or use `foldback retime`.",
             where="query.rate",
         )
     try:
@@ -244,11 +247,11 @@ async def get_motors(
 
 @router.get("/play", include_in_schema=False)
 def get_play(fold_id: str) -> Response:
-    """Refuse plain requests, because this is a websocket."""
+    """Refuse plain HTTP requests, because this address is for a websocket."""
     del fold_id
     raise WebsocketNeeded(
         "websocket",
-        "A robot gets its motion over a websocket, which /api/play-schema describes.",
+        "Open a websocket at this address; /api/play-schema describes its messages.",
     )
 
 
@@ -260,12 +263,12 @@ def get_play_schema() -> dict[str, Any]:
 
 @router.websocket("/play")
 async def play(websocket: WebSocket, fold_id: str) -> None:
-    """Send a robot its joint angles in real time, waiting while the robot falls behind.
+    """Send a robot its joint angles in real time, and wait whenever it falls behind.
 
     Limits are checked before the socket is accepted, because until then an error can be sent as an
     HTTP response.
     """
-    context = cast("Context", websocket.app.state.context)
+    context = context_of(websocket)
     visitor = address_of(websocket)
     try:
         ask = msgspec.convert(dict(websocket.query_params), Ask, strict=False)
@@ -321,7 +324,7 @@ def _playable(context: Context, fold_id: str, ask: Ask) -> Wanted:
 
 
 def _not_verified() -> Conflict:
-    return Conflict("not-verified", "This plan is not verified, so it cannot be played to a robot.")
+    return Conflict("not-verified", "This plan is not verified, so it cannot be sent to a robot.")
 
 
 class _RobotSession:
@@ -378,20 +381,12 @@ class _RobotSession:
                 **_echoed(ask),
             )
         )
-        works = [asyncio.ensure_future(work) for work in (self._listen(), self._speak())]
+        await first_of(self._listen(), self._speak())
         try:
-            done, _ = await asyncio.wait(works, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for work in works:
-                work.cancel()
-            await asyncio.gather(*works, return_exceptions=True)
-        try:
-            for work in done:
-                work.result()
             # What is on its way may still come, and the end is read before this side hangs up.
             async with asyncio.timeout(CLOSE_TIMEOUT_S):
                 while True:
-                    await self._receive()
+                    await receive(self._websocket)
         except (WebSocketDisconnect, RuntimeError, TimeoutError):
             return
 
@@ -457,12 +452,12 @@ class _RobotSession:
         joints = len(self._trajectory.joint_names)
         window, count = 0, 0
         while True:
-            data = await self._receive()
+            data = await receive(self._websocket)
             second = int(self._clock())
             window, count = second, (count + 1 if second == window else 1)
             if count > MAX_MESSAGES_PER_SECOND:
                 raise TooMany(
-                    "too-fast", f"More than {MAX_MESSAGES_PER_SECOND} messages per second."
+                    "too-fast", f"Got more than {MAX_MESSAGES_PER_SECOND} messages per second."
                 )
             if len(data) > 4096 + MAX_MESSAGE_BYTES_PER_JOINT * joints:
                 raise TooLarge("too-large", f"A message of {len(data)} bytes is too large.")
@@ -482,12 +477,6 @@ class _RobotSession:
                     self._pace.paused = isinstance(message, Pause)
             except (msgspec.DecodeError, InputError) as error:
                 await self._send(Wrong(code="bad-message", detail=f"{error}."))
-
-    async def _receive(self) -> str | bytes:
-        message = await self._websocket.receive()
-        if message["type"] == "websocket.disconnect":
-            raise WebSocketDisconnect
-        return message.get("text") or message.get("bytes") or b""
 
     def _error_of(self, report: Report) -> float:
         """Return the largest joint error in a report."""

@@ -21,7 +21,7 @@ from server.api.fold_inputs import GalleryShape, Origin, Uploaded, id_field, ope
 from server.api.folds import Here, problems
 from server.api.forms import field, form_of
 from server.api.owner_tokens import OptionalOwner
-from server.api.schemas import MAX_FOLD_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
+from server.api.schemas import MAX_FOLD_NAME, Preview, Shape, Shapes, TableOffers, expected_times
 from server.errors import NotFound, Unusable
 from server.files.preview_reports import Asker
 from server.store.previews import PreviewView
@@ -44,7 +44,8 @@ async def previewed_in_form(
     file: Uploaded = None,
     shape: GalleryShape = None,
     preview: Annotated[
-        str | None, id_field("Or: the id of an earlier preview, with other options.")
+        str | None,
+        id_field("Or: the id of an earlier preview. Its shape is previewed with these options."),
     ] = None,
 ) -> Origin:
     """Return the origin of a preview that a form names."""
@@ -97,7 +98,7 @@ async def post_preview(
         report = context.preview_reports.report(known, options, asker)
         if owner is not None:
             context.previews.note_view(known, owner, viewed(options, report))
-        times = ExpectedTimes.of(report, options.world, context.estimates.total_s)
+        times = expected_times(report, options.world, context.estimates.total_s)
         preparing = context.leases.preparing()
         return Preview.of(known, options.key, report, times, preparing=preparing, full=full)
 
@@ -117,7 +118,7 @@ async def post_offers(
     preview: Annotated[str, id_field("The id of an earlier preview.")],
     seed: Seed = 0,
 ) -> TableOffers:
-    """Search for similar shapes: repaired ones, doubled ones and other numbers of modules.
+    """Search for similar shapes: repaired, doubled, or with another number of modules.
 
     A doubled shape has 2×2×2 modules for each voxel. Send the options of the preview that found
     no path on a table. The search may take as long as a preview, and limits count it as one. It

@@ -108,7 +108,7 @@ def put_tour(fold: ExistingFold, context: Here, owner: RequiredOwner, body: Tour
     "", status_code=204, summary="Delete the tour of a fold", responses=problems(401, 403, 404)
 )
 def delete_tour(fold: ExistingFold, context: Here, owner: RequiredOwner) -> Response:
-    """Delete the stored tour; the fold then has its draft again."""
+    """Delete the stored tour; afterwards the fold has its draft again."""
     check_private(fold)
     if not write_beside(context.store, fold.id, owner, TourRow, None):
         raise not_owner(NOT_FOLD_OWNER)

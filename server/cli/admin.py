@@ -79,10 +79,10 @@ def _tasks(data_dir: Path | None) -> Generator[AdminTasks]:
 
 @admin.command("list")
 def list_folds(
-    status: Annotated[Status | None, typer.Option(help="Only folds with this status.")] = None,
+    status: Annotated[Status | None, typer.Option(help="List only folds with this status.")] = None,
     older: Annotated[
         float | None,
-        typer.Option(min=0, help=("Only folds that have not been used for this many days.")),
+        typer.Option(min=0, help="List only folds that have not been used for this many days."),
     ] = None,
     as_json: AsJson = False,
     data_dir: DataDir = None,
@@ -119,16 +119,16 @@ def expire(
     older: Annotated[
         float | None,
         typer.Option(
-            min=0, help=("Instead of ids: folds that have not been used for this many days.")
+            min=0, help=("Instead of ids: all folds that have not been used for this many days.")
         ),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
     force: Force = False,
     data_dir: DataDir = None,
 ) -> None:
-    """Delete folds and their files. Pinned folds and gallery folds stay."""
+    """Delete folds and their files. Pinned folds and gallery folds are kept."""
     if bool(ids) == (older is not None):
-        raise typer.BadParameter("give ids or --older DAYS, and not both.")
+        raise typer.BadParameter("give either ids or --older DAYS.")
     with _tasks(data_dir) as tasks:
         if older is not None:
             rows = tasks.folds(older_days=older)
@@ -226,12 +226,13 @@ def migrate(
     check: Annotated[
         bool,
         typer.Option(
-            "--check", help="Only list the changes; exits with 3 if there are any, otherwise 0."
+            "--check",
+            help="Only list the changes; exits with 3 if there are any, and with 0 if not.",
         ),
     ] = False,
     data_dir: DataDir = None,
 ) -> None:
-    """Update all tables to this version, as the service does when it starts."""
+    """Update all tables to this version of foldback, as the service does when it starts."""
     from server.admin.migration import pending_changes, run_migration
 
     settings = settings_of(data_dir=data_dir)

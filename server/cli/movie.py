@@ -40,7 +40,7 @@ MOVIE_OPTIONS: Final[dict[str, tuple[str, type, str]]] = {
     ),
     "elevation_deg": ("--elevation", float, "Camera angle above the ground, degrees."),
     "turn_deg": ("--turn", float, "Angle through which the camera circles, degrees."),
-    "theme": ("--theme", str, "light or dark."),
+    "theme": ("--theme", str, "Colours: light or dark."),
     "first_frame": ("--from", int, "First frame. Default: the first frame of the playback."),
     "last_frame": (
         "--to",
@@ -112,7 +112,11 @@ def _format_of(out: Path) -> str:
             "bad-movie", f"got the file {out.name!r}, expected one that ends in .mp4 or .gif."
         )
     if not out.resolve().parent.is_dir():
-        raise InputError("no-directory", "the folder of the movie does not exist.", where=str(out))
+        raise InputError(
+            "no-directory",
+            "the folder for the movie does not exist; create it first.",
+            where=str(out),
+        )
     return kind
 
 

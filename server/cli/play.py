@@ -171,7 +171,7 @@ def play(
         ),
     ] = False,
 ) -> None:
-    """Show a fold's directory in the browser."""
+    """Show a fold in the browser."""
     try:
         name = row_of(directory).name
         if viser:
@@ -195,7 +195,7 @@ def play(
                 return
             at = self.servers[0].sockets[0].getsockname()[1]
             address = f"http://{host}:{at}/folds/{PLAYED_FOLD_ID}"
-            typer.echo(f"{name} is at {address} (Ctrl-C ends)")
+            typer.echo(f"{name} is at {address} (Ctrl-C stops it)")
             if browser:
                 threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
@@ -224,7 +224,7 @@ def _play_in_viser(directory: Path, name: str, host: str, port: int, browser: bo
     with quiet():
         shown = show(directory, host=host, port=port, open_browser=browser)
     with shown:
-        typer.echo(f"{name} is at {shown.url} (Ctrl-C ends)")
+        typer.echo(f"{name} is at {shown.url} (Ctrl-C stops it)")
         ended.wait()
 
 

@@ -36,7 +36,7 @@ def site(
         list[Path] | None,
         typer.Option(
             metavar="DIR",
-            help="Directory of a fold, or a directory with several of them; repeatable.",
+            help="Directory of a fold, or a directory that contains several; repeatable.",
         ),
     ] = None,
     finished: Annotated[
@@ -45,7 +45,8 @@ def site(
     service: Annotated[
         str | None,
         typer.Option(
-            metavar="URL", help="Service that *Fold your own* links to. Default: no such link."
+            metavar="URL",
+            help="Address of the service that *Fold your own* links to. Default: no such link.",
         ),
     ] = None,
     as_json: AsJson = False,
@@ -108,7 +109,8 @@ def _folds_in(directory: Path) -> list[Path]:
     inside = sorted(directory.iterdir()) if directory.is_dir() else []
     if not (folds := [each for each in inside if result_path(each, TIMELINE).exists()]):
         detail = (
-            "it holds no fold; expected a folder that `foldback fold` wrote, or several inside."
+            "it contains no fold; expected a folder that `foldback fold` wrote, or a folder with "
+            "several of these."
         )
         raise InputError("no-fold", detail, where=str(directory))
     return folds

@@ -45,8 +45,8 @@ def directory(settings: Settings) -> CheckResult:
             found += f". {READ_ONLY_WORDS[:-1]}"
         return problem(
             found,
-            "Make it writable for the user that runs foldback, or set FOLDBACK_DATA_DIR to "
-            "another directory.",
+            "Make the directory writable for the user that runs foldback, or set FOLDBACK_DATA_DIR "
+            "to another directory.",
         )
     kind = _kind_of_disk(there)
     free = free_space(there)
@@ -65,7 +65,7 @@ def directory(settings: Settings) -> CheckResult:
         )
     if kind in VOLATILE_FILESYSTEMS:
         return warning(
-            f"{found}; its content is lost after a restart",
+            f"{found}; its content is lost when the machine restarts",
             "Set FOLDBACK_DATA_DIR to a directory on a disk.",
         )
     return ok(found)
@@ -133,7 +133,7 @@ def storage(settings: Settings) -> CheckResult:
         _check_storage(settings)
     except Exception as error:  # each kind of storage has its own kinds of error
         if settings.storage_url is None:
-            remedy = "Make it writable for the user that runs foldback."
+            remedy = "Make the directory writable for the user that runs foldback."
         else:
             remedy = "Check FOLDBACK_STORAGE_URL, the AWS_… variables and the bucket's policy."
         words = str(error).partition("\n")[0][:200]

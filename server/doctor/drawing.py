@@ -63,7 +63,8 @@ def encoder(settings: Settings) -> CheckResult:
     if code == 0 and words.endswith(" with x264"):
         return ok(words)
     return warning(
-        f"movies are GIF only: {words}", f"Unset IMAGEIO_FFMPEG_EXE if it is set. {NO_FFMPEG}."
+        f"movies can only be GIF files: {words}",
+        f"Unset IMAGEIO_FFMPEG_EXE if it is set. {NO_FFMPEG}.",
     )
 
 

@@ -74,7 +74,9 @@ def variables(settings: Settings) -> CheckResult:
     """Check that each variable that looks like a setting is one."""
     unknown = unknown_names(os.environ)
     if not unknown:
-        return ok(f"{len(settings.model_fields_set)} set, all others at their defaults")
+        return ok(
+            f"settings that are set: {len(settings.model_fields_set)}; all others have defaults"
+        )
     return warning(
         "; ".join(unknown_words(name, nearest) for name, nearest in unknown.items()),
         "Correct the name, or unset the variable; docs/operations.md lists all settings.",
@@ -138,10 +140,10 @@ def files(settings: Settings) -> CheckResult:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     needed = settings.max_streams + settings.max_robots + OTHER_OPEN_FILES
     if soft == resource.RLIM_INFINITY or soft >= needed:
-        return ok(f"{_count(soft)} can be open")
+        return ok(f"the limit is {_count(soft)}")
     judged = problem if soft < OTHER_OPEN_FILES else warning
     return judged(
-        f"{soft} can be open (limit {_count(hard)}), but up to {needed} are needed",
+        f"the limit is {soft} and can be raised to {_count(hard)}, but up to {needed} are needed",
         f"Raise the limit: `ulimit -n {max(needed, 4096)}`, or LimitNOFILE= in a systemd unit.",
     )
 
@@ -195,10 +197,10 @@ def names(settings: Settings) -> CheckResult:
             )
         return ok(", ".join(settings.allowed_hosts))
     if host in LOOPBACK or host.startswith("127."):
-        return ok(f"only this machine's own names are accepted, on {host}")
+        return ok(f"the service accepts only this machine's own names, at {host}")
     return warning(
         f"other machines can reach {host}, and the service accepts requests for any host name",
-        "Set FOLDBACK_ALLOWED_HOSTS to the service's host names, against DNS rebinding.",
+        "Set FOLDBACK_ALLOWED_HOSTS to the service's host names, to prevent DNS rebinding.",
     )
 
 
@@ -213,7 +215,7 @@ def clock(settings: Settings) -> CheckResult:
     if now < past - 60.0:
         return warning(
             f"the clock shows {shown}, but some files were written {_hours(past - now)} later",
-            "Set the clock and synchronise it with NTP: it decides when folds expire.",
+            "Set the clock and synchronise it with NTP; the clock decides when folds expire.",
         )
     return ok(shown)
 

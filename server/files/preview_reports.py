@@ -107,7 +107,7 @@ class PreviewReports:
         if self._previews.reports(preview_id, foreign=foreign) >= MAX_OPTION_SETS:
             raise TooMany(
                 "too-many-previews",
-                "This file has been previewed with too many options; send the file again.",
+                "This file was previewed with too many different options; send the file again.",
                 retry_after_s=60,
             )
         check_space(self._settings.previews_dir, self._settings.min_free_disk_bytes)

@@ -13,7 +13,7 @@ import re
 import secrets
 from collections.abc import Generator
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 from server.errors import NoSuch, TooMany
 from server.limits.concurrency_quota import OPEN_RETRY_S, Quota
@@ -99,7 +99,9 @@ class LiveClass:
             TooMany: If there are as many as there may be.
         """
         if self.followers >= MAX_FOLLOWERS:
-            detail = f"{MAX_FOLLOWERS} people follow this class, which is the limit."
+            detail = (
+                f"{MAX_FOLLOWERS} people follow this class, which is the limit; try again later."
+            )
             raise TooMany("class-full", detail, retry_after_s=OPEN_RETRY_S)
         self.change(followers=self.followers + 1)
         try:
@@ -139,7 +141,9 @@ class LiveClasses:
         """
         found = self._by_code.get(code.upper())
         if found is None:
-            raise NoSuch("no-class", "This class has ended, or the link is incomplete.")
+            raise NoSuch(
+                "no-class", "This class has ended, or its link is incomplete; ask for a new link."
+            )
         return found
 
     def find_led(self, code: str, key: str) -> LiveClass:
@@ -154,8 +158,10 @@ class LiveClasses:
         return found
 
 
-def is_view(text: str) -> bool:
-    """Return True if a text is a view: known words, each once, with proper values."""
+def is_view(text: str | bytes) -> TypeGuard[str]:
+    """Return True if a message is a view: known words, each once, with proper values."""
+    if not isinstance(text, str):
+        return False
     if not text:
         return True
     words = [part.partition("=") for part in text.split("&", len(VIEW_WORDS))]

@@ -316,7 +316,7 @@ class Quota:
     def _too_many(self, count: int, holder: Holder) -> TooMany:
         return TooMany(
             f"too-many-{self._what.rpartition(' ')[2]}",
-            f"{count} {self._what} {holder} are open, which is the limit; close one, or try again "
+            f"{count} {self._what} {holder} are active, which is the limit; end one, or try again "
             f"in {OPEN_RETRY_S} s.",
             retry_after_s=OPEN_RETRY_S,
         )

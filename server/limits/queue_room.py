@@ -39,11 +39,11 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
     """
     own = [fold.cost_s for fold in waiting if fold.visitor == wanted.visitor]
     if len(own) >= settings.largest_queue_of_visitor:
-        raise _full(f"{len(own)} of your folds are waiting or running")
+        raise _full(f"{len(own)} of your folds are waiting or running, which is the limit")
     if own and sum(own) + wanted.cost_s > settings.largest_queue_seconds_of_visitor:
         raise _full(
-            f"your waiting folds ({len(own)}) take about {sum(own):.0f} s and this one "
-            f"{wanted.cost_s:.0f} s, together more than "
+            f"your waiting folds ({len(own)}) take about {sum(own):.0f} s and this one takes "
+            f"{wanted.cost_s:.0f} s. Together they may take at most "
             f"{settings.largest_queue_seconds_of_visitor:g} s"
         )
     network = network_of(wanted.visitor)
@@ -54,14 +54,15 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
         and admits(sum(near), wanted.cost_s, total=all_s, limit=settings.largest_queue_seconds)
     ):
         raise _full(
-            f"{len(waiting)} folds are waiting ({len(near)} of them from your network), and "
-            f"together they take about {all_s:.0f} s"
+            f"{len(waiting)} folds are waiting ({len(near)} of them from your network). They take "
+            f"about {all_s:.0f} s and this one takes {wanted.cost_s:.0f} s. The queue has no room "
+            "for that"
         )
 
 
 def _full(why: str) -> TooMany:
     return TooMany(
         "queue-full",
-        f"{why}, which is the limit; try again in {QUEUE_RETRY_S} s.",
+        f"{why}; try again in {QUEUE_RETRY_S} s.",
         retry_after_s=QUEUE_RETRY_S,
     )

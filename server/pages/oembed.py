@@ -46,10 +46,10 @@ async def oembed(
     """Describe the fold behind a link of this service.
 
     Sites that may embed folds get a frame; all others get the name and a picture. The answer is 404
-    if the link is not one of this service, and 501 for formats other than JSON, as oEmbed requires.
+    if the link leads elsewhere, and 501 for formats other than JSON, as oEmbed requires.
     """
     if wanted != "json":
-        return Response("Only JSON is served.", status_code=501, media_type="text/plain")
+        return Response("This address only returns JSON.", status_code=501, media_type="text/plain")
     origin = origin_of(request)
     fold_id = _fold_in(url, origin)
     found = await find_fold(request, fold_id) if fold_id is not None else None

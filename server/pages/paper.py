@@ -47,7 +47,7 @@ class PaperPage(TypedDict):
 
 @router.get("/paper", response_class=HTMLResponse)
 async def paper(request: Request) -> Response:
-    """Return the page that compares each experiment of the paper with ours."""
+    """Return the page that compares the paper's experiments with our own runs."""
     values = await asyncio.to_thread(paper_values)
     return page("paper.html", listed=True, origin=origin_of(request), **values)
 

@@ -30,7 +30,7 @@ async def earlier_address() -> Response:
 
 @router.get("/docs", response_class=HTMLResponse)
 async def api_page(request: Request) -> Response:
-    """Return the API's description, drawn by Swagger UI."""
+    """Return the page on which Swagger UI shows the API's description."""
     return _answer(request, "api.html")
 
 

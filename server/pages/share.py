@@ -57,7 +57,7 @@ async def embedded_view(request: Request) -> Response:
 
 @router.get("/embed/{fold_id}", response_class=HTMLResponse)
 async def embedded(request: Request, fold_id: str) -> Response:
-    """Return a fold for a frame in another page, with a link to the whole page."""
+    """Return the page of a fold for a frame on another site; it links to the full page."""
     found = await find_fold(request, fold_id)
     if found is None:
         answer = no_such_page(request, NO_FOLD)
@@ -88,7 +88,7 @@ async def compare(
 
 @router.get("/folds/{fold_id}/standalone.html")
 async def standalone(request: Request, fold_id: str) -> Response:
-    """Return the fold as one HTML file that plays without a server; it is written once."""
+    """Return the fold as one HTML file that plays without a server; it is created once."""
     found = await _finished(request, fold_id)
     facts = await asyncio.to_thread(fold_facts, found, api=False)
     kept = await asyncio.to_thread(_kept, viewing_of(request).store, found)
@@ -105,7 +105,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
 
 @router.get("/folds/{fold_id}/recording.viser")
 async def recording(request: Request, fold_id: str) -> Response:
-    """Return the fold as a recording for viser's client; it is written once."""
+    """Return the fold as a recording for viser's client; it is created once."""
     found = await _finished(request, fold_id)
     path = await viewing_of(request).artifacts.file(
         fold_id,
@@ -188,7 +188,7 @@ async def _finished(request: Request, fold_id: str) -> Found:
     if found.row.status in RUNNING_STATUSES or timeline is None or not len(timeline):
         raise Conflict(
             "not-ready",
-            f"Nothing to download yet: the fold is {found.row.status}.",
+            f"There is nothing to download yet: the fold is {found.row.status}.",
             retry_after_s=2,
         )
     return found

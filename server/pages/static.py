@@ -72,7 +72,7 @@ service. Its addresses are relative to its own."""
 
 @router.get("/favicon.ico")
 async def favicon(request: Request) -> Response:
-    """Return the icon of a browser's tab, for programs that request this fixed name."""
+    """Return the icon for browser tabs, for programs that request this fixed name."""
     return _static("favicon.ico").response(request, INDEXED_HEADERS)
 
 
@@ -87,8 +87,9 @@ async def manifest() -> Response:
 async def static_file(request: Request, name: str) -> Response:
     """Return a style sheet, a script or a picture.
 
-    Browsers cache a script whose address contains the current version. For another version, as on a
-    page that was opened before an update, they get the current script and request it each time.
+    Browsers cache a script whose address contains the current version. If a page was opened before
+    an update, its addresses contain an earlier version: the browser then gets the current script,
+    and requests it again each time.
     """
     headers = dict(INDEXED_HEADERS)
     if (versioned := re.fullmatch(rf"{VERSIONED}/([0-9a-f]+)/(js/.+\.js)", name)) is not None:

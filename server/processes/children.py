@@ -284,7 +284,7 @@ class Child:
             elif (
                 event is not None or time.monotonic() > deadline or self._cpu_s() > MAX_START_CPU_S
             ):
-                detail = "took too long" if event is None else str(event["detail"])
+                detail = "it took too long" if event is None else str(event["detail"])
                 self.kill()
                 raise ChildError(NO_START, f"a computing process did not start: {detail}")
             elif self._process.stalled:

@@ -1,1 +1,1 @@
-"""The store: tables, rows of folds, places of their files, and live workers."""
+"""The store: tables, rows of folds, locations of their files, and live workers."""

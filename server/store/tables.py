@@ -423,7 +423,7 @@ def migrate(engine: sa.Engine) -> None:
         if not schema.behind:
             return
         if is_read_only(engine):
-            words = "the disk is read-only, and its tables are from an earlier version or missing"
+            words = "the disk is read-only, and the tables on it are missing or too old"
             raise OSError(errno.EROFS, words, engine.url.database)
         alembic.attributes["connection"] = connection
         command.upgrade(alembic, "head")

@@ -55,7 +55,8 @@ class WorkerIdentities:
             if lock is not None:
                 return WorkerIdentity(f"{self._prefix}{number}", lock)
         raise RuntimeError(
-            f"found {MAX_WORKERS_PER_MACHINE} workers on {self._directory}, which is the limit."
+            f"found {MAX_WORKERS_PER_MACHINE} workers on {self._directory}, which is the limit; "
+            "stop one first."
         )
 
     def dead(self, names: Iterable[str]) -> set[str]:

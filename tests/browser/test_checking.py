@@ -32,7 +32,7 @@ def test_fold_is_checked_and_broken_on_purpose(visit: Visit, service: Service, w
     assert [url for url in urls if url.endswith("/plan.npz")]
     expect(check.get_by_role("button", name="Check this plan")).to_be_focused()
     check.get_by_text("What this check does not show").click()
-    expect(check).to_contain_text("Real joints have play")
+    expect(check).to_contain_text("Real joints are slightly loose")
     assert "def main" in service.http.get("/static/foldback_check.py").text
     assert page.evaluate(WIDTH) <= 390
 

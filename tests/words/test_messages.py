@@ -57,6 +57,12 @@ VERDICTS = {
     "failed: modules 2 and 9 overlap by 1 pitch, 5e-05 pitch before that": (
         "failed: modules 2 and 9 overlap by 1 module width, 0.005 % of a module width before that"
     ),
+    "failed: the playback missed: a robot lost its target: joint_4 is off by 0.3 rad": (
+        "failed: a robot could not follow the motion: joint_4 is off by 0.3 rad"
+    ),
+    "failed: the playback missed: joint_4 yielded: it is off by 0.3 rad": (
+        "failed: joint_4 is too weak: it is off by 0.3 rad"
+    ),
     "failed: the explosion stalled: ": "failed: the explosion stalled: ",
     "verified (simulated)": "verified (simulated)",
 }

@@ -154,7 +154,9 @@ class Movie:
             _within(name, value, MIN_SIDE_PX, longer, " pixels")
             if value % 2:
                 raise InputError(
-                    "bad-movie", f"got {value} pixels, expected an even number.", where=name
+                    "bad-movie",
+                    f"got {value} pixels, expected an even number of pixels.",
+                    where=name,
                 )
         if min(self.width, self.height) > shorter:
             raise InputError(

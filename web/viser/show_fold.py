@@ -102,7 +102,7 @@ class Show:
             if not len(fold.motion):
                 raise InputError(
                     "no-frames",
-                    f"got the plan of {fold.chain.name} without frames, expected at least one "
+                    f"got a plan of {fold.chain.name} without frames, expected at least one "
                     "frame; show the fold's directory to see its frames.",
                 )
             motion = MotionMoments(fold.chain, fold.motion)

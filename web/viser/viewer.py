@@ -383,8 +383,8 @@ def _server(host: str, port: int) -> viser.ViserServer:
     except (OSError, OverflowError, UnicodeError) as error:
         raise InputError(
             "no-such-address",
-            f"got {host!r:.80} and port {port}, expected an address of this machine and a port of "
-            f"0 to {MAX_PORT}, such as 127.0.0.1 and 8080 ({error}).",
+            f"got the address {host!r:.80} and the port {port}, expected an address of this "
+            f"machine and a port of 0 to {MAX_PORT}, such as 127.0.0.1 and 8080 ({error}).",
         ) from error
 
 

@@ -66,7 +66,7 @@ def test_read_settings_refuses_other_names_and_values() -> None:
         ("table_base=held", "got table_base = 'held', expected clamped or free"),
         ("table_base=1", "got table_base = '1', expected clamped or free"),
         ("table_base=", "got table_base = '', expected clamped or free"),
-        ("damping=0.1,damping=0.2", "got damping twice, expected it once"),
+        ("damping=0.1,damping=0.2", "got two values for damping, expected one"),
         ("a" * 501, "got 501 characters of settings, expected at most 500"),
     ):
         with case((text, words)):

@@ -99,7 +99,7 @@ PLUS = np.array([(1, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0), (1, 2, 0)])
 def test_shape_without_a_path_is_refused_with_the_reason() -> None:
     for cells, code, words in (
         (front("######", "##....", "##...."), "not-stable", "centre of mass"),
-        (np.concatenate([TEE, TEE + (0, 1, 0)]), "not-stable", "cells tip over"),
+        (np.concatenate([TEE, TEE + (0, 1, 0)]), "not-stable", "cells would tip over"),
         (front("####", "#..#", "#..#"), "overhang", "2 cells with nothing below"),
         (front("#..#", "#..#", "####"), "parts", "layer 1"),
         (front("###", "###"), "hairpins-only", "turns back directly above itself"),

@@ -293,7 +293,7 @@ def test_stricter_verdict_stands(knot: FilePath, monkeypatch: pytest.MonkeyPatch
     unproved = {"verdict": "not proved", "reason": "why"}
     monkeypatch.setattr(foldback_check_refusals, "check", lambda *_, **__: unproved)
     refuted = reason_of(knot, plan, notes)
-    assert refuted is not None and "does not confirm it: why" in refuted.differences[0]
+    assert refuted is not None and "does not confirm the reason: why" in refuted.differences[0]
 
 
 def test_determinants_agree_with_those_of_the_planner() -> None:

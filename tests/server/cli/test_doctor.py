@@ -164,7 +164,7 @@ def test_limit_of_open_files_is_judged(tmp_path: Path, monkeypatch: pytest.Monke
     for limit, verdict in ((200, "problem"), (512, "warning"), (1024, "ok")):
         monkeypatch.setattr(resource, "getrlimit", lambda _, limit=limit: (limit, 4096))
         found = machine.files(settings(tmp_path))
-        assert (found.verdict, f"{limit} can be open" in found.found) == (verdict, True)
+        assert (found.verdict, f"the limit is {limit}" in found.found) == (verdict, True)
         assert verdict == "ok" or "ulimit" in (found.remedy or "")
 
 
@@ -220,7 +220,7 @@ def test_missing_or_poor_encoder_is_a_warning(
         monkeypatch.setenv(name, value)
     found = drawing.encoder(settings(tmp_path))
     assert found.verdict == "warning" and "apt install ffmpeg" in (found.remedy or "")
-    assert found.found.startswith("movies are GIF only: no ffmpeg is on PATH")
+    assert found.found.startswith("movies can only be GIF files: no ffmpeg is on PATH")
 
 
 @pytest.mark.processes

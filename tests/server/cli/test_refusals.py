@@ -42,11 +42,11 @@ REFUSALS = {
     "refold wrench-160 hammer --out out": "these examples fit: axe, mallet-160",
     "movie plan --out fold.avi": ".mp4 or .gif",
     "movie plan --out fold.gif --width 65": "expected an even number",
-    "movie plan --out none/fold.mp4": "the folder of the movie does not exist",
+    "movie plan --out none/fold.mp4": "the folder for the movie does not exist",
     "movie empty --out fold.mp4 --tour": "got a folder without plan.npz",
     "retime plan --out robot.txt --max-speed 1 --max-acceleration 1": "ends in .csv or .json",
     "site out --no-finished": "got no folds",
-    "site out --no-finished --folds nothing-here": "it holds no fold",
+    "site out --no-finished --folds nothing-here": "it contains no fold",
     "site out --no-finished --service javascript:alert(1)": "expected an address",
     "site out --no-finished --service https://": "expected an address",
 }

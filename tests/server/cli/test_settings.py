@@ -101,7 +101,7 @@ def test_unknown_setting_is_reported_with_a_suggestion(
     monkeypatch.setenv("FOLDBACK_ORIGIN", "https://a.org")
     with caplog.at_level(logging.WARNING):
         warn_of_unknown_names(logging.getLogger("foldback"))
-    words = "FOLDBACK_ORIGIN is not a setting and is ignored; is FOLDBACK_ORIGINS meant?"
+    words = "FOLDBACK_ORIGIN is not a setting and is ignored; did you mean FOLDBACK_ORIGINS?"
     assert caplog.messages == [words]
     found = machine.variables(Settings())
     assert (found.verdict, found.found) == ("warning", words)

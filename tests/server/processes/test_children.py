@@ -154,7 +154,7 @@ def test_start_of_a_child_is_limited(
     directory: Path, monkeypatch: pytest.MonkeyPatch, limit: str, value: float
 ) -> None:
     monkeypatch.setattr(children, limit, value)
-    started = pytest.raises(ChildError, match="did not start: took too long")
+    started = pytest.raises(ChildError, match="did not start: it took too long")
     with make_child("stages") as child, started:
         child.call("check", directory, wall_s=60)
 

@@ -110,7 +110,7 @@ def test_child_ended_before_it_was_forked_does_not_stay(
         os.kill(pid_of(server), signal.SIGSTOP)
         monkeypatch.setattr(children, "MAX_START_S", 0.0)
         with make_child("stages", fork_server=server) as early:
-            with pytest.raises(ChildError, match="did not start: took too long"):
+            with pytest.raises(ChildError, match="did not start: it took too long"):
                 early.call("read", directory, wall_s=60)
             assert not early.alive
             os.kill(pid_of(server), signal.SIGCONT)

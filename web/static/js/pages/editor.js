@@ -167,7 +167,7 @@ get("complete").onclick = async () => {
     // What was drawn meanwhile is not drawn over.
     if (painting.path !== drawn.path) return;
     if (completed) editor.step(() => editor.follow(completed));
-    else refused = "No path from here through the remaining cells was found. Draw from the other end, or cut the path and try again.";
+    else refused = "No path was found from here through the remaining cells. Draw from the other end, or cut the path and try again.";
   } catch (error) {
     refused = wordsOf(error);
   } finally {

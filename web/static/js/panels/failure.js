@@ -33,7 +33,7 @@ export class Failure {
     get("stuck-attempts").hidden = !tab || !attempts.length;
     if (tab) {
       tab.hidden = false;
-      get("stuck-attempts").textContent = attempts.length === 1 ? "The attempt" : `All ${attempts.length} attempts`;
+      get("stuck-attempts").textContent = attempts.length === 1 ? "Show the attempt" : `Show all ${attempts.length} attempts`;
       get("attempts").replaceChildren(...this.panel(failure, attempts, downloads.length ? `/api/folds/${id}` : null));
     }
     if (!this.found) return;

@@ -8,7 +8,7 @@ import { at as hrefOf, button, element, number, svg, whole } from "../lib/text.j
 /** @typedef {import("../check/plan.js").Place} Place */
 
 const NOT_CLAIMED = [
-  "Real joints have play, and real modules bend. The check assumes rigid modules and exact hinges.",
+  "Real joints are slightly loose, and real modules bend. The check assumes rigid modules and exact hinges.",
   "The check does not compare modules that share a joint. They overlap at the joint by design.",
   "Only a few robots were simulated. Other robots may behave differently.",
 ];

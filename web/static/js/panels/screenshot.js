@@ -6,7 +6,7 @@ import { toast } from "./toast.js";
 export function offerPicture(player) {
   const png = async () => {
     const { shown, sketch, stage, rig: { eye } } = player;
-    if (!shown || !sketch || !eye) throw new Error("Nothing to see yet");
+    if (!shown || !sketch || !eye) throw new Error("There is no picture to save yet");
     const options = { scale: Number(get("picture-scale").value), transparent: get("picture-clear").checked };
     return sketch.picture([shown, player.colours(), eye, stage?.ground ?? null], options);
   };
