@@ -31,7 +31,6 @@ from server.api.fold_states import FoldStates
 from server.api.frame_waits import FrameWaits
 from server.api.shipped_folds import import_shipped_folds
 from server.files.artifacts import Artifacts
-from server.files.exports import Exports
 from server.files.pictures import Pictures
 from server.files.preview_reports import PreviewReports
 from server.files.preview_scenes import PreviewScenes
@@ -63,7 +62,7 @@ from server.jobs.eta import EtaEstimator
 from server.jobs.movies import Movies
 from server.limits.concurrency_quota import Quota
 from server.limits.fair_threads import FairThreads
-from server.limits.robot_rates import RobotRates
+from server.limits.robot_rates import robot_rates
 from server.limits.single_flight import SingleFlight
 from server.limits.token_buckets import TokenBuckets
 from server.ops.metrics import Metrics
@@ -152,7 +151,7 @@ def create_app(
         context = await asyncio.to_thread(_open, settings, metrics, fork_server)
         app.state.context = context
         stats = app.state.stats = Stats(settings, context.leases)
-        app.state.readiness = Readiness(settings, stats, context.store.folders.check)
+        app.state.readiness = Readiness(settings, context.leases, context.store.folders.check)
         warming = asyncio.create_task(_warm_up(context)) if settings.prewarm else None
         try:
             yield
@@ -228,7 +227,6 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
     store = Store(settings)
     previews = Previews(settings, store)
     leases = Leases.of(settings, store)
-    artifacts = _artifacts(settings, store)
     awaited = ChildLimits.of(settings, awaited=True)
     fork_server = shared or ForkServer.where_possible(
         ["reader", "preparer", "retimer"],
@@ -251,7 +249,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
         waits=FrameWaits(settings.max_waits, settings.max_waits_of_visitor),
         streams=_quota("event streams", settings.max_streams, settings.max_streams_of_visitor),
         robots=_quota("robots", settings.max_robots, settings.max_robots_of_visitor),
-        robot_rates=RobotRates(),
+        robot_rates=robot_rates(),
         classes=LiveClasses(settings),
         trajectories=_trajectories(settings, awaited, motions, fork_server),
         answers=SingleFlight(
@@ -271,8 +269,7 @@ def _open(settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Co
             settings, previews, _preparer(settings, awaited, fork_server)
         ),
         preview_scenes=PreviewScenes(previews),
-        artifacts=artifacts,
-        exports=Exports(store, artifacts),
+        artifacts=_artifacts(settings, store),
         pictures=_pictures(settings, awaited, motions),
         movies=Movies(settings, store),
         gallery=gallery,

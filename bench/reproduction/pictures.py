@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from bench.reproduction.still import STILL_PX, still
 from planner.files import write_json
 from planner.motion.timeline import chain_attributes
 from web.palette import STALLED_RGB, error_colours
-from web.pictures.still import STILL_PX, still
 from web.timeline.frame_batch import chosen
 from web.timeline.view import Snapshot, TimelineView
 

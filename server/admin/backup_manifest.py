@@ -5,12 +5,13 @@ A backup may come from elsewhere. Names in a manifest are checked before they be
 
 from __future__ import annotations
 
-import json
 import re
-from dataclasses import asdict, dataclass
 from hashlib import file_digest
 from io import BufferedReader
-from typing import Any, Final, Self
+from typing import Final, Self
+
+import msgspec
+from msgspec import Struct
 
 from server.admin.errors import AdminError
 
@@ -27,8 +28,7 @@ FILE_NAMES: Final = re.compile(
 begin with one, and are not backed up."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BackupFile:
+class BackupFile(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One file of a backup.
 
     Attributes:
@@ -47,8 +47,14 @@ class BackupFile:
         return cls(name=name, sha256=file_digest(file, "sha256").hexdigest(), bytes=file.tell())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Manifest:
+class Manifest(
+    Struct,
+    frozen=True,
+    kw_only=True,
+    forbid_unknown_fields=True,
+    tag_field="format",
+    tag=BACKUP_FORMAT,
+):
     """Content of a backup.
 
     Attributes:
@@ -69,7 +75,7 @@ class Manifest:
 
     def text(self) -> bytes:
         """Return the manifest as JSON."""
-        return json.dumps({"format": BACKUP_FORMAT, **asdict(self)}, indent=1).encode()
+        return msgspec.json.format(msgspec.json.encode(self), indent=1)
 
     @classmethod
     def read(cls, text: bytes) -> Self:
@@ -79,20 +85,15 @@ class Manifest:
             AdminError: It is no manifest of this format, or has a name that leads elsewhere.
         """
         try:
-            values: dict[str, Any] = json.loads(text)
-            if values.pop("format") != BACKUP_FORMAT:
-                raise ValueError("another format")
-            database = BackupFile(**values.pop("database"))
-            files = tuple(BackupFile(**one) for one in values.pop("files"))
-            found = cls(database=database, files=files, **values)
-            names = [str(one.name) for one in (database, *files)]
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+            found = msgspec.json.decode(text, type=cls)
+        except (msgspec.DecodeError, RecursionError) as error:
             raise AdminError(
                 f"got a {MANIFEST} that cannot be read ({error}), expected one of format "
                 f"{BACKUP_FORMAT}; use a backup that `foldback admin backup` completed."
             ) from None
-        strange = [] if DATABASE_NAME.fullmatch(str(database.name)) else [database.name]
-        strange += [one.name for one in files if not is_file_name(str(one.name))]
+        names = [one.name for one in (found.database, *found.files)]
+        strange = [] if DATABASE_NAME.fullmatch(names[0]) else names[:1]
+        strange += [name for name in names[1:] if not is_file_name(name)]
         if strange or len(set(names)) < len(names):
             raise AdminError(
                 f"got a {MANIFEST} with the file name {(strange or names)[0]!r}, expected "

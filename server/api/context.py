@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from math import ceil
 
 from fastapi import Request
+from starlette.requests import HTTPConnection
 
 from planner.readers.gallery import Gallery
 from server.api.fold_lookup import Viewing
 from server.api.fold_states import FoldStates
 from server.errors import TooMany
-from server.files.exports import Exports
 from server.files.pictures import Pictures
 from server.files.preview_reports import PreviewReports
 from server.files.preview_scenes import PreviewScenes
@@ -23,9 +23,8 @@ from server.jobs.eta import EtaEstimator
 from server.jobs.movies import Movies
 from server.limits.concurrency_quota import Quota
 from server.limits.networks import hidden
-from server.limits.robot_rates import RobotRates
 from server.limits.single_flight import SingleFlight
-from server.limits.token_buckets import TokenBuckets
+from server.limits.token_buckets import SharedBuckets, TokenBuckets
 from server.ops.metrics import Metrics
 from server.processes.children import Reader
 from server.processes.fork_server import ForkServer
@@ -48,13 +47,12 @@ class Context(Viewing):
     preview_reports: PreviewReports
     preview_scenes: PreviewScenes
     pictures: Pictures
-    exports: Exports
     movies: Movies
     gallery: Gallery
     fold_states: FoldStates
     streams: Quota
     robots: Quota
-    robot_rates: RobotRates
+    robot_rates: SharedBuckets
     classes: LiveClasses
     trajectories: Trajectories
     answers: SingleFlight
@@ -85,8 +83,8 @@ class Context(Viewing):
         return hidden(address_of(request), self.secret)
 
 
-def context_of(request: Request) -> Context:
-    """Return the context of the application that a request is for."""
+def context_of(request: HTTPConnection) -> Context:
+    """Return the context of the application that a request or a websocket is for."""
     context: Context = request.app.state.context
     return context
 

@@ -48,23 +48,38 @@ def id_field(description: str) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Origin:
-    """Input of a fold as a form names it, and the fold that a refold begins with.
+    """Input of a fold as the fields of a form name it; ``check`` judges them.
 
     Attributes:
         file: An upload.
         shape: Name of a gallery shape.
         preview: Id of a preview.
         fold: Id of a fold whose input is used again.
-        smooth: Id of a fold whose plan is smoothed.
         refold: Id of the fold that a refold begins with, whatever its input is.
+        smooth: Id of a fold whose plan is smoothed.
     """
 
-    file: UploadFile | None = None
-    shape: str | None = None
-    preview: str | None = None
-    fold: str | None = None
-    smooth: str | None = None
-    refold: str | None = None
+    file: Uploaded = None
+    shape: GalleryShape = None
+    preview: Annotated[str | None, id_field("Or: the id of a preview.")] = None
+    fold: Annotated[
+        str | None,
+        id_field("Or: the id of a fold whose input and shape options are used again."),
+    ] = None
+    refold: Annotated[
+        str | None,
+        id_field(
+            "The id of a finished fold. Its chain unfolds and then folds into the shape, which "
+            "must have the same number of modules of the same kind."
+        ),
+    ] = None
+    smooth: Annotated[
+        str | None,
+        id_field(
+            "Or: the id of a verified fold. A new fold makes its motion shorter and smoother. "
+            "Preset and strategy do not apply, because there is no new explosion."
+        ),
+    ] = None
 
     def check(self) -> None:
         """Refuse none, or several.
@@ -85,33 +100,6 @@ class Origin:
                 "smooth-or-refold",
                 "got both form fields 'smooth' and 'refold', expected one of them.",
             )
-
-
-async def origin_in_form(
-    file: Uploaded = None,
-    shape: GalleryShape = None,
-    preview: Annotated[str | None, id_field("Or: the id of a preview.")] = None,
-    fold: Annotated[
-        str | None,
-        id_field("Or: the id of a fold whose input and shape options are used again."),
-    ] = None,
-    refold: Annotated[
-        str | None,
-        id_field(
-            "The id of a finished fold. Its chain unfolds and then folds into the shape, which "
-            "must have the same number of modules of the same kind."
-        ),
-    ] = None,
-    smooth: Annotated[
-        str | None,
-        id_field(
-            "Or: the id of a verified fold. A new fold makes its motion shorter and smoother. "
-            "Preset and strategy do not apply, because there is no new explosion."
-        ),
-    ] = None,
-) -> Origin:
-    """Return the origin that a form names; ``Origin.check`` judges it."""
-    return Origin(file=file, shape=shape, preview=preview, fold=fold, refold=refold, smooth=smooth)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from planner.display_names import clean_name
 from planner.pipeline.request import FoldRequest
 from server.api.context import Context, context_of, in_list_rate
-from server.api.fold_inputs import Origin, origin_in_form, validate
+from server.api.fold_inputs import Origin, validate
 from server.api.forms import form_of
 from server.api.owner_tokens import AnyClaim, OptionalOwner, RequiredOwner, not_owner
 from server.api.schemas import (
@@ -75,7 +75,7 @@ def post_fold(
     http: Request,
     context: Here,
     claim: AnyClaim,
-    origin: Annotated[Origin, Depends(origin_in_form)],
+    origin: Annotated[Origin, Depends(Origin)],
     asked: Annotated[FoldRequest, Depends(form_of(FoldRequest))],
 ) -> Accepted:
     """Accept a fold and add it to the queue.

@@ -19,6 +19,7 @@ from server.api.context import Context
 from server.api.folds import Here, file_or_problems, problems
 from server.api.schemas import ExportBody, ExportList, FramesBody
 from server.errors import Conflict, NotFound, Unusable
+from server.files.exports import export_file
 from server.http.client_address import address_of
 from server.http.downloads import download
 from server.store.folds import FoldRow
@@ -166,9 +167,9 @@ async def get_export(request: Request, fold_id: str, name: str, context: Here) -
         export = export_named(name)
     except InputError as error:
         raise NotFound("no-such-export", error.detail) from error
-    directory = await asyncio.to_thread(context.store.directory, fold_id)
-    await asyncio.to_thread(check, directory, PLAN, export.filename)
-    path = await context.exports.file(fold_id, export, visitor=address_of(request))
+    path = await export_file(
+        context.store, context.artifacts, fold_id, export, visitor=address_of(request)
+    )
     if export.shared:
         return FileResponse(path, media_type=export.media_type, filename=export.filename)
     return download(path, export.media_type, row.name, f"-{export.filename}")

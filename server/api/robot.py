@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from planner.errors import DamagedError, InputError
 from planner.file_names import PLAN
 from planner.verification.integrity import check
-from server.api.context import Context
+from server.api.context import Context, context_of
 from server.api.fold_lookup import ADDRESS_ID
 from server.api.folds import Here, file_or_problems
 from server.api.results import not_there
@@ -54,6 +54,7 @@ from server.errors import (
 from server.files.trajectories import MotorsWanted, Retimed, Wanted
 from server.http.client_address import address_of
 from server.http.limited_stream import LimitedStream
+from server.http.websockets import first_of, receive
 from server.store.folds import FoldRow, NoSuchFoldError
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
@@ -267,7 +268,7 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
     Limits are checked before the socket is accepted, because until then an error can be sent as an
     HTTP response.
     """
-    context = cast("Context", websocket.app.state.context)
+    context = context_of(websocket)
     visitor = address_of(websocket)
     try:
         ask = msgspec.convert(dict(websocket.query_params), Ask, strict=False)
@@ -380,20 +381,12 @@ class _RobotSession:
                 **_echoed(ask),
             )
         )
-        works = [asyncio.ensure_future(work) for work in (self._listen(), self._speak())]
+        await first_of(self._listen(), self._speak())
         try:
-            done, _ = await asyncio.wait(works, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for work in works:
-                work.cancel()
-            await asyncio.gather(*works, return_exceptions=True)
-        try:
-            for work in done:
-                work.result()
             # What is on its way may still come, and the end is read before this side hangs up.
             async with asyncio.timeout(CLOSE_TIMEOUT_S):
                 while True:
-                    await self._receive()
+                    await receive(self._websocket)
         except (WebSocketDisconnect, RuntimeError, TimeoutError):
             return
 
@@ -459,7 +452,7 @@ class _RobotSession:
         joints = len(self._trajectory.joint_names)
         window, count = 0, 0
         while True:
-            data = await self._receive()
+            data = await receive(self._websocket)
             second = int(self._clock())
             window, count = second, (count + 1 if second == window else 1)
             if count > MAX_MESSAGES_PER_SECOND:
@@ -484,12 +477,6 @@ class _RobotSession:
                     self._pace.paused = isinstance(message, Pause)
             except (msgspec.DecodeError, InputError) as error:
                 await self._send(Wrong(code="bad-message", detail=f"{error}."))
-
-    async def _receive(self) -> str | bytes:
-        message = await self._websocket.receive()
-        if message["type"] == "websocket.disconnect":
-            raise WebSocketDisconnect
-        return message.get("text") or message.get("bytes") or b""
 
     def _error_of(self, report: Report) -> float:
         """Return the largest joint error in a report."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any, Final, Literal, cast, overload
 
@@ -414,29 +414,15 @@ class PreviewLinks(Body):
     """POST the id here, as `preview`, with the same options."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExpectedTimes:
-    """Estimated seconds of a fold of a preview's shape.
-
-    Attributes:
-        expected_s: With the requested options.
-        expected_as_published_s: With the preset ``paper``.
-        expected_preferred_s: The same if a plan is chosen by time, torque or clearance.
-    """
-
-    expected_s: float
-    expected_as_published_s: float
-    expected_preferred_s: float
-
-    @classmethod
-    def of(cls, report: Mapping[str, Any], world: World, expected: Expected) -> ExpectedTimes:
-        """Return the times of the chain that a preview reports."""
-        modules, plain = int(report["modules"]), FoldRequest(module=str(report["module"]))
-        return cls(
-            expected_s=expected(plain_fold(modules, replace(plain, world=world))),
-            expected_as_published_s=expected(plain_fold(modules, replace(plain, preset="paper"))),
-            expected_preferred_s=expected(plain_fold(modules, replace(plain, prefer="time"))),
-        )
+def expected_times(report: Mapping[str, Any], world: World, expected: Expected) -> dict[str, float]:
+    """Return the estimated seconds of a fold of a preview's shape, by fields of ``Preview``."""
+    modules, plain = int(report["modules"]), FoldRequest(module=str(report["module"]))
+    requests = {
+        "expected_s": replace(plain, world=world),
+        "expected_as_published_s": replace(plain, preset="paper"),
+        "expected_preferred_s": replace(plain, prefer="time"),
+    }
+    return {name: expected(plain_fold(modules, each)) for name, each in requests.items()}
 
 
 class Preview(Body):
@@ -501,7 +487,7 @@ class Preview(Body):
         preview_id: str,
         key: str,
         report: dict[str, Any],
-        times: ExpectedTimes,
+        times: Mapping[str, float],
         *,
         preparing: Preparing | None,
         full: bool,
@@ -512,7 +498,7 @@ class Preview(Body):
         more = {
             "id": preview_id,
             "key": key,
-            **asdict(times),
+            **times,
             "preparing": PreparingBody.of(preparing),
             "links": PreviewLinks(page=f"/previews/{preview_id}", folds="/api/folds"),
         }

@@ -21,7 +21,7 @@ from server.api.fold_inputs import GalleryShape, Origin, Uploaded, id_field, ope
 from server.api.folds import Here, problems
 from server.api.forms import field, form_of
 from server.api.owner_tokens import OptionalOwner
-from server.api.schemas import MAX_FOLD_NAME, ExpectedTimes, Preview, Shape, Shapes, TableOffers
+from server.api.schemas import MAX_FOLD_NAME, Preview, Shape, Shapes, TableOffers, expected_times
 from server.errors import NotFound, Unusable
 from server.files.preview_reports import Asker
 from server.store.previews import PreviewView
@@ -98,7 +98,7 @@ async def post_preview(
         report = context.preview_reports.report(known, options, asker)
         if owner is not None:
             context.previews.note_view(known, owner, viewed(options, report))
-        times = ExpectedTimes.of(report, options.world, context.estimates.total_s)
+        times = expected_times(report, options.world, context.estimates.total_s)
         preparing = context.leases.preparing()
         return Preview.of(known, options.key, report, times, preparing=preparing, full=full)
 

@@ -11,6 +11,7 @@ import time
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from planner.errors import InputError
 from planner.file_names import PREPARED, REQUEST
@@ -18,7 +19,6 @@ from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.request import FoldRequest
 from server.api.context import Context
 from server.api.fold_inputs import Origin, Source, open_source
-from server.api.parent_folds import ParentFold
 from server.errors import Conflict, Unavailable, Unusable, not_stored
 from server.files.uploads import Upload
 from server.limits.concurrency_quota import BUSY_RETRY_S
@@ -111,9 +111,9 @@ def submit(context: Context, submission: Submission) -> Receipt:
     directory, source = submission.upload.directory, submission.source
     try:
         _write(directory, source)
-        found = _read(context, directory, source.parent, submission.visitor)
+        chain = _read(context, directory, source, submission.visitor)
         _note(directory, source)
-        row = _row(context, submission, found)
+        row = _row(submission, chain)
         context.store.folders.adopt(directory, row.id)
         added = _add(context, row, submission.owner)
     except OSError as error:
@@ -127,34 +127,26 @@ def submit(context: Context, submission: Submission) -> Receipt:
     return Receipt(row=row, own=True, existing=False)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Found:
-    name: str
-    module: str
-    modules: int
+def _row(submission: Submission, chain: dict[str, Any]) -> FoldRow:
+    """Return the row of a new fold, whose files lie in the directory of its upload.
 
-
-def _row(context: Context, submission: Submission, found: _Found) -> FoldRow:
-    """Return the row of a new fold, whose files lie in the directory of its upload."""
+    Args:
+        submission: The submission.
+        chain: Columns of the row that describe the chain.
+    """
     source, parent = submission.source, submission.source.parent
     return FoldRow(
         id=new_id(),
-        name=_title(context, source.shape) or found.name,
         status="queued",
         created_at=time.time(),
-        modules=found.modules,
-        module=found.module,
         shape=source.shape,
         public=source.public,
         content_key=submission.content_key,
         visitor=submission.visitor,
-        cancel_requested=False,
-        progress={},
-        summary={},
-        error=None,
         refold=parent.name if parent and parent.use == "refold" else None,
         smooths=parent.fold if parent and parent.use == "smooth" else None,
         bytes=size_of(submission.upload.directory),
+        **chain,
         **columns_of(source.request),
     )
 
@@ -245,7 +237,9 @@ def _note(directory: Path, source: Source) -> None:
             shutil.copyfile(source.prepared, directory / PREPARED)
 
 
-def _read(context: Context, directory: Path, parent: ParentFold | None, visitor: str) -> _Found:
+def _read(context: Context, directory: Path, source: Source, visitor: str) -> dict[str, Any]:
+    """Check the input in a directory; return its name, and the kind and number of its modules."""
+    parent = source.parent
     try:
         found = context.reader.check(directory, visitor=visitor)
     except InputError as error:
@@ -261,4 +255,5 @@ def _read(context: Context, directory: Path, parent: ParentFold | None, visitor:
             f"got a chain of {modules} modules, expected at most {context.settings.max_modules}; "
             "use a coarser shape.",
         )
-    return _Found(name=str(found["name"])[:200], module=str(found["module"]), modules=modules)
+    name = _title(context, source.shape) or str(found["name"])[:200]
+    return {"name": name, "module": str(found["module"]), "modules": modules}

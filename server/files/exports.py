@@ -22,38 +22,35 @@ MAX_EXPORTED_PLAN_BYTES: Final = 64 * 2**20
 are left to the command line. Some formats need ten times as much memory. Chosen."""
 
 
-class Exports:
-    """Exports of finished folds.
+async def export_file(
+    store: Store, artifacts: Artifacts, fold_id: str, export: Export, *, visitor: str | None = None
+) -> Path:
+    """Return the path of a finished fold's export; compute it unless it is up to date.
 
     Args:
         store: Store of the folds.
-        artifacts: Makes them.
+        artifacts: Makes the file.
+        fold_id: The fold.
+        export: Format of the file.
+        visitor: Visitor that requests it.
+
+    Raises:
+        NoSuchFoldError: When this is not an id.
+        ServiceError: When the plan has no such export or is too large to make it here,
+            too many are being made, or the disk is full.
     """
-
-    def __init__(self, store: Store, artifacts: Artifacts) -> None:
-        self._store = store
-        self._artifacts = artifacts
-
-    async def file(self, fold_id: str, export: Export, *, visitor: str | None = None) -> Path:
-        """Return the path of a finished fold's export; compute it unless it is up to date.
-
-        Raises:
-            NoSuchFoldError: When this is not an id.
-            ServiceError: When the plan has no such export or is too large to make it here,
-                too many are being made, or the disk is full.
-        """
-        directory = await asyncio.to_thread(self._store.directory, fold_id)
-        await asyncio.to_thread(check, directory, PLAN, export.filename)
-        kept = directory / export.filename
-        if await asyncio.to_thread(kept.is_file):
-            return kept  # the fold's own stages have written it
-        return await self._artifacts.file(
-            fold_id,
-            export.filename,
-            lambda: _written(directory / PLAN, export),
-            of=PLAN,
-            visitor=visitor,
-        )
+    directory = await asyncio.to_thread(store.directory, fold_id)
+    await asyncio.to_thread(check, directory, PLAN, export.filename)
+    kept = directory / export.filename
+    if await asyncio.to_thread(kept.is_file):
+        return kept  # the fold's own stages have written it
+    return await artifacts.file(
+        fold_id,
+        export.filename,
+        lambda: _written(directory / PLAN, export),
+        of=PLAN,
+        visitor=visitor,
+    )
 
 
 def _written(path: Path, export: Export) -> bytes:

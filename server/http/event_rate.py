@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from typing import Any, Final
 
-from server.limits.token_buckets import TokenBuckets
+from server.limits.token_buckets import SharedBuckets
 from server.settings import Settings
 
 SLICE_EVENTS: Final = 64
@@ -47,15 +47,9 @@ CONNECTION_FRACTION: Final = 0.25
 visitor's limit: 1000 of 4000 per second by default; beyond it the connection is not read for a
 while. A robot may send 400 messages per second. A larger value lets one connection use up the
 visitor's limit. Chosen."""
-VISITORS_AT_FULL_RATE: Final = 4
-"""Limit of protocol events (HTTP chunks, websocket frames) of all visitors together, as a multiple
-of one visitor's limit. Beyond it the connections of visitors that have used half of their own
-reserve are not read for a while. A larger value lets floods from many addresses take more processor
-time. Chosen."""
-ALL_VISITORS: Final = "all"
 
 
-class EventBudget:
+class EventBudget(SharedBuckets):
     """Tokens of visitors, their networks and all of them together. Belongs to one event loop.
 
     Args:
@@ -67,19 +61,7 @@ class EventBudget:
         burst = max(EVENT_BURST_S * rate, MIN_BURST_EVENTS)
         self.connection_rate = CONNECTION_FRACTION * rate
         self.connection_burst = max(EVENT_BURST_S * self.connection_rate, MIN_BURST_EVENTS)
-        self._visitors = TokenBuckets(rate, burst)
-        self._all = TokenBuckets(VISITORS_AT_FULL_RATE * rate, VISITORS_AT_FULL_RATE * burst)
-        self._light = burst / 2
-
-    def charge(self, visitor: str | None, events: float) -> float:
-        """Count events and return the seconds for which the visitor's connection must pause."""
-        shared_s = self._all.charge(ALL_VISITORS, events)
-        if visitor is None:
-            return 0.0
-        own_s = self._visitors.charge(visitor, events)
-        # A visitor that has half its tokens left does not pay for the debt of the others.
-        busy = self._visitors.tokens(visitor) < self._light
-        return max(own_s, shared_s) if busy else own_s
+        super().__init__(rate, burst)
 
 
 class GatedTransport:

@@ -13,7 +13,7 @@ import re
 import secrets
 from collections.abc import Generator
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 from server.errors import NoSuch, TooMany
 from server.limits.concurrency_quota import OPEN_RETRY_S, Quota
@@ -158,8 +158,10 @@ class LiveClasses:
         return found
 
 
-def is_view(text: str) -> bool:
-    """Return True if a text is a view: known words, each once, with proper values."""
+def is_view(text: str | bytes) -> TypeGuard[str]:
+    """Return True if a message is a view: known words, each once, with proper values."""
+    if not isinstance(text, str):
+        return False
     if not text:
         return True
     words = [part.partition("=") for part in text.split("&", len(VIEW_WORDS))]

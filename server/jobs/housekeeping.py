@@ -16,7 +16,7 @@ import itertools
 import logging
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import Final
 
@@ -294,7 +294,9 @@ class Housekeeping:
         for name in names:
             for folder in (self._settings.folds_dir, self._settings.work_dir):
                 remove_temporary(folder / name, before=time.time() - MIN_ORPHAN_AGE_S)
-        orphans = names - self._known(names)
+        orphans = names - set(
+            self._store.scalars(sa.select(FoldRow.id).where(FoldRow.id.in_(names)))
+        )
         for fold_id in orphans & self._suspects:
             if not (fold_id.isascii() and fold_id.isalnum()):
                 continue
@@ -317,15 +319,6 @@ class Housekeeping:
             yield from folders.storage.below("folds")
             yield from folders.storage.below("movies")
         yield from folders.copied()  # of folds that were forgotten on another machine
-
-    def _known(self, names: Iterable[str]) -> set[str]:
-        wanted = sorted(names)
-        known: set[str] = set()
-        with self._store.reading() as session:
-            for first in range(0, len(wanted), 500):
-                some = wanted[first : first + 500]
-                known |= set(session.scalars(sa.select(FoldRow.id).where(FoldRow.id.in_(some))))
-        return known
 
 
 def limit_cancelled(store: Store, visitor: str) -> None:

@@ -166,7 +166,11 @@ class Movies:
             return None
         path = self._store.folders.movie(fold_id, row.file)
         if path is None:
-            self._lose(row.job, ("ready",))
+            self._store.change(
+                sa.update(MovieRow)
+                .where(MovieRow.job == row.job, MovieRow.status == "ready")
+                .values(status="failed", problem={**INTERRUPTED, "where": None}, bytes=0)
+            )
         return path
 
     def delete(self, fold_id: str, movie_id: str) -> None:
@@ -238,21 +242,13 @@ class Movies:
             )
         check_space(settings.root, settings.min_free_disk_bytes)
 
-    def _lose(self, job: str, while_it_is: tuple[str, ...]) -> None:
-        self._store.change(
-            sa.update(MovieRow)
-            .where(MovieRow.job == job, MovieRow.status.in_(while_it_is))
-            .values(status="failed", problem={**INTERRUPTED, "where": None}, bytes=0)
-        )
-
     def _take_over(self, fold_id: str, movie_id: str) -> None:
         """Hand a movie to the owner; the visitor who requested it can no longer delete it."""
-        with self._store.changing() as session:
-            session.execute(
-                sa.update(MovieRow)
-                .where(MovieRow.fold_id == fold_id, MovieRow.id == movie_id)
-                .values(of_owner=True, token_hash="")  # the digest of no token
-            )
+        self._store.change(
+            sa.update(MovieRow)
+            .where(MovieRow.fold_id == fold_id, MovieRow.id == movie_id)
+            .values(of_owner=True, token_hash="")  # the digest of no token
+        )
 
     def _delete(self, session: Session, *which: sa.ColumnElement[bool]) -> list[tuple[str, str]]:
         """Delete rows; return the fold and the job of each."""

@@ -140,11 +140,10 @@ class Queue:
 
     def hand_back(self, claim: Claim) -> None:
         """Put a job back into the queue that its execution does not finish."""
-        with self._store.changing() as session:
-            if isinstance(claim, FoldClaim):
-                session.execute(_FOLD_BACK.where(*_held_by(claim)))
-            else:
-                session.execute(_MOVIE_BACK.where(MovieRow.worker == claim.execution))
+        if isinstance(claim, FoldClaim):
+            self._store.change(_FOLD_BACK.where(*_held_by(claim)))
+        else:
+            self._store.change(_MOVIE_BACK.where(MovieRow.worker == claim.execution))
 
     def release(self, claim: FoldClaim) -> None:
         """Store that nothing is left to do for a fold that has ended."""

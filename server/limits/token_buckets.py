@@ -17,6 +17,11 @@ from many addresses. Chosen."""
 NETWORK_RATE_FACTOR: Final = 2.0
 """Rate limit and burst of a network of IP addresses, as a multiple of one visitor's. A larger value
 permits more to a school behind one network, and to an attacker with many addresses. Chosen."""
+VISITORS_AT_FULL_RATE: Final = 4
+"""Rate limit and burst of all visitors together, as a multiple of one visitor's, where they share
+one. Beyond it the visitors that have used half of their own tokens have to wait. A larger value
+lets floods from many addresses take more processor time. Chosen."""
+ALL_VISITORS: Final = "all"
 
 
 class TokenBuckets:
@@ -85,3 +90,31 @@ class TokenBuckets:
             tokens, at = self._buckets.get(name, (burst, now))
             found.append((name, min(burst, tokens + (now - at) * rate), rate))
         return found
+
+
+class SharedBuckets:
+    """Token buckets of visitors and their networks, and one of all together. For one thread.
+
+    Args:
+        rate: Tokens per second of a visitor.
+        burst: Tokens in a visitor's full bucket.
+    """
+
+    def __init__(self, rate: float, burst: float) -> None:
+        self._visitors = TokenBuckets(rate, burst)
+        self._all = TokenBuckets(VISITORS_AT_FULL_RATE * rate, VISITORS_AT_FULL_RATE * burst)
+        self._light = burst / 2
+
+    def charge(self, visitor: str | None, amount: float) -> float:
+        """Take tokens for what has happened already; None is an unknown visitor.
+
+        Returns:
+            The seconds that the visitor has to wait.
+        """
+        shared_s = self._all.charge(ALL_VISITORS, amount)
+        if visitor is None:
+            return 0.0
+        own_s = self._visitors.charge(visitor, amount)
+        # A visitor that has half its tokens left does not pay for the debt of the others.
+        busy = self._visitors.tokens(visitor) < self._light
+        return max(own_s, shared_s) if busy else own_s

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Final
 
@@ -66,64 +66,61 @@ class Metrics:
             robots: Number of connected robots.
         """
         rows = CollectorRegistry(auto_describe=False)
-        rows.register(_Open(streams=streams, robots=robots))
-        rows.register(_Places(places))
-        rows.register(_Rows(figures))
+        rows.register(
+            _Families(
+                *_open(streams=streams, robots=robots), *_of_places(places), *_of_rows(figures)
+            )
+        )
         return generate_latest(self._registry) + generate_latest(rows)
 
 
-class _Open(Collector):
-    def __init__(self, **counts: int) -> None:
-        self._counts = counts
+class _Families(Collector):
+    """Metrics with the values of one moment."""
+
+    def __init__(self, *families: GaugeMetricFamily) -> None:
+        self._families = families
 
     def collect(self) -> Iterable[GaugeMetricFamily]:
-        words = {"streams": "Open event streams.", "robots": "Connected robots."}
-        for name, count in self._counts.items():
-            yield GaugeMetricFamily(f"foldback_{name}_open", words[name], value=count)
+        return self._families
 
 
-class _Places(Collector):
-    def __init__(self, places: Places) -> None:
-        self._places = places
-
-    def collect(self) -> Iterable[GaugeMetricFamily]:
-        words = "1 if the files of folds can be read and written, else 0."
-        yield _gauge("storage_up", words, self._places.storage == OK)
-        words = "1 if this machine's disk accepts uploads, else 0."
-        yield _gauge("disk_up", words, self._places.disk == OK)
-        if self._places.free_bytes is not None:
-            words = "Free space of the data directory's disk."
-            yield _gauge("disk_free_bytes", words, self._places.free_bytes)
+def _open(*, streams: int, robots: int) -> Iterator[GaugeMetricFamily]:
+    yield _gauge("streams_open", "Open event streams.", streams)
+    yield _gauge("robots_open", "Connected robots.", robots)
 
 
-class _Rows(Collector):
-    def __init__(self, figures: Figures | None) -> None:
-        self._figures = figures
+def _of_places(places: Places) -> Iterator[GaugeMetricFamily]:
+    words = "1 if the files of folds can be read and written, else 0."
+    yield _gauge("storage_up", words, places.storage == OK)
+    yield _gauge("disk_up", "1 if this machine's disk accepts uploads, else 0.", places.disk == OK)
+    if places.free_bytes is not None:
+        words = "Free space of the data directory's disk."
+        yield _gauge("disk_free_bytes", words, places.free_bytes)
 
-    def collect(self) -> Iterable[GaugeMetricFamily]:
-        found = self._figures
-        yield _gauge("database_up", "1 if the database answers, else 0.", found is not None)
-        if found is None:
-            return
-        yield _counts("folds", "Folds by status.", "status", found.folds)
-        yield _counts("movies", "Movies by status.", "status", found.movies)
-        yield _gauge("queue_length", "Folds that wait for a worker.", found.folds["queued"])
-        words = "Waiting time of the fold that waits longest, s."
-        yield _gauge("queue_oldest_seconds", words, found.oldest_queued_s)
-        yield _gauge("workers", "Live workers.", found.workers)
-        yield _gauge("storage_bytes", "Size of the files of all folds.", found.storage_bytes)
-        words = "Computing time of folds that ended within the last hour, s."
-        last = len(found.computed_s) - 1
-        seconds = {
-            f"{quantile:g}": found.computed_s[min(int(quantile * (last + 1)), last)]
-            for quantile in QUANTILES
-            if found.computed_s
-        }
-        yield _counts("fold_seconds_lately", words, "quantile", seconds)
-        words = "Folds that ended within the last hour, at most 500."
-        yield _gauge("folds_ended_lately", words, len(found.computed_s))
-        words = "Failed folds among those that ended within the last hour, by error code."
-        yield _counts("failures_lately", words, "code", found.failures)
+
+def _of_rows(found: Figures | None) -> Iterator[GaugeMetricFamily]:
+    yield _gauge("database_up", "1 if the database answers, else 0.", found is not None)
+    if found is None:
+        return
+    yield _counts("folds", "Folds by status.", "status", found.folds)
+    yield _counts("movies", "Movies by status.", "status", found.movies)
+    yield _gauge("queue_length", "Folds that wait for a worker.", found.folds["queued"])
+    words = "Waiting time of the fold that waits longest, s."
+    yield _gauge("queue_oldest_seconds", words, found.oldest_queued_s)
+    yield _gauge("workers", "Live workers.", found.workers)
+    yield _gauge("storage_bytes", "Size of the files of all folds.", found.storage_bytes)
+    words = "Computing time of folds that ended within the last hour, s."
+    last = len(found.computed_s) - 1
+    seconds = {
+        f"{quantile:g}": found.computed_s[min(int(quantile * (last + 1)), last)]
+        for quantile in QUANTILES
+        if found.computed_s
+    }
+    yield _counts("fold_seconds_lately", words, "quantile", seconds)
+    words = "Folds that ended within the last hour, at most 500."
+    yield _gauge("folds_ended_lately", words, len(found.computed_s))
+    words = "Failed folds among those that ended within the last hour, by error code."
+    yield _counts("failures_lately", words, "code", found.failures)
 
 
 def _gauge(name: str, words: str, value: float) -> GaugeMetricFamily:

@@ -18,8 +18,8 @@ from planner.pipeline.compiling_lock import compiling_fraction
 from server.errors import READ_ONLY_WORDS
 from server.limits.disk_space import free_space
 from server.settings import Settings
+from server.store.leases import Leases
 from server.store.object_store import StorageError
-from server.store.stats import Stats
 
 READINESS_CACHE_S: Final = 2.0
 """Time for which the checked state of disk, object store and workers is cached, in s; ``/ready``
@@ -64,16 +64,16 @@ class Readiness:
 
     Args:
         settings: The settings.
-        stats: Knows the workers.
+        leases: Knows the workers.
         storage: Raises when files that are kept elsewhere cannot be reached.
     """
 
     def __init__(
-        self, settings: Settings, stats: Stats, storage: Callable[[], None] = lambda: None
+        self, settings: Settings, leases: Leases, storage: Callable[[], None] = lambda: None
     ) -> None:
         self._storage = storage
         self._settings = settings
-        self._stats = stats
+        self._leases = leases
         self._lock = threading.Lock()
         self._ending = threading.Event()
         self._kept: tuple[float, Places] | None = None
@@ -86,7 +86,7 @@ class Readiness:
         """Return the current state; that of disk and storage may be a moment old."""
         database, workers = OK, 0
         try:
-            workers = self._stats.workers()
+            workers = len(self._leases.workers())
         except SQLAlchemyError as error:
             log.warning("database: %r", error)
             database = "does not answer"

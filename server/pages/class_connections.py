@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Coroutine
-from typing import Any, Final, cast
+from typing import Final
 
 import segno
 from fastapi import APIRouter, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse, Response
 
-from server.api.context import Context
+from server.api.context import context_of
 from server.api.fold_lookup import ADDRESS_ID
 from server.http.base_path import BASE_PATH
 from server.http.client_address import address_of
 from server.http.live_classes import LiveClass, is_view
+from server.http.websockets import first_of, receive
 from server.store.folds import NoSuchFoldError
 
 router = APIRouter(include_in_schema=False)
@@ -49,14 +49,14 @@ OVER: Final = "over"
 @router.get("/c/{code}")
 async def join(request: Request, code: str) -> Response:
     """Redirect to the fold that a class is watching."""
-    found = _context_of(request).classes.find(code)
+    found = context_of(request).classes.find(code)
     return RedirectResponse(f"/folds/{found.fold_id}?class={code.upper()}", status_code=303)
 
 
 @router.websocket("/api/class/lead")
 async def lead(websocket: WebSocket) -> None:
     """Receive the views of a class's leader, and report the number of followers."""
-    context, asked = _context_of(websocket), websocket.query_params
+    context, asked = context_of(websocket), websocket.query_params
     if "key" in asked:
         await _lead(websocket, context.classes.find_led(asked.get("code", ""), asked["key"]))
         return
@@ -75,11 +75,11 @@ async def lead(websocket: WebSocket) -> None:
 @router.websocket("/api/class/follow")
 async def follow(websocket: WebSocket) -> None:
     """Send a follower the views of a class."""
-    context = _context_of(websocket)
+    context = context_of(websocket)
     shown = context.classes.find(websocket.query_params.get("code", ""))
     with context.classes.followers.enter(address_of(websocket)), shown.joined():
         await websocket.accept()
-        await _first_of(_send_views(websocket, shown), _receive(websocket))
+        await first_of(_send_views(websocket, shown), receive(websocket))
     await _close(websocket, *((DONE, OVER) if shown.over else (REFUSED, "")))
 
 
@@ -88,7 +88,7 @@ async def _lead(websocket: WebSocket, shown: LiveClass) -> None:
     shown.change(leader=websocket)
     try:
         await websocket.accept()
-        await _first_of(
+        await first_of(
             _report(websocket, shown),
             _take_views(websocket, shown),
             shown.wait_without(websocket),
@@ -104,7 +104,7 @@ async def _take_views(websocket: WebSocket, shown: LiveClass) -> None:
     clock = asyncio.get_running_loop().time
     second, count = 0, 0
     try:
-        while is_view(text := await _receive(websocket)):
+        while is_view(text := await receive(websocket)):
             now = int(clock())
             second, count = now, (count + 1 if now == second else 1)
             if count > MAX_VIEWS_PER_SECOND:
@@ -151,33 +151,6 @@ async def _send(websocket: WebSocket, text: str) -> None:
     await asyncio.sleep(VIEW_INTERVAL_S)
 
 
-async def _receive(websocket: WebSocket) -> str:
-    message = await websocket.receive()
-    if message["type"] == "websocket.disconnect":
-        raise WebSocketDisconnect(message["code"])
-    text = message.get("text")
-    return "bytes" if text is None else text
-
-
-async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
-    """Wait until one of some works ends or the peer is gone, and cancel the others."""
-    tasks = [asyncio.ensure_future(work) for work in works]
-    try:
-        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for task in tasks:
-            task.cancel()
-        ended = await asyncio.gather(*tasks, return_exceptions=True)
-    gone = (asyncio.CancelledError, WebSocketDisconnect, TimeoutError, RuntimeError)
-    for error in ended:
-        if isinstance(error, Exception) and not isinstance(error, gone):
-            raise error
-
-
 async def _close(websocket: WebSocket, code: int, reason: str = "") -> None:
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await websocket.close(code, reason)
-
-
-def _context_of(connection: Request | WebSocket) -> Context:
-    return cast("Context", connection.app.state.context)

@@ -111,13 +111,11 @@ def _drawing_of(path: Path, is_chain: bool) -> str:
 def _facts(request: Request, found: Found) -> FoldFacts:
     viewing = viewing_of(request)
     settings = viewing.settings
-    embed = settings is not None and bool(settings.embed_origins)
-    kept = None if settings is None else visibility(settings, found.row)
     return fold_facts(
         found,
-        api=viewing.settings is not None,
-        embed=embed,
-        kept=kept,
+        api=settings is not None,
+        embed=settings is not None and bool(settings.embed_origins),
+        kept=None if settings is None else visibility(settings, found.row),
         takes=takes(viewing),
     )
 

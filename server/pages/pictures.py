@@ -101,30 +101,16 @@ async def _picture_of_view(request: Request, found: Found, view: str) -> Respons
     """Return the picture of a moment, seen as a link says; kept in memory for a while."""
     context, row = context_of(request), found.row
     over = row.status not in RUNNING_STATUSES
-    chain, timeline_path = (
-        result_path(found.directory, CHAIN),
-        result_path(found.directory, TIMELINE),
-    )
     if over:
         await asyncio.to_thread(check, found.directory, CHAIN, TIMELINE)
     recent = context.pictures.recent
     key = (row.id, row.title, row.status, view)
 
     def drawn() -> bytes | None:
-        known = recent.get(key) if over else None  # drawn while this one waited
-        if known is not None:
+        if over and (known := recent.get(key)) is not None:  # drawn while this one waited
             return known
-        timeline = context.timelines.get(timeline_path)
-        try:
-            made = context.pictures.drawn(
-                chain, moment_of(caption_of(row.title, row.status), view, timeline)
-            )
-        except DamagedError:
-            raise
-        except (InputError, ChildError, OSError, TimelineError) as error:
-            _refuse_on_read_only_disk(context, error)
-            return None
-        if over:
+        made = _drawn(context, found, view)
+        if over and made is not None:
             recent.keep(key, made)
         return made
 
@@ -132,6 +118,27 @@ async def _picture_of_view(request: Request, found: Found, view: str) -> Respons
     if data is None:
         data = await context.artifacts.get_or_make(key, drawn, visitor=address_of(request))
     return not_found() if data is None else picture_answer(data, listed=row.public, over=over)
+
+
+def _drawn(context: Context, found: Found, view: str | None = None) -> bytes | None:
+    """Return the picture of a fold, seen as a link says; None where it cannot be drawn.
+
+    Raises:
+        DamagedError: If its frames are damaged.
+        NoRoom: If nothing can be written.
+    """
+    caption = caption_of(found.row.title, found.row.status)
+    try:
+        frames = result_path(found.directory, TIMELINE)
+        moment = moment_of(caption, view, context.timelines.get(frames) if view else None)
+        return context.pictures.drawn(result_path(found.directory, CHAIN), moment)
+    except DamagedError:
+        raise
+    except (InputError, ChildError, OSError, TimelineError) as error:
+        became_read_only = isinstance(error, OSError) and error.errno == errno.EROFS
+        if context.settings.read_only or became_read_only:
+            raise read_only() from error
+        return None
 
 
 def caption_of(title: str, status: str) -> dict[str, str]:
@@ -166,17 +173,6 @@ def picture_answer(data: bytes, *, listed: bool, over: bool = True) -> Response:
     return Response(data, media_type="image/png", headers=headers)
 
 
-def _refuse_on_read_only_disk(context: Context, error: Exception) -> None:
-    """Refuse a picture that cannot be drawn because nothing can be written.
-
-    Raises:
-        NoRoom: The disk was read-only at the start, or has become so.
-    """
-    became_so = isinstance(error, OSError) and error.errno == errno.EROFS
-    if context.settings.read_only or became_so:
-        raise read_only() from error
-
-
 def _stored_picture(path: Path) -> bytes | None:
     """Return the picture in a fold's directory, if it is one of its chain."""
     try:
@@ -189,16 +185,8 @@ def _picture_of(context: Context, found: Found, path: Path, *, keep: bool) -> by
     """Return the picture of the chain in a fold's directory; None where it cannot be drawn."""
     if keep and (known := _stored_picture(path)):  # drawn since the request looked for it
         return known
-    store = context.store
-    try:
-        chain = result_path(path.parent.parent, CHAIN)
-        data = context.pictures.drawn(
-            chain, moment_of(caption_of(found.row.title, found.row.status))
-        )
-    except (InputError, ChildError, OSError) as error:
-        _refuse_on_read_only_disk(context, error)
-        return None
-    if keep:
+    store, data = context.store, _drawn(context, found)
+    if data is not None and keep:
         with contextlib.suppress(OSError):  # a full disk takes no picture from anybody
             before = 0
             for other in path.parent.glob(f"{CARD_PREFIX}-*.png"):

@@ -9,9 +9,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from operator import attrgetter
 from typing import Final
 
-from cachetools import TTLCache
+from cachetools import TTLCache, cachedmethod
 
 from planner.pipeline.request import FoldRequest
 from server.store.durations import KIND_COLUMNS, Duration, durations_like, typical_s
@@ -50,6 +51,11 @@ def expected_of_cost(row: FoldRow) -> float:
     return cost_of(row).expected_s
 
 
+def _kind_of(_estimates: Estimates, row: FoldRow) -> tuple[object, ...]:
+    """Return in what folds are alike whose durations are compared."""
+    return (*(getattr(row, name) for name in KIND_COLUMNS), row.smooths is None, row.refold is None)
+
+
 class Estimates:
     """Expected times of folds. Safe to use from many threads.
 
@@ -79,16 +85,6 @@ class Estimates:
         """Return the expected seconds of a whole fold without its wait; 0 without modules."""
         return sum((self.stages_s(row) or {}).values())
 
+    @cachedmethod(attrgetter("_measured"), _kind_of, lock=attrgetter("_lock"))
     def _like(self, row: FoldRow) -> list[Duration]:
-        kind = (
-            *(getattr(row, name) for name in KIND_COLUMNS),
-            row.smooths is None,
-            row.refold is None,
-        )
-        with self._lock:
-            known = self._measured.get(kind)
-        if known is None:
-            known = durations_like(self._store, row)
-            with self._lock:
-                self._measured[kind] = known
-        return known
+        return durations_like(self._store, row)

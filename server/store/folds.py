@@ -325,15 +325,11 @@ class Store:
                 row.turn = self._turn(session, row)
                 session.add(row)
         except IntegrityError:
-            if row.content_key is None or not self._taken(row.content_key):
+            taken = sa.select(FoldRow.id).where(FoldRow.content_key == row.content_key)
+            if row.content_key is None or self.scalar(taken) is None:
                 raise
             return False
         return True
-
-    def _taken(self, content_key: str) -> bool:
-        with self.reading() as session:
-            taken = sa.select(FoldRow.id).where(FoldRow.content_key == content_key)
-            return session.scalar(taken) is not None
 
     @staticmethod
     def _turn(session: Session, row: FoldRow) -> int:
@@ -558,9 +554,7 @@ class Store:
         )
         if progress is None:
             return self.scalar(sa.select(FoldRow.id).where(*going)) is not None
-        with self.changing() as session:
-            changed = session.execute(sa.update(FoldRow).where(*going).values(progress=progress))
-            return bool(rows_of(changed))
+        return bool(self.change(sa.update(FoldRow).where(*going).values(progress=progress)))
 
     def finish(
         self,

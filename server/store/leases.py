@@ -7,16 +7,17 @@ is gone. On one machine the locks of ``server.store.worker_identity`` tell it at
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib.metadata import version
+from operator import attrgetter
 from typing import Final
 
 import sqlalchemy as sa
+from cachetools import TTLCache, cachedmethod
 
 from planner.pipeline.compiling_lock import IMPORTS_FRACTION
 from server.settings import Settings
@@ -85,7 +86,9 @@ class Leases:
         self._looked_at = clock()
         self._made_at = clock()
         self._expects_workers = expects_workers
-        self._prepared: tuple[float, Preparing | None] = (-math.inf, None)
+        self._prepared: TTLCache[tuple[()], Preparing | None] = TTLCache(
+            1, COMPILING_CACHE_S, timer=clock
+        )
 
     @classmethod
     def of(cls, settings: Settings, store: Store) -> Leases:
@@ -131,15 +134,9 @@ class Leases:
 
         Nothing else says so for ``COMPILING_CACHE_S``: all who look share one query.
         """
-        with self._lock:
-            at, known = self._prepared
-            if self._clock() - at < COMPILING_CACHE_S:
-                return known
-        found = self._look_at_preparing()
-        with self._lock:
-            self._prepared = (self._clock(), found)
-        return found
+        return self._look_at_preparing()
 
+    @cachedmethod(attrgetter("_prepared"), lock=attrgetter("_lock"))
     def _look_at_preparing(self) -> Preparing | None:
         workers = self.workers()
         if not workers:

@@ -91,14 +91,6 @@ class Stats:
                 self._kept = (now, self._count())
             return self._kept[1]
 
-    def workers(self) -> int:
-        """Workers that live.
-
-        Raises:
-            SQLAlchemyError: When the database does not answer.
-        """
-        return len(self._leases.workers())
-
     def _count(self) -> Figures:
         now = time.time()
         took = FoldRow.ended_at - FoldRow.started_at
@@ -129,7 +121,7 @@ class Stats:
             movies={status: count for status, count in movies},
             oldest_queued_s=0.0 if oldest is None else max(0.0, now - oldest),
             storage_bytes=taken,
-            workers=self.workers(),
+            workers=len(self._leases.workers()),
             computed_s=tuple(sorted(float(seconds or 0.0) for seconds, _, _ in ended)),
             failures=Counter(
                 str((error or {}).get("code", "unknown"))

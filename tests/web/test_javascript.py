@@ -30,6 +30,7 @@ from tests.planner.chains import chain_of
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
 from tests.web.node import NODE
+from tests.web.timeline.decoding import windows_of
 from web.palette import error_colours, error_scale
 from web.pictures.camera import distance_needed, framing
 from web.static_files import STATIC, scripts_of
@@ -40,7 +41,6 @@ from web.timeline.window_columns import (
     PLANE_COLUMNS,
     SINGLE_BYTE_COLUMNS,
     window_columns,
-    windows_of,
 )
 from web.viser.scene_bundle import bundle_of
 from words.failures import count_from_one

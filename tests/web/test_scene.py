@@ -17,10 +17,10 @@ from viser import _messages as messages
 from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
 from planner.chain.rotations import matrix_from_wxyz
+from tests.web.timeline.decoding import decode
 from web.palette import MAX_ERROR_RGB, NO_ERROR_RGB, UNKNOWN_ERROR_RGB
 from web.pictures.camera import framing
 from web.static_files import STATIC
-from web.timeline.columns import decode
 from web.timeline.view import TimelineView
 from web.viser.preview_scene import SCENE_SIZE, preview_scene_of
 from web.viser.recording import look

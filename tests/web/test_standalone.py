@@ -11,7 +11,7 @@ import pytest
 import foldback_check
 from planner.motion.timeline import TimelineWriter
 from planner.plan.plan import Plan
-from web.timeline.columns import decode
+from tests.web.timeline.decoding import decode
 from web.timeline.frame_batch import batch_of
 from web.timeline.view import TimelineView
 from web.viser import standalone

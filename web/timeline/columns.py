@@ -23,7 +23,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion.angle_encoding import DIFFERENCE_ORDER, whole_numbers
+from planner.motion.angle_encoding import DIFFERENCE_ORDER
 
 ALIGNMENT_BYTES: Final = 8
 """Multiple of bytes at which each array in a binary message to the browser starts, so that
@@ -109,28 +109,3 @@ def _countable(values: NDArray[Any], step: float) -> bool:
     return bool(
         largest < MAX_STEP_COUNT * step
     )  # which nothing is when one of them is not a number
-
-
-def decode(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return the header and the arrays of a message made by ``encode``."""
-    length = int.from_bytes(message[:4], "little")
-    header = json.loads(message[4 : 4 + length])
-    return header, {c["name"]: _column(c, message, 4 + length) for c in header.pop("columns")}
-
-
-def _column(told: dict[str, Any], message: bytes, start: int) -> NDArray[Any]:
-    at, dtype = start + told["at"], np.dtype(told["dtype"])
-    shape = told["shape"]
-    if "size" not in told:
-        return np.frombuffer(message, dtype, int(np.prod(shape)), at).reshape(shape)
-    planes = np.frombuffer(zlib.decompress(message[at : at + told["size"]]), np.uint8)
-    planes = planes.reshape(dtype.itemsize, -1)
-    if "step" in told:
-        steps = whole_numbers(planes).reshape(shape)
-        for _ in range(told["differences"]):
-            steps = steps.cumsum(axis=0)
-        return (steps * told["step"]).astype("<f4")
-    values = np.ascontiguousarray(planes.T).view(dtype).reshape(shape)
-    if told.get("short"):
-        return (values.astype("<u4") << 16).view("<f4")
-    return values

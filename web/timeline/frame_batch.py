@@ -91,44 +91,33 @@ def batch_of(
         TimelineError: When the timeline is being replaced.
     """
     with timeline.reading():  # the header tells of the frames that are in the columns
-        return _batch(timeline, start, stop, stride, largest, without)
-
-
-def _batch(
-    timeline: TimelineView,
-    start: int,
-    stop: int | None,
-    stride: int,
-    largest: int,
-    without: frozenset[str],
-) -> bytes:
-    total = len(timeline)
-    start = min(start, total)
-    end = total if stop is None else max(start, min(stop, total))
-    if timeline.windowed:
-        windows, end = _windows(timeline, start, end, stride, largest)
-        columns = window_columns(windows, timeline.chain.folded_rad)
-        columns = {name: columns[name] for name in columns if name not in without}
-        header = _header(timeline, total, start, end, stride)
-        return encode(header, columns, planes=PLANE_COLUMNS, short=SINGLE_BYTE_COLUMNS)
-    most = max(1, largest // (8 * len(timeline.chain.joint_names) + 40))
-    end = min(end, start + most * stride)
-    frames = timeline.frames(start, end, stride)
-    columns = {
-        "time_s": frames.time_s.astype("<f8"),
-        "phase": frames.phase.astype("|u1"),
-        "root_position": frames.root_position.astype("<f4"),
-        "root_wxyz": frames.root_wxyz.astype("<f4"),
-        "joint_angles_rad": frames.joint_angles_rad.astype("<f4"),
-        "joint_error_rad": frames.joint_error_rad.astype("<f4"),
-    }
-    return encode(
-        _header(timeline, total, start, end, stride),
-        columns,
-        steps={"joint_angles_rad": SENT_ANGLE_STEP_RAD},
-        planes=PLANE_COLUMNS,
-        short=frozenset({"joint_error_rad"}),
-    )
+        total = len(timeline)
+        start = min(start, total)
+        end = total if stop is None else max(start, min(stop, total))
+        if timeline.windowed:
+            windows, end = _windows(timeline, start, end, stride, largest)
+            columns = window_columns(windows, timeline.chain.folded_rad)
+            columns = {name: columns[name] for name in columns if name not in without}
+            header = _header(timeline, total, start, end, stride)
+            return encode(header, columns, planes=PLANE_COLUMNS, short=SINGLE_BYTE_COLUMNS)
+        most = max(1, largest // (8 * len(timeline.chain.joint_names) + 40))
+        end = min(end, start + most * stride)
+        frames = timeline.frames(start, end, stride)
+        columns = {
+            "time_s": frames.time_s.astype("<f8"),
+            "phase": frames.phase.astype("|u1"),
+            "root_position": frames.root_position.astype("<f4"),
+            "root_wxyz": frames.root_wxyz.astype("<f4"),
+            "joint_angles_rad": frames.joint_angles_rad.astype("<f4"),
+            "joint_error_rad": frames.joint_error_rad.astype("<f4"),
+        }
+        return encode(
+            _header(timeline, total, start, end, stride),
+            columns,
+            steps={"joint_angles_rad": SENT_ANGLE_STEP_RAD},
+            planes=PLANE_COLUMNS,
+            short=frozenset({"joint_error_rad"}),
+        )
 
 
 def unpacked_bytes(timeline: TimelineView) -> int:

@@ -12,13 +12,12 @@ columns.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion.angle_encoding import window_differences, window_totals
+from planner.motion.angle_encoding import window_differences
 from planner.motion.motion import Motion
 
 Ints = NDArray[np.int64]
@@ -56,26 +55,6 @@ def window_columns(windows: Motion, folded_rad: NDArray[np.floating[Any]]) -> di
         "base_wxyz": windows.anchor_wxyz.astype("<f8"),
         **(errors if recorded.any() else {}),
     }
-
-
-def windows_of(columns: Mapping[str, Any], folded_rad: NDArray[np.floating[Any]]) -> Motion:
-    """Return the snapshots in ``window_columns``.
-
-    Each angle is within half a step; errors are as they were told.
-    """
-    offsets = np.concatenate([[0], np.cumsum(columns["counts"], dtype=np.int64)])
-    first = columns["first"].astype(np.int64)
-    steps = window_totals(first, offsets, columns["steps"], whole_steps(folded_rad))
-    return Motion.from_windows(
-        time_s=columns["time_s"],
-        phase=columns["phase"],
-        first=first,
-        offsets=offsets,
-        angles_rad=(steps * SENT_ANGLE_STEP_RAD).astype(np.float32),
-        base_position=columns["base_position"],
-        base_wxyz=columns["base_wxyz"],
-        errors_rad=columns.get("errors_rad"),
-    )
 
 
 def whole_steps(angles_rad: NDArray[np.floating[Any]]) -> Ints:

@@ -1,6 +1,5 @@
 """Sources: completion of a fold's request by its input, without a service."""
 
-import asyncio
 import json
 from dataclasses import replace
 from io import BytesIO
@@ -14,7 +13,7 @@ from planner.pipeline.request import FoldRequest
 from planner.readers.gallery import Gallery
 from server.api import fold_inputs as source_module
 from server.api.context import Context
-from server.api.fold_inputs import Origin, Source, open_source, origin_in_form
+from server.api.fold_inputs import Origin, Source, open_source
 from server.api.folds import post_fold
 from server.api.parent_folds import ParentFold
 from server.errors import Unusable
@@ -125,10 +124,6 @@ def test_origin_without_one_input_is_refused(context: Context) -> None:
     ):
         with case(origin), refused(code, kind=Unusable):
             complete_request(context, origin, FoldRequest())
-
-
-def test_origin_is_read_from_the_form() -> None:
-    assert asyncio.run(origin_in_form(shape="cup", refold="x")) == Origin(shape="cup", refold="x")
 
 
 def test_bad_option_is_refused_before_the_input_is_looked_up() -> None:

@@ -10,7 +10,7 @@ import pytest
 from server.processes import children
 from tests.server.service_process import Service, check_problem
 from tests.server.service_thread import ServiceWith
-from web.timeline.columns import decode
+from tests.web.timeline.decoding import decode
 
 SLAB = [[x, y, 0] for x in range(3) for y in range(3) if (x, y) != (1, 0)]
 """Cells of a slab that has no path: one of its chessboard colours has two more cells."""

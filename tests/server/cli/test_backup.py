@@ -11,6 +11,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
 import pytest
 from click.testing import Result
 from typer.testing import CliRunner
@@ -121,7 +122,7 @@ def test_restore_is_refused_while_the_service_runs_and_from_other_databases(
     other = replace(small, database_url="postgresql://nobody@127.0.0.1:9/none")
     assert "expected rows.dump" in other.run("restore", copy).stderr
     manifest = Manifest.read((copy / MANIFEST).read_bytes())
-    (copy / MANIFEST).write_bytes(replace(manifest, schema="9999").text())
+    (copy / MANIFEST).write_bytes(msgspec.structs.replace(manifest, schema="9999").text())
     assert "version 9999" in small.run("restore", copy).stderr
 
 
@@ -149,11 +150,11 @@ def _named(name: str) -> Callable[[Path], None]:
     def change(copy: Path) -> None:
         (copy.parent / "evil").write_bytes(b"evil")
         with open(copy.parent / "evil", "rb") as file:
-            evil = replace(BackupFile.of("", file), name=name)
+            evil = msgspec.structs.replace(BackupFile.of("", file), name=name)
         manifest = Manifest.read((copy / MANIFEST).read_bytes())
         files = (*manifest.files, evil)
         changed = {"database": evil} if "rows" in name else {"files": files}
-        (copy / MANIFEST).write_bytes(replace(manifest, **changed).text())
+        (copy / MANIFEST).write_bytes(msgspec.structs.replace(manifest, **changed).text())
 
     return change
 

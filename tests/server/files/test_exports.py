@@ -15,7 +15,7 @@ from planner.exports.formats import EXPORTS, export_named
 from server.errors import NoRoom, NotFound, TooLarge, Unavailable
 from server.files import exports as exports_module
 from server.files.artifacts import FILES_AT_ONCE, MAX_PENDING_FILES, Artifacts
-from server.files.exports import Exports
+from server.files.exports import export_file
 from server.pages.facts import fold_facts
 from server.store.fold_files import EXPORTS_DIR
 from server.store.fold_source import Found
@@ -69,8 +69,8 @@ def fold(store: Store, finished: FinishedFold) -> FoldRow:
 
 
 def export_fold(store: Store, fold: FoldRow, name: str, free: int = 0) -> Path:
-    exports = Exports(store, Artifacts(store, min_free_disk_bytes=free))
-    return asyncio.run(exports.file(fold.id, export_named(name)))
+    artifacts = Artifacts(store, min_free_disk_bytes=free)
+    return asyncio.run(export_file(store, artifacts, fold.id, export_named(name)))
 
 
 def test_model_of_the_fold_itself_is_exported(store: Store, fold: FoldRow) -> None:

@@ -11,8 +11,8 @@ import pytest
 
 from server.store.owner import new_token
 from tests.server.service_process import SNAKE, Service, check_problem, wait_until
+from tests.web.timeline.decoding import decode
 from web.pictures.isometric import isometric_svg
-from web.timeline.columns import decode
 
 CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
 

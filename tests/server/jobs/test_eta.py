@@ -8,7 +8,7 @@ import pytest
 
 from planner.pipeline.request import FoldRequest
 from planner.progress import COMPILING
-from server.api.schemas import ExpectedTimes, progress_of
+from server.api.schemas import expected_times, progress_of
 from server.jobs.eta import EtaEstimator, left_s
 from server.settings import Settings
 from server.store.durations import MIN_SIMILAR_FOLDS, Duration, typical_s
@@ -215,16 +215,16 @@ def test_estimates_of_preview_and_fold_agree(folds: Folds, measured: bool) -> No
     for k in range(MIN_SIMILAR_FOLDS - (not measured)):
         folds.store.add(a_fold(f"ended {k}", modules=160, progress={"stage_s": USUAL}), SOMEBODY)
     shape, estimates = {"modules": 160, "module": "cube"}, Estimates(folds.store)
-    preview = ExpectedTimes.of(shape, "floating", estimates.total_s)
+    preview = expected_times(shape, "floating", estimates.total_s)
     asked = folds.store.fold(folds.add_queued("asked", created_at=time.time()))
-    assert folds.new_estimator(estimates).of(asked).remaining_s == round(preview.expected_s)
+    assert folds.new_estimator(estimates).of(asked).remaining_s == round(preview["expected_s"])
 
     def expected(**options: str) -> object:
         return pytest.approx(expected_of_cost(plain_fold(160, FoldRequest(**options))))
 
     usual = pytest.approx(sum(USUAL.values()))
-    assert preview.expected_s == (usual if measured else expected())
+    assert preview["expected_s"] == (usual if measured else expected())
     # Other options have samples of their own.
-    assert preview.expected_as_published_s == expected(preset="paper")
-    assert preview.expected_preferred_s == expected(prefer="time")
+    assert preview["expected_as_published_s"] == expected(preset="paper")
+    assert preview["expected_preferred_s"] == expected(prefer="time")
     assert estimates.stages_s(plain_fold(0, FoldRequest())) is None

@@ -10,7 +10,7 @@ import pytest
 from server.api.robot import _RobotSession
 from server.api.robot_messages import Ask
 from server.limits.networks import visitor_at
-from server.limits.robot_rates import NUMBERS_PER_SECOND_OF_VISITOR, RobotRates
+from server.limits.robot_rates import NUMBERS_PER_SECOND_OF_VISITOR, robot_rates
 
 JOINTS = 3
 
@@ -59,7 +59,7 @@ def test_robots_of_a_visitor_get_a_limited_number_of_angles(speeds: bool) -> Non
 
 
 def test_robot_rates_leave_light_visitors_their_own() -> None:
-    rates, numbers = RobotRates(), int(NUMBERS_PER_SECOND_OF_VISITOR)
+    rates, numbers = robot_rates(), int(NUMBERS_PER_SECOND_OF_VISITOR)
     homes = [visitor_at(f"2001:db8:{k}::1") for k in range(8)]
     assert rates.charge(homes[0], numbers) == 0.0
     for home in homes:

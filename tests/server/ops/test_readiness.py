@@ -12,7 +12,6 @@ from server.ops.readiness import Readiness
 from server.settings import Settings
 from server.store.folds import Store
 from server.store.leases import Leases
-from server.store.stats import Stats
 from tests.server.postgres import Postgres
 from tests.server.service_process import Service
 from tests.server.service_thread import ServiceWith, copy_tables
@@ -21,11 +20,8 @@ from tests.server.service_thread import ServiceWith, copy_tables
 @contextmanager
 def readiness(settings: Settings) -> Iterator[Readiness]:
     copy_tables(settings)
-    with (
-        closing(Store(settings)) as store,
-        closing(Stats(settings, Leases.of(settings, store))) as stats,
-    ):
-        yield Readiness(settings, stats)
+    with closing(Store(settings)) as store:
+        yield Readiness(settings, Leases.of(settings, store))
 
 
 def test_ready_service_reports_its_parts(idle: Service) -> None:

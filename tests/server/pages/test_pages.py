@@ -18,8 +18,8 @@ from server.pages.page import script_addresses
 from server.pages.static import IMMUTABLE_CACHE_CONTROL
 from tests.server.asgi import send_request
 from tests.server.service_process import SNAKE, Service, bearer
+from tests.web.timeline.decoding import decode
 from web.static_files import VERSIONED, scripts_version
-from web.timeline.columns import decode
 
 
 @cache

@@ -6,13 +6,13 @@ import pytest
 from planner.motion.motion import Motion
 from tests.planner import peels
 from tests.web import long_folds
-from web.timeline.columns import decode, encode
+from tests.web.timeline.decoding import decode, windows_of
+from web.timeline.columns import encode
 from web.timeline.window_columns import (
     PLANE_COLUMNS,
     SENT_ANGLE_STEP_RAD,
     SINGLE_BYTE_COLUMNS,
     window_columns,
-    windows_of,
 )
 
 

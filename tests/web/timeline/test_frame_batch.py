@@ -10,10 +10,9 @@ from planner.motion.timeline import Timeline, TimelineWriter
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import Growing
-from web.timeline.columns import decode
+from tests.web.timeline.decoding import decode, windows_of
 from web.timeline.frame_batch import batch_of, cached_batch, chosen, thinned, unpacked_bytes
 from web.timeline.view import TimelineView
-from web.timeline.window_columns import windows_of
 
 
 def test_batch_holds_the_recorded_frames(timeline_path: Path) -> None:

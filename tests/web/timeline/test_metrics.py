@@ -17,7 +17,7 @@ from planner.plan.plan import Plan
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
-from web.timeline.columns import decode
+from tests.web.timeline.decoding import decode
 from web.timeline.metrics import curves_of, stretch_of
 
 

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from planner.chain.module import CUBE, MODULES, TETRAHEDRON, Module
+from bench.reproduction.still import still
+from planner.chain.module import CUBE, MODULES, Module
 from web.palette import MAX_ERROR_RGB, NO_ERROR_RGB, STALLED_RGB
 from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD
-from web.pictures.still import still
-from web.pictures.visible_modules import MAX_FULLY_DRAWN_MODULES, visible_modules
 
 POSITIONS = np.array([(x, 0.0, 0.0) for x in range(6)])
 UPRIGHT = np.tile([1.0, 0.0, 0.0, 0.0], (6, 1))
@@ -59,22 +58,3 @@ def test_flat_shape_is_not_shown_edge_on() -> None:
     alpha = np.asarray(still(CUBE, wall, upright, grey, size=(240, 150)))[..., 3]
     rows, columns = np.nonzero(alpha)
     assert min(np.ptp(rows), np.ptp(columns)) > 75
-
-
-BOX = np.stack(np.meshgrid(*[np.arange(20.0)] * 3), axis=-1).reshape(-1, 3)
-
-
-def test_only_the_surface_of_a_large_box_is_drawn() -> None:
-    drawn = visible_modules(BOX, CUBE, target=BOX.mean(axis=0))
-    surface = ((BOX == 0) | (BOX == 19)).any(axis=1)
-    assert np.array_equal(drawn, np.flatnonzero(surface))
-    # Of fewer modules all are drawn.
-    assert len(visible_modules(BOX[:1000], CUBE, target=BOX[0])) == 1000
-
-
-def test_only_the_closest_modules_of_a_long_rod_are_drawn() -> None:
-    rod = np.arange(10_000.0)[:, None] * [1.0, 0.0, 0.0]
-    drawn = visible_modules(rod, TETRAHEDRON, target=np.array([5000.0, 0, 0]))
-    assert len(drawn) == MAX_FULLY_DRAWN_MODULES
-    assert (np.diff(drawn) == 1).all()
-    assert abs(drawn.mean() - 5000) < 1

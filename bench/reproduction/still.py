@@ -1,0 +1,96 @@
+"""Still: a picture of modules anywhere in space, drawn without OpenGL.
+
+Nothing is behind them: what is not a module is transparent, for pages that are light or dark.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from planner.chain.module import Module
+from planner.chain.rotations import matrix_from_wxyz
+from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, View, framing
+from web.pictures.drawn_modules import SUPERSAMPLING, Camera, module_triangles
+from web.pictures.lighting import THEMES
+from web.pictures.rasteriser import draw_triangles
+
+Array = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+
+STILL_PX: Final = (640, 400)
+"""Default width and height of a still picture of a chain, in pixels. Chosen."""
+STILL_FILL: Final = (0.88, 0.86)
+"""Fractions of a still picture's width and height that the chain fills. Smaller values leave a
+wider margin. Chosen."""
+TRIED_TURNS_RAD: Final = tuple(float(turn) for turn in np.deg2rad(np.arange(0, 360, 30)))
+TRIED_ELEVATIONS_RAD: Final = (ELEVATION_RAD, float(np.deg2rad(55.0)))
+MIN_OPENNESS: Final = 0.6
+"""Smallest apparent extent of a chain in the default view, as a fraction of the largest in all
+tried views; below it a still picture uses the view with the largest one. A larger value leaves the
+default view more often. Chosen."""
+
+
+def still(
+    module: Module,
+    positions: NDArray[np.floating[Any]],
+    wxyzs: NDArray[np.floating[Any]],
+    colours: Bytes,
+    *,
+    size: tuple[int, int] = STILL_PX,
+    around: NDArray[np.floating[Any]] | None = None,
+) -> Image.Image:
+    """Modules as an RGBA picture.
+
+    Args:
+        module: Their kind.
+        positions: (n, 3) centres in pitches.
+        wxyzs: (n, 4) orientations.
+        colours: (n, 3) sRGB.
+        size: Width and height in pixels.
+        around: (m, 3) points to have in view; all centres when None.
+    """
+    width, height = (SUPERSAMPLING * side for side in size)
+    seen = np.asarray(positions if around is None else around, dtype=np.float64)
+    camera = Camera(_open_view(seen, module.radius, width / height), width, height)
+    places, rotations = positions.astype(np.float64), matrix_from_wxyz(wxyzs.astype(np.float64))
+    corners, tones = module_triangles(module, places, rotations, colours, camera, THEMES["light"])
+    picture, cover = (np.zeros((height, width, 3), np.uint8) for _ in range(2))
+    draw_triangles(picture, corners, tones)
+    draw_triangles(cover, corners, np.full_like(tones, 255.0))
+    drawn = Image.fromarray(np.concatenate([picture, cover[..., :1]], axis=-1))
+    return drawn.resize(size, Image.Resampling.BOX)
+
+
+def _open_view(points: Array, radius: float, aspect: float) -> View:
+    """Return the default view of points, or one that does not show a flat shape by its edge."""
+    usual = framing(points, radius=radius, aspect=aspect, margin=STILL_FILL)
+    sights = [(AZIMUTH_RAD + turn, up) for turn in TRIED_TURNS_RAD for up in TRIED_ELEVATIONS_RAD]
+    best = max(sights, key=lambda sight: _spread(points, *sight))
+    here = _spread(points, usual.azimuth_rad, usual.elevation_rad)
+    if here >= MIN_OPENNESS * _spread(points, *best):
+        return usual
+    return framing(
+        points,
+        radius=radius,
+        aspect=aspect,
+        azimuth_rad=best[0],
+        elevation_rad=best[1],
+        margin=STILL_FILL,
+    )
+
+
+def _spread(points: Array, azimuth: float, elevation: float) -> float:
+    """Return the width of points across their longest side in a view, at least half a pitch.
+
+    The width is a standard deviation. A row of modules looks the same from everywhere.
+    """
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    flat = np.cos(elevation)
+    out = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+    seen = (points - points.mean(axis=0)) @ np.column_stack([right, np.cross(out, right)])
+    narrow = float(np.linalg.eigvalsh(seen.T @ seen / len(points))[0])
+    return max(0.5, np.sqrt(max(narrow, 0.0)))
