@@ -97,7 +97,7 @@ def test_pinned_gallery_and_unknown_folds_are_not_deleted(place: Path) -> None:
     beside.mkdir()
     done = run(place, "expire", "--yes", "pinned", "nowhere", "../beside", "..", "shown", "young")
     assert done.exit_code == 1
-    for words in ("pinned is pinned and is not deleted", "belongs to the gallery", "'nowhere'"):
+    for words in ("pinned is pinned, so it is not deleted", "belongs to the gallery", "'nowhere'"):
         assert words in done.stderr
     assert "young is deleted" in done.stdout
     assert {"pinned", "shown"} <= set(ids(place)) and beside.exists()
