@@ -246,9 +246,8 @@ async def get_motors(
 
 
 @router.get("/play", include_in_schema=False)
-def get_play(fold_id: str) -> Response:
+def get_play() -> Response:
     """Refuse plain HTTP requests, because this address is for a websocket."""
-    del fold_id
     raise WebsocketNeeded(
         "websocket",
         "Open a websocket at this address; /api/play-schema describes its messages.",
