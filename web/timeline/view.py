@@ -310,7 +310,7 @@ class TimelineView:
             ]
             time_s = np.concatenate([p.time_s for p in parts])
             phase = np.concatenate([p.phase for p in parts])
-            largest = np.concatenate([_largest(p.joint_error_rad) for p in parts])
+            largest = np.concatenate([largest_errors(p.joint_error_rad) for p in parts])
         self._phase = np.concatenate([self._phase, phase])
         self._time_s = np.concatenate([self._time_s, time_s])
         self._max_error = np.concatenate([self._max_error, largest])
@@ -416,7 +416,7 @@ def _poses(chain: Chain, angles: Array, position: Array, wxyz: Array, *, windowe
     )
 
 
-def _largest(errors: Array) -> Array:
+def largest_errors(errors: Array) -> Array:
     """Return (F,) the largest of (F, J) errors; NaN where none is recorded."""
     known = np.isfinite(errors)
     found = np.where(known, np.abs(errors), -np.inf).max(axis=-1)
