@@ -70,7 +70,7 @@ CLEARANCES: Final = (
 )
 MOTION_FIGURES: Final = (
     Figure(
-        "Final position error (RMS)",
+        "Final position error (RMS average)",
         "rms_position_error",
         digits=CERTIFICATE_DIGITS,
         of_simulation=True,
@@ -322,8 +322,8 @@ def robots(certificate: CertificateFigures) -> str | None:
         return None
     least = min(one["min_clearance"] for one in found)
     return (
-        f"{len(found)} imperfect robots were simulated; you see the worst one. Their clearance "
-        f"is at least {rounded_down(least)} pitch"
+        f"{len(found)} imperfect robot{'s' if len(found) > 1 else ''} simulated; the view shows "
+        f"the worst one. Their clearance is at least {rounded_down(least)} pitch"
     )
 
 

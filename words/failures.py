@@ -121,7 +121,7 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
         kind, modules, text = "overlap", overlap["modules"] or [], overlap["words"]
         frame = overlap["frame"] + (exploding(summary) or 0)
     elif summary.get("certificate"):
-        modules, text = [], count_from_one(str(summary.get("reason") or ""))
+        modules, text = [], reason_for_people(str(summary.get("reason") or ""), summary)
         kind = "off" if WRONG_END_VERDICT.search(text) else "refused"
     else:
         return None
@@ -154,7 +154,14 @@ def _blocks(told: BlockFigures) -> list[str]:
             f"modules {a + 1} and {b + 1} overlap by {module_widths(move['overlap'], 2)}"
         )
     more = len(lines) - MAX_BLOCKING_LINES
-    return lines if more <= 0 else [*lines[:MAX_BLOCKING_LINES], f"And {more} more blocked motions"]
+    return (
+        lines
+        if more <= 0
+        else [
+            *lines[:MAX_BLOCKING_LINES],
+            f"And {more} more blocked motion{'s' if more > 1 else ''}",
+        ]
+    )
 
 
 def exploding(summary: FoldSummary) -> int | None:

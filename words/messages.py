@@ -58,6 +58,7 @@ VERDICT_PHRASES: Final = (
         re.compile(r"\bthe playback passes (\S+ pitch) \(RMS\) from straight"),
         r"the playback misses the straight shape by \1 (RMS)",
     ),
+    (re.compile(r"\(RMS\)"), "(RMS average)"),
     (re.compile(r"\bthe frames have no plan\b"), "there is no plan for these frames"),
     (re.compile(r"\ba robot lost its target: (?=\S)"), "a robot could not follow the motion: "),
     (re.compile(r"(?<=\S) yielded: it is off by (?=\S)"), " is too weak: it is off by "),

@@ -35,7 +35,7 @@ VERDICTS = {
         "stays on the table and needs at most 3.2 w·p in frame 4 (without friction)"
     ),
     "failed: the playback missed: the chain ended 0.2 pitches (RMS) from its target.": (
-        "failed: the chain ended 0.2 module widths (RMS) from its target."
+        "failed: the chain ended 0.2 module widths (RMS average) from its target."
     ),
     "failed: the explosion stalled: modules 1 and 2 block each other": (
         "failed: modules 1 and 2 block each other"
@@ -48,7 +48,7 @@ VERDICTS = {
         "failed: the plan does not start in the folded shape hairpin"
     ),
     "failed: the playback passes 0.2 pitch (RMS) from straight": (
-        "failed: the playback misses the straight shape by 0.2 module widths (RMS)"
+        "failed: the playback misses the straight shape by 0.2 module widths (RMS average)"
     ),
     "failed: the frames have no plan": "failed: there is no plan for these frames",
     "failed: modules 2 and 9 overlap by 1.03 pitch at module size 0.95": (

@@ -107,7 +107,7 @@ test("the reason why there is no path comes with a remedy", () => {
   assert.deepEqual(ways, [
     { text: "Repair: add one cell", primary: true, change: { repair: true, modules: 72 } }, { text: "Use blocks (2×2×2 modules per voxel)", change: { method: "blocks" } },
   ]);
-  assert.equal(oddWords(bad), "cells of the chessboard colour that occurs more often");
+  assert.equal(oddWords(bad), "cells with the more common colour of a chessboard pattern");
   assert.equal(oddWords(report()), "");
   const apart = report({ has_path: false, feasibility: { feasible: false, problems: [problem("disconnected")], repairs: [] } });
   assert.deepEqual(troubleOf(opened(), apart).ways, []);
