@@ -150,7 +150,7 @@ def _blocks(told: BlockFigures) -> list[str]:
         way = f"{'+' if move['direction'][axis] > 0 else '−'}{'xyz'[axis]}"
         a, b = move["modules"]
         lines.append(
-            f"If the next part moves by {module_widths(move['moved'])} along {way}, "
+            f"If the part that unfolds next moves by {module_widths(move['moved'])} along {way}, "
             f"modules {a + 1} and {b + 1} overlap by {module_widths(move['overlap'], 2)}"
         )
     more = len(lines) - MAX_BLOCKING_LINES

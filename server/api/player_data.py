@@ -80,7 +80,7 @@ async def batch(
     """Return frames of a fold's timeline; wait at most ``wait`` seconds for the first one.
 
     Raises:
-        TooMany: Too many requests are waiting: of the visitor, of its network, or in total.
+        TooMany: Too many requests of the visitor, of its network or in total are waiting.
     """
     if not wait:
         return await _frames(request, fold_id, start, stop, stride)
