@@ -45,7 +45,8 @@ def retime(
     max_acceleration: Annotated[float, typer.Option(help="Maximum joint acceleration, rad/s².")],
     out: Annotated[Path, typer.Option(help="Output file, .csv or .json.")],
     rate: Annotated[
-        float | None, typer.Option(help="Rows per second. Default: one row per frame of the plan.")
+        float | None,
+        typer.Option(help="Rows per second in the output file. Default: one row per frame."),
     ] = None,
     check: Annotated[bool, typer.Option(help="Check the trajectory for collisions again.")] = True,
     module_mass: Annotated[
@@ -157,7 +158,7 @@ class _Retimed:
             ("Deviation from the plan", f"at most {off_rad:.2g} rad"),
         ]
         if self.clear is not None:
-            facts.append(("Between rows", _clearance_words(self.clear, self.sufficient_hz)))
+            facts.append(("Motion between rows", _clearance_words(self.clear, self.sufficient_hz)))
         return facts
 
 
@@ -218,7 +219,7 @@ def _clearance_words(clear: Sweep, sufficient_hz: float | None) -> str:
         if clear.clearance < -MAX_TOUCH_DEPTH_PITCH
         else f"clearance not proved; smallest measured {max(0.0, clear.clearance):.2g} pitch"
     )
-    return words if sufficient_hz is None else f"{words}; --rate {sufficient_hz:g} is enough"
+    return words if sufficient_hz is None else f"{words}; use --rate {sufficient_hz:g}"
 
 
 def _show(facts: list[tuple[str, str]], motors: MotorTable | None, out: Path) -> None:

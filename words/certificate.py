@@ -70,7 +70,7 @@ CLEARANCES: Final = (
 )
 MOTION_FIGURES: Final = (
     Figure(
-        "Final position error (RMS average)",
+        "Average final position error (root mean square)",
         "rms_position_error",
         digits=CERTIFICATE_DIGITS,
         of_simulation=True,

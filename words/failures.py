@@ -112,7 +112,8 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
     frame: float | None = None
     evidence: EvidenceFigures | None = None
     if told := summary.get("stuck"):
-        kind, modules, text = told["kind"], told["modules"], count_from_one(told["words"])
+        kind, modules = told["kind"], told["modules"]
+        text = count_from_one(verdict_for_people(told["words"]))
         if kind == "stopped":
             text = _stopped(row, text)
         if evidence := told.get("evidence"):
@@ -121,8 +122,9 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
         kind, modules, text = "overlap", overlap["modules"] or [], overlap["words"]
         frame = overlap["frame"] + (exploding(summary) or 0)
     elif summary.get("certificate"):
-        modules, text = [], reason_for_people(str(summary.get("reason") or ""), summary)
-        kind = "off" if WRONG_END_VERDICT.search(text) else "refused"
+        modules, reason = [], str(summary.get("reason") or "")
+        kind = "off" if WRONG_END_VERDICT.search(reason) else "refused"
+        text = reason_for_people(reason, summary)
     else:
         return None
     text = sentence(text.rstrip("."))
@@ -263,7 +265,7 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     elif status != "straight":
         steps = f"{EXPLOSION_ENDS.get(status, status)} after {quantity(attempt['steps'])} steps"
         told = attempt.get("diagnosis")
-        words = count_from_one(told["words"].rstrip(".")) if told else ""
+        words = count_from_one(verdict_for_people(told["words"].rstrip("."))) if told else ""
         end, tone = f"{steps}: {words}" if words else steps, "bad"
     elif verdict.startswith("verified"):
         end, tone = verdict, "good"

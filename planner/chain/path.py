@@ -81,12 +81,12 @@ def checked_cells(cells: ArrayLike) -> NDArray[np.int64]:
     check_coordinates(
         values,
         (
-            (~np.isfinite(values), "not-finite", "a finite whole number"),
+            (~np.isfinite(values), "not-finite", "a whole number"),
             (values != np.round(values), "not-whole", "a whole number"),
             (
                 np.abs(values) > MAX_COORDINATE,
                 "too-far",
-                f"at most {MAX_COORDINATE} in size; move the shape to the origin",
+                f"−{MAX_COORDINATE} to {MAX_COORDINATE}; move the shape to the origin",
             ),
         ),
         row="cell",

@@ -275,7 +275,7 @@ def prepare_in_any_order(
     except InputError as error:
         if error.code != "not-adjacent":
             raise
-        why = f"The cells were read as voxels, because {error.where} are not neighbours."
+        why = f"The cells were read as voxels, not as a path: {error.where} are not neighbours."
     options = replace(options, as_voxels=True)
     made = prepare(data, filename, options, **how)
     return replace(made, notes=(why, *made.notes))

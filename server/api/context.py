@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import secrets
+from dataclasses import dataclass, replace
 from math import ceil
+from typing import Final
 
 from fastapi import Request
 from starlette.requests import HTTPConnection
@@ -11,7 +13,9 @@ from starlette.requests import HTTPConnection
 from planner.readers.gallery import Gallery
 from server.api.fold_lookup import Viewing
 from server.api.fold_states import FoldStates
+from server.api.frame_waits import FrameWaits
 from server.errors import TooMany
+from server.files.artifacts import Artifacts
 from server.files.pictures import Pictures
 from server.files.preview_reports import PreviewReports
 from server.files.preview_scenes import PreviewScenes
@@ -23,16 +27,24 @@ from server.jobs.eta import EtaEstimator
 from server.jobs.movies import Movies
 from server.limits.concurrency_quota import Quota
 from server.limits.networks import hidden
+from server.limits.robot_rates import robot_rates
 from server.limits.single_flight import SingleFlight
 from server.limits.token_buckets import SharedBuckets, TokenBuckets
 from server.ops.metrics import Metrics
-from server.processes.children import Reader
+from server.processes.children import Pool, Reader
 from server.processes.fork_server import ForkServer
+from server.processes.limits import READER_PROCESSES, ChildLimits
+from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.estimates import Estimates
 from server.store.folds import Store
 from server.store.leases import Leases
 from server.store.previews import Previews
+from web.timeline.shared_views import TimelineViews
+
+UPLOAD_QUEUE_TIMEOUT_S: Final = 60.0
+"""Maximum time that an upload waits until a process is free to read it, in s; then it is refused. A
+smaller value refuses more uploads under load; a larger one keeps more connections open. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +76,93 @@ class Context(Viewing):
     estimates: Estimates
     secret: bytes
 
+    @classmethod
+    def open(cls, settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Context:
+        """Open all that the application needs.
+
+        Args:
+            settings: The settings.
+            metrics: Counters of the web process.
+            shared: Fork server that forks for other applications, too; its own if None.
+        """
+        store = Store(settings)
+        previews = Previews(settings, store)
+        leases = Leases.of(settings, store)
+        awaited = ChildLimits.of(settings, awaited=True)
+        fork_server = shared or ForkServer.where_possible(
+            ["reader", "preparer", "retimer"],
+            warm=settings.prewarm and not settings.read_only,
+            directory=settings.root,
+        )
+        motions = Scratch(settings.motions_dir)
+        motions.sweep()
+        estimates = Estimates(store)
+        remaining = EtaEstimator(store, leases, estimates)
+        if not settings.read_only:
+            previews.start_sweeping()
+        return cls(
+            settings=settings,
+            store=store,
+            timelines=TimelineViews(),
+            waits=FrameWaits(settings.max_waits, settings.max_waits_of_visitor),
+            streams=_quota("event streams", settings.max_streams, settings.max_streams_of_visitor),
+            robots=_quota("robots", settings.max_robots, settings.max_robots_of_visitor),
+            robot_rates=robot_rates(),
+            classes=LiveClasses(settings),
+            trajectories=_trajectories(settings, awaited, motions, fork_server),
+            answers=SingleFlight(
+                "answers",
+                at_once=2,
+                total=settings.answers_waiting,
+                per_visitor=settings.answers_waiting_of_visitor,
+            ),
+            lists=TokenBuckets(
+                settings.lists_per_second_of_visitor, 20 * settings.lists_per_second_of_visitor
+            ),
+            uploads=Uploads(settings),
+            fork_server=fork_server,
+            reader=_reader(settings, awaited, fork_server),
+            previews=previews,
+            preview_reports=PreviewReports(
+                settings, previews, _preparer(settings, awaited, fork_server)
+            ),
+            preview_scenes=PreviewScenes(previews),
+            artifacts=_artifacts(settings, store),
+            pictures=_pictures(settings, awaited, motions),
+            movies=Movies(settings, store),
+            gallery=Gallery(),
+            fold_states=FoldStates(store, remaining),
+            remaining=remaining,
+            estimates=estimates,
+            metrics=metrics,
+            leases=leases,
+            secret=store.secret("visitors", secrets.token_bytes(32)),
+        )
+
+    def close(self, *, shared: bool) -> None:
+        """Close what has been opened, first what uses the rest.
+
+        Args:
+            shared: True if the fork server goes on for other applications.
+        """
+        for part in (
+            self.reader,
+            self.preview_reports,
+            self.previews,
+            self.trajectories,
+            self.pictures,
+            None if shared else self.fork_server,
+            self.artifacts,
+            self.answers,
+            self.waits,
+            self.fold_states,
+            self.preview_scenes,
+            self.store,
+            self.uploads,
+        ):
+            if part is not None:
+                part.close()
+
     def take_list(self, request: Request) -> None:
         """Count one list that a visitor asks for.
 
@@ -92,3 +191,68 @@ def context_of(request: HTTPConnection) -> Context:
 async def in_list_rate(request: Request) -> None:
     """Count the request as one for a list: a dependency of routes that read many rows."""
     context_of(request).take_list(request)
+
+
+def _artifacts(settings: Settings, store: Store) -> Artifacts:
+    return Artifacts(
+        store,
+        # With a storage they are among the copies, which have a bound of their own.
+        on_stored=store.add_derived if store.folders.storage is None else None,
+        min_free_disk_bytes=settings.min_free_disk_bytes,
+        total=settings.files_waiting,
+        per_visitor=settings.files_waiting_of_visitor,
+    )
+
+
+def _quota(what: str, total: int, per_visitor: int) -> Quota:
+    return Quota(what, total=total, per_visitor=per_visitor)
+
+
+def _trajectories(
+    settings: Settings, awaited: ChildLimits, motions: Scratch, fork_server: ForkServer | None
+) -> Trajectories:
+    return Trajectories(
+        Pool(
+            "retimer",
+            replace(awaited, folders=(str(settings.motions_dir),)),
+            wall_s=settings.retime_seconds,
+            fork_server=fork_server,
+        ),
+        motions,
+        Scratch(settings.scratch_dir),
+        total=settings.answers_waiting,
+        per_visitor=settings.answers_waiting_of_visitor,
+    )
+
+
+def _pictures(settings: Settings, awaited: ChildLimits, motions: Scratch) -> Pictures:
+    # Started by itself: the fork server would have to load and compile what pictures need.
+    pool = Pool(
+        "pictures",
+        replace(awaited, folders=(str(settings.motions_dir),)),
+        wall_s=settings.preview_seconds,
+    )
+    return Pictures(pool, motions)
+
+
+def _reader(settings: Settings, awaited: ChildLimits, fork_server: ForkServer | None) -> Reader:
+    pool = Pool("reader", awaited, wall_s=settings.read_seconds, fork_server=fork_server)
+    return _bounded(pool, "uploads", settings.max_uploads, settings.max_uploads_of_visitor)
+
+
+def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer | None) -> Reader:
+    pool = Pool("preparer", awaited, wall_s=settings.preview_seconds, fork_server=fork_server)
+    total, per_visitor = settings.previews_waiting, settings.previews_waiting_of_visitor
+    return _bounded(pool, "previews", total, per_visitor)
+
+
+def _bounded(pool: Pool, what: str, total: int, per_visitor: int) -> Reader:
+    quota = Quota(
+        what,
+        at_once=READER_PROCESSES,
+        at_once_per_visitor=1,
+        total=total,
+        per_visitor=per_visitor,
+        timeout_s=UPLOAD_QUEUE_TIMEOUT_S,
+    )
+    return Reader(pool, quota)

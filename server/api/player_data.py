@@ -63,7 +63,12 @@ async def bundle(request: Request, fold_id: str) -> Response:
 
     def answer() -> Response:
         row, timeline = _view(request, fold_id)
-        return _nothing() if timeline is None else _bundle(request, row, timeline)
+        if timeline is not None:
+            with unless_replaced():
+                table = None if row.world == FLOATING else timeline.table()
+                data = bundle_of(timeline.chain, timeline.stretch, table)
+                return _binary(request, data, timeline)
+        return _nothing()
 
     return await asyncio.to_thread(answer)
 
@@ -82,35 +87,22 @@ async def batch(
     Raises:
         TooMany: Too many requests of the visitor, of its network or in total are waiting.
     """
+
+    def answer(known: TimelineView | None = None) -> Response:
+        timeline = known or _view(request, fold_id)[1]
+        if timeline is not None:
+            with unless_replaced():
+                return _binary(request, cached_batch(timeline, start, stop, stride), timeline)
+        return _nothing()
+
     if not wait:
-        return await _frames(request, fold_id, start, stop, stride)
+        return await asyncio.to_thread(answer)
     waits = viewing_of(request).waits
     with waits.place(address_of(request)) as over:
         _, timeline = await asyncio.to_thread(_view, request, fold_id)
         if timeline is not None and start >= len(timeline) and timeline.growing:
             await waits.until(timeline, start, over, timeout_s=wait)
-        return await _frames(request, fold_id, start, stop, stride, timeline)
-
-
-async def _frames(
-    request: Request,
-    fold_id: str,
-    start: int,
-    stop: int | None,
-    stride: int,
-    timeline: TimelineView | None = None,
-) -> Response:
-    """Return the answer with frames of a timeline, by default that of the fold now."""
-
-    def answer() -> Response:
-        shown = timeline or _view(request, fold_id)[1]
-        if shown is None:
-            return _nothing()
-        with unless_replaced():
-            return _binary(request, cached_batch(shown, start, stop, stride), shown)
-        return _nothing()
-
-    return await asyncio.to_thread(answer)
+        return await asyncio.to_thread(answer, timeline)
 
 
 @router.get("/folds/{fold_id}/figures")
@@ -155,13 +147,6 @@ def _stored(
     if told is None:
         return _nothing()
     return JSONResponse(told, headers={"Cache-Control": "private, no-cache"})
-
-
-def _bundle(request: Request, row: ShownFold, timeline: TimelineView) -> Response:
-    with unless_replaced():
-        table = None if row.world == FLOATING else timeline.table()
-        return _binary(request, bundle_of(timeline.chain, timeline.stretch, table), timeline)
-    return _nothing()
 
 
 def _binary(request: Request, data: bytes, timeline: TimelineView) -> Response:

@@ -50,6 +50,7 @@ from server.errors import (
     Unavailable,
     Unusable,
     WebsocketNeeded,
+    input_refusals,
 )
 from server.files.trajectories import MotorsWanted, Retimed, Wanted
 from server.http.client_address import address_of
@@ -153,7 +154,7 @@ async def get_trajectory(
             f"{MAX_TRAJECTORY_NUMBERS:.3g}; lower the rate, or use `foldback retime`.",
             where="query.rate",
         )
-    try:
+    with input_refusals():
         clear = None
         if found.verified:
             clear = await context.trajectories.clearance(wanted, rate, visitor)
@@ -165,8 +166,6 @@ async def get_trajectory(
             clear=clear,
             rate_hz=rate,
         )
-    except InputError as error:
-        raise Unusable.of(error) from error
     return LimitedStream(
         parts,
         context.trajectories.stream(visitor),
@@ -244,19 +243,16 @@ async def get_motors(
             f"got {row.modules} modules, expected at most {MAX_MOTOR_MODULES}; use "
             "`foldback retime`.",
         )
-    try:
+    with input_refusals():
         data = await context.trajectories.motors(wanted, motors, address_of(request))
-    except InputError as error:
-        raise Unusable.of(error) from error
     csv = motors.form == "csv"
     headers = {"Content-Disposition": 'attachment; filename="motors.csv"'} if csv else {}
     return Response(data, media_type=TRAJECTORY_MEDIA_TYPES[motors.form], headers=headers)
 
 
 @router.get("/play", include_in_schema=False)
-def get_play(fold_id: str) -> Response:
+def get_play() -> Response:
     """Refuse plain HTTP requests, because this address is for a websocket."""
-    del fold_id
     raise WebsocketNeeded(
         "websocket",
         "Open a websocket at this address; /api/play-schema describes its messages.",
@@ -315,10 +311,8 @@ def _wanted(
 
 async def _retimed(context: Context, wanted: Wanted, visitor: str) -> Retimed:
     """Return the plan of a finished fold, retimed."""
-    try:
+    with input_refusals():
         return await context.trajectories.of(wanted, visitor)
-    except InputError as error:
-        raise Unusable.of(error) from error
 
 
 def _playable(context: Context, fold_id: str, ask: Ask) -> Wanted:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any, Final, Literal, cast, overload
+from typing import Any, Final, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
@@ -260,11 +260,12 @@ class Fold(Body):
     def of(cls, row: FoldRow, store: Store, remaining: EtaEstimator) -> Fold:
         """Return the API's representation of a row."""
         values: dict[str, Any] = {name: getattr(row, name) for name in SHOWN_COLUMNS}
+        until = store.kept_until(row)
         return cls(
             **values,
             title=ShownFold.of(row).title,
-            created_at=row.created,
-            expires_at=moment(store.kept_until(row)),
+            created_at=moment(row.created_at),
+            expires_at=None if until is None else moment(until),
             progress=Progress.model_validate(progress_of(row, remaining)),
             summary={**summary_told_honestly(cast(FoldSummary, row.summary or {}))},
             error=Fault.model_validate(row.error) if row.error else None,
@@ -564,20 +565,9 @@ class FramesBody(Body):
     """(F, n, 4) with poses=true."""
 
 
-@overload
-def moment(seconds: float) -> datetime: ...
-@overload
-def moment(seconds: None) -> None: ...
-@overload
-def moment(seconds: float | None) -> datetime | None: ...
-def moment(seconds: float | None) -> datetime | None:
-    """Return a time of the clock with its time zone; None when there is none."""
-    return None if seconds is None else datetime.fromtimestamp(seconds, UTC)
-
-
-def _message(row: FoldRow, reported: str) -> str:
-    """Return the message of a stage; one that only smooths never counts as an explosion."""
-    return SMOOTHING_MESSAGE if row.stage == "explode" and row.smooths else reported
+def moment(seconds: float) -> datetime:
+    """Return a time of the clock with its time zone."""
+    return datetime.fromtimestamp(seconds, UTC)
 
 
 def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
@@ -587,6 +577,9 @@ def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
     outlook = remaining.of(row)
     preparing = PreparingBody.of(outlook.preparing)
     paused = row.status == "queued" and row.pauses > 0
+    message = PAUSED_MESSAGE if paused else str(told.get("message", ""))
+    if row.stage == "explode" and row.smooths and not paused:
+        message = SMOOTHING_MESSAGE  # one that only smooths never counts as an explosion
     return {
         "status": row.status,
         "stage": row.stage,
@@ -594,7 +587,7 @@ def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
         "steps": int(told.get("steps", 0)),
         "steps_per_second": float(told.get("steps_per_second", 0.0)),
         "simulated_s": float(told.get("simulated_s", 0.0)),
-        "message": PAUSED_MESSAGE if paused else _message(row, str(told.get("message", ""))),
+        "message": message,
         "plan": int(told.get("plan", 0)),
         "plans": int(told.get("plans", 0)),
         "modules": row.modules,

@@ -95,9 +95,7 @@ def _content_key(about: dict[str, Any], folder: Path, gallery: Gallery) -> str |
         return None
     digest = sha256(shape.data).hexdigest()
     asked = Submission(
-        upload=Upload(
-            directory=folder, filename=shape.filename, digest=digest, size=len(shape.data)
-        ),
+        upload=Upload(directory=folder, filename=shape.filename, digest=digest),
         source=Source(
             request=FoldRequest(preset=about["summary"]["preset"], seed=about["summary"]["seed"]),
             shape=shape.name,

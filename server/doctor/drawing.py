@@ -40,9 +40,8 @@ print(one_circuit.stats.cache_path)
 """
 
 
-def gl(settings: Settings) -> CheckResult:
+def gl(_: Settings) -> CheckResult:
     """Check that movies can be drawn: which OpenGL backend works without a screen."""
-    del settings
     tried = backends()
     said: list[str] = []
     for backend in tried:
@@ -56,9 +55,8 @@ def gl(settings: Settings) -> CheckResult:
     )
 
 
-def encoder(settings: Settings) -> CheckResult:
+def encoder(_: Settings) -> CheckResult:
     """Check that movies can be encoded: GIF always can, MP4 by ffmpeg."""
-    del settings
     code, words = run_python(_ENCODE)
     if code == 0 and words.endswith(" with x264"):
         return ok(words)
@@ -68,9 +66,8 @@ def encoder(settings: Settings) -> CheckResult:
     )
 
 
-def kernels(settings: Settings) -> CheckResult:
+def kernels(_: Settings) -> CheckResult:
     """Check that compiled kernels can be cached, and where."""
-    del settings
     code, words = run_python(_COMPILE)
     if code == 0:
         return ok(f"compiled kernels are stored in {words}")

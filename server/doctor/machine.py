@@ -10,8 +10,8 @@ import resource
 import socket
 import sys
 import time
-import urllib.error
-import urllib.request
+from contextlib import closing
+from http.client import HTTPConnection, HTTPException
 from importlib.metadata import PackageNotFoundError, distribution, requires, version
 from pathlib import Path
 from typing import Final
@@ -42,9 +42,8 @@ service's port, to find out if it is this service, in s. With a smaller value it
 a busy service. Chosen."""
 
 
-def python(settings: Settings) -> CheckResult:
+def python(_: Settings) -> CheckResult:
     """Check the interpreter and the packages that foldback needs."""
-    del settings
     wrong: list[str] = []
     count = 0
     for line in requires("foldback") or ():
@@ -112,25 +111,11 @@ def port(settings: Settings) -> CheckResult:
 def _foldback_answers(settings: Settings) -> bool:
     anywhere = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # nosec B104
     host = anywhere.get(settings.host, settings.host)
-    shown = f"[{host}]" if ":" in host else host
-    # Straight there, whatever proxy the environment names.
-    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     try:
-        with opener.open(
-            f"http://{shown}:{settings.port}/ready", timeout=PROBE_TIMEOUT_S
-        ) as answer:
-            return _is_ours(answer.read(65536))
-    except urllib.error.HTTPError as error:  # not ready, and yet foldback
-        with error:
-            return _is_ours(error.read(65536))
-    except (OSError, ValueError):
-        return False
-
-
-def _is_ours(body: bytes) -> bool:
-    try:
-        found = json.loads(body)
-    except ValueError:
+        with closing(HTTPConnection(host, settings.port, timeout=PROBE_TIMEOUT_S)) as connection:
+            connection.request("GET", "/ready")
+            found = json.loads(connection.getresponse().read(65536))
+    except (OSError, HTTPException, ValueError):
         return False
     return isinstance(found, dict) and {"ready", "database", "disk", "workers"} <= found.keys()
 

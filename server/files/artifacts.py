@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shutil
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
@@ -39,6 +39,9 @@ class Folds(Protocol):
 class Artifacts:
     """See the module's description. Belongs to one event loop.
 
+    Attributes:
+        flight: Computations, with the limits of files.
+
     Args:
         store: Store of the folds.
         min_free_disk_bytes: Minimum of free disk space, bytes.
@@ -62,19 +65,13 @@ class Artifacts:
         self._min_free_disk_bytes = min_free_disk_bytes
         self._folder = folder
         self._on_stored = on_stored
-        self._flight = SingleFlight(
+        self.flight = SingleFlight(
             "files", at_once=FILES_AT_ONCE, total=total, per_visitor=per_visitor
         )
 
     def close(self) -> None:
         """Start no further computation."""
-        self._flight.close()
-
-    async def get_or_make(
-        self, key: Hashable, make: Callable[[], Thing], *, visitor: str | None = None
-    ) -> Thing:
-        """Run ``SingleFlight.get_or_make`` with the limits of files."""
-        return await self._flight.get_or_make(key, make, visitor=visitor)
+        self.flight.close()
 
     async def file(
         self,
@@ -117,7 +114,7 @@ class Artifacts:
                 self._on_stored(fold_id, len(data) - before)
 
         if not await asyncio.to_thread(newer, path, directory / of):
-            await self.get_or_make(path, keep, visitor=visitor)
+            await self.flight.get_or_make(path, keep, visitor=visitor)
         return path
 
     def _keep(self, fold_id: str, path: Path, data: bytes) -> None:

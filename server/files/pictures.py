@@ -13,8 +13,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from planner.file_names import CHAIN
 from server.processes.children import Pool
-from server.processes.scratch import CHAIN, MOMENT_FILE, PICTURE, Scratch
+from server.processes.scratch import MOMENT_FILE, PICTURE, Scratch
 from web.timeline.cache import Cache
 from web.timeline.view import TimelineView
 

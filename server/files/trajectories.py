@@ -14,12 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 from zipfile import BadZipFile, ZipFile
 
+from planner.file_names import PLAN
 from planner.readers.limits import megabytes
 from server.errors import NotFound, ServiceError, TooLarge, Unavailable, Unusable, no_room
 from server.limits.concurrency_quota import Permit, Quota
 from server.limits.single_flight import SingleFlight
 from server.processes.children import ChildError, Pool
-from server.processes.scratch import MOTORS_FILE, PLAN, Scratch
+from server.processes.scratch import MOTORS_FILE, Scratch
 from web.timeline.cache import Cache
 
 if TYPE_CHECKING:

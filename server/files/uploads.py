@@ -35,13 +35,11 @@ class Upload:
         directory: Holds the file ``input``, which is safe on disk.
         filename: Name of the uploaded file, if any.
         digest: SHA-256 of the file.
-        size: Its bytes.
     """
 
     directory: Path
     filename: str | None
     digest: str
-    size: int
 
 
 class Uploads:
@@ -80,21 +78,21 @@ class Uploads:
             try:
                 check_space(self._place, self._settings.min_free_disk_bytes)
                 directory.mkdir()
-                digest, size = _copied(source, directory / "input")
+                digest = _copied(source, directory / "input")
             except OSError as error:
                 raise not_stored("upload", error) from error
-            yield Upload(directory=directory, filename=filename, digest=digest, size=size)
+            yield Upload(directory=directory, filename=filename, digest=digest)
         finally:
             shutil.rmtree(directory, ignore_errors=True)
 
 
-def _copied(source: BinaryIO, path: Path) -> tuple[str, int]:
-    """Copy a file durably; return its digest and size."""
-    digest, size = hashlib.sha256(), 0
+def _copied(source: BinaryIO, path: Path) -> str:
+    """Copy a file durably; return its digest."""
+    digest = hashlib.sha256()
     with open(path, "xb") as file:
         while piece := source.read(UPLOAD_CHUNK_BYTES):
             digest.update(piece)
-            size += file.write(piece)
+            file.write(piece)
         file.flush()
         os.fsync(file.fileno())
-    return digest.hexdigest(), size
+    return digest.hexdigest()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import logging
 import os
 import subprocess
@@ -101,12 +102,8 @@ class _Worker:
 
 def environment_of_worker(settings: Settings) -> dict[str, str]:
     """Return settings as environment variables, without the secret that workers do not use."""
-    found: dict[str, str] = {}
-    for name, value in settings.model_dump(mode="json", exclude={"metrics_token"}).items():
-        if isinstance(value, list):
-            import json
-
-            found[f"FOLDBACK_{name.upper()}"] = json.dumps(value)
-        elif value is not None:
-            found[f"FOLDBACK_{name.upper()}"] = str(value)
-    return found
+    given = settings.model_dump(mode="json", exclude={"metrics_token"}, exclude_none=True)
+    return {
+        f"FOLDBACK_{name.upper()}": json.dumps(value) if isinstance(value, list) else str(value)
+        for name, value in given.items()
+    }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final
 
 from server.settings import Settings
@@ -12,7 +11,6 @@ from server.settings import Settings
 if TYPE_CHECKING:
     from opentelemetry.sdk.trace import TracerProvider
 
-TRACING_PACKAGES: Final = ("opentelemetry.sdk", "opentelemetry.exporter.otlp.proto.http")
 FLUSH_TIMEOUT_MS: Final = 2000
 """Maximum time that the end of a worker waits for unsent traces, in ms. A larger value delays the
 end if the receiver does not answer. Chosen."""
@@ -32,16 +30,16 @@ def start_tracing(settings: Settings) -> None:
     global _provider
     if settings.otlp_endpoint is None:
         return
-    if any(not _there(name) for name in TRACING_PACKAGES):
+    try:
+        from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
+        from opentelemetry.sdk.resources import Resource
+        from opentelemetry.sdk.trace import TracerProvider
+        from opentelemetry.sdk.trace.export import BatchSpanProcessor
+    except ModuleNotFoundError as error:
         raise NoTracingError(
             "got FOLDBACK_OTLP_ENDPOINT without the packages that send traces: install "
-            "'foldback[otel]', or unset it."
-        )
-    from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
-    from opentelemetry.sdk.resources import Resource
-    from opentelemetry.sdk.trace import TracerProvider
-    from opentelemetry.sdk.trace.export import BatchSpanProcessor
-
+            "'foldback[otel]', or unset the variable."
+        ) from error
     _provider = TracerProvider(resource=Resource.create({"service.name": "foldback"}))
     exporter = OTLPSpanExporter(endpoint=settings.otlp_endpoint)
     _provider.add_span_processor(BatchSpanProcessor(exporter))
@@ -61,10 +59,3 @@ def send_rest() -> None:
     """Send what waits to be sent, within ``FLUSH_TIMEOUT_MS``; for a process that ends."""
     if _provider is not None:
         _provider.force_flush(FLUSH_TIMEOUT_MS)
-
-
-def _there(name: str) -> bool:
-    try:
-        return find_spec(name) is not None
-    except ModuleNotFoundError:
-        return False

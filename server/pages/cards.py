@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from typing import Final
 
-from planner.readers.gallery import Gallery
+from planner.readers.gallery import Gallery, GalleryShape
 from server.store.folds import FoldRow, Store
 from words.fold import ShownFold, shown_name
 from words.gallery import (
@@ -54,24 +54,10 @@ shortest to the longest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Card:
-    """One example shape.
+class Card(GalleryShape):
+    """One example shape in words; it does not hold the bytes of its file."""
 
-    Attributes:
-        name: Name of the shape.
-        title: Title for people.
-        module: Kind of its chain's modules.
-        modules: Number of modules.
-        tags: Kinds of shapes that it belongs to.
-        rests_within: Torque in w·p within which it rests on a table; None where that is not known.
-    """
-
-    name: str
-    title: str
-    module: str
-    modules: int
-    tags: tuple[str, ...]
-    rests_within: float | None = None
+    data: bytes = b""
 
     @property
     def rests(self) -> str | None:
@@ -157,14 +143,7 @@ class GalleryFilter:
 def cards(gallery: Gallery) -> tuple[Card, ...]:
     """Return all example shapes, shortest chain first."""
     return tuple(
-        Card(
-            name=shape.name,
-            title=shown_name(shape.title),
-            module=shape.module,
-            modules=shape.modules,
-            tags=shape.tags,
-            rests_within=shape.rests_within,
-        )
+        Card(**asdict(replace(shape, title=shown_name(shape.title), data=b"")))
         for shape in gallery.shapes()
     )
 

@@ -60,9 +60,8 @@ async def featured_bundle(request: Request) -> Response:
 
 
 @router.get("/featured/picture.png")
-async def featured_picture(request: Request) -> Response:
+async def featured_picture() -> Response:
     """Return the picture that chats show beside a link to the first page."""
-    del request
     return picture_answer(shipped_pictures()["featured.png"], listed=True)
 
 

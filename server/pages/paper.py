@@ -11,6 +11,7 @@ from typing import Final, TypedDict
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
+from planner.file_names import CHAIN
 from planner.motion.timeline import chain_from_attributes
 from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from server.http.security import INDEXED_HEADERS
@@ -21,7 +22,6 @@ from web.viser.scene_bundle import bundle_of
 router = APIRouter(include_in_schema=False)
 
 PAPER_DIR: Final = STATIC.parent / "paper"
-CHAIN: Final = "chain.json"
 PICTURE_MEDIA_TYPE: Final = "image/webp"
 
 

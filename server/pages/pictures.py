@@ -89,7 +89,7 @@ async def picture_of_fold(
     if data is None:
         # A crowd that comes with a link waits for the first one's.
         context = context_of(request)
-        data = await context.artifacts.get_or_make(
+        data = await context.artifacts.flight.get_or_make(
             (path, over),
             lambda: _picture_of(context, found, path, keep=over),
             visitor=address_of(request),
@@ -116,7 +116,7 @@ async def _picture_of_view(request: Request, found: Found, view: str) -> Respons
 
     data = recent.get(key) if over else None
     if data is None:
-        data = await context.artifacts.get_or_make(key, drawn, visitor=address_of(request))
+        data = await context.artifacts.flight.get_or_make(key, drawn, visitor=address_of(request))
     return not_found() if data is None else picture_answer(data, listed=row.public, over=over)
 
 

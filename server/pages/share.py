@@ -30,6 +30,7 @@ from server.pages.facts import FoldFacts, fold_facts
 from server.pages.page import page, policy_of_pages, rendered, script_json
 from server.pages.problem_page import no_such_page
 from server.store.fold_source import FoldSource, Found
+from server.store.object_store import TIMELINE_HEAD
 from web.pictures.table_top import TableTop
 from web.timeline.metrics import FIGURES, curves_of, table_forces
 from web.timeline.shared_views import unless_replaced
@@ -42,9 +43,6 @@ from words.missing_pages import NO_FOLD, NO_PAIR
 
 router = APIRouter(include_in_schema=False)
 SHARED_FOLD_ID: Final = r"^[A-Za-z0-9_-]{1,64}$"
-CHANGE_MARKER: Final = f"{TIMELINE}/zarr.json"
-"""Metadata file of a fold's stored motion, which is written last whenever the motion changes. A
-file that was derived from the motion is up to date if it is newer."""
 
 
 @router.get("/embed/view")
@@ -96,7 +94,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
         fold_id,
         "standalone.html",
         _of_view(found, lambda timeline: standalone_page(found, timeline, facts, _page, kept=kept)),
-        of=CHANGE_MARKER,
+        of=TIMELINE_HEAD,
         edition=await asyncio.to_thread(_edition, facts, kept),
         visitor=address_of(request),
     )
@@ -111,7 +109,7 @@ async def recording(request: Request, fold_id: str) -> Response:
         fold_id,
         "recording.viser",
         _of_view(found, lambda timeline: recording_of(timeline, _table(found, timeline))),
-        of=CHANGE_MARKER,
+        of=TIMELINE_HEAD,
         visitor=address_of(request),
     )
     return _file(path, found.row.name, "viser", "application/octet-stream")

@@ -475,13 +475,10 @@ class Pool:
             except InputError:
                 self._keep(child)
                 raise
-            except ChildError as error:
+            except BaseException as error:
                 self._children.release(child)
-                if error.code != LOST or not left:
+                if not (isinstance(error, ChildError) and error.code == LOST and left):
                     raise
-            except BaseException:
-                self._children.release(child)
-                raise
             else:
                 self._keep(child)
                 return result

@@ -11,8 +11,9 @@ import numpy as np
 from planner.chain.chain import Chain
 from planner.chain.path import Path as CellPath
 from planner.errors import InputError
+from planner.file_names import CHAIN
 from planner.motion.timeline import chain_from_attributes
-from server.processes.scratch import CHAIN, MOMENT_FILE, PICTURE
+from server.processes.scratch import MOMENT_FILE, PICTURE
 from web.pictures.caption import Caption
 from web.pictures.picture_view import PictureView
 from web.pictures.social_picture import FOLDED_VIEW, Moment, social_picture

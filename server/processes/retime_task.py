@@ -11,12 +11,13 @@ import numpy as np
 
 from planner.exports.trajectory import MAX_TOUCH_DEPTH_PITCH, sufficient_rate
 from planner.exports.trajectory import clearance as clearance_of_rows
+from planner.file_names import PLAN
 from planner.plan.plan import Plan
 from planner.robot.motors import Build, motor_table
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.retiming import retimed
 from planner.robot.trajectory import Trajectory
-from server.processes.scratch import MOTORS_FILE, PLAN, request_in
+from server.processes.scratch import MOTORS_FILE, request_in
 
 MAX_CLEARANCE_CPU_S: Final = 5.0
 """Maximum processor time for proving the clearance between modules along an exported trajectory, in

@@ -14,13 +14,9 @@ from typing import Any, Final
 
 from planner.file_names import REQUEST
 
-PLAN: Final = "plan.npz"
-"""Name of the copied plan in the scratch directory of a task that retimes it for a robot."""
 MOTORS_FILE: Final = "motors"
 """Name of the file with the table of motor torques in the scratch directory of a task that computes
 them."""
-CHAIN: Final = "chain.json"
-"""Name of the copied chain in the scratch directory of a task that draws its picture."""
 MOMENT_FILE: Final = "moment.json"
 """Name of the file with caption, camera and frame of the motion in the scratch directory of a task
 that draws a chain's picture."""

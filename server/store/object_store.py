@@ -13,7 +13,6 @@ import threading
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypeVar
@@ -43,15 +42,6 @@ Answer = TypeVar("Answer")
 
 class StorageError(Exception):
     """The storage does not answer, or not as it should."""
-
-
-@dataclass(frozen=True, slots=True)
-class StoredFile:
-    """One file in the storage: its name below the key, its size, and the mark of its content."""
-
-    name: str
-    bytes: int
-    mark: str
 
 
 class Storage:
@@ -86,7 +76,7 @@ class Storage:
                     raise StorageError(
                         f"{self._name} returned data that differ from what was stored."
                     )
-                list(self._list("check"))
+                self._marks("check")
             finally:
                 self._obstore.delete(self._store, name)
 
@@ -135,18 +125,18 @@ class Storage:
         marks: dict[str, str] = json.loads(_read(directory / FETCHED_INDEX) or b"{}")
         with self._storage_errors():
             for _ in range(MAX_FETCH_ATTEMPTS):
-                head, listed = self._get(f"{key}/{TIMELINE_HEAD}"), list(self._list(key))
+                head, listed = self._get(f"{key}/{TIMELINE_HEAD}"), self._marks(key)
                 if not listed:
                     return False
                 directory.mkdir(parents=True, exist_ok=True)
                 wanted = [
-                    file
-                    for file in listed
-                    if file.name != TIMELINE_HEAD
-                    and (marks.get(file.name) != file.mark or not (directory / file.name).exists())
+                    name
+                    for name, mark in listed.items()
+                    if name != TIMELINE_HEAD
+                    and (marks.get(name) != mark or not (directory / name).exists())
                 ]
-                self._each(wanted, lambda file: self._write(key, file.name, directory))
-                marks.update({file.name: file.mark for file in wanted})
+                self._each(wanted, lambda name: self._write(key, name, directory))
+                marks.update({name: listed[name] for name in wanted})
                 after = self._get(f"{key}/{TIMELINE_HEAD}")
                 if _identity(head) == _identity(after):
                     break
@@ -155,8 +145,7 @@ class Storage:
         # One that is the same stays as old as it is: things that were made of it are so, too.
         if head is not None and _read(directory / TIMELINE_HEAD) != head:
             _write_whole(directory / TIMELINE_HEAD, head)
-        names = {file.name for file in listed}
-        for name in [name for name in marks if name not in names]:
+        for name in [name for name in marks if name not in listed]:
             _remove(directory / name, directory)
             del marks[name]
         write_whole(directory / FETCHED_INDEX, json.dumps(marks).encode())
@@ -209,7 +198,7 @@ class Storage:
             StorageError: When the storage does not answer.
         """
         with self._storage_errors():
-            names = [f"{key}/{file.name}" for file in self._list(key)]
+            names = [f"{key}/{name}" for name in self._marks(key)]
             spared = None if but is None else f"{but}/"
             gone = [name for name in names if spared is None or not name.startswith(spared)]
             self._each(gone, self._delete)
@@ -235,7 +224,7 @@ class Storage:
             StorageError: When the storage does not answer.
         """
         with self._storage_errors():
-            return [file.name for file in self._list(key)]
+            return list(self._marks(key))
 
     def close(self) -> None:
         """End its threads."""
@@ -259,12 +248,13 @@ class Storage:
         except FileNotFoundError:
             return
 
-    def _list(self, key: str) -> Iterator[StoredFile]:
-        for batch in self._obstore.list(self._store, f"{key}/"):
-            for meta in batch:
-                name = str(meta["path"]).removeprefix(f"{key}/")
-                mark = str(meta["e_tag"] or meta["last_modified"])
-                yield StoredFile(name, int(meta["size"]), mark)
+    def _marks(self, key: str) -> dict[str, str]:
+        """Return what changes with the content of each file below a key, by the file's name."""
+        return {
+            str(meta["path"]).removeprefix(f"{key}/"): str(meta["e_tag"] or meta["last_modified"])
+            for batch in self._obstore.list(self._store, f"{key}/")
+            for meta in batch
+        }
 
     def _write(self, key: str, name: str, directory: Path) -> None:
         path = directory / name

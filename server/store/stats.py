@@ -7,9 +7,11 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Final
 
 import sqlalchemy as sa
+from cachetools import TTLCache, cachedmethod
 from sqlalchemy.orm import Session
 
 from server.settings import Settings
@@ -71,27 +73,21 @@ class Stats:
     def __init__(self, settings: Settings, leases: Leases) -> None:
         self._leases = leases
         self._engine = engine_of(settings)
-        self._lock = threading.Lock()
-        self._kept: tuple[float, Figures] | None = None
-        self._bytes: tuple[float, int] | None = None
+        self._counted = threading.Condition()
+        self._kept: TTLCache[tuple[()], Figures] = TTLCache(1, FIGURES_CACHE_S)
+        self._bytes: TTLCache[tuple[()], int] = TTLCache(1, SIZE_CACHE_S)
 
     def close(self) -> None:
         """Close the connection."""
         self._engine.dispose()
 
+    @cachedmethod(attrgetter("_kept"), condition=attrgetter("_counted"))
     def figures(self) -> Figures:
         """Return the figures, at most ``FIGURES_CACHE_S`` old.
 
         Raises:
             SQLAlchemyError: When the database does not answer.
         """
-        with self._lock:
-            now = time.monotonic()
-            if self._kept is None or now - self._kept[0] >= FIGURES_CACHE_S:
-                self._kept = (now, self._count())
-            return self._kept[1]
-
-    def _count(self) -> Figures:
         now = time.time()
         took = FoldRow.ended_at - FoldRow.started_at
         with Session(self._engine) as session:
@@ -130,10 +126,8 @@ class Stats:
             ),
         )
 
+    @cachedmethod(attrgetter("_bytes"), lambda *_: ())
     def _taken(self, session: Session) -> int:
-        now = time.monotonic()
-        if self._bytes is None or now - self._bytes[0] >= SIZE_CACHE_S:
-            folds = sa.select(sa.func.sum(FoldRow.bytes + FoldRow.derived_bytes))
-            movies = sa.select(sa.func.sum(MovieRow.bytes))
-            self._bytes = (now, sum(int(session.scalar(each) or 0) for each in (folds, movies)))
-        return self._bytes[1]
+        folds = sa.select(sa.func.sum(FoldRow.bytes + FoldRow.derived_bytes))
+        movies = sa.select(sa.func.sum(MovieRow.bytes))
+        return sum(int(session.scalar(each) or 0) for each in (folds, movies))

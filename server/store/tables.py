@@ -6,7 +6,6 @@ import errno
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote
@@ -111,11 +110,6 @@ class FoldRow(Base):
     resumed_at: Mapped[float | None] = mapped_column(default=None)
     checkpoint: Mapped[dict[str, Any] | None] = mapped_column(default=None)
     losses: Mapped[int] = mapped_column(default=0)
-
-    @property
-    def created(self) -> datetime:
-        """Time of the request, with its time zone."""
-        return datetime.fromtimestamp(self.created_at, UTC)
 
     @property
     def over(self) -> bool:

@@ -124,7 +124,9 @@ def test_failure_of_a_playback_that_ends_elsewhere() -> None:
     shown = failure(row(), summary)
     assert shown["heading"] == "The chain does not end in its target shape"
     assert shown["modules"] == []
-    assert shown["text"] == "The playback ends 1 module width (RMS average) from the folded shape."
+    assert shown["text"] == (
+        "The playback ends 1 module width on average (root mean square) from the folded shape."
+    )
     beyond = failure(row(), {**summary, "reason": "the plan bends a joint beyond its range"})
     assert beyond is not None and beyond["heading"] == "Not verified"
 

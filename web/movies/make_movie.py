@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,6 @@ from web.pictures.camera_path import CameraPath, camera_path
 from web.pictures.lighting import TABLE_THEMES, THEMES
 from web.pictures.visible_modules import MAX_FULLY_DRAWN_MODULES, visible_modules
 from web.timeline.view import Snapshot, TimelineView
-
-if TYPE_CHECKING:
-    from PIL import Image
 
 Array = NDArray[np.float64]
 
@@ -69,7 +66,6 @@ def make_movie(
         find_ffmpeg()  # before the drawing starts, which takes seconds
     timeline = TimelineView(directory)
     frames, stops = schedule(timeline, movie)
-    strips: dict[str, Image.Image] = {}
     with MovieRenderer(
         timeline.chain.module,
         min(len(timeline.chain), MAX_FULLY_DRAWN_MODULES),
@@ -87,7 +83,7 @@ def make_movie(
                     return False
                 snapshot = timeline.snapshot(float(frame))
                 picture = stage.draw(_shot(timeline, snapshot, path, k, stops[k]))
-                encoder.add(_captioned(picture, stops[k], movie, strips))
+                encoder.add(_captioned(picture, stops[k], movie))
                 progress(k + 1)
     return True
 
@@ -124,23 +120,19 @@ def schedule(timeline: TimelineView, movie: Movie) -> tuple[Array, list[MovieSto
 
 
 def _captioned(
-    picture: NDArray[np.uint8],
-    stop: MovieStop | None,
-    movie: Movie,
-    strips: dict[str, Image.Image],
+    picture: NDArray[np.uint8], stop: MovieStop | None, movie: Movie
 ) -> NDArray[np.uint8]:
-    """Return a picture with the caption of a stop; ``strips`` keeps those that are drawn."""
+    """Return a picture with the caption of a stop."""
     if stop is None:
         return picture
     from PIL import Image  # only movies with captions need it
 
     from web.pictures.caption import caption_strip
 
-    if stop.caption not in strips:
-        strips[stop.caption] = caption_strip(
-            stop.caption, width=movie.width, height=movie.height, dark=movie.theme == "dark"
-        )
-    strip, whole = strips[stop.caption], Image.fromarray(picture)
+    strip = caption_strip(
+        stop.caption, width=movie.width, height=movie.height, dark=movie.theme == "dark"
+    )
+    whole = Image.fromarray(picture)
     whole.paste(strip, (0, movie.height - strip.height), strip)
     return np.asarray(whole)
 

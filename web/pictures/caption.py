@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -43,6 +43,9 @@ hides more of the chain. Chosen."""
 STRIP_OPACITY: Final = 0.86
 """Opacity of the strip behind a caption in a movie. A smaller value shows more of the chain, and
 the text is harder to read. Chosen."""
+MAX_KEPT_STRIPS: Final = 8
+"""Number of drawn captions of movies that are kept in memory, as many pictures show the same one.
+With a smaller value captions are drawn again more often. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +93,7 @@ def write_caption(picture: Image.Image, caption: Caption) -> None:
     )
 
 
+@lru_cache(MAX_KEPT_STRIPS)
 def caption_strip(text: str, *, width: int, height: int, dark: bool) -> Image.Image:
     """Draw a caption of a movie.
 

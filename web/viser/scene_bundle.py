@@ -10,14 +10,13 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Generator
-from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, cast
 
 import msgspec
 import numpy as np
 import rich
 import zstandard
+from cachetools import LRUCache, cached
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
@@ -62,7 +61,7 @@ def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None =
         table: Table under the chain; None if it floats.
     """
     module, n = chain.module, len(chain)
-    pitch, messages, arrays = _staged_alike(_Alike(chain, (module.name, n), stretch, table))
+    pitch, messages, arrays = _staged(chain, stretch, table)
     header = {
         "chain": {
             "name": chain.name,
@@ -205,19 +204,14 @@ def _table_told(table: TableTop) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True, slots=True)
-class _Alike:
-    """A chain as a key: those of the same kind and length have the same scene on a table."""
-
-    chain: Chain = field(compare=False)
-    kind: tuple[str, int]
-    stretch: int | None
-    table: TableTop | None
+def _scene_key(chain: Chain, *place: object) -> tuple[object, ...]:
+    """Return a key of a scene: chains of the same kind and length have the same on a table."""
+    return (chain.module.name, len(chain), *place)
 
 
-@lru_cache(maxsize=64)
-def _staged_alike(
-    alike: _Alike,
+@cached(LRUCache(64), _scene_key, threading.Lock())
+def _staged(
+    chain: Chain, stretch: int | None, table: TableTop | None
 ) -> tuple[float, list[dict[str, Any]], dict[str, NDArray[Any]]]:
-    with viser_scene(alike.chain, alike.stretch, alike.table) as (server, scene):
+    with viser_scene(chain, stretch, table) as (server, scene):
         return scene.pitch, *capture_messages(server)

@@ -1,6 +1,7 @@
 """Traces of folds: sent to the configured receiver, and to nothing by default."""
 
 import http.server
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -72,6 +73,6 @@ def test_tracing_is_off_by_default() -> None:
 
 
 def test_missing_packages_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.ops.tracing.TRACING_PACKAGES", ("opentelemetry.nowhere.sdk",))
+    monkeypatch.setitem(sys.modules, "opentelemetry.sdk.trace", None)
     with pytest.raises(NoTracingError, match=r"foldback\[otel\]"):
         start_tracing(Settings(otlp_endpoint="http://127.0.0.1:4318/v1/traces"))
