@@ -124,7 +124,7 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
     elif summary.get("certificate"):
         modules, reason = [], str(summary.get("reason") or "")
         kind = "off" if WRONG_END_VERDICT.search(reason) else "refused"
-        text = count_from_one(verdict_for_people(reason))
+        text = reason_for_people(reason, summary)
     else:
         return None
     text = sentence(text.rstrip("."))
@@ -152,11 +152,18 @@ def _blocks(told: BlockFigures) -> list[str]:
         way = f"{'+' if move['direction'][axis] > 0 else '−'}{'xyz'[axis]}"
         a, b = move["modules"]
         lines.append(
-            f"If the next part moves by {module_widths(move['moved'])} along {way}, "
+            f"If the part that unfolds next moves by {module_widths(move['moved'])} along {way}, "
             f"modules {a + 1} and {b + 1} overlap by {module_widths(move['overlap'], 2)}"
         )
     more = len(lines) - MAX_BLOCKING_LINES
-    return lines if more <= 0 else [*lines[:MAX_BLOCKING_LINES], f"And {more} more blocked motions"]
+    return (
+        lines
+        if more <= 0
+        else [
+            *lines[:MAX_BLOCKING_LINES],
+            f"And {more} more blocked motion{'s' if more > 1 else ''}",
+        ]
+    )
 
 
 def exploding(summary: FoldSummary) -> int | None:

@@ -76,8 +76,8 @@ def test_failure_lists_blocks_and_budgets() -> None:
     assert shown is not None and shown["heading"] == "Stalled: modules blocked each other"
     assert shown["blocks"] == [
         "If hinge 7 at module 5 turns by 2°, modules 5 and 10 overlap by 1.2 % of a module width",
-        "If the next part moves by 0.5 module widths along −y, modules 6 and 3 overlap by "
-        "0.45 module widths",
+        "If the part that unfolds next moves by 0.5 module widths along −y, modules 6 and 3 "
+        "overlap by 0.45 module widths",
     ]
     many = {**evidence, "turns": 30 * [turn]}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
