@@ -234,7 +234,7 @@ def _show(facts: list[tuple[str, str]], motors: MotorTable | None, out: Path) ->
     if motors is None:
         return
     columns = Table(box=None, pad_edge=False)
-    for heading in ("Joint", "Peak, N·m", "at frame", "RMS, N·m"):
+    for heading in ("Joint", "Peak, N·m", "Frame of peak", "Root mean square, N·m"):
         columns.add_column(heading, justify="left" if heading == "Joint" else "right")
     for k in np.argsort(-motors.peak_torque_nm)[:MAX_LISTED_JOINTS]:
         columns.add_row(

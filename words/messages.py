@@ -26,7 +26,7 @@ MESSAGES: Final = (
     (re.compile(r"Not Found"), "There is nothing at this address."),
     (re.compile(r"got an empty file\b.*"), "This file is empty."),
     (
-        re.compile(r"got 0 angles, expected \d+ for each joint\b.*"),
+        re.compile(r"got 0 angles, expected \d+ angles? for each joint\b.*"),
         "Type at least one angle, using the signs 0, + or −.",
     ),
     (
@@ -60,6 +60,11 @@ VERDICT_PHRASES: Final = (
     (
         re.compile(r"\bthe playback passes (\S+ pitch) \(RMS\) from straight"),
         r"the playback misses the straight shape by \1 (RMS)",
+    ),
+    (re.compile(r"\bhas numbers that are not finite\b"), "has infinite or undefined numbers"),
+    (
+        re.compile(r"\bthe clearance between two frames could not be bounded\b"),
+        "the clearance between two frames could not be proved",
     ),
     (re.compile(r"\bthe frames have no plan\b"), "there is no plan for these frames"),
     (re.compile(r"\ba robot lost its target: (?=\S)"), "a robot could not follow the motion: "),

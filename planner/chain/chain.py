@@ -161,7 +161,8 @@ class Chain:
         if len(folded) == 0 or len(folded) % module.hinges_per_joint:
             raise InputError(
                 "wrong-count",
-                f"got {len(folded)} angles, expected {module.hinges_per_joint} for each joint.",
+                f"got {len(folded)} angles, expected {module.hinges_per_joint} "
+                f"angle{'s' if module.hinges_per_joint > 1 else ''} for each joint.",
             )
         if not np.isfinite(folded).all():
             index = int(np.argmin(np.isfinite(folded)))

@@ -135,7 +135,7 @@ def _check_order(cells: NDArray[np.int64]) -> None:
         raise InputError(
             "too-few-cells",
             f"got {len(cells)} cell{'' if len(cells) == 1 else 's'}, expected at least "
-            f"{MIN_CELLS}: a shorter chain has no joint.",
+            f"{MIN_CELLS}; a shorter chain has no joint.",
         )
     seen: dict[tuple[int, ...], int] = {}
     for index, cell in enumerate(map(tuple, cells.tolist())):

@@ -227,7 +227,7 @@ class PlaybackParameters:
         Setting(
             name="simulated_modules",
             label="Longest simulated chain",
-            help="Longer chains are played back by kinematics only.",
+            help="Longer chains are played back without a simulation of forces.",
             group="robot",
             rank=7,
             unit="modules",

@@ -300,8 +300,8 @@ def check_for_table(chain: Chain) -> None:
     faults = rule_violations(np.rint(chain.folded_poses.positions).astype(np.int64))
     if faults:
         told = " ".join(fault.detail for fault in faults[:MAX_LISTED_VIOLATIONS])
-        if len(faults) > MAX_LISTED_VIOLATIONS:
-            told += f" There are {len(faults) - MAX_LISTED_VIOLATIONS} more problems."
+        if more := len(faults[MAX_LISTED_VIOLATIONS:]):
+            told += f" There {'is 1 more problem' if more == 1 else f'are {more} more problems'}."
         raise InputError(
             "not-for-a-table",
             f"got a path along which a chain cannot fold on a table: {told} "

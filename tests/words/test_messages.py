@@ -8,7 +8,7 @@ from words.certificate import headline
 from words.messages import message_for_people, verdict_for_people
 
 MESSAGES = {
-    "got 0 angles, expected 1 for each joint.": (
+    "got 0 angles, expected 1 angle for each joint.": (
         "Type at least one angle, using the signs 0, + or −."
     ),
     "got a after 0 angles, expected 0, + or - for each hinge.": (
@@ -71,6 +71,12 @@ VERDICTS = {
     "failed: the playback passes 0.2 pitch (RMS) from straight": (
         "failed: the playback misses the straight shape by 0.2 module widths on average "
         "(root mean square)"
+    ),
+    "failed: the plan has numbers that are not finite": (
+        "failed: the plan has infinite or undefined numbers"
+    ),
+    "failed: in the plan, the clearance between two frames could not be bounded": (
+        "failed: in the plan, the clearance between two frames could not be proved"
     ),
     "failed: the frames have no plan": "failed: there is no plan for these frames",
     "failed: modules 2 and 9 overlap by 1.03 pitch at module size 0.95": (
