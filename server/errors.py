@@ -5,7 +5,8 @@ They know no protocol: ``server.http.problems`` says what each is over HTTP.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
 from typing import Final, Self
 
 from planner.errors import DamagedError, InputError
@@ -52,6 +53,19 @@ class Unusable(ServiceError):
     def of(cls, error: InputError) -> Self:
         """Return the error that the planner cannot use an input."""
         return cls(error.code, error.detail, where=error.where)
+
+
+@contextmanager
+def input_refusals() -> Generator[None]:
+    """Turn an error of the planner about an input into the refusal of a request.
+
+    Raises:
+        Unusable: When the planner cannot use the input.
+    """
+    try:
+        yield
+    except InputError as error:
+        raise Unusable.of(error) from error
 
 
 class TooLarge(ServiceError):

@@ -11,6 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.chain.module import Module
+
 Array = NDArray[np.float64]
 Rgb = tuple[int, int, int]
 
@@ -84,20 +86,20 @@ def error_scale(largest_rad: float) -> float:
     raise AssertionError("unreachable: ten times the power of ten is above the number")
 
 
-def module_errors(joint_error_rad: Array, modules: int, *, hinges: int, rigid_links: int) -> Array:
+def module_errors(joint_error_rad: Array, module: Module, modules: int) -> Array:
     """Return the error of each module: the largest of its joint's hinges.
 
     Args:
         joint_error_rad: (…, J) errors; NaN where none is recorded.
+        module: Kind of the chain's modules.
         modules: Number of modules n.
-        hinges: Hinges of one joint.
-        rigid_links: Links at the start of the chain that carry no joint.
 
     Returns:
         (…, n) errors in rad, not negative; a module without a joint takes the nearest one's.
     """
-    by_joint = np.abs(joint_error_rad).reshape(*joint_error_rad.shape[:-1], -1, hinges).max(axis=-1)
-    carried = np.clip(np.arange(modules) - rigid_links, 0, by_joint.shape[-1] - 1)
+    hinges = (*joint_error_rad.shape[:-1], -1, module.hinges_per_joint)
+    by_joint = np.abs(joint_error_rad).reshape(hinges).max(axis=-1)
+    carried = np.clip(np.arange(modules) - module.rigid_links, 0, by_joint.shape[-1] - 1)
     return by_joint[..., carried]
 
 

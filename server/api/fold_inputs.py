@@ -14,7 +14,6 @@ from fastapi import File, Form, UploadFile
 
 from planner.chain.module import CUBE
 from planner.display_names import clean_name
-from planner.errors import InputError
 from planner.file_names import INPUT, PREPARED, REQUEST
 from planner.files import json_of
 from planner.pathfinding.path_options import PathOptions
@@ -24,7 +23,7 @@ from planner.verification.integrity import check
 from server.api.context import Context
 from server.api.parent_folds import ParentFold, finished_parent, stored_parent
 from server.api.schemas import MAX_FOLD_NAME
-from server.errors import NotFound, Unusable
+from server.errors import NotFound, Unusable, input_refusals
 from server.files.preview_reports import read_report
 from server.store.previews import NoSuchPreviewError
 from server.store.tables import FoldRow
@@ -249,10 +248,8 @@ def validate(request: PathOptions) -> None:
     Raises:
         Unusable: When it is invalid.
     """
-    try:
+    with input_refusals():
         request.check()
-    except InputError as error:
-        raise Unusable.of(error) from None
 
 
 def clean_filename(name: str | None) -> str | None:

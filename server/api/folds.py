@@ -53,6 +53,13 @@ def existing_fold(fold_id: str, context: Here) -> FoldRow:
 ExistingFold = Annotated[FoldRow, Depends(existing_fold)]
 
 
+def check_private(fold: FoldRow, denied: str) -> None:
+    """Raise Forbidden for a gallery fold, with a clause that says what is denied."""
+    if fold.public:
+        detail = f"This is a gallery fold, which everyone can see; {denied}."
+        raise Forbidden("public", detail)
+
+
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Return the problems that a route may answer with, as OpenAPI describes them."""
     content = {"application/problem+json": {"schema": ProblemBody.model_json_schema()}}
@@ -150,7 +157,7 @@ async def get_events(
     responses=problems(404),
 )
 def get_refolds(fold_id: str, context: Here) -> Shapes:
-    """List gallery shapes with as many modules, of the same kind, except the fold's own shape."""
+    """List gallery shapes with the same number and kind of modules, except the fold's own."""
     row = context.store.fold(fold_id)
     fitting = context.gallery.fitting(row.module, row.modules)
     return Shapes(shapes=[Shape.of(shape) for shape in fitting if shape.name != row.shape])
@@ -189,10 +196,7 @@ def patch_fold(
     Gallery folds cannot be renamed.
     """
     store = context.store
-    if row.public:
-        raise Forbidden(
-            "public", "This is a gallery fold, which everyone can see; it cannot be renamed."
-        )
+    check_private(row, "it cannot be renamed")
     name = None if changes.name is None else clean_name(changes.name, max_length=MAX_FOLD_NAME)
     if name == "":
         raise Unusable(
@@ -211,10 +215,7 @@ def patch_fold(
 )
 def delete_fold(row: ExistingFold, context: Here, owner: RequiredOwner) -> Response:
     """Delete a fold permanently. Gallery folds cannot be deleted."""
-    if row.public:
-        raise Forbidden(
-            "public", "This is a gallery fold, which everyone can see; it cannot be deleted."
-        )
+    check_private(row, "it cannot be deleted")
     if not context.store.delete(row.id, owner):
         raise not_owner(NOT_FOLD_OWNER)
     context.store.folders.remove(row.id)

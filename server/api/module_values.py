@@ -8,13 +8,12 @@ from fastapi import APIRouter
 from fastapi.responses import JSONResponse, Response
 from pydantic import ConfigDict
 
-from planner.errors import InputError
 from planner.plan.module_values import checked_values
-from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, problems
+from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, problems
 from server.api.owner_tokens import RequiredOwner, not_owner
 from server.api.schemas import Body
-from server.api.tours import check_private, frames_of_own
-from server.errors import NotFound, Unusable
+from server.api.tours import NOTHING_STORED, frames_of_own
+from server.errors import NotFound, input_refusals
 from server.store.fold_source import FoldSource, Found
 from server.store.folds import NoSuchFoldError
 from server.store.tables import ValuesRow
@@ -73,10 +72,8 @@ def put_values(
     Send one number per module for the whole fold, or one per module for each of several frames.
     """
     frames_of_own(fold, context, owner)
-    try:
+    with input_refusals():
         told = checked_values(body.model_dump(), fold.modules)
-    except InputError as error:
-        raise Unusable.of(error) from None
     if not write_beside(context.store, fold.id, owner, ValuesRow, told):
         raise not_owner(NOT_FOLD_OWNER)
     return ValuesBody.model_validate(told)
@@ -90,7 +87,7 @@ def put_values(
 )
 def delete_values(fold: ExistingFold, context: Here, owner: RequiredOwner) -> Response:
     """Delete the stored numbers."""
-    check_private(fold)
+    check_private(fold, NOTHING_STORED)
     if not write_beside(context.store, fold.id, owner, ValuesRow, None):
         raise not_owner(NOT_FOLD_OWNER)
     return Response(status_code=204)

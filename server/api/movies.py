@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any, Final, Literal, cast
+from typing import Final, Literal, cast
 
 from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse, Response
 from pydantic import ConfigDict
 
-from planner.errors import InputError
 from planner.file_names import TIMELINE
 from planner.verification.integrity import check
 from server.api.folds import Here, file_or_problems, problems
 from server.api.owner_tokens import AnyClaim, OptionalOwner, not_owner
 from server.api.schemas import Body, Fault
 from server.api.tours import tour_of
-from server.errors import Conflict, Unusable
+from server.errors import Conflict, input_refusals
 from server.http.downloads import download
 from server.store.tables import MovieRow
 from web.movies.movie import Movie
@@ -122,10 +121,8 @@ def post_movie(
     """
     found = context.store.find(fold_id) if options.tour else None
     tour = None if found is None else tour_of(context.store, found)
-    try:
+    with input_refusals():
         movie = Movie.of(options.model_dump(exclude={"tour"}), tour)
-    except InputError as error:
-        raise Unusable.of(error) from None
     of_owner = context.store.owns(fold_id, claim.owner)
     visitor = context.visitor(request)
     row, new = context.movies.ask(fold_id, movie, visitor, owner=claim.owner, of_owner=of_owner)
@@ -185,7 +182,6 @@ def delete_movie(fold_id: str, movie_id: str, context: Here, owner: OptionalOwne
 
 
 def _again(response: Response, body: MovieBody) -> None:
-    headers: dict[str, Any] = {"Cache-Control": "no-store"}
+    response.headers["Cache-Control"] = "no-store"
     if body.status in ("queued", "running"):
-        headers["Retry-After"] = "1"
-    response.headers.update(headers)
+        response.headers["Retry-After"] = "1"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from math import isnan
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query, Request
@@ -23,6 +24,7 @@ from server.files.exports import export_file
 from server.http.client_address import address_of
 from server.http.downloads import download
 from server.store.folds import FoldRow
+from web.timeline.view import largest_errors
 from words.fold import has_motion
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
@@ -112,6 +114,7 @@ def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: b
 
     chain = timeline.chain
     frames = timeline.frames(start, until, stride)
+    largest = largest_errors(frames.joint_error_rad)
     positions = wxyzs = None
     if poses:
         found = frames.poses(chain)
@@ -130,7 +133,7 @@ def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: b
         joint_angles_rad=_short(frames.joint_angles_rad),
         root_position=_short(frames.root_position),
         root_wxyz=_short(frames.root_wxyz),
-        max_error_rad=_largest(frames.joint_error_rad),
+        max_error_rad=[None if isnan(error) else error for error in _short(largest)],
         positions=positions,
         wxyzs=wxyzs,
     )
@@ -222,13 +225,3 @@ def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
 def _short(values: NDArray[Any]) -> Any:
     """Return values as JSON numbers, rounded beyond any visible or measurable precision."""
     return values.round(9).tolist()
-
-
-def _largest(errors: NDArray[Any]) -> list[float | None]:
-    import numpy as np
-
-    recorded = np.asarray(~np.isnan(errors).all(axis=1))
-    largest = np.zeros(len(errors))
-    largest[recorded] = np.nanmax(np.abs(errors[recorded]), axis=1, initial=0.0)
-    pairs = zip(_short(largest), recorded.tolist(), strict=True)
-    return [value if there else None for value, there in pairs]

@@ -50,6 +50,7 @@ from server.errors import (
     Unavailable,
     Unusable,
     WebsocketNeeded,
+    input_refusals,
 )
 from server.files.trajectories import MotorsWanted, Retimed, Wanted
 from server.http.client_address import address_of
@@ -133,9 +134,10 @@ async def get_trajectory(
         Query(gt=0, le=1e4, description="Rows per second. Default: one row per frame of the plan."),
     ] = None,
 ) -> StreamingResponse:
-    """Return the fastest motion along the plan that keeps to the limits and rests at both ends.
+    """Return the fastest motion along the plan within the limits; it starts and ends at rest.
 
-    A rate is refused if it is so low that modules of a verified plan overlap between two rows.
+    A rate is refused if it is so low that modules of a verified plan overlap between consecutive
+    rows.
     """
     from planner.exports.trajectory import export
 
@@ -152,7 +154,7 @@ async def get_trajectory(
             f"{MAX_TRAJECTORY_NUMBERS:.3g}; lower the rate, or use `foldback retime`.",
             where="query.rate",
         )
-    try:
+    with input_refusals():
         clear = None
         if found.verified:
             clear = await context.trajectories.clearance(wanted, rate, visitor)
@@ -164,8 +166,6 @@ async def get_trajectory(
             clear=clear,
             rate_hz=rate,
         )
-    except InputError as error:
-        raise Unusable.of(error) from error
     return LimitedStream(
         parts,
         context.trajectories.stream(visitor),
@@ -189,10 +189,17 @@ async def motors_in_query(
     ] = None,
     gravity: Annotated[
         float,
-        Query(ge=0, le=1e3, description=("Gravity, m/s², in the worst direction for each joint.")),
+        Query(
+            ge=0,
+            le=1e3,
+            description="Gravity, m/s². It acts in the worst direction for each joint.",
+        ),
     ] = 9.81,
     floating: Annotated[
-        bool, Query(description="True: the chain floats without gravity. False: its root is held.")
+        bool,
+        Query(
+            description="True: the chain floats without gravity. False: its middle module is held."
+        ),
     ] = False,
     motor_torque: Annotated[
         float | None, Query(gt=0, le=1e9, description="Torque of a motor, N·m.")
@@ -236,10 +243,8 @@ async def get_motors(
             f"got {row.modules} modules, expected at most {MAX_MOTOR_MODULES}; use "
             "`foldback retime`.",
         )
-    try:
+    with input_refusals():
         data = await context.trajectories.motors(wanted, motors, address_of(request))
-    except InputError as error:
-        raise Unusable.of(error) from error
     csv = motors.form == "csv"
     headers = {"Content-Disposition": 'attachment; filename="motors.csv"'} if csv else {}
     return Response(data, media_type=TRAJECTORY_MEDIA_TYPES[motors.form], headers=headers)
@@ -306,10 +311,8 @@ def _wanted(
 
 async def _retimed(context: Context, wanted: Wanted, visitor: str) -> Retimed:
     """Return the plan of a finished fold, retimed."""
-    try:
+    with input_refusals():
         return await context.trajectories.of(wanted, visitor)
-    except InputError as error:
-        raise Unusable.of(error) from error
 
 
 def _playable(context: Context, fold_id: str, ask: Ask) -> Wanted:

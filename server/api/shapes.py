@@ -24,7 +24,6 @@ from server.api.owner_tokens import OptionalOwner
 from server.api.schemas import MAX_FOLD_NAME, Preview, Shape, Shapes, TableOffers, expected_times
 from server.errors import NotFound, Unusable
 from server.files.preview_reports import Asker
-from server.store.previews import PreviewView
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
 DISCONNECT_POLL_S: Final = 0.1
@@ -145,19 +144,19 @@ def bounded(options: PreviewRequest, max_modules: int) -> None:
     validate(options)
 
 
-def viewed(options: PreviewRequest, report: dict[str, Any]) -> PreviewView:
+def viewed(options: PreviewRequest, report: dict[str, Any]) -> dict[str, Any]:
     """Return what an owner's list says of a preview with these options."""
     asked = {**options.changed(), **({"seed": options.seed} if options.seed else {})}
     if options.start is not None:
         asked["start"] = ",".join(map(str, options.start))
     told = {k: "true" if v is True else v for k, v in asked.items()}
-    return PreviewView(
-        name=str(report["name"])[:MAX_FOLD_NAME],
-        modules=int(report["modules"]),
-        module=str(report["module"]),
-        key=options.key,
-        query=urlencode(told, safe=","),
-    )
+    return {
+        "name": str(report["name"])[:MAX_FOLD_NAME],
+        "modules": int(report["modules"]),
+        "module": str(report["module"]),
+        "key": options.key,
+        "query": urlencode(told, safe=","),
+    }
 
 
 @asynccontextmanager

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query
 from fastapi.responses import JSONResponse, Response
 from pydantic import ConfigDict, Field
 
-from planner.errors import InputError
 from planner.pipeline.fold_layout import stored_moments
 from planner.plan.tour import Tour
-from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, problems
+from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, problems
 from server.api.owner_tokens import RequiredOwner, not_owner
 from server.api.results import not_there
 from server.api.schemas import Body
-from server.errors import Conflict, Forbidden, Unusable
+from server.errors import Conflict, input_refusals
 from server.store.fold_files import frames_promised
 from server.store.fold_source import FoldSource, Found
 from server.store.folds import NoSuchFoldError
@@ -25,6 +24,7 @@ from words.fold import RUNNING_STATUSES
 from words.tour import draft_tour
 
 router = APIRouter(prefix="/api/folds/{fold_id}/tour", tags=["tours"])
+NOTHING_STORED: Final = "nothing can be stored with it"
 
 
 class TourStop(Body):
@@ -94,11 +94,9 @@ def get_tour(
 def put_tour(fold: ExistingFold, context: Here, owner: RequiredOwner, body: TourBody) -> TourBody:
     """Store a tour with the fold, in place of an earlier one. Gallery folds have drafts only."""
     frames = frames_of_own(fold, context, owner)
-    try:
+    with input_refusals():
         told = body.model_dump(by_alias=True, exclude_none=True)
         tour = Tour.from_dict(told, frames=frames, modules=fold.modules).as_dict()
-    except InputError as error:
-        raise Unusable.of(error) from None
     if not write_beside(context.store, fold.id, owner, TourRow, tour):
         raise not_owner(NOT_FOLD_OWNER)
     return TourBody.model_validate(tour)
@@ -109,7 +107,7 @@ def put_tour(fold: ExistingFold, context: Here, owner: RequiredOwner, body: Tour
 )
 def delete_tour(fold: ExistingFold, context: Here, owner: RequiredOwner) -> Response:
     """Delete the stored tour; afterwards the fold has its draft again."""
-    check_private(fold)
+    check_private(fold, NOTHING_STORED)
     if not write_beside(context.store, fold.id, owner, TourRow, None):
         raise not_owner(NOT_FOLD_OWNER)
     return Response(status_code=204)
@@ -142,22 +140,13 @@ def frames_of_own(fold: FoldRow, context: Here, owner: RequiredOwner) -> int:
     Raises:
         ServiceError: The fold is public, belongs to somebody else, runs, or has no frames.
     """
-    check_private(fold)
+    check_private(fold, NOTHING_STORED)
     if not context.store.owns(fold.id, owner):
         raise not_owner(NOT_FOLD_OWNER)
     if not fold.over:
-        detail = f"The fold is {fold.status}; nothing can be stored with it until it has frames."
+        detail = f"The fold is {fold.status}; a tour or numbers can be stored when it has ended."
         raise Conflict("not-ready", detail, retry_after_s=1)
     frames = frames_promised(context.store.directory(fold.id))
     if not frames:
         raise not_there(fold, "frames")
     return frames
-
-
-def check_private(fold: FoldRow) -> None:
-    """Raise Forbidden for a gallery fold, which belongs to nobody."""
-    if fold.public:
-        raise Forbidden(
-            "public",
-            "This is a gallery fold, which everyone can see; nothing can be stored with it.",
-        )

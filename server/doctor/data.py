@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Final
 
@@ -146,10 +147,8 @@ def _check_storage(settings: Settings) -> None:
     if opened is None:
         check_folder(settings)
         return
-    try:
+    with closing(opened):
         opened.check()
-    finally:
-        opened.close()
 
 
 def _ahead_s(connection: sa.Connection, schema: Schema) -> float:

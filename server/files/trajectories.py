@@ -246,7 +246,7 @@ class Trajectories:
             raise Unusable(
                 "rows-overlap",
                 f"got a rate so low that modules overlap by {-told['min_clearance']:.2g} pitch "
-                f"between two rows, expected no overlap; {advice}.",
+                f"between two consecutive rows, expected no overlap; {advice}.",
                 where="query.rate",
             )
         return told["min_clearance"], told["clearance_bound"]

@@ -34,17 +34,14 @@ async def drawing_of_shape(request: Request, name: str) -> Response:
 
 def drawing_of(gallery: Gallery, name: str, size: int) -> str | None:
     """Return the drawing of a gallery shape; None if there is none or it cannot be drawn."""
-    if gallery.shape(name) is None:
+    if (shape := gallery.shape(name)) is None:
         return None
     shipped = shipped_pictures().get(f"{name}-{size}.svg")
-    return _svg_of(gallery, name, size) if shipped is None else shipped.decode()
+    return _svg_of(shape, size) if shipped is None else shipped.decode()
 
 
 @cache
-def _svg_of(gallery: Gallery, name: str, size: int) -> str | None:
-    shape = gallery.shape(name)
-    if shape is None:
-        return None
+def _svg_of(shape: GalleryShape, size: int) -> str | None:
     try:
         return chain_svg(chain_of(shape), size=size)
     except PlannerError:

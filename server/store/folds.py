@@ -199,21 +199,15 @@ class Store:
 
     def list_public(self, limit: int = 100) -> Sequence[FoldRow]:
         """Return the gallery folds that are not cancelled, newest first."""
-        return self.scalars(
-            sa.select(FoldRow)
-            .where(FoldRow.public, FoldRow.cancel_requested.is_(False))
-            .order_by(FoldRow.created_at.desc())
-            .limit(limit)
-        )
+        return self._newest(limit, FoldRow.public, FoldRow.cancel_requested.is_(False))
 
     def list_owned(self, owner: Owner, limit: int = 100) -> Sequence[FoldRow]:
         """Return the folds of an owner, newest first."""
-        return self.scalars(
-            sa.select(FoldRow)
-            .where(owned_by(owner))
-            .order_by(FoldRow.created_at.desc())
-            .limit(limit)
-        )
+        return self._newest(limit, owned_by(owner))
+
+    def _newest(self, limit: int, *which: sa.ColumnExpressionArgument[bool]) -> Sequence[FoldRow]:
+        newest_first = sa.select(FoldRow).where(*which).order_by(FoldRow.created_at.desc())
+        return self.scalars(newest_first.limit(limit))
 
     def kept_until(self, row: FoldRow) -> float | None:
         """Return when a fold expires without further access; None if it does not expire."""

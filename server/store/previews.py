@@ -15,9 +15,9 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
@@ -75,17 +75,6 @@ class NoSuchPreviewError(NoSuch):
         super().__init__(
             "no-such-preview", "This preview does not exist or has expired; send the file again."
         )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PreviewView:
-    """Shape of a preview as its owner viewed it last; the columns of ``PreviewRow``."""
-
-    name: str
-    modules: int
-    module: str
-    key: str
-    query: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -235,13 +224,19 @@ class Previews:
 
     # Lists of owners
 
-    def note_view(self, preview_id: str, owner: Owner, view: PreviewView) -> None:
-        """Record an owner's view of its own preview; errors of the database are ignored."""
+    def note_view(self, preview_id: str, owner: Owner, view: dict[str, Any]) -> None:
+        """Record an owner's view of its own preview; errors of the database are ignored.
+
+        Args:
+            preview_id: The preview.
+            owner: Its owner.
+            view: Columns of ``PreviewRow`` that describe the shape as it was viewed.
+        """
         own = sa.update(PreviewRow).where(
             PreviewRow.id == preview_id, owned_by(owner, PreviewRow.owner)
         )
         with suppress(SQLAlchemyError):
-            self._store.change(own.values(**asdict(view), seen_at=time.time()))
+            self._store.change(own.values(**view, seen_at=time.time()))
 
     def owned(self, owner: Owner) -> Sequence[PreviewRow]:
         """Return the previews that an owner has viewed, the last viewed first."""

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from planner.chain.module import CUBE
 from web.palette import (
     MAX_ERROR_RGB,
     NO_ERROR_RGB,
@@ -55,6 +56,6 @@ def test_scale_is_the_next_round_number(largest: float) -> None:
 def test_cube_shows_the_error_of_the_joint_that_it_carries() -> None:
     # Five modules: joints at modules 1, 2 and 3, two hinges each.
     errors = np.array([1.0, -2.0, 3.0, 0.0, np.nan, np.nan])
-    shown = module_errors(errors, 5, hinges=2, rigid_links=1)
+    shown = module_errors(errors, CUBE, 5)
     assert shown[:3].tolist() == [2.0, 2.0, 3.0]
     assert np.isnan(shown[3:]).all()

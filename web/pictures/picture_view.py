@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -94,9 +94,4 @@ class PictureView:
             right = np.array([-np.sin(base.azimuth_rad), np.cos(base.azimuth_rad), 0.0])
             across, upwards = self.aside
             target = target + base.distance * (across * right + upwards * np.cross(out, right))
-        return View(
-            target=target,
-            azimuth_rad=base.azimuth_rad,
-            elevation_rad=base.elevation_rad,
-            distance=distance,
-        )
+        return replace(base, target=target, distance=distance)

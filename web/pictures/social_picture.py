@@ -82,12 +82,7 @@ def social_picture(
     picture = np.array(_ground(poses.positions, camera, theme))
     colours = np.tile(np.array(NO_ERROR_RGB, np.uint8), (len(chain), 1))
     if moment is not None:
-        errors = module_errors(
-            moment.errors_rad,
-            len(chain),
-            hinges=module.hinges_per_joint,
-            rigid_links=module.rigid_links,
-        )
+        errors = module_errors(moment.errors_rad, module, len(chain))
         if np.isfinite(errors).any():
             colours = error_colours(errors, moment.error_scale_rad)
     draw_triangles(

@@ -16,7 +16,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -310,7 +310,7 @@ class TimelineView:
             ]
             time_s = np.concatenate([p.time_s for p in parts])
             phase = np.concatenate([p.phase for p in parts])
-            largest = np.concatenate([_largest(p.joint_error_rad) for p in parts])
+            largest = np.concatenate([largest_errors(p.joint_error_rad) for p in parts])
         self._phase = np.concatenate([self._phase, phase])
         self._time_s = np.concatenate([self._time_s, time_s])
         self._max_error = np.concatenate([self._max_error, largest])
@@ -333,15 +333,13 @@ class TimelineView:
         turn = _mix(first[1], second[1] * (1.0 if first[1] @ second[1] >= 0 else -1.0), share)
         position, turn = _mix(first[0], second[0], share), turn / np.linalg.norm(turn)
         poses = _poses(self.chain, angles, position, turn, windowed=self.windowed)
-        return Snapshot(
+        return replace(
+            a,
             frame=low + share,
             time_s=a.time_s + (b.time_s - a.time_s) * share,
-            phase=a.phase,
             positions=poses.positions.astype(np.float32),
             wxyzs=poses.wxyzs.astype(np.float32),
             joint_angles_rad=angles,
-            joint_error_rad=a.joint_error_rad,
-            module_error_rad=a.module_error_rad,
             framed=max(a.framed, b.framed),
         )
 
@@ -405,7 +403,7 @@ def moment_of(chain: Chain, motion: Motion, k: int, *, frame: int, stretch: int 
         wxyzs=poses.wxyzs.astype(np.float32),
         joint_angles_rad=angles,
         joint_error_rad=errors,
-        module_error_rad=chain_errors(chain, errors),
+        module_error_rad=module_errors(errors, chain.module, len(chain)),
         framed=framed,
     )
 
@@ -418,15 +416,7 @@ def _poses(chain: Chain, angles: Array, position: Array, wxyz: Array, *, windowe
     )
 
 
-def chain_errors(chain: Chain, errors: Array) -> Array:
-    """(…, n) what the modules of a chain show of (…, J) joint errors."""
-    module = chain.module
-    return module_errors(
-        errors, len(chain), hinges=module.hinges_per_joint, rigid_links=module.rigid_links
-    )
-
-
-def _largest(errors: Array) -> Array:
+def largest_errors(errors: Array) -> Array:
     """Return (F,) the largest of (F, J) errors; NaN where none is recorded."""
     known = np.isfinite(errors)
     found = np.where(known, np.abs(errors), -np.inf).max(axis=-1)
