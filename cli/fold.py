@@ -32,7 +32,7 @@ def fold(
     angles: Annotated[
         str | None,
         typer.Option(
-            help="A chain of tetrahedra instead of INPUT. One sign per hinge, such as '0 - - + 0'."
+            help="A chain of tetrahedra instead of INPUT: one sign per hinge, such as '0 - - + 0'."
         ),
     ] = None,
     request: FoldRequest,

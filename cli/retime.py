@@ -45,7 +45,8 @@ def retime(
     max_acceleration: Annotated[float, typer.Option(help="Maximum joint acceleration, rad/s².")],
     out: Annotated[Path, typer.Option(help="Output file, .csv or .json.")],
     rate: Annotated[
-        float | None, typer.Option(help="Rows per second. Default: one row per frame of the plan.")
+        float | None,
+        typer.Option(help="Rows per second in the output file. Default: one row per frame."),
     ] = None,
     check: Annotated[bool, typer.Option(help="Check the trajectory for collisions again.")] = True,
     module_mass: Annotated[
@@ -157,7 +158,7 @@ class _Retimed:
             ("Deviation from the plan", f"at most {off_rad:.2g} rad"),
         ]
         if self.clear is not None:
-            facts.append(("Between rows", _clearance_words(self.clear, self.sufficient_hz)))
+            facts.append(("Motion between rows", _clearance_words(self.clear, self.sufficient_hz)))
         return facts
 
 
@@ -218,7 +219,7 @@ def _clearance_words(clear: Sweep, sufficient_hz: float | None) -> str:
         if clear.clearance < -MAX_TOUCH_DEPTH_PITCH
         else f"clearance not proved; smallest measured {max(0.0, clear.clearance):.2g} pitch"
     )
-    return words if sufficient_hz is None else f"{words}; --rate {sufficient_hz:g} is enough"
+    return words if sufficient_hz is None else f"{words}; use --rate {sufficient_hz:g}"
 
 
 def _show(facts: list[tuple[str, str]], motors: MotorTable | None, out: Path) -> None:
@@ -233,7 +234,7 @@ def _show(facts: list[tuple[str, str]], motors: MotorTable | None, out: Path) ->
     if motors is None:
         return
     columns = Table(box=None, pad_edge=False)
-    for heading in ("Joint", "Peak, N·m", "at frame", "RMS, N·m"):
+    for heading in ("Joint", "Peak, N·m", "Frame of peak", "Root mean square, N·m"):
         columns.add_column(heading, justify="left" if heading == "Joint" else "right")
     for k in np.argsort(-motors.peak_torque_nm)[:MAX_LISTED_JOINTS]:
         columns.add_row(

@@ -203,8 +203,8 @@ def _show(
     suitable: dict[str, list[str]],
 ) -> None:
     fits = sizing.fits
-    share = f"{sizing.share:.2g} of the stall torque"
-    title = f"{1e3 * sizing.pitch_m:g} mm, {sizing.casing.about}, {share}"
+    share = f"servos hold {sizing.share:.2g} of their stall torque"
+    title = f"Pitch {1e3 * sizing.pitch_m:g} mm, {sizing.casing.about}, {share}"
     console = Console(highlight=False)
     timed = any(row["least_s"] is not None for row in rows)
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)

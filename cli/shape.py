@@ -125,7 +125,7 @@ def show(report: dict[str, Any], out: Path) -> None:
     table.add_row("Input", report["kind"])
     table.add_row("Modules", str(report["modules"]))
     if report["iou"] is not None:
-        table.add_row("Overlap with the mesh (IoU)", f"{report['iou']:.2f}")
+        table.add_row("Overlap with the mesh (intersection over union)", f"{report['iou']:.2f}")
         near = [str(n) for n in (report["below"], report["above"]) if n is not None]
         if near:
             table.add_row("Nearest possible numbers of modules", ", ".join(near))

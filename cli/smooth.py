@@ -41,7 +41,7 @@ def smooth(
         if out.samefile(fold):
             raise InputError(
                 "smooth-in-place",
-                f"got {out} for the smoothed plan, expected another directory: this one holds the "
+                f"got {out} for the smoothed plan, expected another directory; this one holds the "
                 "original plan.",
             )
         request = FoldRequest.smoothing(plan, seed=request.seed, module_size=request.module_size)

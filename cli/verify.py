@@ -22,6 +22,7 @@ from planner.playback.playback import Playback
 from planner.verification.verify import Verification
 from planner.verification.verify import verify as verify_files
 from words import certificate as certificate_words
+from words.messages import verdict_for_people
 
 
 class OtherProgram(StrEnum):
@@ -46,7 +47,7 @@ def verify(
         OtherProgram | None,
         typer.Option(
             "--with",
-            help="Let another program check for contacts between frames, too: ipctk "
+            help="Also check for contacts between frames with another program, ipctk "
             r"(pip install 'foldback\[ipctk]').",
         ),
     ] = None,
@@ -94,11 +95,11 @@ def _show(result: Verification, largest: tuple[float, str] | None) -> None:
         console.print(line, markup=False)
     if result.reason is not None:
         holds = "confirmed" if result.reason.confirmed else "refuted"
-        console.print(f"Reason {holds}: {result.reason.words}.", markup=False)
+        console.print(f"Reason {holds}: {verdict_for_people(result.reason.words)}.", markup=False)
     if result.replay is not None:
         console.print(
-            f"plain MuJoCo, {result.replay.frames} configurations: poses agree to "
-            f"{result.replay.pose_difference:.1g} pitch, deepest overlap "
+            f"replay of {result.replay.frames} frames in plain MuJoCo: poses differ by at most "
+            f"{result.replay.pose_difference:.1g} pitch, and modules overlap by at most "
             f"{result.replay.overlap:.2g} pitch"
         )
     for line in result.checked:

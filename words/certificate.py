@@ -70,7 +70,7 @@ CLEARANCES: Final = (
 )
 MOTION_FIGURES: Final = (
     Figure(
-        "Final position error (RMS)",
+        "Average final position error (root mean square)",
         "rms_position_error",
         digits=CERTIFICATE_DIGITS,
         of_simulation=True,
@@ -109,7 +109,7 @@ def main_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
         ("Proved clearance", _at_least(certificate.get("clearance_bound"))),
         ("Folding time", _folding_time(certificate)),
         torque(certificate),
-        ("Torque on a table (statics)", _torque_of(certificate.get("table"))),
+        ("Holding torque on a table", _torque_of(certificate.get("table"))),
         _row(certificate, LARGEST_JOINT_ERROR),
     ]
 
@@ -311,7 +311,7 @@ def _rose(record: TableRecord) -> str:
     bounds = [bound for _, bound in record.raised]
     if not bounds:
         return f"{record.bound:g} w·p, never raised"
-    raised = ", ".join(f"{bound:.3g} at {when:.3g} s" for when, bound in record.raised)
+    raised = ", ".join(f"{bound:.3g} w·p at {when:.3g} s" for when, bound in record.raised)
     return f"{record.bound:.3g} w·p; raised to {raised}"
 
 
@@ -322,8 +322,8 @@ def robots(certificate: CertificateFigures) -> str | None:
         return None
     least = min(one["min_clearance"] for one in found)
     return (
-        f"{len(found)} imperfect robots were simulated; you see the worst one. Their clearance "
-        f"is at least {rounded_down(least)} pitch"
+        f"{len(found)} imperfect robot{'s' if len(found) > 1 else ''} simulated; the view shows "
+        f"the worst one. Their clearance is at least {rounded_down(least)} pitch"
     )
 
 

@@ -112,7 +112,8 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
     frame: float | None = None
     evidence: EvidenceFigures | None = None
     if told := summary.get("stuck"):
-        kind, modules, text = told["kind"], told["modules"], count_from_one(told["words"])
+        kind, modules = told["kind"], told["modules"]
+        text = count_from_one(verdict_for_people(told["words"]))
         if kind == "stopped":
             text = _stopped(row, text)
         if evidence := told.get("evidence"):
@@ -121,8 +122,9 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
         kind, modules, text = "overlap", overlap["modules"] or [], overlap["words"]
         frame = overlap["frame"] + (exploding(summary) or 0)
     elif summary.get("certificate"):
-        modules, text = [], count_from_one(str(summary.get("reason") or ""))
-        kind = "off" if WRONG_END_VERDICT.search(text) else "refused"
+        modules, reason = [], str(summary.get("reason") or "")
+        kind = "off" if WRONG_END_VERDICT.search(reason) else "refused"
+        text = reason_for_people(reason, summary)
     else:
         return None
     text = sentence(text.rstrip("."))
@@ -150,11 +152,18 @@ def _blocks(told: BlockFigures) -> list[str]:
         way = f"{'+' if move['direction'][axis] > 0 else '−'}{'xyz'[axis]}"
         a, b = move["modules"]
         lines.append(
-            f"If the next part moves by {module_widths(move['moved'])} along {way}, "
+            f"If the part that unfolds next moves by {module_widths(move['moved'])} along {way}, "
             f"modules {a + 1} and {b + 1} overlap by {module_widths(move['overlap'], 2)}"
         )
     more = len(lines) - MAX_BLOCKING_LINES
-    return lines if more <= 0 else [*lines[:MAX_BLOCKING_LINES], f"And {more} more blocked motions"]
+    return (
+        lines
+        if more <= 0
+        else [
+            *lines[:MAX_BLOCKING_LINES],
+            f"And {more} more blocked motion{'s' if more > 1 else ''}",
+        ]
+    )
 
 
 def exploding(summary: FoldSummary) -> int | None:
@@ -256,7 +265,7 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     elif status != "straight":
         steps = f"{EXPLOSION_ENDS.get(status, status)} after {quantity(attempt['steps'])} steps"
         told = attempt.get("diagnosis")
-        words = count_from_one(told["words"].rstrip(".")) if told else ""
+        words = count_from_one(verdict_for_people(told["words"].rstrip("."))) if told else ""
         end, tone = f"{steps}: {words}" if words else steps, "bad"
     elif verdict.startswith("verified"):
         end, tone = verdict, "good"

@@ -26,7 +26,7 @@ MESSAGES: Final = (
     (re.compile(r"Not Found"), "There is nothing at this address."),
     (re.compile(r"got an empty file\b.*"), "This file is empty."),
     (
-        re.compile(r"got 0 angles, expected a positive\b.*"),
+        re.compile(r"got 0 angles, expected \d+ angles? for each joint\b.*"),
         "Type at least one angle, using the signs 0, + or −.",
     ),
     (
@@ -49,18 +49,48 @@ VERDICT_PHRASES: Final = (
     ),
     (re.compile(r"\brests on a table within "), "stays on the table and needs at most "),
     (
-        re.compile(r"\bthe chain floats and does not rest on a table; laid down in each frame, it"),
+        re.compile(
+            r"\bthe chain floats and does not rest on a table; laid down in each frame, it needs "
+        ),
         "the chain floats, so a table does not support it. "
-        "If it is laid on a table in each frame, it",
+        "If it is laid on a table in each frame, the largest torque of a hinge is ",
     ),
+    (re.compile(r"\bthe chain needs (?=\S+ w·p\b)"), "a hinge needs a torque of "),
     (re.compile(r"\bdoes not start folded as (?=\S)"), "does not start in the folded shape "),
     (
         re.compile(r"\bthe playback passes (\S+ pitch) \(RMS\) from straight"),
         r"the playback misses the straight shape by \1 (RMS)",
     ),
+    (re.compile(r"\bhas numbers that are not finite\b"), "has infinite or undefined numbers"),
+    (
+        re.compile(r"\bthe clearance between two frames could not be bounded\b"),
+        "the clearance between two frames could not be proved",
+    ),
     (re.compile(r"\bthe frames have no plan\b"), "there is no plan for these frames"),
     (re.compile(r"\ba robot lost its target: (?=\S)"), "a robot could not follow the motion: "),
     (re.compile(r"(?<=\S) yielded: it is off by (?=\S)"), " is too weak: it is off by "),
+    (re.compile(r"(?<=knotted \()determinant \d+(?=\))"), r"\g<0> instead of 1"),
+    (
+        re.compile(r"\bdrawn as it stalled, with its ends extended outwards, it has (?=\d)"),
+        "a drawing of it at the stall, with both ends extended outwards, has ",
+    ),
+    (
+        re.compile(r"\bthe (\d+) hinges (bent .+?°) at (.+?) cannot straighten, each by itself: "),
+        r"none of the \1 hinges \2, at \3, can straighten by itself, "
+        "because modules would overlap: ",
+    ),
+    (
+        re.compile(r"(?<=\S) cannot straighten: (?=module)"),
+        " cannot straighten, because modules would overlap: ",
+    ),
+    (
+        re.compile(r"\b(modules \d+ to \d+), which come next, (cannot move in any .+?): "),
+        r"the next part, \1, \2, because modules would overlap: ",
+    ),
+    (re.compile(r"\bmodule (\d+) against (?=\d)"), r"modules \1 and "),
+    (re.compile(r"\b1 pairs more\b"), "1 more pair"),
+    (re.compile(r"\b(\d+) pairs more\b"), r"\1 more pairs"),
+    (re.compile(r" \(RMS\)"), " on average (root mean square)"),
 )
 """Patterns in verdicts, and the words that replace them for people. Plans store the verdicts, and
 ``foldback verify`` compares them, so the verdicts themselves keep their text."""

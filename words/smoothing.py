@@ -11,13 +11,13 @@ from words.quantities import number, quantity
 SMOOTHING_FIGURES: Final[dict[str, tuple[str, str, int]]] = {
     "frames": ("Frames", "", 3),
     "fold_time_s": ("Folding time", "s", 3),
-    "length_rad": ("Path length", "rad", 3),
+    "length_rad": ("Length of the motion", "rad", 3),
     "hinges_moving_mean": ("Hinges moving at once, mean", "", 3),
     "hinges_moving_most": ("Hinges moving at once, maximum", "", 3),
     "peak_speed_rad_s": ("Highest hinge speed", "rad/s", 2),
     "peak_torque_nm": ("Largest torque", "N·m", 2),
-    "tail_way": ("Distance travelled by an end", "pitch", 3),
-    "tail_speed": ("Highest speed of an end", "pitch/s", 2),
+    "tail_way": ("Distance travelled by a chain end", "pitch", 3),
+    "tail_speed": ("Highest speed of a chain end", "pitch/s", 2),
     "clearance": ("Clearance", "pitch", 2),
 }
 """Label, unit and number of significant digits of each figure of a plan that is compared before and

@@ -112,7 +112,7 @@ def _torque(certificate: CertificateFigures, moments: Moments) -> Stop | None:
     if met is None:
         return None
     if certificate.get("table") is not None:
-        label, value = "Largest torque", dict(main_rows(certificate))["Torque on a table (statics)"]
+        label, value = "Largest torque", dict(main_rows(certificate))["Holding torque on a table"]
         begin, colour = "needs the highest torque on the table here", "joint_torque"
     else:
         label, value = torque(certificate)

@@ -135,7 +135,7 @@ class Chain:
         wxyz = np.array([1.0, 0.0, 0.0, 0.0] if first_wxyz is None else first_wxyz, np.float64)
         length = float(np.linalg.norm(wxyz))
         if not 1e-6 < length < 1e6:
-            raise InputError("bad-orientation", f"got {wxyz.tolist()}, expected a quaternion.")
+            raise InputError("bad-orientation", f"got {wxyz.tolist()}, expected a unit quaternion.")
         chain = cls._checked(
             name=name,
             module=module,
@@ -161,8 +161,8 @@ class Chain:
         if len(folded) == 0 or len(folded) % module.hinges_per_joint:
             raise InputError(
                 "wrong-count",
-                f"got {len(folded)} angles, expected a positive multiple of "
-                f"{module.hinges_per_joint}, one for each hinge.",
+                f"got {len(folded)} angles, expected {module.hinges_per_joint} "
+                f"angle{'s' if module.hinges_per_joint > 1 else ''} for each joint.",
             )
         if not np.isfinite(folded).all():
             index = int(np.argmin(np.isfinite(folded)))

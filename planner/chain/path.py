@@ -81,12 +81,12 @@ def checked_cells(cells: ArrayLike) -> NDArray[np.int64]:
     check_coordinates(
         values,
         (
-            (~np.isfinite(values), "not-finite", "a finite whole number"),
+            (~np.isfinite(values), "not-finite", "a whole number"),
             (values != np.round(values), "not-whole", "a whole number"),
             (
                 np.abs(values) > MAX_COORDINATE,
                 "too-far",
-                f"at most {MAX_COORDINATE} in size; move the shape to the origin",
+                f"−{MAX_COORDINATE} to {MAX_COORDINATE}; move the shape to the origin",
             ),
         ),
         row="cell",
@@ -135,7 +135,7 @@ def _check_order(cells: NDArray[np.int64]) -> None:
         raise InputError(
             "too-few-cells",
             f"got {len(cells)} cell{'' if len(cells) == 1 else 's'}, expected at least "
-            f"{MIN_CELLS}: a shorter chain has no joint.",
+            f"{MIN_CELLS}; a shorter chain has no joint.",
         )
     seen: dict[tuple[int, ...], int] = {}
     for index, cell in enumerate(map(tuple, cells.tolist())):

@@ -63,7 +63,8 @@ class Trail:
         if len(raw) < MIN_NODES:
             raise InputError(
                 "too-few-nodes",
-                f"got {len(raw)} nodes, expected at least {MIN_NODES}: two modules and a hinge.",
+                f"got {len(raw)} nodes, expected at least {MIN_NODES}; a chain needs "
+                "two modules and a hinge.",
             )
         check_pitch(pitch_m)
         whole = raw.astype(np.int64)
@@ -94,7 +95,7 @@ def _check(nodes: Nodes) -> None:
         (
             np.append(np.abs(np.diff(nodes, axis=0)).sum(axis=1) != 1, False),
             "not-adjacent",
-            "expected the next node one step away",
+            "expected the next node to be one step away",
         ),
     ):
         if bad.any():

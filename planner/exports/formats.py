@@ -73,7 +73,7 @@ EXPORTS: Final = (
     Export(
         name="srdf",
         label="Collision pairs",
-        hint="SRDF for MoveIt and others, for use with the URDF: linked modules, which may overlap",
+        hint="SRDF for MoveIt and others, used with URDF; lists linked modules, which may overlap",
         media_type="application/xml",
         filename="model.srdf",
         write=_by("srdf"),

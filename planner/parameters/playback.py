@@ -51,7 +51,7 @@ class RobotParameters:
             help="Mean dry friction of the joints; each joint has 0.5 to 1.5 times this value.",
             group="robot",
             rank=2,
-            unit="of the plan's largest torque",
+            unit="× the plan's largest torque",
             range=(0.0, 0.5),
         ),
     )
@@ -63,7 +63,7 @@ class RobotParameters:
             help="Maximum torque of a motor.",
             group="robot",
             rank=3,
-            unit="of the plan's largest torque",
+            unit="× the plan's largest torque",
             range=(0.1, 100.0),
         ),
     )
@@ -97,7 +97,7 @@ class RobotParameters:
         Setting(
             name="encoder_noise",
             label="Encoder noise",
-            help="Standard deviation of a measured angle.",
+            help="Standard deviation of the error of a measured angle.",
             group="robot",
             rank=6,
             unit="rad",
@@ -227,7 +227,7 @@ class PlaybackParameters:
         Setting(
             name="simulated_modules",
             label="Longest simulated chain",
-            help="Longer chains are played back by kinematics only.",
+            help="Longer chains are played back without a simulation of forces.",
             group="robot",
             rank=7,
             unit="modules",

@@ -65,7 +65,7 @@ class PaperExplosionParameters:
         Setting(
             name="damping",
             label="Damping",
-            help="Fraction of its velocity that the chain loses in each step, also in playback.",
+            help="Fraction of the chain's velocity that is lost in each step, also in playback.",
             group="published",
             rank=3,
             unit="of the speed per step",

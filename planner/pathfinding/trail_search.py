@@ -62,7 +62,7 @@ def find_trails(
     if parts(shape.cells)[0] > 1:
         raise InputError(
             "no-trail",
-            f"the cells are in {parts(shape.cells)[0]} parts, but the trail passes from "
+            f"the cells are in {parts(shape.cells)[0]} parts, but the chain passes from "
             "cell to cell through their faces; join the parts or keep one part.",
         )
     pairs = ring_pairs(shape.cells)

@@ -275,7 +275,7 @@ def prepare_in_any_order(
     except InputError as error:
         if error.code != "not-adjacent":
             raise
-        why = f"The cells were read as voxels, because {error.where} are not neighbours."
+        why = f"The cells were read as voxels, not as a path: {error.where} are not neighbours."
     options = replace(options, as_voxels=True)
     made = prepare(data, filename, options, **how)
     return replace(made, notes=(why, *made.notes))
@@ -300,8 +300,8 @@ def check_for_table(chain: Chain) -> None:
     faults = rule_violations(np.rint(chain.folded_poses.positions).astype(np.int64))
     if faults:
         told = " ".join(fault.detail for fault in faults[:MAX_LISTED_VIOLATIONS])
-        if len(faults) > MAX_LISTED_VIOLATIONS:
-            told += f" There are {len(faults) - MAX_LISTED_VIOLATIONS} more problems."
+        if more := len(faults[MAX_LISTED_VIOLATIONS:]):
+            told += f" There {'is 1 more problem' if more == 1 else f'are {more} more problems'}."
         raise InputError(
             "not-for-a-table",
             f"got a path along which a chain cannot fold on a table: {told} "

@@ -54,7 +54,7 @@ def checked_values(values: object, modules: int) -> dict[str, Any]:
     low, high, rows, data = (told[key] for key in ("low", "high", "rows", "data"))
     numbers = all(isinstance(x, int | float) and math.isfinite(x) for x in (low, high))
     if not numbers or low > high:
-        raise _bad("low", f"{low} to {high}", "two finite numbers, with 'low' not above 'high'")
+        raise _bad("low", f"{low} to {high}", "two finite numbers, where 'low' is at most 'high'")
     most_rows = max(1, MAX_OWN_VALUES // modules)
     if type(rows) is not int or not 1 <= rows <= most_rows:
         raise _bad("rows", rows, f"1 to {most_rows}")

@@ -264,7 +264,9 @@ class _Scene:
         if scenes:
             scene = self._document.get("scene", 0)
             if not 0 <= scene < len(scenes):
-                raise _damaged(f"the file refers to scene {scene}, but has {len(scenes)} scenes")
+                raise _damaged(
+                    f"the file refers to scene {scene}, but its last scene is {len(scenes) - 1}"
+                )
             roots = scenes[scene].get("nodes", [])
         else:
             children = {c for node in nodes for c in node.get("children", [])}
@@ -281,7 +283,7 @@ class _Scene:
             with np.errstate(all="ignore"):
                 transform = above @ _transform(node)
             if not np.isfinite(transform).all():
-                raise _damaged(f"the transform of node {index} has numbers that are not finite")
+                raise _damaged(f"the transform of node {index} has infinite or undefined numbers")
             extensions = node.get("extensions", {})
             if not extensions.get(VISIBILITY, {}).get("visible", True):
                 self._notes["hidden nodes were ignored."] = None
@@ -329,7 +331,7 @@ class _Scene:
         with np.errstate(all="ignore"):
             places = [node @ _transform(row) for row in rows]
         if not np.isfinite(places).all():
-            raise _damaged("the transforms of instances have numbers that are not finite")
+            raise _damaged("the transforms of instances have infinite or undefined numbers")
         return places
 
     def _note_deformation(self, node: Document) -> None:

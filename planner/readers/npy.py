@@ -82,8 +82,8 @@ def _voxels(grid: NDArray[Any], source: Source) -> Shape:
     if len(other):
         raise InputError(
             "not-voxels",
-            f"got a grid with the value {other[0]:g}, expected only 0 and 1; threshold it, e.g. "
-            "grid > 0.5.",
+            f"got a grid with the value {other[0]:g}, expected only 0 and 1; compare it "
+            "with a threshold, e.g. grid > 0.5.",
         )
     filled = int(np.count_nonzero(grid))
     if filled > source.most_cells:

@@ -225,7 +225,7 @@ class _Text:
         for _ in range(element.count):
             end = rows.add(words, at)
             if end is None:
-                raise _damaged(f"a row of the element {quote(element.name)!r} is broken")
+                raise _damaged(f"an entry of the element {quote(element.name)!r} is broken")
             at = end
         self._lines, self._at, self._line_a_row = [words[at:]], 0, False
         return self._columns(rows)

@@ -146,7 +146,7 @@ def _check_lengths(points: Floats) -> None:
     check_coordinates(
         points,
         (
-            (~np.isfinite(points), "not-finite", "a finite length"),
+            (~np.isfinite(points), "not-finite", "a number"),
             (
                 np.abs(points) > MAX_VERTEX_COORDINATE,
                 "too-far",

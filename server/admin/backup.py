@@ -145,7 +145,7 @@ def _read(directory: Path) -> Manifest:
     known = Schema.of(None).known
     if manifest.schema not in known:
         raise AdminError(
-            f"got a backup with tables of version {manifest.schema}, expected {known[-1]} at most; "
+            f"got a backup with tables of version {manifest.schema}, expected at most {known[-1]}; "
             f"install foldback {manifest.foldback}, which made the backup."
         )
     return manifest
@@ -175,8 +175,8 @@ def _check_digests(manifest: Manifest, directory: Path) -> None:
     damaged = [file.name for file, wrong in found if wrong]
     if damaged:
         raise AdminError(
-            f"got {len(damaged)} files that are missing, changed or symbolic links, such as "
-            f"{damaged[0]}; use another backup. Nothing was restored."
+            f"got a backup with damaged files ({len(damaged)} in all), such as {damaged[0]}, which "
+            "is missing, changed or a symbolic link; use another backup. Nothing was restored."
         )
 
 

@@ -6,6 +6,7 @@ A backup may come from elsewhere. Names in a manifest are checked before they be
 from __future__ import annotations
 
 import re
+from collections import Counter
 from hashlib import file_digest
 from io import BufferedReader
 from typing import Final, Self
@@ -94,10 +95,11 @@ class Manifest(
         names = [one.name for one in (found.database, *found.files)]
         strange = [] if DATABASE_NAME.fullmatch(names[0]) else names[:1]
         strange += [name for name in names[1:] if not is_file_name(name)]
-        if strange or len(set(names)) < len(names):
+        strange += [name for name, count in Counter(names).items() if count > 1]
+        if strange:
             raise AdminError(
-                f"got a {MANIFEST} with the file name {(strange or names)[0]!r}, expected "
-                "each name of a fold's file once; use another backup, because this one was changed."
+                f"got a {MANIFEST} with the invalid or repeated file name {strange[0]!r}; use "
+                "another backup, because this one was changed."
             )
         return found
 

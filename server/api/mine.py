@@ -141,12 +141,14 @@ def get_my_movies(context: Here, owner: ListingOwner) -> MoviesMade:
     responses=problems(400, 401, 422, 429),
 )
 def post_my_key(context: Here, owner: ListingOwner, wanted: KeyWanted | None = None) -> KeyReplaced:
-    """Move all items of this token to another token; this token stops working."""
+    """Move everything that belongs to this token to another one. This token stops working."""
     token = None if wanted is None else wanted.owner_token
     claim = Claim.new() if token is None else Claim(token)
     if claim.owner == owner:
         raise Malformed(
-            "same-key", "got the current key, expected a new one; send another key, or none."
+            "same-key",
+            "got the current key, expected a new one; send another key, or none to let the service "
+            "create one.",
         )
     folds = hand_over_all(context.store, owner, claim.owner)
     return KeyReplaced(owner_token=claim.token, folds=folds)

@@ -85,7 +85,7 @@ async def batch(
     """Return frames of a fold's timeline; wait at most ``wait`` seconds for the first one.
 
     Raises:
-        TooMany: Too many requests are waiting: of the visitor, of its network, or in total.
+        TooMany: Too many requests of the visitor, of its network or in total are waiting.
     """
 
     def answer(known: TimelineView | None = None) -> Response:

@@ -134,9 +134,10 @@ async def get_trajectory(
         Query(gt=0, le=1e4, description="Rows per second. Default: one row per frame of the plan."),
     ] = None,
 ) -> StreamingResponse:
-    """Return the fastest motion along the plan that keeps to the limits and rests at both ends.
+    """Return the fastest motion along the plan within the limits; it starts and ends at rest.
 
-    A rate is refused if it is so low that modules of a verified plan overlap between two rows.
+    A rate is refused if it is so low that modules of a verified plan overlap between consecutive
+    rows.
     """
     from planner.exports.trajectory import export
 
@@ -188,10 +189,17 @@ async def motors_in_query(
     ] = None,
     gravity: Annotated[
         float,
-        Query(ge=0, le=1e3, description=("Gravity, m/s², in the worst direction for each joint.")),
+        Query(
+            ge=0,
+            le=1e3,
+            description="Gravity, m/s². It acts in the worst direction for each joint.",
+        ),
     ] = 9.81,
     floating: Annotated[
-        bool, Query(description="True: the chain floats without gravity. False: its root is held.")
+        bool,
+        Query(
+            description="True: the chain floats without gravity. False: its middle module is held."
+        ),
     ] = False,
     motor_torque: Annotated[
         float | None, Query(gt=0, le=1e9, description="Torque of a motor, N·m.")

@@ -144,7 +144,7 @@ def frames_of_own(fold: FoldRow, context: Here, owner: RequiredOwner) -> int:
     if not context.store.owns(fold.id, owner):
         raise not_owner(NOT_FOLD_OWNER)
     if not fold.over:
-        detail = f"The fold is {fold.status}; nothing can be stored with it until it has frames."
+        detail = f"The fold is {fold.status}; a tour or numbers can be stored when it has ended."
         raise Conflict("not-ready", detail, retry_after_s=1)
     frames = frames_promised(context.store.directory(fold.id))
     if not frames:

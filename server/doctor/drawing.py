@@ -47,7 +47,7 @@ def gl(_: Settings) -> CheckResult:
     for backend in tried:
         code, words = run_python(_DRAW, backend, environment={GL_SETTING: backend})
         if code == 0:
-            return ok(f"{backend} draws without a screen")
+            return ok(f"{backend} can draw without a screen")
         said.append(f"{backend}: {words}")
     return warning(
         f"no movies: {'; '.join(said) or f'drawing is switched off by {GL_SETTING}'}",

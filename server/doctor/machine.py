@@ -74,7 +74,7 @@ def variables(settings: Settings) -> CheckResult:
     unknown = unknown_names(os.environ)
     if not unknown:
         return ok(
-            f"settings that are set: {len(settings.model_fields_set)}; all others have defaults"
+            f"{len(settings.model_fields_set)} set; all other settings have their default values"
         )
     return warning(
         "; ".join(unknown_words(name, nearest) for name, nearest in unknown.items()),
@@ -125,7 +125,8 @@ def files(settings: Settings) -> CheckResult:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     needed = settings.max_streams + settings.max_robots + OTHER_OPEN_FILES
     if soft == resource.RLIM_INFINITY or soft >= needed:
-        return ok(f"the limit is {_count(soft)}")
+        unlimited = soft == resource.RLIM_INFINITY
+        return ok("there is no limit" if unlimited else f"the limit is {soft}")
     judged = problem if soft < OTHER_OPEN_FILES else warning
     return judged(
         f"the limit is {soft} and can be raised to {_count(hard)}, but up to {needed} are needed",
@@ -182,9 +183,9 @@ def names(settings: Settings) -> CheckResult:
             )
         return ok(", ".join(settings.allowed_hosts))
     if host in LOOPBACK or host.startswith("127."):
-        return ok(f"the service accepts only this machine's own names, at {host}")
+        return ok(f"the service is at {host} and accepts only this machine's own names")
     return warning(
-        f"other machines can reach {host}, and the service accepts requests for any host name",
+        f"other machines can reach the service at {host}, and it accepts any host name",
         "Set FOLDBACK_ALLOWED_HOSTS to the service's host names, to prevent DNS rebinding.",
     )
 

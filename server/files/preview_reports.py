@@ -188,8 +188,8 @@ def _problem(error: ChildError, seconds: float) -> ServiceError:
     if error.code == "time-limit":
         return TooSlow(
             "preview-too-slow",
-            f"the preview took more than {seconds:g} s, its time limit; use fewer modules, or the "
-            "method 'blocks'.",
+            f"the preview took longer than its time limit of {seconds:g} s; use fewer modules, or "
+            "the method 'blocks'.",
         )
     if error.temporary:
         return Unavailable(error.code, error.detail, retry_after_s=BUSY_RETRY_S)

@@ -112,7 +112,7 @@ class PrintingAddresses(Guard):
         """Return the refusal of an address that cannot be printed."""
         if scope["type"] == "http" and CONTROL_CHARACTERS.search(scope["path"] + _query(scope)):
             return Malformed(
-                "bad-address", "got an address with characters that cannot be printed."
+                "bad-address", "got an address with characters that cannot be printed; remove them."
             )
         return None
 

@@ -71,7 +71,7 @@ class BodyLimit:
         upload = headers.get("content-type", "").lower().startswith("multipart/form-data")
         most = self._most_bytes if upload else min(self._most_bytes, MAX_SMALL_BODY_BYTES)
         words = (
-            f"the upload is larger than {megabytes(most)}, the limit; use a coarser shape or a "
+            f"the upload is larger than the limit of {megabytes(most)}; use a coarser shape or a "
             "smaller file."
         )
         told = announced(headers)

@@ -98,7 +98,9 @@ class Movies:
             )
         check(self._store.directory(fold_id), TIMELINE)
         if not (result_path(self._store.directory(fold_id), TIMELINE) / "zarr.json").is_file():
-            raise NotFound("no-such-artifact", "This fold finished without frames to film.")
+            raise NotFound(
+                "no-such-artifact", "This fold has no frames, so it cannot have a movie."
+            )
         try:
             state = self.state(fold_id, movie.key)
             if state.status != "failed":

@@ -157,7 +157,7 @@ def disk_says(settings: Settings) -> str:
     try:
         free = free_space(settings.root)
         if free < settings.min_free_disk_bytes:
-            return f"{free // 2**20} MiB free"
+            return f"only {free // 2**20} MiB free"
         with tempfile.NamedTemporaryFile(dir=settings.uploads_dir) as probe:
             probe.write(b"probe")
             probe.flush()

@@ -38,7 +38,7 @@ def start_tracing(settings: Settings) -> None:
     except ModuleNotFoundError as error:
         raise NoTracingError(
             "got FOLDBACK_OTLP_ENDPOINT without the packages that send traces: install "
-            "'foldback[otel]', or unset it."
+            "'foldback[otel]', or unset the variable."
         ) from error
     _provider = TracerProvider(resource=Resource.create({"service.name": "foldback"}))
     exporter = OTLPSpanExporter(endpoint=settings.otlp_endpoint)

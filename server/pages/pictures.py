@@ -49,7 +49,7 @@ shows the result later. Chosen."""
 
 @router.get("/folds/{fold_id}/drawing.svg")
 async def drawing_of_fold(request: Request, fold_id: str) -> Response:
-    """Return the drawing of the folded shape that lists show; none if it is too large.
+    """Return a fold's drawing for lists, or an empty one if the shape is too large.
 
     A request does not count as a view of the fold, so it does not postpone the fold's expiry.
     """

@@ -72,7 +72,7 @@ service. Its addresses are relative to its own."""
 
 @router.get("/favicon.ico")
 async def favicon(request: Request) -> Response:
-    """Return the icon for browser tabs, for programs that request this fixed name."""
+    """Return the icon for browser tabs; some programs always request it by this name."""
     return _static("favicon.ico").response(request, INDEXED_HEADERS)
 
 

@@ -17,8 +17,9 @@ GL_BACKENDS: Final = ("egl", "osmesa")
 GL_SETTING: Final = "MUJOCO_GL"
 OFF_WORDS: Final = ("disable", "disabled", "off", "false", "0")
 NO_GL: Final = (
-    "OpenGL that draws without a screen is missing. Install it on the service's machine: on "
-    "Debian or Ubuntu 'apt-get install libegl1 libgl1 libgl1-mesa-dri' (or 'libosmesa6')"
+    "The OpenGL libraries that draw without a screen are missing. Install them on the service's "
+    "machine, on Debian or Ubuntu with 'apt-get install libegl1 libgl1 libgl1-mesa-dri' (or "
+    "'libosmesa6')"
 )
 NO_FFMPEG: Final = (
     "MP4 needs ffmpeg: install it (Debian: apt install ffmpeg), run pip install "

@@ -9,7 +9,7 @@ from words import certificate as certificate_words
 from words.certificate import clearance, headline, linked, on_table, record, rows, torque
 
 EXEMPT = {"apart": 2, "worst_overlap_bound": 0.2941, "relief_radius": 0.525, "relief_share": 0.219}
-FINAL_ERROR = "Final position error (RMS)"
+FINAL_ERROR = "Average final position error (root mean square)"
 SIMULATED: dict[str, Any] = {
     "verdict": "verified (simulated)",
     "simulated": True,

@@ -76,8 +76,8 @@ def test_failure_lists_blocks_and_budgets() -> None:
     assert shown is not None and shown["heading"] == "Stalled: modules blocked each other"
     assert shown["blocks"] == [
         "If hinge 7 at module 5 turns by 2°, modules 5 and 10 overlap by 1.2 % of a module width",
-        "If the next part moves by 0.5 module widths along −y, modules 6 and 3 overlap by "
-        "0.45 module widths",
+        "If the part that unfolds next moves by 0.5 module widths along −y, modules 6 and 3 "
+        "overlap by 0.45 module widths",
     ]
     many = {**evidence, "turns": 30 * [turn]}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
@@ -124,7 +124,9 @@ def test_failure_of_a_playback_that_ends_elsewhere() -> None:
     shown = failure(row(), summary)
     assert shown["heading"] == "The chain does not end in its target shape"
     assert shown["modules"] == []
-    assert shown["text"] == "The playback ends 1 pitch (RMS) from the folded shape."
+    assert shown["text"] == (
+        "The playback ends 1 module width on average (root mean square) from the folded shape."
+    )
     beyond = failure(row(), {**summary, "reason": "the plan bends a joint beyond its range"})
     assert beyond is not None and beyond["heading"] == "Not verified"
 

@@ -8,7 +8,7 @@ from words.certificate import headline
 from words.messages import message_for_people, verdict_for_people
 
 MESSAGES = {
-    "got 0 angles, expected a positive multiple of 1, one for each hinge.": (
+    "got 0 angles, expected 1 angle for each joint.": (
         "Type at least one angle, using the signs 0, + or −."
     ),
     "got a after 0 angles, expected 0, + or - for each hinge.": (
@@ -35,20 +35,48 @@ VERDICTS = {
         "stays on the table and needs at most 3.2 w·p in frame 4 (without friction)"
     ),
     "failed: the playback missed: the chain ended 0.2 pitches (RMS) from its target.": (
-        "failed: the chain ended 0.2 module widths (RMS) from its target."
+        "failed: the chain ended 0.2 module widths on average (root mean square) from its target."
     ),
     "failed: the explosion stalled: modules 1 and 2 block each other": (
         "failed: modules 1 and 2 block each other"
     ),
-    "failed: the chain floats and does not rest on a table; laid down in each frame, it": (
+    "failed: the chain floats and does not rest on a table; laid down in each frame, it needs "
+    "2 w·p": (
         "failed: the chain floats, so a table does not support it. "
-        "If it is laid on a table in each frame, it"
+        "If it is laid on a table in each frame, the largest torque of a hinge is 2 w·p"
+    ),
+    "failed: the chain needs 3.2 w·p in frame 4 (without friction), expected at most 2 w·p": (
+        "failed: a hinge needs a torque of 3.2 w·p in frame 4 (without friction), expected at most "
+        "2 w·p"
+    ),
+    "the chain is knotted (determinant 3): drawn as it stalled, with its ends extended outwards, "
+    "it has 3 crossings": (
+        "the chain is knotted (determinant 3 instead of 1): a drawing of it at the stall, with "
+        "both ends extended outwards, has 3 crossings"
+    ),
+    "the 4 hinges bent by more than 6° at modules 1, 2 and 3 more cannot straighten, each by "
+    "itself: module 1 against 9, module 2 against 8, and 1 pairs more; modules 5 to 7, which come "
+    "next, cannot move in any of the six directions: module 5 against 2": (
+        "none of the 4 hinges bent by more than 6°, at modules 1, 2 and 3 more, can straighten by "
+        "itself, because modules would overlap: modules 1 and 9, modules 2 and 8, and 1 more pair; "
+        "the next part, modules 5 to 7, cannot move in any of the six directions, because modules "
+        "would overlap: modules 5 and 2"
+    ),
+    "the hinge at module 4 cannot straighten: module 4 against 9": (
+        "the hinge at module 4 cannot straighten, because modules would overlap: modules 4 and 9"
     ),
     "failed: the plan does not start folded as hairpin": (
         "failed: the plan does not start in the folded shape hairpin"
     ),
     "failed: the playback passes 0.2 pitch (RMS) from straight": (
-        "failed: the playback misses the straight shape by 0.2 module widths (RMS)"
+        "failed: the playback misses the straight shape by 0.2 module widths on average "
+        "(root mean square)"
+    ),
+    "failed: the plan has numbers that are not finite": (
+        "failed: the plan has infinite or undefined numbers"
+    ),
+    "failed: in the plan, the clearance between two frames could not be bounded": (
+        "failed: in the plan, the clearance between two frames could not be proved"
     ),
     "failed: the frames have no plan": "failed: there is no plan for these frames",
     "failed: modules 2 and 9 overlap by 1.03 pitch at module size 0.95": (

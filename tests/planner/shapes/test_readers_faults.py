@@ -291,7 +291,7 @@ REFUSED = [
     (b"nOFF\n3\n4 4 6\n", "unsupported", ""),
     (L_OBJ + b"surf 0 1 0 1 1 2 3 4\n", "unsupported", "surf"),
     (L_OBJ + b"curv 0 1 1 2\n", "unsupported", "curv"),
-    (scene(lambda d: d.update(scene=-1)), "damaged", "scene -1, but has 1 scenes"),
+    (scene(lambda d: d.update(scene=-1)), "damaged", "scene -1, but its last scene is 0"),
     (scene(lambda d: d["asset"].update(minVersion="2.1")), "wrong-version", "version 2.1"),
     (scene(lambda d: d["accessors"][1].pop("bufferView")), "unsupported", "compression"),
     (

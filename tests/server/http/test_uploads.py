@@ -37,7 +37,7 @@ def test_bad_input_is_refused_with_code_and_where(idle: Service) -> None:
 
 def test_too_large_upload_is_refused_while_it_comes_in(idle: Service) -> None:
     answer = idle.http.post("/api/folds", files={"file": ("big.json", b"[" * 400_000)})
-    assert "0.191 MB, the limit" in check_problem(answer, 413, "too-large")
+    assert "the limit of 0.191 MB" in check_problem(answer, 413, "too-large")
 
 
 def test_upload_without_a_length_is_counted(idle: Service) -> None:

@@ -117,7 +117,7 @@ def test_movie_without_opengl_names_the_missing_package(
 ) -> None:
     failed = foldback("movie", finished.directory, "--out", tmp_path / "fold.mp4", MUJOCO_GL="off")
     assert failed.returncode == 1
-    assert failed.stderr.count("no-gl: OpenGL that draws") == 1
+    assert failed.stderr.count("no-gl: The OpenGL libraries that draw") == 1
     assert "apt-get install libegl1" in failed.stderr
     assert not list(tmp_path.iterdir())
 

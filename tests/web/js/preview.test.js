@@ -88,7 +88,7 @@ test("the module that was clicked can become the first, which can be undone", ()
 test("a report is put into words", () => {
   assert.equal(verdictOf(report({ iou: 0.987 })), "64 modules · match with your model: 99 %");
   assert.equal(verdictOf(report({ has_path: false })), "64 cells, no path yet");
-  assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5 })), { iou: "50 %", candidates: "3", knotted: true, knot: "Knotted (3)", knotHint: "determinant 3" });
+  assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5 })), { iou: "50 %", candidates: "3", knotted: true, knot: "Knotted (3)", knotHint: "Knot determinant 3. Without a knot, it is 1." });
   assert.deepEqual([figuresOf(report()).knot, figuresOf(report({ knot: { verdict: "unknot", determinant: 1 } })).knot], ["–", "None"]);
   assert.deepEqual(nearby(opened(), report({ asked: 65, below: 60, above: 64 })), { counts: [60], text: "64 is the closest possible number to 65" });
   assert.deepEqual(nearby(opened(), report({ below: 60, above: 72 })), { counts: [60, 72], text: "Also possible" });
@@ -107,7 +107,7 @@ test("the reason why there is no path comes with a remedy", () => {
   assert.deepEqual(ways, [
     { text: "Repair: add one cell", primary: true, change: { repair: true, modules: 72 } }, { text: "Use blocks (2×2×2 modules per voxel)", change: { method: "blocks" } },
   ]);
-  assert.equal(oddWords(bad), "cells of the chessboard colour that occurs more often");
+  assert.equal(oddWords(bad), "cells with the more common colour of a chessboard pattern");
   assert.equal(oddWords(report()), "");
   const apart = report({ has_path: false, feasibility: { feasible: false, problems: [problem("disconnected")], repairs: [] } });
   assert.deepEqual(troubleOf(opened(), apart).ways, []);
@@ -118,7 +118,7 @@ test("the reason why there is no path comes with a remedy", () => {
 });
 
 test("each note is shown in one place", () => {
-  const notes = ["The cells were read as voxels, because cells 2 and 3 are not neighbours.", "Repaired: one cell was added.", "the rest"];
+  const notes = ["The cells were read as voxels, not as a path: cells 2 and 3 are not neighbours.", "Repaired: one cell was added.", "the rest"];
   assert.deepEqual(notesOf(opened("?repair=true"), report({ notes, as_voxels: true })), { repaired: notes[1], unordered: notes[0], others: ["The rest"] });
   assert.deepEqual(notesOf(opened("?as_voxels=true"), report({ notes, as_voxels: true })), { repaired: "", unordered: "", others: [notes[0], "The rest"] });
   assert.equal(notesOf(opened("?world=table&method=blocks"), report()).repaired, "Each voxel became 2×2×2 modules.");

@@ -100,7 +100,7 @@ export class KeyPanel {
 
   async deleteAll() {
     const keys = keysHere();
-    const sure = await confirmed("Delete everything?", "This permanently deletes all folds, previews and movies listed here, in every browser. Their links will stop working for everyone. Gallery folds stay.", "Delete all");
+    const sure = await confirmed("Delete everything?", "This permanently deletes all folds, previews and movies listed here, and their links stop working for everyone. Your other browsers lose them, too. Gallery folds stay.", "Delete all");
     if (!sure) return;
     this.say("Deleting…");
     try {

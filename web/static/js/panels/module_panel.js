@@ -153,7 +153,7 @@ export class ModulePanel {
       element("h2", {}, element("i", { class: "swatch", "aria-hidden": "true" }), `Module ${module.index + 1} of ${module.modules}`),
       element("dl", { class: "rows" },
         ...(end ? [element("dt", {}, "End"), element("dd", {}, end)] : []),
-        element("dt", {}, "Index in files"), element("dd", { "data-of": "index" }, String(module.index)),
+        element("dt", {}, "Index in files (from 0)"), element("dd", { "data-of": "index" }, String(module.index)),
         ...(module.cell ? [element("dt", {}, "Cell when folded"), element("dd", {}, module.cell.join(", ").replaceAll("-", "−"))] : []),
         element("dt", {}, "Nearest module"), this.near,
         element("dt", {}, "Position error"), this.off,

@@ -36,8 +36,8 @@ export function outcome(way, said) {
     return `This browser checked ${whole(modules)} modules without our server. Modules that share no joint stay at least ${percent(claim)} of a module width apart during the whole motion. The check took ${took(seconds)}.`;
   }
   if (way === "size") {
-    if (!touch || touch.size > FULL) return `In this plan, the modules are ${percent(size)} as wide as their cells. Modules as wide as their cells would not overlap during the motion, either.`;
-    return `In this plan, the modules are ${percent(size)} as wide as their cells. At ${percentUp(touch.size)}, ${pair(touch)} touch. If the modules are slightly smaller, none touch.`;
+    if (!touch || touch.size > FULL) return `In this plan, the modules are ${percent(size)} as wide as their cells. Even if they were exactly as wide, they would not overlap during the motion.`;
+    return `In this plan, the modules are ${percent(size)} as wide as their cells. At a width of ${percentUp(touch.size)}, ${pair(touch)} would touch. At a slightly smaller width, none would.`;
   }
   return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, no modules touch.`;
 }

@@ -15,7 +15,7 @@ const RESHAPING = new Set(["module", "modules", "method", "world", "repair", "se
 
 /** What the coloured cells of a shape without a path are. @type {Record<string, string>} */
 const ODD = {
-  parity: "cells of the chessboard colour that occurs more often",
+  parity: "cells with the more common colour of a chessboard pattern",
   disconnected: "cells not connected to the largest part",
   "dead-ends": "cells with a single neighbour",
   overhang: "cells with nothing below them",
@@ -198,7 +198,7 @@ export function figuresOf({ iou, candidates, knot }) {
   const { verdict = "", determinant = null } = knot ?? {};
   const knotted = verdict === "knotted";
   return {
-    iou: iou === null ? "" : percent(iou), candidates: String(candidates), knotted, knotHint: determinant ? `determinant ${determinant}` : "",
+    iou: iou === null ? "" : percent(iou), candidates: String(candidates), knotted, knotHint: determinant ? `Knot determinant ${determinant}. Without a knot, it is 1.` : "",
     knot: knot ? `${KNOTS[verdict]}${knotted && determinant ? ` (${determinant})` : ""}` : "–",
   };
 }

@@ -32,8 +32,8 @@ export function sharing({ id, embed }, { place, player }) {
   get("share-mine").hidden = !tokenOf(id);
   const lead = document.getElementById("lead"); // not without a service
   if (lead) lead.onclick = async () => { dialog.close(); (await import("../tour/leader.js")).lead(id, { place, toast }); };
-  get("share-files").append(element("p", { class: "hint" }, "To show the HTML file in a page of your own, put ",
-    element("a", { href: "/static/foldback-fold.js", download: true }, "foldback-fold.js"), " beside it and write ", element("code", {}, '<foldback-fold src="FILE.html"></foldback-fold>'), "."));
+  get("share-files").append(element("p", { class: "hint" }, "To show the HTML file in your own web page, put ",
+    element("a", { href: "/static/foldback-fold.js", download: true }, "foldback-fold.js"), " in the same folder and add ", element("code", {}, '<foldback-fold src="FILE.html"></foldback-fold>'), " to the page."));
   return ({ files }) => {
     get("share-files").hidden = !files.length;
     get("share-list").replaceChildren(...files.map(file));
