@@ -57,12 +57,14 @@ class Settings(BaseSettings):
     data_dir: Path = Path("data")
     """Directory for the folds and the database."""
     database_url: str | None = None
-    """Database address, such as postgresql://…. Default: SQLite in data_dir."""
+    """Database address, such as postgresql://…. Default: SQLite in `FOLDBACK_DATA_DIR`."""
     jobs_url: str | None = None
-    """Not used any more: the queue is in database_url. Still allowed, so that old settings work."""
+    """Not used any more: the queue is in `FOLDBACK_DATABASE_URL`. Old settings with this
+    variable still work."""
     storage_url: str | None = None
     """Object store for the files of folds, such as s3://bucket/prefix, configured by the usual
-    AWS_… variables. Needs pip install 'foldback[storage]'. Default: data_dir."""
+    AWS_… variables. Needs pip install 'foldback[storage]'. Default: the files are in
+    `FOLDBACK_DATA_DIR`."""
     cache_bytes: int = Field(default=2048 * MIB_BYTES, ge=MIB_BYTES)
     """Disk space for local copies of files from the object store."""
     storage_bytes: int | None = Field(default=None, ge=MIB_BYTES)
@@ -132,8 +134,8 @@ class Settings(BaseSettings):
     """Maximum estimated computing time of all queued and running folds, s. Networks share this
     time in the same way as the places of `FOLDBACK_LARGEST_QUEUE`."""
     largest_queue_seconds_of_visitor: PositiveFloat = 1800.0
-    """Maximum estimated computing time of one visitor's queued and running folds, s. A
-    visitor's only fold may take longer."""
+    """Maximum estimated computing time of one visitor's queued and running folds, s. If a
+    visitor has only one fold, this fold may take longer."""
 
     slice_seconds: PositiveFloat = 30.0
     """Computing time after which a fold pauses if shorter folds wait, s. This time triples after
@@ -176,8 +178,8 @@ class Settings(BaseSettings):
     """Maximum time to prepare a preview. On a busy machine, a preview may run until it has used
     this much processor time, but at most six times as long."""
     preview_search_seconds: PositiveFloat = 4.0
-    """Part of `FOLDBACK_PREVIEW_SECONDS` that the search for a path through unsplit cells may
-    take."""
+    """Maximum time of the search for a path before the cells are split into smaller ones. It is
+    part of `FOLDBACK_PREVIEW_SECONDS`."""
     files_waiting: Count = 8
     """Maximum number of exports and pictures that wait or are being created."""
     files_waiting_of_visitor: Count = 3

@@ -40,8 +40,8 @@ UNITS: Final = {
     "Steps": "explosion + playback",
     "Simulated": "explosion + playback, seconds",
     "Wall time (processor time)": "seconds, of all stages",
-    "End error": "RMS, pitches",
-    "Clearance (proved)": "of the simulated playback, pitches, modules of 0.95 pitch",
+    "End error": "root mean square, pitches",
+    "Clearance (proved)": "smallest gap in the simulated playback, pitches, modules of 0.95 pitch",
     "Largest lag": "of a hinge behind its target, rad",
     "Files": "MB",
 }
@@ -244,7 +244,8 @@ def _lead(runs: Mapping[str, Run]) -> str:
         f"{whole(run.explosion.steps)} to explode, {whole(run.playback.steps)} to fold. At the "
         "end, the modules are "
         f"{'less than ' if run.rms < MIN_SHOWN_ERROR_PITCH else ''}"
-        f"{figure(max(run.rms, MIN_SHOWN_ERROR_PITCH))} pitch (RMS) from their targets.{apart}"
+        f"{figure(max(run.rms, MIN_SHOWN_ERROR_PITCH))} pitch from their targets "
+        f"(root mean square).{apart}"
     )
 
 
@@ -262,7 +263,7 @@ def _summary(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str
     for statement in STATEMENTS:
         own = [one for one in every if one.statement == statement.id]
         if statement.by_size and (sentence := _by_size(own, runs)):
-            found.append(f"{statement.heading}: {_small_first(sentence)}")
+            found.append(f"{statement.by_size}, {_small_first(sentence)}")
     missing = len(every) - len(runs)
     if missing:
         found.append(f"{missing} of {len(every)} experiments have not been run yet.")

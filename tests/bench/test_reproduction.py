@@ -159,8 +159,9 @@ def test_threshold_of_failing_sizes_is_reported(verified: dict[int, bool], words
     }
     page = told(runs, tuple(every))
     assert page_section(page, "threshold")["found"] == words
-    assert [s for s in page["summary"] if s.startswith("Pacing")] == (
-        [f"Pacing by the threshold alone: f{words[1:]}"] if words else []
+    condition = "If only the hinge errors decide when the chain goes on to the next snapshot"
+    assert [s for s in page["summary"] if s.startswith("If only")] == (
+        [f"{condition}, f{words[1:]}"] if words else []
     )
 
 
