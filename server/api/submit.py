@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import os
 import shutil
 import time
 from dataclasses import dataclass
@@ -221,10 +220,8 @@ def _write(directory: Path, source: Source) -> None:
         source.parent.copy(directory)
         for name in source.parent.files:
             sync(directory / name)
-    with open(directory / REQUEST, "w") as file:
-        json.dump(source.request.to_json(), file)
-        file.flush()
-        os.fsync(file.fileno())
+    (directory / REQUEST).write_text(json.dumps(source.request.to_json()))
+    sync(directory / REQUEST)
     sync(directory)
 
 

@@ -52,9 +52,8 @@ class FolderStore:
         """Return the only fold, by its id."""
         return Found(self.fold(fold_id), self._directory) if fold_id == PLAYED_FOLD_ID else None
 
-    def tour(self, fold_id: str) -> dict[str, Any] | None:
+    def tour(self, _fold_id: str) -> dict[str, Any] | None:
         """Return the tour in the directory; None if there is none, or none that is right."""
-        del fold_id
         tour = stored_tour(self._directory)
         return None if tour is None else tour.as_dict()
 
@@ -62,14 +61,12 @@ class FolderStore:
         """Return the numbers in the directory; None without any, or any that are right."""
         return values_in(self._directory, self.fold(fold_id).modules)
 
-    def fold(self, fold_id: str) -> ShownFold:
+    def fold(self, _fold_id: str) -> ShownFold:
         """Return the facts of the fold."""
-        del fold_id
         return row_of(self._directory)
 
-    def directory(self, fold_id: str) -> Path:
+    def directory(self, _fold_id: str) -> Path:
         """Return the directory with its files."""
-        del fold_id
         return self._directory
 
 

@@ -112,7 +112,7 @@ def _tables(url: str, connection: sa.Connection) -> CheckResult:
         )
     if schema.found is None:
         return ok(f"{_shown(url)}, empty; tables will be created")
-    if schema.behind:
+    if schema.missing:
         return warning(
             f"{found}, expected {schema.head}",
             "Back up the database; `foldback serve` updates its tables at start.",

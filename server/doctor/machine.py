@@ -185,7 +185,7 @@ def names(settings: Settings) -> CheckResult:
     if host in LOOPBACK or host.startswith("127."):
         return ok(f"the service is at {host} and accepts only this machine's own names")
     return warning(
-        f"other machines can reach {host}, and the service accepts requests for any host name",
+        f"other machines can reach the service at {host}, and it accepts any host name",
         "Set FOLDBACK_ALLOWED_HOSTS to the service's host names, to prevent DNS rebinding.",
     )
 

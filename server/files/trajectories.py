@@ -157,7 +157,7 @@ class Trajectories:
         self._pool = pool
         self._motions = motions
         self._scratch = scratch
-        self._flight = SingleFlight("motions", at_once=1, total=total, per_visitor=per_visitor)
+        self._flight = SingleFlight("trajectories", at_once=1, total=total, per_visitor=per_visitor)
         self._streams = Quota("motions", total=STREAMS, per_visitor=STREAMS_OF_ADDRESS)
         self._cache: Cache[Retimed] = Cache(kept_bytes, lambda kept: kept.trajectory.nbytes)
         self._clearances: Cache[dict[str, Any]] = Cache(MAX_CACHED_CLEARANCES, lambda _: 1)
@@ -196,7 +196,7 @@ class Trajectories:
         if self.nbytes > self._used_bytes:
             raise Unavailable(
                 "busy",
-                "The service is busy with other long motions; try again in a moment.",
+                "The service is busy with other long trajectories; try again in a moment.",
                 retry_after_s=30,
             )
         return known

@@ -64,7 +64,12 @@ class Connections:
 
     def visitor(self, host: str) -> str | None:
         """Return the visitor at the other end of a connection, None for a trusted proxy."""
-        return None if self._proxy(host) else visitor_at(host)
+        try:
+            address = ip_address(host)
+        except ValueError:
+            return None  # a socket in the file system: a proxy of the same machine
+        proxied = any(address in network for network in self._proxies)
+        return None if proxied else visitor_at(host)
 
     def opened(self, visitor: str | None, transport: GatedTransport) -> tuple[Permit | None, bool]:
         """Count one more connection.
@@ -78,14 +83,6 @@ class Connections:
             except TooMany:
                 continue
         return None, False
-
-    def _proxy(self, host: str) -> bool:
-        """Return True if many visitors may come from an address."""
-        try:
-            address = ip_address(host)
-        except ValueError:
-            return True  # a socket in the file system: a proxy of the same machine
-        return any(address in network for network in self._proxies)
 
 
 def protocol_of(settings: Settings) -> type[H11Protocol]:

@@ -68,6 +68,7 @@ class GatedTransport:
     """A transport that reads only while its protocol wants to and nothing holds it.
 
     Attributes:
+        reading: True while bytes are read.
         close_s: Seconds after ``close`` until the connection is aborted if the peer does not take
             the rest; None for no bound.
     """
@@ -76,7 +77,7 @@ class GatedTransport:
         self._transport = transport
         self._loop = loop
         self._wanted = True
-        self._reading = True
+        self.reading = True
         self._holds: set[str] = set()
         self.close_s: float | None = None
 
@@ -92,11 +93,6 @@ class GatedTransport:
         """Read again on behalf of the protocol, as soon as nothing holds the connection."""
         self._wanted = True
         self._apply()
-
-    @property
-    def reading(self) -> bool:
-        """True while bytes are read."""
-        return self._reading
 
     def hold(self, reason: str) -> None:
         """Stop reading until the reason is released."""
@@ -117,9 +113,9 @@ class GatedTransport:
 
     def _apply(self) -> None:
         reading = self._wanted and not self._holds
-        if reading == self._reading or self._transport.is_closing():
+        if reading == self.reading or self._transport.is_closing():
             return
-        self._reading = reading
+        self.reading = reading
         (self._transport.resume_reading if reading else self._transport.pause_reading)()
 
 

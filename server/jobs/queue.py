@@ -97,10 +97,8 @@ class Queue:
     def claim(self, lane: Lane, worker: str) -> Claim | None:
         """Claim the next job of a lane for a worker; None if none waits."""
         execution = f"{worker}:{secrets.token_hex(6)}"
-        waits, claim = (
-            _waiting(lane),
-            self._claim_movie if lane is Lane.MOVIES else self._claim_fold,
-        )
+        waits = _waiting(lane)
+        claim = self._claim_movie if lane is Lane.MOVIES else self._claim_fold
         while True:
             with self._store.changing() as session:
                 row = session.execute(waits).first()

@@ -68,10 +68,8 @@ async def oembed(
     settings = viewing_of(request).settings
     if settings is None or not settings.embed_origins:
         return JSONResponse({"type": "link", **about})
-    width, height = (
-        max(MIN_FRAME_SIDE_PX, min(maxwidth, FRAME_WIDTH_PX)),
-        max(MIN_FRAME_SIDE_PX, min(maxheight, FRAME_HEIGHT_PX)),
-    )
+    width = max(MIN_FRAME_SIDE_PX, min(maxwidth, FRAME_WIDTH_PX))
+    height = max(MIN_FRAME_SIDE_PX, min(maxheight, FRAME_HEIGHT_PX))
     frame = (
         f'<iframe src="{origin}/embed/{row.id}" title="{escape(row.title)}" width="{width}" '
         f'height="{height}" style="border:0" allow="fullscreen" loading="lazy"></iframe>'

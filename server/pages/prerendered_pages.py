@@ -56,6 +56,5 @@ def _answer(request: Request, template: str, *, listed: bool = False, **values: 
 
 
 @cache
-def _made(base_path: str, template: str, **values: str) -> Asset:
-    del base_path  # only tells pages apart
+def _made(_base_path: str, template: str, **values: str) -> Asset:
     return Asset.of(rendered(template, **values).encode(), "text/html")

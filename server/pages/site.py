@@ -96,9 +96,8 @@ class Site:
         """Return a page made of a template of the service."""
         return rendered(template, **values, site=self, at=partial(self.at, root))
 
-    def films(self, page_name: str) -> Markup:
+    def films(self, _page_name: str) -> Markup:
         """Return the tag of the scripts of the page with the paper's experiments."""
-        del page_name
         return Markup('<script defer src="{}" data-entry="{}"></script>').format(
             self.at("", f"/{SCRIPTS_FILE}"), entry_of(FILMS_SCRIPT)
         )

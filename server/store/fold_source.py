@@ -29,15 +29,15 @@ class Found:
 class FoldSource(Protocol):
     """Source of folds for pages."""
 
-    def find(self, fold_id: str) -> Found | None:
+    def find(self, fold_id: str, /) -> Found | None:
         """Return a fold by its id, and record the access; None if there is none."""
         ...
 
-    def tour(self, fold_id: str) -> dict[str, Any] | None:
+    def tour(self, fold_id: str, /) -> dict[str, Any] | None:
         """Return the tour that is stored with a fold, as plain values; None without one."""
         ...
 
-    def values(self, fold_id: str) -> dict[str, Any] | None:
+    def values(self, fold_id: str, /) -> dict[str, Any] | None:
         """Return the numbers stored with a fold, as plain values; None without any."""
         ...
 

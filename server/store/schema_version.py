@@ -62,11 +62,6 @@ class Schema:
             return self.known
         return () if self.newer else self.known[self.known.index(self.found) + 1 :]
 
-    @property
-    def behind(self) -> int:
-        """The number of missing migrations."""
-        return len(self.missing)
-
     def check(self) -> None:
         """Refuse a database that a newer foldback wrote.
 

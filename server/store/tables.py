@@ -414,7 +414,7 @@ def migrate(engine: sa.Engine) -> None:
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(MIGRATION_LOCK)))
         schema = Schema.of(connection)
         schema.check()
-        if not schema.behind:
+        if not schema.missing:
             return
         if is_read_only(engine):
             words = "the disk is read-only, and the tables on it are missing or too old"

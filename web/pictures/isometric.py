@@ -6,6 +6,7 @@ import math
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator
 from html import escape
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -143,13 +144,10 @@ def _face_path(cell: Cell, axis: int, scale: float, corners: list[Point]) -> str
         place[b] += half * db
         points.append(_project(place))
     corners.extend(points)
-    (x, y), *rest = points
+    x, y = points[0]
     steps = "".join(
-        f"l{_short(c - p)}{_joined(_short(d - q))}"
-        for (p, q), (c, d) in zip(points[:2], rest[:2], strict=True)
+        f"l{_short(c - p)}{_joined(_short(d - q))}" for (p, q), (c, d) in pairwise(points)
     )
-    last = rest[2]
-    steps += f"l{_short(last[0] - rest[1][0])}{_joined(_short(last[1] - rest[1][1]))}"
     return f"M{_short(x)}{_joined(_short(y))}{steps}z"
 
 

@@ -106,6 +106,4 @@ def encode(
 def _countable(values: NDArray[Any], step: float) -> bool:
     """Return True if all values and their differences fit into integer numbers of steps."""
     largest = float(np.abs(values).max(initial=0.0))
-    return bool(
-        largest < MAX_STEP_COUNT * step
-    )  # which nothing is when one of them is not a number
+    return largest < MAX_STEP_COUNT * step  # False if one of them is not a number

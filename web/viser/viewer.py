@@ -227,12 +227,10 @@ class Shown:
                 self._seek(controls.slider.value - 1)
 
         @controls.button.on_click
-        def _(event: viser.GuiEvent[Any]) -> None:
-            del event
+        def _(_event: viser.GuiEvent[Any]) -> None:
             (self.pause if self._playhead.playing else self.play)()
 
-        def draw(event: viser.GuiEvent[Any]) -> None:
-            del event
+        def draw(_event: viser.GuiEvent[Any]) -> None:
             with self._lock:
                 self._draw()
 
