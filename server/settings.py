@@ -158,11 +158,11 @@ class Settings(BaseSettings):
     max_connections: Count = 2000
     """Maximum number of open connections."""
     max_connections_of_visitor: Count = 256
-    """Maximum number of connections that one visitor may have open. A trusted proxy may open all
-    `FOLDBACK_MAX_CONNECTIONS`."""
+    """Maximum number of connections that one visitor may have open. A trusted proxy may open as
+    many as `FOLDBACK_MAX_CONNECTIONS` allows."""
     requests_per_second_of_visitor: PositiveFloat = 100.0
     """Maximum average number of requests per second by one visitor. A visitor may also cause 40
-    times as many protocol events per second, such as chunks or HTTP/2 frames."""
+    times as many protocol events per second, such as chunks or WebSocket frames."""
     requests_at_once_of_visitor: Count = 2000
     """Maximum number of requests that one visitor may send at once after a pause."""
     lists_per_second_of_visitor: PositiveFloat = 5.0
@@ -208,7 +208,7 @@ class Settings(BaseSettings):
     stage_seconds: PositiveFloat = 1800.0
     """Maximum wall-clock time of one stage of a fold."""
     stage_cpu_seconds: PositiveFloat = 3600.0
-    """Maximum CPU time of a fold."""
+    """Maximum processor time of a fold."""
     child_memory_bytes: int = Field(default=2048 * MIB_BYTES, ge=128 * MIB_BYTES)
     """Maximum memory of a fold."""
     niceness: int = Field(default=19, ge=0, le=19)
