@@ -259,7 +259,7 @@ def check_overlap(chain: Chain) -> None:
         raise InputError(
             "overlap",
             f"modules {i} and {j} overlap in the folded configuration: their centres are "
-            f"{distance:.3g} apart, expected at least {closest:.3g} pitches; change the angles "
+            f"{distance:.3g} pitches apart, expected at least {closest:.3g}; change the angles "
             "of the joints between them.",
             where=f"modules {i} and {j}",
         )

@@ -151,7 +151,7 @@ def _check_order(cells: NDArray[np.int64]) -> None:
         index = int(np.argmax(steps != 1))
         raise InputError(
             "not-adjacent",
-            f"cells {index} and {index + 1} are {int(steps[index])} apart; consecutive cells must "
-            "share a face.",
+            f"cells {index} and {index + 1} are {int(steps[index])} steps apart; consecutive cells "
+            "must share a face.",
             where=f"cells {index} and {index + 1}",
         )

@@ -210,8 +210,8 @@ class _Scene:
                 if uri is not None and not str(uri).startswith("data:"):
                     raise InputError(
                         "outside-reference",
-                        f"the scene refers to {quote(str(uri))!r} outside the file; export the "
-                        "scene as one file (GLB).",
+                        f"the scene refers to {quote(str(uri))!r}, which is not in the file; "
+                        "export the scene as one file (GLB).",
                         where=f"{key}[{index}]",
                     )
         self._buffers = [

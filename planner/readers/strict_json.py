@@ -102,7 +102,7 @@ def refuse_unread_keys(document: dict[str, Any], known: Collection[str]) -> None
         if key not in known and KEYS_OF_FORM.match(key.casefold()):
             raise InputError(
                 "unknown-key",
-                f"got the key {quote(key)!r}, which is unknown, expected {', '.join(known)}; "
+                f"got the unknown key {quote(key)!r}, expected one of: {', '.join(known)}; "
                 "convert the values, or remove the key.",
                 where=quote(key),
             )

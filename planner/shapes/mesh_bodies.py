@@ -183,7 +183,7 @@ def _notes(changed: Ints, *, bodies: int, triangles: int, sheets: int) -> list[s
         notes.append(f"{sheets} {which} no volume {'was' if sheets == 1 else 'were'} ignored.")
     if triangles:
         word = "triangle was" if triangles == 1 else "triangles were"
-        notes.append(f"{triangles} {word} flipped to match the neighbours.")
+        notes.append(f"{triangles} {word} flipped to match neighbouring triangles.")
     outwards, inwards = (int((changed == sign).sum()) for sign in (1, -1))
     if outwards and outwards + inwards == bodies:
         notes.append("the mesh was inside out and was corrected.")

@@ -234,9 +234,9 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
         closed = closed_holes(points, corners, edges)
         # A triangle without area that was left out leaves a hole without area.
         if closed.holes and closed.share > MIN_NOTED_HOLE_SHARE:
-            word = "hole was" if closed.holes == 1 else "holes were"
+            word, verb = ("hole was", "is") if closed.holes == 1 else ("holes were", "are")
             share = (
-                f", which are {100 * closed.share:.0f} % of the surface"
+                f", which {verb} {100 * closed.share:.0f} % of the surface"
                 if closed.share > 0.05
                 else ""
             )

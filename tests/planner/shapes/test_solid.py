@@ -42,7 +42,7 @@ def test_triangles_are_turned_outwards() -> None:
     faces = FACES.copy()
     faces[2] = faces[2, ::-1]
     for turned, note in (
-        (faces, "1 triangle was flipped to match the neighbours."),
+        (faces, "1 triangle was flipped to match neighbouring triangles."),
         (FACES[:, ::-1], "inside out"),
     ):
         solid = Solid.from_triangles(TETRAHEDRON, turned)
