@@ -32,8 +32,8 @@ Settings = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="A setting, e.g. mass_error=0.05, damping=0.05 (paper) or table_friction=0.1 (table); "
-        "repeatable. `foldback settings` lists them.",
+        help="A setting, e.g. mass_error=0.05, damping=0.05 (with --preset paper) or "
+        "table_friction=0.1 (with --world table); repeatable. `foldback settings` lists them.",
     ),
 ]
 Robot = Annotated[

@@ -106,9 +106,9 @@ class FoldRequest(PathOptions):
         "",
         Option(
             title="Settings",
-            help="Settings to change in the presets `paper` and `direct`, for example "
-            "`damping=0.05,radial_gain=0.2`. Available settings: "
-            f"{names_with_units(SETTINGS)}.",
+            help="Settings to change, for example `damping=0.05,radial_gain=0.2`. Settings of the "
+            f"presets `paper` and `direct`: {names_with_units(SETTINGS)}. The command `foldback "
+            "settings` lists all settings.",
             max_chars=MAX_TEXT_CHARS,
         ),
     )
@@ -130,7 +130,7 @@ class FoldRequest(PathOptions):
             title="Explosion strategy",
             help="How the chain is released: all modules at once (`simultaneous`), rigid blocks "
             "first (`blocks`), or one part at a time from the far end (`peel`). For long chains, "
-            "`auto` uses `peel`. `one-by-one`, a baseline, bends one joint at a time.",
+            "`auto` uses `peel`. `one-by-one`, a baseline, straightens one joint at a time.",
             choices=STRATEGY_CHOICES,
         ),
     )
