@@ -74,15 +74,15 @@ def ranked_strategies(
     if not possible:
         raise InputError(
             "unsuited-world",
-            f"got a chain of {chain.module.name}s for a fold on a table, expected cubes that fill "
-            "the cells of a lattice; use the 'floating' world.",
+            f"got a chain of the module type {chain.module.name} for a fold on a table, expected "
+            "cubes that fill the cells of a lattice; use the 'floating' world.",
         )
     if wished == AUTO:
         return tuple(name for name in _preferred(chain) if name in possible) or possible[:1]
     if wished not in possible:
         raise InputError(
             "strategy-differs",
-            f"got the strategy {wished} for {chain.module.name}s with the preset "
+            f"got the strategy {wished} for the module type {chain.module.name} with the preset "
             f"{parameters.preset}{' and a refold' if refolds else ''}, expected one of: auto, "
             f"{', '.join(possible)}.",
         )

@@ -79,7 +79,7 @@ class PaperExplosionParameters:
         Setting(
             name="friction",
             label="Friction",
-            help="Coulomb friction between modules.",
+            help="Coefficient of Coulomb friction between modules.",
             group="published",
             rank=4,
             source="published",

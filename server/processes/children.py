@@ -352,8 +352,8 @@ class Child:
         if code == -signal.SIGXCPU:
             return ChildError(
                 "cpu-limit",
-                f"the fold used more than {self._limits.cpu_s:g} s of processor time, its "
-                "limit; try a smaller shape.",
+                f"the fold exceeded its limit of {self._limits.cpu_s:g} s of processor time; try "
+                "a smaller shape.",
             )
         if code < 0:
             name = signal.Signals(-code).name
@@ -367,7 +367,7 @@ def _too_slow(task: str, wall_s: float, *, slowed: bool) -> ChildError:
         return ChildError(BUSY, "the machine is too busy; try again in a minute.")
     return ChildError(
         "time-limit",
-        f"the stage '{task}' took longer than {wall_s:g} s, its limit; try a smaller shape.",
+        f"the stage '{task}' exceeded its limit of {wall_s:g} s; try a smaller shape.",
     )
 
 

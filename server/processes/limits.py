@@ -96,6 +96,5 @@ def keep_secrets() -> None:
 def memory_words(limit_bytes: int) -> str:
     """Return the message for a fold that would exceed its memory."""
     return (
-        f"the fold needs more than {limit_bytes // 2**20} MiB of memory, its limit; try a smaller "
-        "shape."
+        f"the fold exceeded its limit of {limit_bytes // 2**20} MiB of memory; try a smaller shape."
     )

@@ -117,7 +117,7 @@ def test_child_answers_repeatedly_until_it_hangs(child: Child, directory: Path) 
         found = child.call("check", directory, wall_s=60)
         assert found == {"name": "snake", "module": "cube", "modules": 16}
     os.kill(child.pid, signal.SIGSTOP)
-    with refused("time-limit", match="longer than", kind=ChildError):
+    with refused("time-limit", match="exceeded its limit", kind=ChildError):
         child.call("check", directory, wall_s=0.1)
     assert not child.alive
     with pytest.raises(ChildError, match="SIGKILL"):
