@@ -34,7 +34,7 @@ STRATEGY_CHOICES: Final[Choices] = {
     "simultaneous": Choice(label="All at once"),
     "blocks": Choice(label="Blocks first"),
     "peel": Choice(label="One part at a time, from the far end"),
-    BASELINE: Choice(label="One joint at a time (a baseline)"),
+    BASELINE: Choice(label="One joint at a time (for comparison)"),
 }
 """Explosion strategies, see ``planner.explosion.strategies``; ``auto`` chooses one of the others by
 size and path."""

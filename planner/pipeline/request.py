@@ -130,7 +130,8 @@ class FoldRequest(PathOptions):
             title="Explosion strategy",
             help="How the chain is released: all modules at once (`simultaneous`), rigid blocks "
             "first (`blocks`), or one part at a time from the far end (`peel`). For long chains, "
-            "`auto` uses `peel`. `one-by-one`, a baseline, straightens one joint at a time.",
+            "`auto` uses `peel`. For comparison, `one-by-one` straightens one joint at a "
+            "time.",
             choices=STRATEGY_CHOICES,
         ),
     )
