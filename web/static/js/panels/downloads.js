@@ -177,7 +177,7 @@ function robotForm(api) {
     try {
       /** @type {import("./motor_words.js").MotorsTold} */
       const told = await ask(`${api}/motors?${new URLSearchParams(asked)}`);
-      const table = file({ label: "Torque table, CSV", hint: "Peak and RMS torque of each joint", href: `${api}/motors?${new URLSearchParams({ ...asked, format: "csv" })}` });
+      const table = file({ label: "Torque table, CSV", hint: "Peak and root-mean-square torque of each joint", href: `${api}/motors?${new URLSearchParams({ ...asked, format: "csv" })}` });
       verdict.replaceChildren(motorWords(told));
       links.querySelector("[data-table]")?.remove();
       table.dataset.table = "";
