@@ -100,7 +100,7 @@ test("numbers are read from files in many formats", () => {
 });
 
 const REFUSED = [
-  ["1\n2\n3", /This file has 3 rows with 1 number each. This fold needs 4 numbers, one for each module, or 3 rows of 4,/],
+  ["1\n2\n3", /This file has 3 rows with 1 number each. This fold needs 4 numbers, one for each module, or 3 rows of 4 numbers,/],
   ["1,2,3,4\n5,6,7", /Line 2: this line has 3 values, but the lines before it have 4/],
   ["1\n2\nthree\n4", /Line 3: "three" is not a number/],
   ["1,1\n9,2", /Line 2: there is no module 9. Module numbers go from 1 to 4/],

@@ -93,7 +93,7 @@ export class OwnPanel {
 
   say() {
     const { own, kept, token, player: { timeline: { chain, total, growing } } } = this;
-    const rows = growing ? "" : `, or ${total} rows with ${chain.modules} each, one for each frame`;
+    const rows = growing ? "" : `, or ${total} rows of ${chain.modules} numbers, one row for each frame`;
     const more = own && own.rows > 1 ? `${own.rows} rows with ${chain.modules} numbers each` : `${chain.modules} numbers`;
     const where = kept ? "Everyone with a link to this fold can see them." : "They stay in this browser.";
     const fewer = own && token && keptRows(own) < own.rows ? ` Only ${keptRows(own)} of these rows, evenly spaced, can be saved with the fold.` : "";

@@ -119,7 +119,7 @@ function arranged(cells, { modules, frames }) {
     if (wide === modules && (found.length === 1 || found.length === frames)) return found;
     if (found.length === modules && wide === frames) return Array.from({ length: frames }, (_, frame) => found.map((row) => row[frame]));
   }
-  const each = frames ? `, or ${frames} rows of ${modules}, one row for each frame` : "";
+  const each = frames ? `, or ${frames} rows of ${modules} numbers, one row for each frame` : "";
   throw new Error(`This file has ${rows.length} ${rows.length === 1 ? "row" : "rows"} with ${width} ${width === 1 ? "number" : "numbers"} each. This fold needs ${modules} numbers, one for each module${each}. Check that the file belongs to this fold.`);
 }
 

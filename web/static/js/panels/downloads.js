@@ -188,6 +188,6 @@ function robotForm(api) {
   };
   const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${api}/play`;
   return element("div", {}, form, verdict, links,
-    element("p", { class: "hint" }, "This WebSocket sends joint targets in real time. It pauses if the robot falls behind:"),
+    element("p", { class: "hint" }, "This WebSocket sends joint targets in real time, and pauses if the robot falls behind:"),
     element("p", {}, element("code", { class: "address" }, address)));
 }
