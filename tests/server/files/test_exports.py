@@ -94,7 +94,7 @@ def test_few_files_are_made_at_once_and_each_once(store: Store) -> None:
         shop, names = Artifacts(store), list(range(MAX_PENDING_FILES))
 
         def made_by(name: object) -> Coroutine[Any, Any, object]:
-            return shop.get_or_make(name, lambda: slow(name))
+            return shop.flight.get_or_make(name, lambda: slow(name))
 
         tasks = [asyncio.create_task(made_by(name)) for name in names * 3]
         while len(made) < FILES_AT_ONCE:
@@ -212,7 +212,7 @@ def test_failed_file_is_made_again(store: Store, small_fold: FoldRow) -> None:
         shop = Artifacts(store)
         for _ in range(FILES_AT_ONCE + MAX_PENDING_FILES):
             with pytest.raises(ZeroDivisionError):
-                await shop.get_or_make("key", lambda: 1 // 0)
-        assert await shop.get_or_make("key", lambda: 1) == 1
+                await shop.flight.get_or_make("key", lambda: 1 // 0)
+        assert await shop.flight.get_or_make("key", lambda: 1) == 1
 
     asyncio.run(ask())

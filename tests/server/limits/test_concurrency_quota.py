@@ -67,20 +67,22 @@ def test_visitor_cannot_take_all_making_of_artifacts(store: Store) -> None:
         def make() -> bool:
             return go_on.wait(30.0)
 
-        tasks = [asyncio.create_task(shop.get_or_make(k, make, visitor="a")) for k in range(2)]
+        tasks = [
+            asyncio.create_task(shop.flight.get_or_make(k, make, visitor="a")) for k in range(2)
+        ]
         await asyncio.sleep(0)
         with pytest.raises(TooMany) as refused:
-            await shop.get_or_make(2, make, visitor="a")
+            await shop.flight.get_or_make(2, make, visitor="a")
         assert refused.value.retry_after_s == 3
         # Waiting for a running computation costs no slot.
-        tasks.append(asyncio.create_task(shop.get_or_make(0, make, visitor="a")))
-        tasks.append(asyncio.create_task(shop.get_or_make(3, make, visitor="b")))
+        tasks.append(asyncio.create_task(shop.flight.get_or_make(0, make, visitor="a")))
+        tasks.append(asyncio.create_task(shop.flight.get_or_make(3, make, visitor="b")))
         await asyncio.sleep(0)
         with pytest.raises(Unavailable):
-            await shop.get_or_make(4, make, visitor="c")
+            await shop.flight.get_or_make(4, make, visitor="c")
         go_on.set()
         assert all(await asyncio.gather(*tasks))
-        assert await shop.get_or_make(5, make, visitor="a")
+        assert await shop.flight.get_or_make(5, make, visitor="a")
         shop.close()
 
     asyncio.run(ask())
