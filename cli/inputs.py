@@ -69,7 +69,7 @@ def read_plan(directory: Path) -> Plan:
     if not path.is_file():
         raise InputError(
             "no-plan",
-            "got a folder without plan.npz, expected one that `foldback fold` wrote.",
+            "got a folder without plan.npz, expected a folder that `foldback fold` wrote.",
             where=str(directory),
         )
     return Plan.load(path)

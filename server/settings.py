@@ -183,12 +183,12 @@ class Settings(BaseSettings):
     files_waiting: Count = 8
     """Maximum number of exports and pictures that wait or are being created."""
     files_waiting_of_visitor: Count = 3
-    """Maximum number of exports and pictures for one visitor that wait or are being created."""
+    """Maximum number of one visitor's exports and pictures that wait or are being created."""
     answers_waiting: Count = 12
     """Maximum number of large responses (frames, trajectories, motors) that wait or are being
     prepared."""
     answers_waiting_of_visitor: Count = 4
-    """Maximum number of large responses to one visitor that wait or are being prepared."""
+    """Maximum number of one visitor's large responses that wait or are being prepared."""
     previews_waiting: Count = 8
     """Maximum number of waiting previews."""
     previews_waiting_of_visitor: Count = 3

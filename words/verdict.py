@@ -26,7 +26,7 @@ UNIT_AFTER_NUMBER: Final = re.compile(r"(?<=\d) (?=%|modules?\b)")
 """Matches spaces in a verdict at which browsers must not break the line."""
 VIEW_FILES: Final = (
     ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
-    ("recording.viser", "Recording", ".viser: for the viser client"),
+    ("recording.viser", "Recording", ".viser: plays in the 3D viewer viser"),
 )
 """Files that show a fold's motion: name, label and hint."""
 

@@ -113,8 +113,8 @@ class Cubes:
             ways.append(f"use the option 'repair' ({state.repairs[0].detail})")
         if not any(problem.code == "disconnected" for problem in state.problems):
             ways.append(
-                "use the method 'blocks', which splits each cell into 2×2×2 modules and always has "
-                "a path"
+                "use the method 'blocks', which splits each cell into 2×2×2 modules, so that "
+                "there is always a path"
             )
         raise InputError(
             "no-path",

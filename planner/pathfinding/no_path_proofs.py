@@ -132,8 +132,8 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
     if uneven:
         yield Problem(
             code="parity",
-            detail="a part that is connected by a single cell has too many cells of one "
-            "chessboard colour, but a path through this part alternates between the colours.",
+            detail="a part is connected to the rest by a single cell. Coloured like a chessboard, "
+            "it has too many cells of one colour; a path alternates between the two colours.",
             cells=tuples(cells[sorted(cell for cell, _ in uneven)]),
             amount=max(amount for _, amount in uneven),
         )

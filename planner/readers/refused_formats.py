@@ -68,7 +68,7 @@ def unknown_kind(text: str, expected: str) -> InputError:
     """Return the refusal of text that no reader recognises."""
     start = text.strip()[:200]
     return wrong_kind(
-        f"this looks like text in an unknown format that begins with {quote(start)!r}", expected
+        f"this looks like text in an unknown format (it begins with {quote(start)!r})", expected
     )
 
 

@@ -111,7 +111,9 @@ def refuse_prose(text: str, expected: str) -> None:
     """
     words = WORD_SEPARATOR.split(text.strip()[:TEXT_PROBE_SIZE])
     if not any(is_number(word) for word in words):
-        raise wrong_kind(f"this looks like text that begins with {quote(text.strip())!r}", expected)
+        raise wrong_kind(
+            f"this looks like plain text (it begins with {quote(text.strip())!r})", expected
+        )
 
 
 def coordinate(field: str, axis: str, line: int) -> float:

@@ -129,7 +129,7 @@ def _chunks(data: bytes) -> _File:
     else:
         raise InputError("too-large", f"got more than {MAX_CHUNKS} chunks.")
     if len(content.sizes) != len(content.models):
-        raise _damaged("its models and their sizes do not match")
+        raise _damaged(f"it has {len(content.models)} models but {len(content.sizes)} sizes")
     return content
 
 

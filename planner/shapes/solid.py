@@ -273,8 +273,8 @@ def _outside_out(solid: Solid, said: list[str]) -> Solid:
     if oriented.volume <= MIN_FILLED_SHARE * float(np.prod(solid.extents)):
         raise InputError(
             "no-volume",
-            "got a closed mesh that encloses no volume, because its walls lie on each other or "
-            "cancel out, expected a solid.",
+            "got a closed mesh without volume, expected a solid; its walls lie on each other, or "
+            "its parts cancel each other out.",
         )
     said += oriented.notes
     return replace(solid, faces=oriented.faces, oriented=True)

@@ -130,14 +130,16 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
             "use more modules to keep it."
         )
     if iou < POOR_IOU and kept < MIN_PRESERVED_SHARE:
-        notes.append(f"only {100 * kept:.0f} % of the shape is preserved; use more modules.")
+        notes.append(
+            f"only {100 * kept:.0f} % of the volume is left in the cells; use more modules."
+        )
     elif iou < POOR_IOU:
         notes.append(
             f"the shape is thinner than the cells, which match only {100 * iou:.0f} % of it; "
             "use more modules."
         )
     if better:
-        notes.append("the next smaller number of modules preserves more of the shape.")
+        notes.append("the next smaller number of modules keeps more of the shape.")
     return notes
 
 

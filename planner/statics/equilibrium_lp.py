@@ -83,7 +83,7 @@ class Program:
         if (status := self._highs.getModelStatus()) != OPTIMAL:
             raise PlannerError(
                 f"got the solver status {self._highs.modelStatusToString(status)}, expected an "
-                "optimum; please report the configuration."
+                "optimum; please report this error together with the plan."
             )
 
     def _pass(self, matrix: Columns, weight: Array, hinges: int, most: float) -> None:

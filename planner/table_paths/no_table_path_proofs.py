@@ -131,7 +131,7 @@ def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPat
         )
         if free.status == "found":
             return None, _hairpins_only(
-                side, "every path that starts flat on the floor, even one that goes down,"
+                side, "every path that starts flat on the floor, whether it only climbs or not,"
             )
     return None, None
 
@@ -196,7 +196,7 @@ def _tipping(side: Side, margin: float, what: str, cells: Ints) -> NoPath:
         "outside its base."
         if margin < 0
         else f"{what} would almost tip over: its centre of mass is {margin:.2g} module widths "
-        f"inside the rim of its base, but must be at least {MIN_BALANCE_MARGIN_PITCH:g} inside."
+        f"inside the edge of its base, but must be at least {MIN_BALANCE_MARGIN_PITCH:g} inside."
     )
     return _no_path(side, "not-stable", detail, tuples(cells), remedy=LAY)
 

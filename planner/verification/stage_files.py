@@ -159,7 +159,7 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
     far = np.abs(angles - frames.joint_angles_rad[held]).max(axis=1)
     near = far <= FRAME_SPACING_RAD + PLAN_STEP_RAD
     if not near.all():
-        yield f"{name}[{int(np.argmax(~near))}]: it differs from its frame"
+        yield f"{name}[{int(np.argmax(~near))}]: it differs from the frame of the record"
 
 
 def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:

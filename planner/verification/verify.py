@@ -326,8 +326,8 @@ def _check_manifest(directory: FilePath, found: _Findings, *, earlier: bool) -> 
         )
     else:
         found.look(
-            "every field of every file matches its digest in manifest.json, which is the only "
-            "check of figures.zarr (plots)",
+            "every field of every file matches its digest in manifest.json (figures.zarr, the "
+            "plots, is checked in no other way)",
             (f"{field}: it was changed" for field in changed),
         )
 
@@ -346,8 +346,7 @@ class _Findings:
         self.problems += [f"failed: {difference}" for difference in told[:MAX_DIFFERENCES]]
         if len(told) > MAX_DIFFERENCES:
             self.problems.append(
-                f"failed: … and {len(told) - MAX_DIFFERENCES} more differences where this was "
-                f"checked: {at}"
+                f"failed: … and {len(told) - MAX_DIFFERENCES} more differences in this check: {at}"
             )
 
 

@@ -58,7 +58,7 @@ def _next_scripts() -> list[str]:
 async def drawing_of_preview(
     request: Request, preview_id: str, key: str = "", repair: bool = False
 ) -> Response:
-    """Return a drawing of a preview with the options of ``key``, without any text from users."""
+    """Return the drawing of a preview for the options of ``key``, without any text from users."""
     previews = context_of(request).previews
     svg = await asyncio.to_thread(_drawing, previews, preview_id, key, repair=repair)
     return drawing(svg or "", SCENE_CACHE_CONTROL)
