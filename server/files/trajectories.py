@@ -260,11 +260,9 @@ class Trajectories:
                 request = {**wanted.request(), "rate_hz": rate_hz}
                 return self._call("clearance", place, wanted, request)
 
-        key = (wanted, rate_hz)
-        told = self._clearances.get(key)
-        if told is None:
-            told = await self._flight.get_or_make(key, made, visitor=visitor)
-            self._clearances.keep(key, told)
+        told = await self._flight.get_or_make(
+            (wanted, rate_hz), made, visitor=visitor, cache=self._clearances
+        )
         if told["overlap"]:
             enough = told["sufficient_rate_hz"]
             advice = f"use rate={enough:g}" if enough else "request a higher rate, or no rate"
