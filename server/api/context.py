@@ -53,7 +53,7 @@ class Context(Viewing):
 
     settings: Settings
     store: Store
-    fork_server: ForkServer | None
+    fork_server: ForkServer
     reader: Reader
     previews: Previews
     preview_reports: PreviewReports
@@ -77,19 +77,18 @@ class Context(Viewing):
     secret: bytes
 
     @classmethod
-    def open(cls, settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Context:
+    def open(cls, settings: Settings, metrics: Metrics) -> Context:
         """Open all that the application needs.
 
         Args:
             settings: The settings.
             metrics: Counters of the web process.
-            shared: Fork server that forks for other applications, too; its own if None.
         """
         store = Store(settings)
         previews = Previews(settings, store)
         leases = Leases.of(settings, store)
         awaited = ChildLimits.of(settings, awaited=True)
-        fork_server = shared or ForkServer.where_possible(
+        fork_server = ForkServer(
             ["reader", "preparer", "retimer"],
             warm=settings.prewarm and not settings.read_only,
             directory=settings.root,
@@ -139,19 +138,15 @@ class Context(Viewing):
             secret=store.secret("visitors", secrets.token_bytes(32)),
         )
 
-    def close(self, *, shared: bool) -> None:
-        """Close what has been opened, first what uses the rest.
-
-        Args:
-            shared: True if the fork server goes on for other applications.
-        """
+    def close(self) -> None:
+        """Close what has been opened, first what uses the rest."""
         for part in (
             self.reader,
             self.preview_reports,
             self.previews,
             self.trajectories,
             self.pictures,
-            None if shared else self.fork_server,
+            self.fork_server,
             self.artifacts,
             self.answers,
             self.waits,
@@ -160,8 +155,7 @@ class Context(Viewing):
             self.store,
             self.uploads,
         ):
-            if part is not None:
-                part.close()
+            part.close()
 
     def take_list(self, request: Request) -> None:
         """Count one list that a visitor asks for.
@@ -209,7 +203,7 @@ def _quota(what: str, total: int, per_visitor: int) -> Quota:
 
 
 def _trajectories(
-    settings: Settings, awaited: ChildLimits, motions: Scratch, fork_server: ForkServer | None
+    settings: Settings, awaited: ChildLimits, motions: Scratch, fork_server: ForkServer
 ) -> Trajectories:
     return Trajectories(
         Pool(
@@ -235,12 +229,12 @@ def _pictures(settings: Settings, awaited: ChildLimits, motions: Scratch) -> Pic
     return Pictures(pool, motions)
 
 
-def _reader(settings: Settings, awaited: ChildLimits, fork_server: ForkServer | None) -> Reader:
+def _reader(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Reader:
     pool = Pool("reader", awaited, wall_s=settings.read_seconds, fork_server=fork_server)
     return _bounded(pool, "uploads", settings.max_uploads, settings.max_uploads_of_visitor)
 
 
-def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer | None) -> Reader:
+def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Reader:
     pool = Pool("preparer", awaited, wall_s=settings.preview_seconds, fork_server=fork_server)
     total, per_visitor = settings.previews_waiting, settings.previews_waiting_of_visitor
     return _bounded(pool, "previews", total, per_visitor)
