@@ -31,7 +31,7 @@ from server.limits.robot_rates import robot_rates
 from server.limits.single_flight import SingleFlight
 from server.limits.token_buckets import SharedBuckets, TokenBuckets
 from server.ops.metrics import Metrics
-from server.processes.children import Pool, Reader
+from server.processes.children import Pool
 from server.processes.fork_server import ForkServer
 from server.processes.limits import READER_PROCESSES, ChildLimits
 from server.processes.scratch import Scratch
@@ -54,7 +54,7 @@ class Context(Viewing):
     settings: Settings
     store: Store
     fork_server: ForkServer
-    reader: Reader
+    reader: Pool
     previews: Previews
     preview_reports: PreviewReports
     preview_scenes: PreviewScenes
@@ -93,6 +93,22 @@ class Context(Viewing):
             warm=settings.prewarm and not settings.read_only,
             directory=settings.root,
         )
+        reader = Pool(
+            "reader",
+            awaited,
+            wall_s=settings.read_seconds,
+            fork_server=fork_server,
+            quota=_turns("uploads", settings.max_uploads, settings.max_uploads_of_visitor),
+        )
+        preparer = Pool(
+            "preparer",
+            awaited,
+            wall_s=settings.preview_seconds,
+            fork_server=fork_server,
+            quota=_turns(
+                "previews", settings.previews_waiting, settings.previews_waiting_of_visitor
+            ),
+        )
         motions = Scratch(settings.motions_dir)
         motions.sweep()
         estimates = Estimates(store)
@@ -120,11 +136,9 @@ class Context(Viewing):
             ),
             uploads=Uploads(settings),
             fork_server=fork_server,
-            reader=_reader(settings, awaited, fork_server),
+            reader=reader,
             previews=previews,
-            preview_reports=PreviewReports(
-                settings, previews, _preparer(settings, awaited, fork_server)
-            ),
+            preview_reports=PreviewReports(settings, previews, preparer),
             preview_scenes=PreviewScenes(previews),
             artifacts=_artifacts(settings, store),
             pictures=_pictures(settings, awaited, motions),
@@ -229,19 +243,9 @@ def _pictures(settings: Settings, awaited: ChildLimits, motions: Scratch) -> Pic
     return Pictures(pool, motions)
 
 
-def _reader(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Reader:
-    pool = Pool("reader", awaited, wall_s=settings.read_seconds, fork_server=fork_server)
-    return _bounded(pool, "uploads", settings.max_uploads, settings.max_uploads_of_visitor)
-
-
-def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Reader:
-    pool = Pool("preparer", awaited, wall_s=settings.preview_seconds, fork_server=fork_server)
-    total, per_visitor = settings.previews_waiting, settings.previews_waiting_of_visitor
-    return _bounded(pool, "previews", total, per_visitor)
-
-
-def _bounded(pool: Pool, what: str, total: int, per_visitor: int) -> Reader:
-    quota = Quota(
+def _turns(what: str, total: int, per_visitor: int) -> Quota:
+    """Return the turns in which visitors use the children that read uploads."""
+    return Quota(
         what,
         at_once=READER_PROCESSES,
         at_once_per_visitor=1,
@@ -249,4 +253,3 @@ def _bounded(pool: Pool, what: str, total: int, per_visitor: int) -> Reader:
         per_visitor=per_visitor,
         timeout_s=UPLOAD_QUEUE_TIMEOUT_S,
     )
-    return Reader(pool, quota)
