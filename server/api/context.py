@@ -18,7 +18,6 @@ from server.errors import TooMany
 from server.files.artifacts import Artifacts
 from server.files.pictures import Pictures
 from server.files.preview_reports import PreviewReports
-from server.files.preview_scenes import PreviewScenes
 from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
 from server.http.client_address import address_of
@@ -57,7 +56,6 @@ class Context(Viewing):
     reader: Pool
     previews: Previews
     preview_reports: PreviewReports
-    preview_scenes: PreviewScenes
     pictures: Pictures
     movies: Movies
     gallery: Gallery
@@ -139,7 +137,6 @@ class Context(Viewing):
             reader=reader,
             previews=previews,
             preview_reports=PreviewReports(settings, previews, preparer),
-            preview_scenes=PreviewScenes(previews),
             artifacts=_artifacts(settings, store),
             pictures=_pictures(settings, awaited, motions),
             movies=Movies(settings, store),
@@ -165,7 +162,6 @@ class Context(Viewing):
             self.answers,
             self.waits,
             self.fold_states,
-            self.preview_scenes,
             self.store,
             self.uploads,
         ):
