@@ -201,7 +201,6 @@ def _artifacts(settings: Settings, store: Store) -> Artifacts:
     return Artifacts(
         store,
         # With a storage they are among the copies, which have a bound of their own.
-        on_stored=store.add_derived if store.folders.storage is None else None,
         min_free_disk_bytes=settings.min_free_disk_bytes,
         total=settings.files_waiting,
         per_visitor=settings.files_waiting_of_visitor,
