@@ -128,8 +128,6 @@ class Movies:
         Raises:
             NoSuchMovieError: When there is no such movie.
         """
-        if not (movie_id.isascii() and movie_id.isalnum() and len(movie_id) <= 32):
-            raise NoSuchMovieError(movie_id)
         row = self._store.get(MovieRow, (fold_id, movie_id))
         if row is None:
             raise NoSuchMovieError(movie_id)
