@@ -62,13 +62,9 @@ class PreviewScenes:
             raise NoSuchPreviewError(preview_id)
         place = await asyncio.to_thread(self._previews.place, preview_id, key)
         name = place / OFFERS_FILE if repair else place
-        if (known := self._cache.get(name)) is not None:
-            return known
-        made = await self._flight.get_or_make(
-            name, lambda: _made(place, repair=repair), visitor=visitor
+        return await self._flight.get_or_make(
+            name, lambda: _made(place, repair=repair), visitor=visitor, cache=self._cache
         )
-        self._cache.keep(name, made)
-        return made
 
 
 def _made(place: Path, *, repair: bool) -> bytes:

@@ -13,7 +13,6 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -31,6 +30,7 @@ from planner.motion.timeline import Timeline
 from web.palette import error_scale, module_errors
 from web.pictures.camera import modules_framed, straight_stretch
 from web.pictures.table_top import TableTop
+from web.timeline.cache import Cache
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -103,8 +103,7 @@ class TimelineView:
     def _begin(self) -> None:
         stamp = self._stamp_now()  # first: what is written from now on is seen to be newer
         self._timeline, self._stamp = Timeline.open(self.path), stamp
-        self._chunks: OrderedDict[int, Motion] = OrderedDict()
-        self._bytes = 0
+        self._chunks: Cache[Motion] = Cache(MAX_CHUNK_CACHE_BYTES, _bytes)
         self._table: TableTop | None = None
         self._refreshed = time.monotonic()
         self._summarised = 0
@@ -132,7 +131,7 @@ class TimelineView:
     def nbytes(self) -> int:
         """Bytes that it holds, about."""
         summary = self._phase.nbytes + self._time_s.nbytes + self._max_error.nbytes
-        return VIEW_OVERHEAD_BYTES + summary + self._bytes
+        return VIEW_OVERHEAD_BYTES + summary + self._chunks.nbytes
 
     @property
     def chain(self) -> Chain:
@@ -315,7 +314,6 @@ class TimelineView:
         self._time_s = np.concatenate([self._time_s, time_s])
         self._max_error = np.concatenate([self._max_error, largest])
         self._summarised = stop
-        self._forget(start // self._rows)
 
     @property
     def _rows(self) -> int:
@@ -349,23 +347,15 @@ class TimelineView:
         return motion.anchor_position[k], motion.anchor_wxyz[k]
 
     def _chunk(self, index: int) -> Motion:
-        found = self._chunks.get(index)
-        if found is not None:
-            self._chunks.move_to_end(index)
-            return found
+        """Return frames as the motion has them, from ``index * rows`` on."""
         start = index * self._rows
-        with self.reading():
-            chunk = self._timeline.motion(start, min(start + self._rows, self._summarised))
-        self._chunks[index] = chunk
-        self._bytes += _bytes(chunk)
-        while self._bytes > MAX_CHUNK_CACHE_BYTES and len(self._chunks) > 2:
-            _, old = self._chunks.popitem(last=False)
-            self._bytes -= _bytes(old)
-        return chunk
+        stop = min(start + self._rows, self._summarised)  # the last chunk grows
 
-    def _forget(self, first: int) -> None:
-        for index in [k for k in self._chunks if k >= first]:
-            self._bytes -= _bytes(self._chunks.pop(index))
+        def read() -> Motion:
+            with self.reading():
+                return self._timeline.motion(start, stop)
+
+        return self._chunks.get_or_make((start, stop), read)
 
 
 def _bytes(motion: Motion) -> int:
