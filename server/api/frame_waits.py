@@ -1,15 +1,17 @@
 """Frame waits: requests that wait until a growing timeline has more frames.
 
-One thread looks at the timelines of all waiting requests, one after the other. A request that
-waits holds no thread, only a permit of the quota of its visitor and its networks.
+One thread looks once at each timeline, however many requests wait for it: a look per request would
+occupy the event loop when hundreds of visitors watch a fold. A request that waits holds no thread,
+only a permit of the quota of its visitor and its networks.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Generator
+from collections.abc import Collection, Generator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from typing import Final
 
 from planner.errors import TimelineError
@@ -32,8 +34,20 @@ further ones are refused with 429. A larger value lets one visitor occupy more o
 Chosen."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Wait:
+    timeline: TimelineView
+    start: int
+    over: asyncio.Event
+
+    @property
+    def served(self) -> bool:
+        """True once the awaited frame is there or will never come."""
+        return self.start < len(self.timeline) or not self.timeline.growing
+
+
 class FrameWaits:
-    """Requests that wait for frames, and the thread that looks for these.
+    """Waiting requests for frames, and the poll that ends their waits. For one event loop.
 
     Args:
         total: Maximum number of requests that wait at once.
@@ -45,9 +59,13 @@ class FrameWaits:
             "frame waits", total=total, per_visitor=per_visitor, refuse=_too_many_waits
         )
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="frame-waits")
+        self._waits: set[_Wait] = set()
+        self._looking: asyncio.Task[None] | None = None
 
     def close(self) -> None:
-        """End the thread."""
+        """End the looks."""
+        if self._looking is not None:
+            self._looking.cancel()
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     @contextmanager
@@ -67,16 +85,37 @@ class FrameWaits:
     async def until(
         self, timeline: TimelineView, start: int, over: asyncio.Event, *, timeout_s: float
     ) -> None:
-        """Wait until a timeline has a frame, is complete, ``over`` is set, or the time is up.
+        """Wait until a timeline has a frame, is complete, ``over`` is set, or the time is up."""
+        wait = _Wait(timeline, start, over)
+        self._waits.add(wait)
+        if self._looking is None or self._looking.done():
+            self._looking = asyncio.create_task(self._look())
+        try:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(over.wait(), timeout_s)
+        finally:
+            self._waits.discard(wait)
 
-        A timeline that cannot be read ends the wait.
-        """
+    async def _look(self) -> None:
         loop = asyncio.get_running_loop()
-        with suppress(TimeoutError, TimelineError, OSError, ValueError):
-            async with asyncio.timeout(timeout_s):
-                while start >= len(timeline) and timeline.growing and not over.is_set():
-                    await loop.run_in_executor(self._thread, timeline.refresh)
-                    await asyncio.sleep(FRAME_POLL_S)
+        while self._waits:
+            timelines = {wait.timeline for wait in self._waits}
+            unreadable = await loop.run_in_executor(self._thread, _refresh, timelines)
+            for wait in self._waits:
+                if wait.served or wait.timeline in unreadable:
+                    wait.over.set()
+            await asyncio.sleep(FRAME_POLL_S)
+
+
+def _refresh(timelines: Collection[TimelineView]) -> set[TimelineView]:
+    """Look for new frames; return the timelines that cannot be read, whose waits end."""
+    unreadable: set[TimelineView] = set()
+    for timeline in timelines:
+        try:
+            timeline.refresh()
+        except (TimelineError, OSError, ValueError):
+            unreadable.add(timeline)
+    return unreadable
 
 
 def _too_many_waits(count: int, holder: Holder) -> TooMany:
