@@ -13,8 +13,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.certificate.earlier_certificates import told_honestly
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
 from planner.certificate.plan_figures import largest_angle, plan_figures, robot_figures
@@ -32,8 +32,6 @@ from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
 from planner.progress import Cancelled, Progress, Report, never, silent
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

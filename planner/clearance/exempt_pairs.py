@@ -11,14 +11,13 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.module import Module
 from planner.kernels.linked import Link, deepest_overlap
 from planner.motion.motion import Motion, as_motion
 
-Array = NDArray[np.float64]
 RULE_LINKED: Final = "consecutive modules (i, i+1)"
 """Text for certificates of chains of cubes: the rule by which consecutive modules, which overlap at
 their common joint, are exempt from the collision check."""

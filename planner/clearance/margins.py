@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.clearance.exempt_pairs import Place
@@ -30,7 +30,6 @@ from planner.kernels.clearance_bounds import Levers, Tolerance, allowance
 from planner.motion.motion import Motion, as_motion
 from planner.progress import Cancelled, never
 
-Array = NDArray[np.float64]
 FULL_SIZE: Final = 1.0
 """Module size, in pitches, at which neighbouring modules touch: the largest size that is tried when
 the largest module size without collisions is searched for a motion."""

@@ -16,6 +16,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.certificate.metrics_store import Curves, Figures, write
 from planner.errors import InputError
 from planner.file_names import (
@@ -43,7 +44,6 @@ from planner.motion.motion import Motion
 from planner.motion.record import save_npz
 from planner.motion.timeline import TimelineWriter, chain_from_attributes
 
-Array = NDArray[np.float64]
 Ints = NDArray[np.signedinteger[Any]]
 Arrays = dict[str, NDArray[Any]]
 PACKED_FORMAT: Final = "foldback-packed/1"

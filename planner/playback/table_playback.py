@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
@@ -30,7 +30,6 @@ from planner.playback.table_trajectory import TableTrajectory
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.table_body import TableBody
 
-Array = NDArray[np.float64]
 TABLE_CHUNK_STEPS: Final = 512
 """Maximum number of simulation steps of a fold on a table whose target angles and torques are
 computed at once. Larger values take more memory and a little less time; the targets are the same.
