@@ -191,7 +191,7 @@ class TimelineView:
         """
         with self._lock:
             if not self._summarised:
-                raise TimelineError(f"got no frame in {self.path} yet, expected at least one.")
+                raise TimelineError(f"{self.path} has no frames yet, expected at least one.")
             place = float(np.clip(frame, 0, self._summarised - 1))
             low = int(place)
             share = place - low
