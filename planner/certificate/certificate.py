@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Final, cast
+from typing import cast
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from planner.errors import InputError
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
+from planner.plain_values import from_plain
 from planner.playback.playback import Playback
 from planner.progress import Cancelled, Progress, Report, never, silent
 
@@ -147,19 +148,10 @@ class Certificate:
             playback: The playback's summary: for the certificate of an earlier version, it states
                 if the playback was simulated.
         """
-        found: dict[str, Any] = dict(told_honestly(values, playback))
-        found |= {name: Place.from_dict(found[name]) for name in _PLACES}
-        robots = found.get("robots")
-        found["robots"] = None if robots is None else tuple(robots)
-        if found.get("table") is not None:
-            found["table"] = TableCertificate.from_dict(found["table"])
-        found["margins"] = Margins.from_dict(found.get("margins"))
-        if found["exempt_pairs"] is not None:
-            found["exempt_pairs"] = ExemptPairs.from_dict(found["exempt_pairs"])
-        return cls(**found)
-
-
-_PLACES: Final = ("min_clearance_at", "min_clearance_playback_at", "min_clearance_record_at")
+        found = told_honestly(values, playback)
+        table = found.get("table")
+        checked = None if table is None else TableCertificate.from_dict(table)
+        return replace(from_plain(found, cls), table=checked)
 
 
 def certify(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, cast
+from typing import Final, cast
 
 import numpy as np
 
@@ -78,13 +78,6 @@ class Margin:
     value: float
     limited_by: Place
 
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> Margin:
-        """Read the plain values of a dataclass."""
-        place = Place.from_dict(values["limited_by"])
-        assert place is not None
-        return cls(value=values["value"], limited_by=place)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margins:
@@ -102,18 +95,6 @@ class Margins:
     one_hinge_rad: Margin
     independent_rad: Margin
     failure_probability: float = FAILURE_PROBABILITY
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any] | None) -> Margins | None:
-        """Read the plain values of a dataclass; None gives None."""
-        if values is None:
-            return None
-        return cls(
-            module_size=Margin.from_dict(values["module_size"]),
-            one_hinge_rad=Margin.from_dict(values["one_hinge_rad"]),
-            independent_rad=Margin.from_dict(values["independent_rad"]),
-            failure_probability=float(values["failure_probability"]),
-        )
 
 
 def margins(
