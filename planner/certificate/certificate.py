@@ -147,8 +147,14 @@ class Certificate:
             values: Plain values.
             playback: The playback's summary: for the certificate of an earlier version, it states
                 if the playback was simulated.
+
+        Raises:
+            TypeError: A figure is missing, unknown, or of another type.
+            InputError: ``wrong-format``, of a table's certificate.
         """
         found = told_honestly(values, playback)
+        if unknown := found.keys() - cls.__dataclass_fields__:
+            raise TypeError(f"got the figures {', '.join(sorted(unknown))}, which no version has")
         table = found.get("table")
         checked = None if table is None else TableCertificate.from_dict(table)
         return replace(from_plain(found, cls), table=checked)
