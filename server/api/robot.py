@@ -55,7 +55,7 @@ from server.errors import (
 from server.files.trajectories import Acceleration, Form, MotorsWanted, Retimed, Speed, Wanted
 from server.http.client_address import address_of
 from server.http.limited_stream import LimitedStream
-from server.http.websockets import first_of, receive
+from server.http.websockets import close, first_of, receive
 from server.store.folds import FoldRow, NoSuchFoldError
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
@@ -238,7 +238,7 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
                 raise _not_verified()
             charge = partial(context.robot_rates.charge, visitor)
             await _RobotSession(websocket, found, ask, fold_id, charge).play()
-            await _close(websocket, DONE)
+            await close(websocket, DONE)
         except (ServiceError, DamagedError) as error:
             refused = Damaged.of(error) if isinstance(error, DamagedError) else error
             code = TRY_LATER if isinstance(refused, TooMany | Unavailable) else REFUSED
@@ -474,18 +474,4 @@ async def _refuse(websocket: WebSocket, code: int, word: str, detail: str) -> No
     """Send the error, and close."""
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await websocket.send_text(ENCODER.encode(Wrong(code=word, detail=detail)).decode())
-    await _close(websocket, code, word)
-
-
-async def _close(websocket: WebSocket, code: int, reason: str = "") -> None:
-    """Close a socket that may be closed already, without waiting for incoming messages."""
-
-    async def drain() -> None:
-        while (await websocket.receive())["type"] != "websocket.disconnect":
-            pass
-
-    draining = asyncio.ensure_future(drain())
-    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
-        await websocket.close(code, reason)
-    draining.cancel()
-    await asyncio.gather(draining, return_exceptions=True)
+    await close(websocket, code, word)

@@ -141,7 +141,7 @@ class MotorsWanted:
     ] = False
     motor_torque_nm: Annotated[
         float | None,
-        Query(alias="motor_torque", gt=0, le=1e9, description="Torque of a motor, N·m."),
+        Query(alias="motor_torque", gt=0, le=1e9, description="Largest torque of a motor, N·m."),
     ] = None
     form: Form = "json"
 
