@@ -76,10 +76,11 @@ VERDICT_PHRASES: Final = (
     ),
     (
         re.compile(
-            r"(\S+) yielded: it (is off by \S+ rad) with motors of (\S+ w·p), "
+            r"(\S+) yielded: it is (off by \S+ rad) with motors of (\S+ w·p), "
             r"(\d+ % into the fold)"
         ),
-        r"a motor is too weak: \4, \1 \2, with a torque limit of \3 (module weight × pitch)",
+        r"the motor of \1 is too weak: it supplies at most \3 (module weight × pitch), and \4, "
+        r"the joint is \2",
     ),
     (re.compile(r"(?<=knotted \()determinant \d+(?=\))"), r"\g<0> instead of 1"),
     (

@@ -111,7 +111,7 @@ def _check(nodes: Nodes) -> None:
         one, two = np.flatnonzero((keys == key).all(axis=1))[:2]
         raise InputError(
             "repeated-cell",
-            f"modules {one} and {two} are the same tetrahedron; a trail uses each "
+            f"modules {one} and {two} occupy the same tetrahedron; a trail uses each "
             "tetrahedron once.",
             where=f"modules {one} and {two}",
         )

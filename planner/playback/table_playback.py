@@ -248,9 +248,10 @@ class _Run:
         off = np.abs(target - self.body.angles)
         worst = int(off.argmax())
         return (
-            f"a motor is too weak: {100.0 * self.steps / len(self.trajectory):.0f} % into the "
-            f"fold, {self.chain.joint_names[worst]} is off by {off[worst]:.2g} rad, with a torque "
-            f"limit of {self.limit:.3g} w·p (module weight × pitch)."
+            f"the motor of {self.chain.joint_names[worst]} is too weak: it supplies at most "
+            f"{self.limit:.3g} w·p (module weight × pitch), and "
+            f"{100.0 * self.steps / len(self.trajectory):.0f} % into the fold, the joint is off by "
+            f"{off[worst]:.2g} rad."
         )
 
     def result(self, status: PlaybackStatus, reason: str, start_s: float) -> TablePlayback:

@@ -54,7 +54,8 @@ def check_smoothable(plan: Plan) -> None:
     if not plan.certificate.fold_time_s:
         raise InputError(
             "smooth-no-motion",
-            f"got a plan of {name} in which nothing moves, expected a plan with a motion.",
+            f"got a plan of {name} in which nothing moves, expected a plan in which the chain "
+            "moves.",
         )
     if plan.certificate.peak_torque_nm is None:
         raise InputError(

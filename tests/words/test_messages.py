@@ -90,8 +90,8 @@ VERDICTS = {
     ),
     "failed: the playback missed: joint_4 yielded: it is off by 0.3 rad with motors of 8 w·p, "
     "40 % into the fold.": (
-        "failed: a motor is too weak: 40 % into the fold, joint_4 is off by 0.3 rad, with a torque "
-        "limit of 8 w·p (module weight × pitch)."
+        "failed: the motor of joint_4 is too weak: it supplies at most 8 w·p (module weight × "
+        "pitch), and 40 % into the fold, the joint is off by 0.3 rad."
     ),
     "failed: the explosion stalled: ": "failed: the explosion stalled: ",
     "verified (simulated)": "verified (simulated)",
