@@ -214,7 +214,8 @@ class TableParameters(PeelingParameters):
         Setting(
             name="table_torque",
             label="Largest torque on a table",
-            help="Maximum static torque of a hinge, in w·p (module weight × pitch).",
+            help="Largest torque that a hinge may need to hold the chain still, in w·p (module "
+            "weight × pitch).",
             group="table",
             rank=0,
             unit="w·p",

@@ -39,7 +39,8 @@ class PaperExplosionParameters:
         Setting(
             name="radial_gain",
             label="Radial force gain λ",
-            help="λ in equation 1 of the paper, with the diameter of one module as d.",
+            help="Strength of the force that pushes modules away from the chain's centre. It is λ "
+            "in equation 1 of the paper, where d is the diameter of one module.",
             group="published",
             rank=0,
             unit="dyn",
@@ -52,7 +53,8 @@ class PaperExplosionParameters:
         Setting(
             name="repulsion_gain",
             label="Repulsion force gain γ",
-            help="γ in equation 3 of the paper, for modules that are not linked.",
+            help="Strength of the repulsion between modules that are not linked. It is γ in "
+            "equation 3 of the paper.",
             group="published",
             rank=1,
             unit="dyn·cm²",
@@ -106,7 +108,7 @@ class PaperExplosionParameters:
         Setting(
             name="pitch_cm",
             label="Module diameter",
-            help="The gains are given for modules of this diameter.",
+            help="Diameter of a module, which determines its mass together with the density.",
             group="published",
             rank=7,
             unit="cm",
@@ -119,7 +121,7 @@ class PaperExplosionParameters:
         Setting(
             name="density_kg_m3",
             label="Density",
-            help="The gains are given for modules of this density.",
+            help="Density of a module, which determines its mass.",
             group="published",
             rank=8,
             unit="kg/m³",
