@@ -75,8 +75,8 @@ def checked_cells(cells: ArrayLike) -> Ints:
     if raw.ndim != 2 or raw.shape[1] != 3 or raw.dtype.kind not in "iuf":
         raise InputError(
             "not-cells",
-            f"got an array of shape {raw.shape} and type {raw.dtype}, expected (n, 3) whole "
-            "numbers: one cell per row.",
+            f"got an array of shape {raw.shape} and type {raw.dtype}, expected whole "
+            "numbers in an array of shape (n, 3), one cell per row.",
         )
     values = raw.astype(np.float64)
     check_coordinates(
@@ -125,7 +125,7 @@ def check_pitch(pitch_m: float) -> None:
     if not MIN_PITCH_M <= pitch_m <= MAX_PITCH_M:
         raise InputError(
             "bad-pitch",
-            f"got a pitch of {pitch_m} m, expected {MIN_PITCH_M} to {MAX_PITCH_M:g}.",
+            f"got a pitch of {pitch_m} m, expected {MIN_PITCH_M} to {MAX_PITCH_M:g} m.",
         )
 
 

@@ -197,9 +197,14 @@ class Motion:
         """
         hinges = {part.hinges for part in parts}
         if len(hinges) != 1:
+            layouts = sorted(
+                "windowed" if count is None else f"dense, {count} hinges" for count in hinges
+            )
             raise TypeError(
-                f"got motions of {sorted(map(str, hinges))} hinges (None if windowed), expected "
-                "all to have the same layout"
+                f"got motions with different layouts ({'; '.join(layouts)}), expected motions with "
+                "the same layout"
+                if layouts
+                else "got no motions, expected at least one"
             )
         known = any(part.errors_rad is not None for part in parts)
         lengths = np.concatenate([np.diff(part.offsets) for part in parts])
@@ -283,7 +288,9 @@ class Motion:
 
     def _root(self, values: Any) -> Array:
         if self.is_windowed:
-            raise TypeError("got a windowed motion, expected a dense one; see Motion.dense")
+            raise TypeError(
+                "got a windowed motion, expected a dense motion; convert it with Motion.dense"
+            )
         return values
 
     @property
@@ -341,11 +348,13 @@ class Motion:
         ):
             raise InputError(
                 "bad-windows",
-                f"got windows that extend beyond {hinges} hinges or have wrong lengths, "
-                "expected windows of this chain.",
+                f"got windows of hinges that do not fit this chain, expected windows within its "
+                f"{hinges} hinges, with one angle for each hinge.",
             )
         if not np.isfinite(self.angles_rad).all():
-            raise InputError("bad-windows", "got angles that are not finite, expected numbers.")
+            raise InputError(
+                "bad-windows", "got infinite or undefined angles, expected finite angles."
+            )
 
     def passes_as(self, other: Motion) -> bool:
         """Return True if both pass exactly the same angles, at any times and poses."""

@@ -33,7 +33,8 @@ MAX_LISTED_VIOLATIONS: Final = 2
 """Maximum number of violated rules that the error for an unsuitable path for a table names; further
 ones are only counted. Larger values make longer messages. Chosen."""
 TABLE_REMEDY: Final = (
-    "Choose the method 'blocks', a repair or another number of modules, or fold it in zero gravity."
+    "Choose the method 'blocks', a repair, or another number of modules, or fold the shape in zero "
+    "gravity."
 )
 """Advice at the end of the error message for a shape that has no path along which a chain folds on
 a table."""
@@ -101,8 +102,10 @@ class Preparation:
             remedy = f" {TABLE_REMEDY}"
         elif self.feasibility is not None and self.feasibility.repairs:
             remedy = f" Possible repair: {self.feasibility.repairs[0].detail}"
-        what = "no path for a table" if on_table else "no path"
-        got = f"{what} through these cells was found{': ' * bool(why)}{why or '.'}"
+        got = "no path through these cells was found"
+        if on_table:
+            got += " along which a chain can fold on a table"
+        got += f": {why}" if why else "."
         raise InputError("no-path", got + remedy)
 
     @property
@@ -274,7 +277,10 @@ def prepare_in_any_order(
     except InputError as error:
         if error.code != "not-adjacent":
             raise
-        why = f"The cells were read as voxels, not as a path: {error.where} are not neighbours."
+        why = (
+            f"The cells were read as voxels, not as a path, because {error.where} are not "
+            "neighbours."
+        )
     options = replace(options, as_voxels=True)
     made = prepare(data, filename, options, **how)
     return replace(made, notes=(why, *made.notes))
@@ -304,7 +310,8 @@ def check_for_table(chain: Chain) -> None:
         raise InputError(
             "not-for-a-table",
             f"got a path along which a chain cannot fold on a table: {told} "
-            "Expected one that rises layer by layer; read the cells as voxels to find such a path.",
+            "Expected a path that rises layer by layer; read the cells as voxels to find such a "
+            "path.",
         )
 
 

@@ -111,12 +111,23 @@ class FoldRequest(PathOptions):
     seed: int = option(0, title="Random seed", help="", label="Seed", range=(0, MAX_SEED))
     module_size: float | None = option(
         None,
+<<<<<<< HEAD
         title="Module size in the clearance check, as a fraction of the pitch",
         noun="module size",
         help="Edge of a module in pitches. One pitch is the distance between the centres of "
         "two neighbouring modules.",
         range=MODULE_SIZE_RANGE,
         unit="of the pitch",
+=======
+        Option(
+            title="Module size in the clearance check, as a fraction of the pitch",
+            noun="module size",
+            help="Edge length of a module in the clearance check, in pitches. One pitch is the "
+            "distance between the centres of two neighbouring modules.",
+            range=MODULE_SIZE_RANGE,
+            unit="times the pitch",
+        ),
+>>>>>>> e0276edc9348a18b5f1589ede118ac9357c6f09a
     )
     strategy: str = option(
         AUTO,
@@ -129,6 +140,7 @@ class FoldRequest(PathOptions):
     )
     prefer: Preference = option(
         COMPUTING,
+<<<<<<< HEAD
         title="Preferred plan",
         noun="preference",
         help="Preferred plan. `computing` is the first verified plan. The others choose from "
@@ -139,6 +151,20 @@ class FoldRequest(PathOptions):
         "these plans with their figures.",
         label="Preferred plan",
         choices={**PREFERENCES},
+=======
+        Option(
+            title="Preferred plan",
+            noun="preference",
+            help="Preferred plan. `computing` is the first verified plan. The others choose from "
+            "several verified plans: `time` by folding time at the joints' speed limit, `torque` "
+            "by torque at equal folding time, `clearance` by proved clearance, `margin` by the "
+            "largest error that one hinge may have before modules could touch. The choice takes "
+            "several times as long, because other strategies, paths and smoothings are tried. The "
+            "plan's `attempts` list all these plans with their figures.",
+            label="Preferred plan",
+            choices={**PREFERENCES},
+        ),
+>>>>>>> e0276edc9348a18b5f1589ede118ac9357c6f09a
     )
     filename: str | None = None
     refold: bool = False
@@ -162,9 +188,9 @@ class FoldRequest(PathOptions):
             if self.prefer != plain.prefer and self._one_plan:
                 raise InputError(
                     "unsuited-prefer",
-                    f"got the preference {self.prefer} for the {self._one_plan}, which has only "
-                    f"one plan, expected {plain.prefer}; use the default preset and strategy to "
-                    "choose among plans.",
+                    f"got the preference {self.prefer!r} for the {self._one_plan}, which gives "
+                    f"only one plan, expected {plain.prefer!r}; use the default preset and "
+                    "strategy to choose among plans.",
                 )
             if self.world == "table":
                 self._check_table()
@@ -172,9 +198,9 @@ class FoldRequest(PathOptions):
                 if getattr(self, name) != getattr(plain, name):
                     raise InputError(
                         f"smooth-{name}",
-                        f"got the {name} {getattr(self, name)} for smoothing a plan, expected "
-                        f"{getattr(plain, name)}; smoothing runs no new explosion, so leave this "
-                        "option out.",
+                        f"got the {name} {getattr(self, name)!r} for smoothing a plan, expected "
+                        f"{getattr(plain, name)!r}; leave this option out, because smoothing runs "
+                        "no new explosion.",
                     )
         except InputError as error:
             raise _placed(error) from None
@@ -196,14 +222,14 @@ class FoldRequest(PathOptions):
             if (got := getattr(self, name)) != getattr(plain, name):
                 raise InputError(
                     "unsuited-world",
-                    f"got the {what} {got} for a fold on a table, expected "
-                    f"{getattr(plain, name)}; use the 'floating' world for other values.",
+                    f"got the {what} {got!r} for a fold on a table, expected "
+                    f"{getattr(plain, name)!r}; use the 'floating' world for other values.",
                 )
         if self.method not in ("auto", "blocks"):
             raise InputError(
                 "unsuited-world",
-                f"got the path method {self.method} for a fold on a table, expected auto or "
-                "blocks; use the 'floating' world for other methods.",
+                f"got the path method {self.method!r} for a fold on a table, expected 'auto' or "
+                "'blocks'; use the 'floating' world for other methods.",
             )
         if self.start is not None:
             raise InputError(
@@ -225,8 +251,8 @@ class FoldRequest(PathOptions):
         if self.smooth:
             return "smoothing of a plan"
         if self.preset != FoldRequest().preset:
-            return f"preset {self.preset}"
-        return f"strategy {self.strategy}" if self.strategy == BASELINE else None
+            return f"preset {self.preset!r}"
+        return f"strategy {self.strategy!r}" if self.strategy == BASELINE else None
 
     def canonical(self) -> FoldRequest:
         """Return the same request with its settings in the canonical form that is compared.

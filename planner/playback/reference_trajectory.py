@@ -109,7 +109,9 @@ class ReferenceTrajectory:
             folded = self.chain.folded_rad
             return [("playback", lambda: DirectSetpoints(folded, p.direct_steps, p.step_s))]
         if record is None:
-            raise InputError("no-record", f"the controller {p.controller!r} needs a record.")
+            raise InputError(
+                "no-record", f"the controller {p.controller!r} needs a record of an explosion."
+            )
         angles = record.snapshots_rad
         snapshots = (record.frames.joint_angles_rad if angles is None else angles)[::-1]
         if p.controller == "paper":

@@ -123,13 +123,18 @@ def play_on_table(
     if not (torque_limit_wp > 0.0 and math.isfinite(torque_limit_wp)):
         raise InputError(
             "bad-table",
-            f"got a limit of {torque_limit_wp:g} w·p, expected more than 0.",
+            f"got a torque limit of {torque_limit_wp:g} w·p (module weight × pitch), expected a "
+            "finite value above 0.",
             where="torque_limit_wp",
         )
     if not 0.0 <= friction <= 2.0:
         raise InputError("bad-table", f"got {friction:g}, expected 0 to 2.", where="friction")
     if len(record) < 2:
-        raise InputError("no-record", f"got {len(record)} frames, expected two or more.")
+        raise InputError(
+            "no-record",
+            f"got a motion of {len(record)} frame{'' if len(record) == 1 else 's'}, expected at "
+            "least 2 frames.",
+        )
     p = TablePlaybackParameters.usual(clamped=clamped) if parameters is None else parameters
     run = _Run(chain, record, p, torque_limit_wp, friction, clamped)
     try:
@@ -225,9 +230,10 @@ class _Run(PlaybackRun):
         off = np.abs(target - self.body.angles)
         worst = int(off.argmax())
         return (
-            f"{self.chain.joint_names[worst]} yielded: it is off by {off[worst]:.2g} rad with "
-            f"motors of {self.limit:.3g} w·p, {100.0 * self.steps / len(self.trajectory):.0f} % "
-            "into the fold."
+            f"the motor of {self.chain.joint_names[worst]} is too weak: it supplies at most "
+            f"{self.limit:.3g} w·p (module weight × pitch), and "
+            f"{100.0 * self.steps / len(self.trajectory):.0f} % into the fold, the joint is off by "
+            f"{off[worst]:.2g} rad."
         )
 
     def result(self, status: PlaybackStatus, reason: str, start_s: float) -> TablePlayback:

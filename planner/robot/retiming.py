@@ -65,7 +65,11 @@ def retimed(
             )
     kept = _moving(frames)
     if len(kept) < 2:
-        raise InputError("no-motion", "got a plan in which no hinge turns, expected a motion.")
+        raise InputError(
+            "no-motion",
+            "got a plan in which no hinge turns, expected a plan in which at least one "
+            "hinge turns.",
+        )
     corners = np.ascontiguousarray(frames[kept])
     corners[-1] = frames[-1]  # so that the end is exact
     path = CutPath.through(corners)

@@ -51,13 +51,15 @@ def check_smoothable(plan: Plan) -> None:
         )
     if not plan.certificate.fold_time_s:
         raise InputError(
-            "smooth-no-motion", f"got a plan of {name} in which nothing moves, expected a motion."
+            "smooth-no-motion",
+            f"got a plan of {name} in which nothing moves, expected a plan in which the chain "
+            "moves.",
         )
     if plan.certificate.peak_torque_nm is None:
         raise InputError(
             "smooth-no-torques",
-            f"got a plan of {name} from an earlier version, which has no torques; fold the "
-            "shape again.",
+            f"got a plan of {name} without torques, written by an earlier version; fold the shape "
+            "again.",
         )
     hinges, frames = len(plan.chain.folded_rad), len(plan.motion)
     if frames * hinges <= MAX_SMOOTHED_ANGLES:
@@ -67,8 +69,8 @@ def check_smoothable(plan: Plan) -> None:
         raise InputError(
             "smooth-too-long",
             f"got a motion of {frames} frames with {frames * hinges} hinge angles in all, "
-            f"expected at most {MAX_SMOOTHED_ANGLES}; it is too long to be smoothed, but "
-            "`foldback retime` can limit its speed.",
+            f"expected at most {MAX_SMOOTHED_ANGLES} angles; the motion is too long to be "
+            "smoothed, but `foldback retime` can limit its speed.",
         )
 
 

@@ -152,7 +152,8 @@ def smooth(
     if angles.ndim != 2 or angles.shape[1] != hinges or not len(angles):
         raise InputError(
             "wrong-shape",
-            f"got angles of the shape {angles.shape}, expected frames of {hinges} hinge angles.",
+            f"got an array of shape {angles.shape}, expected one row of {hinges} hinge angles for "
+            "each frame.",
         )
     angles = np.ascontiguousarray(angles, dtype=np.float64)
     run = _Smoothing(chain, angles, size, looks, np.random.default_rng(seed), told)

@@ -91,22 +91,6 @@ class Context(Viewing):
             warm=settings.prewarm and not settings.read_only,
             directory=settings.root,
         )
-        reader = Pool(
-            "reader",
-            awaited,
-            wall_s=settings.read_seconds,
-            fork_server=fork_server,
-            quota=_turns("uploads", settings.max_uploads, settings.max_uploads_of_visitor),
-        )
-        preparer = Pool(
-            "preparer",
-            awaited,
-            wall_s=settings.preview_seconds,
-            fork_server=fork_server,
-            quota=_turns(
-                "previews", settings.previews_waiting, settings.previews_waiting_of_visitor
-            ),
-        )
         motions = Scratch(settings.motions_dir)
         motions.sweep()
         estimates = Estimates(store)
@@ -134,9 +118,11 @@ class Context(Viewing):
             ),
             uploads=Uploads(settings),
             fork_server=fork_server,
-            reader=reader,
+            reader=_reader(settings, awaited, fork_server),
             previews=previews,
-            preview_reports=PreviewReports(settings, previews, preparer),
+            preview_reports=PreviewReports(
+                settings, previews, _preparer(settings, awaited, fork_server)
+            ),
             artifacts=_artifacts(settings, store),
             pictures=_pictures(settings, awaited, motions),
             movies=Movies(settings, store),
@@ -236,6 +222,18 @@ def _pictures(settings: Settings, awaited: ChildLimits, motions: Scratch) -> Pic
         wall_s=settings.preview_seconds,
     )
     return Pictures(pool, motions)
+
+
+def _reader(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Pool:
+    quota = _turns("uploads", settings.max_uploads, settings.max_uploads_of_visitor)
+    wall_s = settings.read_seconds
+    return Pool("reader", awaited, wall_s=wall_s, fork_server=fork_server, quota=quota)
+
+
+def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Pool:
+    total, per_visitor = settings.previews_waiting, settings.previews_waiting_of_visitor
+    quota, wall_s = _turns("previews", total, per_visitor), settings.preview_seconds
+    return Pool("preparer", awaited, wall_s=wall_s, fork_server=fork_server, quota=quota)
 
 
 def _turns(what: str, total: int, per_visitor: int) -> Quota:
