@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.close_points import first_close_pair
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.module import CUBE, TETRAHEDRON, Module
@@ -20,7 +20,6 @@ from planner.chain.rotations import wxyz_from_matrix
 from planner.chain.trail import Trail, hinge_axes
 from planner.errors import InputError
 
-Array = NDArray[np.float64]
 MIN_CENTRE_DISTANCE_SHARE = 0.98
 """Minimum distance between the centres of any two modules of a folded chain, as a fraction of the
 diameter of the largest ball inside a module. A chain with a smaller one is refused, as its modules

@@ -11,15 +11,14 @@ from dataclasses import replace
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.clearance.sweep import Sweep, sweep
 from planner.errors import InputError
 from planner.progress import Cancelled, never
 from planner.robot.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 Form = Literal["csv", "json"]
 TRAJECTORY_FORMAT: Final = "foldback-trajectory/1"
 TRAJECTORY_DECIMALS: Final = 9

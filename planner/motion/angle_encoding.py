@@ -19,7 +19,8 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from planner.arrays import Array
+
 Ints = NDArray[np.signedinteger[Any]]
 Planes = NDArray[np.uint8]
 PLAN_STEP_RAD: Final = np.pi / 2 * 2.0**-23

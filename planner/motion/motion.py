@@ -19,13 +19,12 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags, Ints
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.rotations import motion_in_plane, wxyz_from_matrix
 from planner.errors import InputError
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Angles = NDArray[np.floating[Any]]
 Phase = Literal["explosion", "playback", "unfolding"]
 PHASES: Final = ("explosion", "playback", "unfolding")
@@ -377,7 +376,7 @@ class Motion:
         return self.errors_rad
 
     @property
-    def recorded(self) -> NDArray[np.bool_]:
+    def recorded(self) -> Flags:
         """(F,) True if joint errors are recorded; an empty window counts, except in explosions."""
         found = np.zeros(len(self), dtype=bool)
         if self.errors_rad is not None:

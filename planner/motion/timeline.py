@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.chain.module import module_named
 from planner.checked_zarr import (
@@ -38,7 +39,6 @@ from planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Columns, Motion
 if TYPE_CHECKING:
     import zarr
 
-Array = NDArray[np.float64]
 FORMAT: Final = "foldback-timeline/1"
 WINDOWS_FORMAT: Final = "foldback-timeline/2"
 Status = Literal["growing", "complete", "failed"]
@@ -415,7 +415,7 @@ class Timeline:
 
     def _windows(self, start: int, end: int, stride: int) -> dict[str, Any]:
         numbers = np.arange(start, end, stride)
-        ends = cast("NDArray[np.int64]", self._arrays["ends"][max(start - 1, 0) : end])
+        ends = cast("Ints", self._arrays["ends"][max(start - 1, 0) : end])
         ends = np.concatenate([[0], ends]) if start == 0 else ends
         begins, stops = ends[numbers - start], ends[numbers - start + 1]
         if stride == 1 or not len(numbers):

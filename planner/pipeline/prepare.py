@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from planner.shapes.solid import Solid
     from planner.shapes.voxelise import Voxels
 
-Array = NDArray[np.float64]
 MAX_PREVIEW_TRIANGLES: Final = 20_000
 """Maximum number of triangles of the mesh that the web page's preview shows; larger meshes are
 decimated to it. Larger values show more detail, and load and draw more slowly. Chosen."""
@@ -174,7 +173,7 @@ class Preparation:
         return count * self.filled.modules_per_cell
 
     @property
-    def cells(self) -> NDArray[np.int64]:
+    def cells(self) -> Ints:
         """(n, 3) a cell for each module of the best chain; as they lie when there is none."""
         if self.filled is not None:
             return self.filled.cells

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from planner.errors import InputError
-from planner.parameters.option import Option, key_of_options, option
+from planner.parameters.option import key_of_options, option
 from planner.parameters.parameters import (
     AUTO,
     BASELINE,
@@ -93,28 +93,32 @@ class FoldRequest(PathOptions):
 
     preset: str = option(
         "default",
-        Option(
-            title="Preset",
-            help="Folding method. `default` is foldback's own, and `paper` is the published one. "
-            "`direct` is direct servoing: it drives every joint straight to its target (fails for "
-            "most shapes).",
-            label="Preset",
-            choices=PRESET_CHOICES,
-        ),
+        title="Preset",
+        help="Folding method. `default` is foldback's own, and `paper` is the published one. "
+        "`direct` is direct servoing: it drives every joint straight to its target (fails for "
+        "most shapes).",
+        label="Preset",
+        choices=PRESET_CHOICES,
     )
     settings: str = option(
         "",
-        Option(
-            title="Settings",
-            help="Settings to change, for example `damping=0.05,radial_gain=0.2`. Settings of the "
-            f"presets `paper` and `direct`: {names_with_units(SETTINGS)}. The command `foldback "
-            "settings` lists all settings.",
-            max_chars=MAX_TEXT_CHARS,
-        ),
+        title="Settings",
+        help="Settings to change, for example `damping=0.05,radial_gain=0.2`. Settings of the "
+        f"presets `paper` and `direct`: {names_with_units(SETTINGS)}. The command `foldback "
+        "settings` lists all settings.",
+        max_chars=MAX_TEXT_CHARS,
     )
-    seed: int = option(0, Option(title="Random seed", help="", label="Seed", range=(0, MAX_SEED)))
+    seed: int = option(0, title="Random seed", help="", label="Seed", range=(0, MAX_SEED))
     module_size: float | None = option(
         None,
+<<<<<<< HEAD
+        title="Module size in the clearance check, as a fraction of the pitch",
+        noun="module size",
+        help="Edge of a module in pitches. One pitch is the distance between the centres of "
+        "two neighbouring modules.",
+        range=MODULE_SIZE_RANGE,
+        unit="of the pitch",
+=======
         Option(
             title="Module size in the clearance check, as a fraction of the pitch",
             noun="module size",
@@ -123,20 +127,31 @@ class FoldRequest(PathOptions):
             range=MODULE_SIZE_RANGE,
             unit="times the pitch",
         ),
+>>>>>>> e0276edc9348a18b5f1589ede118ac9357c6f09a
     )
     strategy: str = option(
         AUTO,
-        Option(
-            title="Explosion strategy",
-            help="How the chain is released: all modules at once (`simultaneous`), rigid blocks "
-            "first (`blocks`), or one part at a time from one end (`peel`). For long chains, "
-            "`auto` uses `peel`. For comparison, `one-by-one` straightens one joint at a "
-            "time.",
-            choices=STRATEGY_CHOICES,
-        ),
+        title="Explosion strategy",
+        help="How the chain is released: all modules at once (`simultaneous`), rigid blocks "
+        "first (`blocks`), or one part at a time from one end (`peel`). For long chains, "
+        "`auto` uses `peel`. For comparison, `one-by-one` straightens one joint at a "
+        "time.",
+        choices=STRATEGY_CHOICES,
     )
     prefer: Preference = option(
         COMPUTING,
+<<<<<<< HEAD
+        title="Preferred plan",
+        noun="preference",
+        help="Preferred plan. `computing` is the first verified plan. The others choose from "
+        "several verified plans: `time` by folding time at the joints' speed limit, `torque` "
+        "by torque at equal folding time, `clearance` by proved clearance, `margin` by the "
+        "largest error that one hinge may have. This takes several times as long, because "
+        "other strategies, paths and smoothings are tried. The plan's `attempts` list all "
+        "these plans with their figures.",
+        label="Preferred plan",
+        choices={**PREFERENCES},
+=======
         Option(
             title="Preferred plan",
             noun="preference",
@@ -149,6 +164,7 @@ class FoldRequest(PathOptions):
             label="Preferred plan",
             choices={**PREFERENCES},
         ),
+>>>>>>> e0276edc9348a18b5f1589ede118ac9357c6f09a
     )
     filename: str | None = None
     refold: bool = False

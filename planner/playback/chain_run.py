@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.errors import SimulationError
@@ -20,7 +20,6 @@ from planner.playback.reference_trajectory import ReferenceTrajectory
 from planner.playback.setpoints import Setpoints, Target
 from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 
-Array = NDArray[np.float64]
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
 FRAME_TURN_RAD: Final = 0.01
 """Turn of a hinge, or of its target angle, since the last frame, rad, at which a simulated playback

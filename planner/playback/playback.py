@@ -26,7 +26,6 @@ from planner.playback.unfolding import Unfolding
 from planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
 from planner.progress import Cancelled, Report, never, silent
 
-Array = NDArray[np.float64]
 SINK_CHUNK_FRAMES: Final = 256
 """Number of frames in each call of the callback that receives the frames of a playback, where all
 of them are delivered at the end of the simulation. Larger values make fewer, larger calls; the

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
@@ -23,14 +23,13 @@ from planner.errors import InputError, SimulationError
 from planner.motion.angle_encoding import quantised
 from planner.motion.motion import Motion
 from planner.parameters.playback import TablePlaybackParameters
-from planner.playback.chain_run import CANCEL_CHECK_STEPS, GOAL_TOLERANCE_PITCH, PlaybackStatus
+from planner.playback.chain_run import GOAL_TOLERANCE_PITCH, PlaybackRun, PlaybackStatus
 from planner.playback.playback import Playback
 from planner.playback.reference_trajectory import TRACKING_LOST_RAD
 from planner.playback.table_trajectory import TableTrajectory
-from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report, never, silent
+from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.table_body import TableBody
 
-Array = NDArray[np.float64]
 TABLE_CHUNK_STEPS: Final = 512
 """Maximum number of simulation steps of a fold on a table whose target angles and torques are
 computed at once. Larger values take more memory and a little less time; the targets are the same.
@@ -156,7 +155,7 @@ class _Kept(NamedTuple):
     wxyzs: Array
 
 
-class _Run:
+class _Run(PlaybackRun):
     """State and figures of one run."""
 
     def __init__(
@@ -168,8 +167,9 @@ class _Run:
         friction: float,
         clamped: bool,
     ) -> None:
+        super().__init__(chain, p.step)
         self._begun = time.perf_counter()
-        self.chain, self.p, self.limit = chain, p, limit
+        self.p, self.limit = p, limit
         self.clamped = clamped
         self.body = TableBody(
             chain,
@@ -180,8 +180,6 @@ class _Run:
             clamped=clamped,
         )
         self.trajectory = TableTrajectory(chain, record, p, self.body, limit)
-        self.steps = 0
-        self.largest_error = self.largest_torque = 0.0
         self._most = np.zeros(len(chain.folded_rad))
         self._kept: list[_Kept] = []
 
@@ -192,7 +190,6 @@ class _Run:
             SimulationError: When the simulation diverges.
         """
         trajectory, body = self.trajectory, self.body
-        reported = time.perf_counter()
         body.place(trajectory.angles(0, 1)[0])
         for start in range(0, len(trajectory), TABLE_CHUNK_STEPS):
             stop = min(start + TABLE_CHUNK_STEPS, len(trajectory))
@@ -207,22 +204,9 @@ class _Run:
                 if self.largest_error > TRACKING_LOST_RAD:
                     self._keep(there)
                     return "missed", self._lost(there)
-                if self.steps % CANCEL_CHECK_STEPS:
-                    continue
-                if cancelled():
+                fraction = self.steps / len(trajectory)
+                if not self.check(progress, cancelled, fraction, "folding on the table"):
                     return "cancelled", "the playback was cancelled."
-                if (now := time.perf_counter()) - reported >= PROGRESS_PERIOD_S:
-                    reported = now
-                    progress(
-                        Progress(
-                            stage="play_back",
-                            fraction=min(self.steps / len(trajectory), 0.99),
-                            steps=self.steps,
-                            steps_per_second=self.steps / (now - self._begun),
-                            simulated_s=self.steps * self.p.step,
-                            message="folding on the table",
-                        )
-                    )
         end = trajectory.angles(len(trajectory), len(trajectory) + 1)[0]
         for _ in range(int(self.p.settle / self.p.step)):
             self._step(end, end, np.zeros_like(end))
@@ -232,11 +216,9 @@ class _Run:
     def _step(self, here: Array, there: Array, expected: Array) -> None:
         p, body = self.p, self.body
         body.step((there - here) / p.step, here - body.angles, expected)
-        torques = np.abs(body.torques)
-        np.maximum(self._most, torques, out=self._most)
-        self.largest_torque = max(self.largest_torque, float(torques.max()))
+        np.maximum(self._most, np.abs(body.torques), out=self._most)
         self.largest_error = max(self.largest_error, float(np.abs(there - body.angles).max()))
-        self.steps += 1
+        self.count_step(body.torques)
 
     def _keep(self, target: Array) -> None:
         time_now, body = self.steps * self.p.step, self.body
@@ -286,7 +268,7 @@ class _Run:
             position_errors=errors,
             aligned_error=float(np.sqrt((aligned**2).mean())),
             largest_error_rad=self.largest_error,
-            largest_torque=self.largest_torque,
+            largest_torque=self.peak_torque,
             steps=self.steps,
             seconds=time.perf_counter() - self._begun,
         )

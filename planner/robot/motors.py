@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.chain.chain import Chain
 from planner.errors import InputError
@@ -15,7 +15,6 @@ from planner.robot.trajectory import Trajectory
 from planner.simulation.mujoco_models import Material
 from planner.simulation.mujoco_tree import Tree
 
-Array = NDArray[np.float64]
 MAX_INTERVALS_PER_STEP: Final = 4
 """Maximum number of intervals between two frames of a plan, at whose ends the motors' torques are
 computed. Larger values find torque peaks more exactly and take longer. Chosen."""

@@ -13,12 +13,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.errors import InputError
 from planner.kernels.speed_profiles import fastest_profile
 from planner.plan.plan import Plan
 from planner.robot.trajectory import CutPath, Trajectory
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 MAX_STILL_TURN_RAD: Final = 1e-6
 """Maximum turn of the fastest hinge, in rad, between frames that are merged into one when a plan

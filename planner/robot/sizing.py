@@ -14,8 +14,8 @@ from math import inf, isfinite
 from typing import Any, Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.errors import InputError
 from planner.robot.module_materials import Casing
@@ -235,7 +235,7 @@ def least_pitch_m(servo: Servo, casing: Casing) -> float:
     return max(_count(servo) * servo.size_m[0], servo.size_m[2]) + 2.0 * casing.wall_m
 
 
-def total_turn_rad(angles_rad: NDArray[np.float64]) -> float:
+def total_turn_rad(angles_rad: Array) -> float:
     """Return the sum over all steps of the largest turn of a hinge, rad.
 
     Args:

@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
@@ -25,7 +24,6 @@ from planner.robot import MAX_SMOOTHED_ANGLES, RECORDED, SMOOTHED
 from planner.robot.motion_quality import Quality
 from planner.robot.smoothing import DISTANCE_WEIGHT, MAX_EVALUATIONS, smooth, spacing_of
 
-Array = NDArray[np.float64]
 SOFTENED_EVALUATIONS: Final = MAX_EVALUATIONS // 4
 """Maximum number of configurations whose clearance a slight smoothing checks, which is tried if the
 full one fails certification. Larger values smooth more, and fail more often. Chosen."""

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
+from planner.arrays import Array, Flags, Ints
 from planner.chain.chain import Chain
 from planner.chain.floating_torques import floating_torques
 from planner.clearance.sweep import Sweep, sweep
@@ -32,10 +32,6 @@ from planner.errors import InputError
 from planner.kernels.smoothing import mark_blamed_hinges, write_displacements
 from planner.progress import Cancelled, never
 from planner.robot.smoothing_targets import along, mean, parts, softened, straight, worthwhile
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 MAX_EVALUATIONS: Final = 20_000
 """Maximum number of configurations of the chain that smoothing checks for collisions in one motion;
