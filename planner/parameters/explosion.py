@@ -211,24 +211,12 @@ class TableParameters(PeelingParameters):
     raised_by: float = 1.15
     most_torque: float = setting(
         8.0,
-<<<<<<< HEAD
         name="table_torque",
         label="Largest torque on a table",
-        help="Maximum static torque of a hinge, in w·p (module weight × pitch).",
+        help="Largest torque that a hinge may need to hold the chain still, in w·p (module "
+        "weight × pitch).",
         unit="w·p",
         range=(0.1, 1000.0),
-=======
-        Setting(
-            name="table_torque",
-            label="Largest torque on a table",
-            help="Largest torque that a hinge may need to hold the chain still, in w·p (module "
-            "weight × pitch).",
-            group="table",
-            rank=0,
-            unit="w·p",
-            range=(0.1, 1000.0),
-        ),
->>>>>>> e0276edc9348a18b5f1589ede118ac9357c6f09a
     )
     refusals: int = 8
     unbent: float = 1.5

@@ -36,9 +36,9 @@ class PaperExplosionParameters:
 
     radial_gain: float = setting(
         0.1,
-<<<<<<< HEAD
         label="Radial force gain λ",
-        help="λ in equation 1 of the paper, with the diameter of one module as d.",
+        help="Strength of the force that pushes modules away from the chain's centre. It is λ "
+        "in equation 1 of the paper, where d is the diameter of one module.",
         unit="dyn",
         source="published",
         range=(0.0, 1e3),
@@ -46,37 +46,11 @@ class PaperExplosionParameters:
     repulsion_gain: float = setting(
         1.0,
         label="Repulsion force gain γ",
-        help="γ in equation 3 of the paper, for modules that are not linked.",
+        help="Strength of the repulsion between modules that are not linked. It is γ in "
+        "equation 3 of the paper.",
         unit="dyn·cm²",
         source="published",
         range=(0.0, 1e3),
-=======
-        Setting(
-            name="radial_gain",
-            label="Radial force gain λ",
-            help="Strength of the force that pushes modules away from the chain's centre. It is λ "
-            "in equation 1 of the paper, where d is the diameter of one module.",
-            group="published",
-            rank=0,
-            unit="dyn",
-            source="published",
-            range=(0.0, 1e3),
-        ),
-    )
-    repulsion_gain: float = setting(
-        1.0,
-        Setting(
-            name="repulsion_gain",
-            label="Repulsion force gain γ",
-            help="Strength of the repulsion between modules that are not linked. It is γ in "
-            "equation 3 of the paper.",
-            group="published",
-            rank=1,
-            unit="dyn·cm²",
-            source="published",
-            range=(0.0, 1e3),
-        ),
->>>>>>> e0276edc9348a18b5f1589ede118ac9357c6f09a
     )
     damping: float = setting(
         0.1,
@@ -106,9 +80,8 @@ class PaperExplosionParameters:
     )
     pitch_cm: float = setting(
         1.0,
-<<<<<<< HEAD
         label="Module diameter",
-        help="The gains are given for modules of this diameter.",
+        help="Diameter of a module, which determines its mass together with the density.",
         unit="cm",
         source="published",
         range=(0.1, 100.0),
@@ -116,37 +89,11 @@ class PaperExplosionParameters:
     density_kg_m3: float = setting(
         2700.0,
         label="Density",
-        help="The gains are given for modules of this density.",
+        help="Density of a module, which determines its mass.",
         unit="kg/m³",
         source="published",
         range=(1.0, 1e5),
         direct=True,
-=======
-        Setting(
-            name="pitch_cm",
-            label="Module diameter",
-            help="Diameter of a module, which determines its mass together with the density.",
-            group="published",
-            rank=7,
-            unit="cm",
-            source="published",
-            range=(0.1, 100.0),
-        ),
-    )
-    density_kg_m3: float = setting(
-        2700.0,
-        Setting(
-            name="density_kg_m3",
-            label="Density",
-            help="Density of a module, which determines its mass.",
-            group="published",
-            rank=8,
-            unit="kg/m³",
-            source="published",
-            range=(1.0, 1e5),
-            direct=True,
-        ),
->>>>>>> e0276edc9348a18b5f1589ede118ac9357c6f09a
     )
     snapshot_interval: int = setting(
         10,

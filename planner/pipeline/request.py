@@ -111,23 +111,12 @@ class FoldRequest(PathOptions):
     seed: int = option(0, title="Random seed", help="", label="Seed", range=(0, MAX_SEED))
     module_size: float | None = option(
         None,
-<<<<<<< HEAD
         title="Module size in the clearance check, as a fraction of the pitch",
         noun="module size",
-        help="Edge of a module in pitches. One pitch is the distance between the centres of "
-        "two neighbouring modules.",
+        help="Edge length of a module in the clearance check, in pitches. One pitch is the "
+        "distance between the centres of two neighbouring modules.",
         range=MODULE_SIZE_RANGE,
-        unit="of the pitch",
-=======
-        Option(
-            title="Module size in the clearance check, as a fraction of the pitch",
-            noun="module size",
-            help="Edge length of a module in the clearance check, in pitches. One pitch is the "
-            "distance between the centres of two neighbouring modules.",
-            range=MODULE_SIZE_RANGE,
-            unit="times the pitch",
-        ),
->>>>>>> e0276edc9348a18b5f1589ede118ac9357c6f09a
+        unit="times the pitch",
     )
     strategy: str = option(
         AUTO,
@@ -140,31 +129,16 @@ class FoldRequest(PathOptions):
     )
     prefer: Preference = option(
         COMPUTING,
-<<<<<<< HEAD
         title="Preferred plan",
         noun="preference",
         help="Preferred plan. `computing` is the first verified plan. The others choose from "
         "several verified plans: `time` by folding time at the joints' speed limit, `torque` "
         "by torque at equal folding time, `clearance` by proved clearance, `margin` by the "
-        "largest error that one hinge may have. This takes several times as long, because "
-        "other strategies, paths and smoothings are tried. The plan's `attempts` list all "
-        "these plans with their figures.",
+        "largest error that one hinge may have before modules could touch. The choice takes "
+        "several times as long, because other strategies, paths and smoothings are tried. The "
+        "plan's `attempts` list all these plans with their figures.",
         label="Preferred plan",
         choices={**PREFERENCES},
-=======
-        Option(
-            title="Preferred plan",
-            noun="preference",
-            help="Preferred plan. `computing` is the first verified plan. The others choose from "
-            "several verified plans: `time` by folding time at the joints' speed limit, `torque` "
-            "by torque at equal folding time, `clearance` by proved clearance, `margin` by the "
-            "largest error that one hinge may have before modules could touch. The choice takes "
-            "several times as long, because other strategies, paths and smoothings are tried. The "
-            "plan's `attempts` list all these plans with their figures.",
-            label="Preferred plan",
-            choices={**PREFERENCES},
-        ),
->>>>>>> e0276edc9348a18b5f1589ede118ac9357c6f09a
     )
     filename: str | None = None
     refold: bool = False
