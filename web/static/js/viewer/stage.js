@@ -3,9 +3,8 @@
 import { Scene, cameraTo, isSoftware, linear, update, visibility } from "./scene.js";
 import { KEYS } from "../player/keys.js";
 import { buriedBy } from "../player/kinematics.js";
-import { tableColours } from "./sketch.js";
+import { floorUnder, tableColours } from "./sketch.js";
 
-const GROUND_GAP = 0.35;
 const SINK_S = 0.05;
 const RISE_S = 0.5;
 const LEVEL = 0.01; // pitches from where it goes at which the ground arrives
@@ -209,11 +208,9 @@ export class Stage extends Scene {
    * @param {number} seconds
    * @param {Snapshot} snapshot
    */
-  moveGround(seconds, { positions, framed }) {
+  moveGround(seconds, snapshot) {
     if (this.table) return false;
-    let low = Infinity;
-    for (let k = 2; k < 3 * framed; k += 3) low = Math.min(low, positions[k]);
-    low = (low - 0.5 - GROUND_GAP) * this.pitch;
+    const low = floorUnder(snapshot) * this.pitch;
     if (this.ground === low) return false;
     const before = this.ground ?? low;
     this.ground = Math.abs(before - low) < LEVEL * this.pitch ? low : low + (before - low) * Math.exp(-seconds / (low < before ? SINK_S : RISE_S));
@@ -307,7 +304,7 @@ export class StandIn {
   open() {
     this.opened = true;
     this.onOpen();
-    if (!this.slow || !this.given || !this.sketch.worker) { this.leave(); return; }
+    if (!this.slow || !this.given) { this.leave(); return; }
     this.latest = this.given;
     this.canvas.classList.add("standing-in");
     this.rest();
@@ -330,7 +327,7 @@ export class StandIn {
       return;
     }
     this.canvas.classList.remove("fading");
-    if (!this.slow || stage.through || !sketch.worker) {
+    if (!this.slow || stage.through) {
       stage.draw(shown, colours, eye);
       this.measure();
       if (this.latest) this.yield();
