@@ -113,16 +113,16 @@ test("with reduced motion the camera jumps to a requested frame, and moves smoot
   for (const calm of [false, true]) {
     const { player, timeline } = await shown({ calm });
     draw(60);
-    const { distance } = player.rig.follower.view;
+    const { distance } = player.rig.view;
     player.send({ do: "seek", frame: Math.round(timeline.last / 2) });
     draw(1);
-    const goal = player.rig.follower.goal;
+    const goal = player.rig.goal;
     assert.notEqual(goal.distance, distance);
-    assert.equal(player.rig.follower.view === goal, calm);
+    assert.equal(player.rig.view === goal, calm);
     player.send({ do: "seek", frame: 0 });
     player.send({ do: "play" });
     draw(2);
-    assert.notEqual(player.rig.follower.view, player.rig.follower.goal);
+    assert.notEqual(player.rig.view, player.rig.goal);
   }
 });
 
@@ -205,7 +205,7 @@ test("the motion plays to the end with the whole chain in view", async () => {
     draw(1);
     const { position, target } = player.rig.eye;
     assert.ok(position.every(Number.isFinite) && target.every(Number.isFinite));
-    const { view } = player.rig.follower;
+    const { view } = player.rig;
     assert.ok(view.distance >= (1 - 1e-9) * distanceNeeded(player.rig.points(player.shown), view, player.rig.seeing()));
   }
   assert.deepEqual([player.is.playing, player.playhead.frame, events.state.playing], [false, timeline.last, false]);
@@ -219,16 +219,16 @@ test("the camera goes to modules that are to be looked at, and back", async () =
   const { player } = await shown();
   player.send({ do: "seek", frame: 120 });
   draw(200);
-  const whole = player.rig.follower.view;
+  const whole = player.rig.view;
   player.lookAt([3, 4], clearestSight);
   draw(200);
-  const seen = player.rig.follower.view;
+  const seen = player.rig.view;
   const middle = [0, 1, 2].map((c) => ((player.shown.positions[9 + c] + player.shown.positions[12 + c]) / 2) * player.rig.pitch);
   close(seen.target, middle, { atol: 0.5 * player.rig.pitch });
   player.lookAt([]);
   draw(200);
-  close(player.rig.follower.view.target, whole.target, { atol: 0.1 * player.rig.pitch });
-  close([player.rig.follower.view.distance], [whole.distance], { rtol: 0.05 });
+  close(player.rig.view.target, whole.target, { atol: 0.1 * player.rig.pitch });
+  close([player.rig.view.distance], [whole.distance], { rtol: 0.05 });
 });
 
 test("the search for the next change continues in frames that arrive later, unless another frame is requested", async () => {

@@ -151,7 +151,7 @@ export class PreviewStage extends Scene {
     const { clientWidth: wide, clientHeight: high } = this.frame;
     if (!this.open || !this.bundle || this.touched || !wide || !high) return;
     const { corners, radius, camera } = this.bundle.header;
-    const view = framing(corners.flat(), {
+    const view = framing(corners, {
       radius, aspect: wide / high, field: camera.field_of_view_rad,
       azimuth: camera.azimuth_rad, elevation: camera.elevation_rad, margin: camera.margin,
     });
