@@ -298,16 +298,14 @@ test("steps are whole frames, and stay in the timeline", () => {
   assert.equal(playhead.do({ do: "nothing" }), false);
 });
 
-test("when frames pass too quickly, only whole frames are shown", () => {
+test("a playhead plays at its speed", () => {
   const { playhead } = head();
   playhead.do({ do: "play" });
   playhead.advance(0.05, 1);
-  close([playhead.shown], [0.6]);
+  close([playhead.frame], [0.6]);
   playhead.do({ do: "set", speed: 5 });
   playhead.advance(0.05, 2);
-  close([playhead.frame, playhead.shown], [3.6, 4]);
-  playhead.do({ do: "pause" });
-  close([playhead.shown], [3.6]);
+  close([playhead.frame], [3.6]);
 });
 
 test("a live playhead stays at the end of a growing timeline", () => {

@@ -179,22 +179,12 @@ function put(i, p, q, { positions, wxyzs }) {
  * @param {Quaternion} q
  * @param {Poses} found
  */
-function moved({ positions: from, wxyzs: turns }, begin, end, p, q, { positions, wxyzs }) {
-  const [w, x, y, z] = times(q, back(quaternionOf(turns, begin)));
-  const r = [
-    1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-    2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-    2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
-  ];
+function moved({ positions: from, wxyzs: turns }, begin, end, p, q, found) {
+  const turn = times(q, back(quaternionOf(turns, begin)));
   const [u, v, o] = vectorOf(from, begin);
   for (let i = begin; i < end; i++) {
-    const [a, b, c] = [from[3 * i] - u, from[3 * i + 1] - v, from[3 * i + 2] - o];
-    for (let k = 0; k < 3; k++) positions[3 * i + k] = p[k] + r[3 * k] * a + r[3 * k + 1] * b + r[3 * k + 2] * c;
-    const k = 4 * i;
-    wxyzs[k] = w * turns[k] - x * turns[k + 1] - y * turns[k + 2] - z * turns[k + 3];
-    wxyzs[k + 1] = w * turns[k + 1] + x * turns[k] + y * turns[k + 3] - z * turns[k + 2];
-    wxyzs[k + 2] = w * turns[k + 2] - x * turns[k + 3] + y * turns[k] + z * turns[k + 1];
-    wxyzs[k + 3] = w * turns[k + 3] + x * turns[k + 2] - y * turns[k + 1] + z * turns[k];
+    const off = turned(turn, [from[3 * i] - u, from[3 * i + 1] - v, from[3 * i + 2] - o]);
+    put(i, [p[0] + off[0], p[1] + off[1], p[2] + off[2]], times(turn, quaternionOf(turns, i)), found);
   }
 }
 

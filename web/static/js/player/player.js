@@ -239,7 +239,7 @@ export class Player extends PlayerState {
   show(again = false) {
     const { timeline } = this;
     if (!timeline.chain || !this.colouring) return;
-    const frame = this.playhead.shown;
+    const { frame } = this.playhead;
     const moved = !this.shown || this.shown.frame !== frame || !this.shown.exact;
     if (moved || again) {
       const shown = timeline.snapshot(frame);

@@ -23,7 +23,6 @@ export class Playhead {
   constructor(timeline) {
     this.timeline = timeline;
     this.frame = 0;
-    this.coarse = false;
     this.hold = 0;
     /** @type {{ framesPerSecond: number | null } | null} sets the pace while it has one */
     this.story = null;
@@ -122,8 +121,6 @@ export class Playhead {
     const frame = this.frame + (is.reverse ? -by : by);
     const [first, last] = this.range;
     if (frame >= first && frame <= last) {
-      // Frames that pass faster than they can be shown need no in-betweens.
-      this.coarse = by >= 1;
       this.frame = frame;
       return;
     }
@@ -138,9 +135,6 @@ export class Playhead {
       this.frame = first + last - end;
     }
   }
-
-  // The frame to show: a whole one where in-betweens would not be seen.
-  get shown() { return this.coarse && this.is.playing ? Math.round(this.frame) : this.frame; }
 }
 
 // Steps that are not told in frames.

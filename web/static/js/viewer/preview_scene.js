@@ -2,6 +2,7 @@
 // web/viser/preview_scene.py.
 import { framing, picked, positionOf } from "./camera.js";
 import { decode } from "../lib/columns.js";
+import { Hand } from "./hand.js";
 import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
 
 const MOST_TRIES = 8;
@@ -25,7 +26,8 @@ export class PreviewStage extends Scene {
    * @param {PreviewHeard} heard
    */
   constructor(frame, heard) {
-    super(frame, { touch: () => { this.touched = true; } });
+    const hand = new Hand(() => { this.touched = true; }, { height: () => 1, follows: () => true, tap: (x, y) => this.tap(x, y) });
+    super(frame, { pointer: (pointer) => hand.hear(pointer) });
     this.listener = heard;
     /** @type {Record<string, boolean>} */
     this.layers = { solid: true, cells: true, path: true };

@@ -59,12 +59,6 @@ function staged(messages, arrays) {
 
 /**
  * @param {unknown} value
- * @returns {value is number}
- */
-const isShare = (value) => typeof value === "number" && value >= 0 && value <= 1;
-
-/**
- * @param {unknown} value
  * @returns {value is Vector}
  */
 const isVector = (value) => Array.isArray(value) && value.length === 3
@@ -82,9 +76,8 @@ function isPointer(value) {
 
 /** @template {Staged} [Told=Bundle] */
 export class Scene {
-  // Heard are: open(), touch() when the camera was taken hold of. `keys` pressed in the frame count as
-  // pressed in the page. With `holds` the page moves the camera: pointers are heard, and the client
-  // leaves them alone.
+  // Heard are: open(), and pointers. `keys` pressed in the frame count as pressed in the page. With `holds`
+  // the page moves the camera, and the client leaves pointers alone.
   /**
    * @param {HTMLIFrameElement} frame
    * @param {SceneHeard} heard
@@ -189,14 +182,14 @@ export class Scene {
   /** @returns {Eye | null} */
   get eye() { return this.camera; }
 
-  // Pick what is at a place of the picture, in shares of its width and height from the top left.
+  // Pick what is at a place of the picture, in pixels from the top left.
   /**
    * @param {number} x
    * @param {number} y
    */
   tap(x, y) {
     const { bundle, eye, frame: { clientWidth: wide, clientHeight: high } } = this;
-    if (bundle && eye && wide && high) this.pick(...rayThrough(eye, [x, y], wide / high, bundle.header.camera.field_of_view_rad));
+    if (bundle && eye && wide && high) this.pick(...rayThrough(eye, [x / wide, y / high], wide / high, bundle.header.camera.field_of_view_rad));
   }
 
   // A ray in the scene was clicked.
@@ -219,11 +212,7 @@ export class Scene {
       case "pointer":
         if (isPointer(told.pointer)) this.heard.pointer?.(told.pointer);
         return;
-      case "tap":
-        if (isShare(told.x) && isShare(told.y)) this.tap(told.x, told.y);
-        return;
       case "lost": this.reload(); return;
-      case "touch": this.heard.touch?.(); return;
       case "scroll": this.heard.scroll?.(); return;
       case "drag": this.frame.parentElement?.classList.add("dropping"); return;
       case "focus": this.frame.classList.toggle("focused", told.on === true); return;

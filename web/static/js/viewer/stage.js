@@ -14,7 +14,6 @@ const SLOW_MS = 70; // for a picture; below it the view keeps up
 const MEASURED = 4; // pictures, of which the slowest does not count: it may have compiled shaders
 const MANY = 300; // modules, which software never shows in time
 const REST_MS = 400;
-const MAX_TAP_PX = 8; // that a pointer moves while it taps
 
 // Discs on the table, that tell how hard modules press on it.
 const ABOVE = 0.02; // pitches that the lowest disc is above the table
@@ -267,13 +266,6 @@ export class StandIn {
     this.timer = undefined;
     this.painted = () => {};
     this.busy = () => false; // whether more is to come by itself
-    // Until the view has started, the drawing hears of taps itself: see `.sketch` in fold.css.
-    let [fromX, fromY] = [0, 0];
-    canvas.addEventListener("pointerdown", ({ clientX, clientY }) => { [fromX, fromY] = [clientX, clientY]; });
-    canvas.addEventListener("click", ({ offsetX, offsetY, clientX, clientY }) => {
-      if (Math.hypot(clientX - fromX, clientY - fromY) > MAX_TAP_PX) return; // it turned the view
-      stage.tap(offsetX / canvas.clientWidth, offsetY / canvas.clientHeight);
-    });
     sketch.onDrawn = () => {
       if (this.latest) { canvas.classList.remove("gone"); stage.frame.classList.add("behind"); }
       this.painted();
