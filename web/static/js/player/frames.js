@@ -73,13 +73,13 @@ const STEP = 2 ** -20;
 export class Rows {
   /**
    * @param {Pick<Batch, "arrays">} batch
-   * @param {{ foldedRad: Floats, noErrors: Floats }} timeline
+   * @param {Floats} foldedRad
    */
-  constructor({ arrays }, { foldedRad, noErrors }) {
+  constructor({ arrays }, foldedRad) {
     const { counts, steps, ...kept } = "first" in arrays ? arrays : asWindows(arrays, foldedRad.length);
     this.rows = arrays.time_s.length;
     this.foldedRad = foldedRad;
-    this.noErrors = noErrors;
+    this.noErrors = new Float32Array(foldedRad.length).fill(NaN);
     let end = 0;
     const ends = Uint32Array.from(counts, (count) => (end += count));
     this.arrays = { ...kept, ends, angles: kept.angles ?? this.unpack(kept.first, counts, steps) };

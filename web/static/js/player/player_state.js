@@ -104,8 +104,7 @@ export class PlayerState extends Emitter {
 
   get outline() {
     const { timeline } = this;
-    const { modules, rigid_links: rigid } = timeline.chain;
-    return { ...timeline.outline, frames: timeline.total, growing: timeline.growing, modules, joints: modules - 1 - rigid };
+    return { ...timeline.outline, frames: timeline.total, growing: timeline.growing, modules: timeline.chain.modules };
   }
 
   // The selected module and its joint at the moment that is shown.

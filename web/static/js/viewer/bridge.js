@@ -210,7 +210,7 @@
     if (!holds) say({ is: "camera", position: [...message.position], target: [...message.look_at] });
   }
 
-  class Wire extends EventTarget {
+  class Wire {
     /** @type {((event: MessageEvent) => void) | null} */
     onmessage = null;
 
@@ -221,11 +221,7 @@
     }
 
     /** @param {unknown} data */
-    tell(data) {
-      const event = new MessageEvent("message", { data });
-      this.onmessage?.(event);
-      this.dispatchEvent(event);
-    }
+    tell(data) { this.onmessage?.(new MessageEvent("message", { data })); }
 
     terminate() {}
   }

@@ -132,14 +132,11 @@ export class Scene {
   /** @param {SceneMessage[]} messages */
   apply(messages) { this.port?.postMessage({ do: "show", messages }); }
 
-  // Calls back after two pictures' time.
-  /** @param {() => void} then */
-  passed(then) { this.ask("pass", then); }
-
   // Calls back when what the client was given can be seen.
   /** @param {() => void} then */
   painted(then) { this.ask("paint", then); }
 
+  // Calls back after two pictures' time, or when they have been painted.
   /**
    * @param {"pass" | "paint"} what
    * @param {() => void} then
