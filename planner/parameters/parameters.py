@@ -33,7 +33,7 @@ STRATEGY_CHOICES: Final[Choices] = {
     AUTO: Choice(label="Automatic"),
     "simultaneous": Choice(label="All at once"),
     "blocks": Choice(label="Blocks first"),
-    "peel": Choice(label="One part at a time, from the far end"),
+    "peel": Choice(label="One part at a time, from one end"),
     BASELINE: Choice(label="One joint at a time (for comparison)"),
 }
 """Explosion strategies, see ``planner.explosion.strategies``; ``auto`` chooses one of the others by

@@ -67,7 +67,8 @@ class PathOptions:
         "auto",
         Option(
             title="Path method",
-            help="Path method. `blocks` splits each voxel into 2×2×2 modules.",
+            help="Method that finds the path. `blocks` splits each voxel into 2×2×2 modules, "
+            "`exact` uses one module for each voxel, and `snake` works only for boxes.",
             label="Path",
             choices=PATH_METHODS,
         ),

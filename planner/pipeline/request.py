@@ -129,7 +129,7 @@ class FoldRequest(PathOptions):
         Option(
             title="Explosion strategy",
             help="How the chain is released: all modules at once (`simultaneous`), rigid blocks "
-            "first (`blocks`), or one part at a time from the far end (`peel`). For long chains, "
+            "first (`blocks`), or one part at a time from one end (`peel`). For long chains, "
             "`auto` uses `peel`. For comparison, `one-by-one` straightens one joint at a "
             "time.",
             choices=STRATEGY_CHOICES,

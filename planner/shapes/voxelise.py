@@ -118,8 +118,8 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
         word = "cell was" if joined.added == 1 else "cells were"
         notes.append(f"{joined.added} {word} added to keep thin parts connected.")
     if joined.dropped:
-        word = "cell was" if joined.dropped == 1 else "cells were"
-        notes.append(f"{joined.dropped} loose {word} removed at thin parts.")
+        word, verb = ("cell", "was") if joined.dropped == 1 else ("cells", "were")
+        notes.append(f"{joined.dropped} {word} not connected to the rest {verb} removed.")
     filled = fine.fill(made.offset_threshold).astype(np.float64)
     total = max(float(filled.sum()), np.finfo(float).tiny)
     kept = checked_fraction(float(filled[joined.cells].sum()) / total, "share of the volume")
@@ -130,9 +130,7 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
             "use more modules to keep it."
         )
     if iou < POOR_IOU and kept < MIN_PRESERVED_SHARE:
-        notes.append(
-            f"only {100 * kept:.0f} % of the volume is left in the cells; use more modules."
-        )
+        notes.append(f"the cells contain only {100 * kept:.0f} % of the volume; use more modules.")
     elif iou < POOR_IOU:
         notes.append(
             f"the shape is thinner than the cells, which match only {100 * iou:.0f} % of it; "

@@ -246,7 +246,7 @@ class Engine:
 
 def _finite(accelerations: Accelerations) -> Accelerations:
     if not np.isfinite(accelerations.qdd).all():
-        raise SimulationError("the accelerations are no longer finite.")
+        raise SimulationError("the accelerations became infinite or undefined.")
     return accelerations
 
 

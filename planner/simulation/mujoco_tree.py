@@ -186,7 +186,7 @@ class Tree:
             mujoco.mjtWarning.mjWARN_BADQACC,
         ):
             if warnings[int(kind)].number:
-                raise SimulationError("the state is no longer finite.")
+                raise SimulationError("the simulated state became infinite or undefined.")
 
     def stop_drifting(self) -> None:
         """Remove the momentum that integration has added since the chain was at rest.

@@ -171,7 +171,7 @@ class Blocks:
         mujoco.mj_fwdConstraint(model, data)
         acceleration = data.qacc
         if not np.isfinite(acceleration).all() or np.abs(acceleration).max() > MAX_ACCELERATION:
-            raise SimulationError("the accelerations are no longer finite.")
+            raise SimulationError("the accelerations became infinite or undefined.")
         hinges = np.zeros_like(state.angles)
         hinges[self.free] = acceleration[self._dofs]
         return Acceleration(

@@ -179,7 +179,7 @@ class ServoChain:
             engine.chain_model,
             engine.modules,
         ):
-            raise SimulationError("the state is no longer finite.")
+            raise SimulationError("the simulated state became infinite or undefined.")
         return given
 
     def stop_drifting(self) -> None:

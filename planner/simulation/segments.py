@@ -123,7 +123,7 @@ class Segments(SpringChain):
         mujoco.mj_fwdConstraint(model, data)
         acceleration = data.qacc
         if not np.isfinite(acceleration).all() or np.abs(acceleration).max() > 1e10:
-            raise SimulationError("the accelerations are no longer finite.")
+            raise SimulationError("the accelerations became infinite or undefined.")
         at = self._layout.root_dofs[self._middle]
         root = acceleration[at : at + 6].copy()
         return Acceleration(

@@ -132,7 +132,7 @@ class TableBody:
         self._torques[hinges] = data.efc_force[rows]
         for name in BAD_NUMBER_WARNINGS:
             if data.warning[int(getattr(mujoco.mjtWarning, name))].number:
-                raise SimulationError("the state is no longer finite.")
+                raise SimulationError("the simulated state became infinite or undefined.")
 
     def inertial_torques(self, angles: Array, rates: Array, accelerations: Array) -> Array:
         """Return (J,) torques of a motion without gravity and contacts, the first module held."""

@@ -112,7 +112,7 @@ class Program:
             np.zeros(columns, dtype=np.int32),  # none of them is a whole number
         )
         if passed == highspy.HighsStatus.kError:
-            raise PlannerError("got numbers that the solver refuses, expected finite poses")
+            raise PlannerError("got poses that the solver refuses, expected finite numbers")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -169,8 +169,8 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
         )
         return _no_path(side, "overhang", detail, tuples(hanging), may_fall=True)
     detail = (
-        f"layer {height} is in {count} separate parts; a chain that only climbs cannot leave a "
-        "layer and come back."
+        f"layer {height} consists of {count} separate parts; a chain that only climbs cannot "
+        "leave a layer and come back."
     )
     return _no_path(side, "parts", detail, tuples(layer), may_fall=True)
 

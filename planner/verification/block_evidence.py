@@ -55,7 +55,7 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
     if not np.allclose(
         angles_rad[:first], chain.folded_rad[:first], rtol=0.0, atol=SINGLE_PRECISION_ANGLE_RAD
     ):
-        yield f"first_hinge: got {first}, expected at most the hinges that are still folded"
+        yield f"first_hinge: got {first}, expected only folded hinges before it"
     bent = np.flatnonzero(np.abs(angles_rad) > told["bent_above_rad"])
     expected = bent[bent >= first].tolist()
     if [turn["hinge"] for turn in told["turns"]] != expected:

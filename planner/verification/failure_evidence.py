@@ -165,7 +165,7 @@ def _spent_differs(
     if spent == "refusals":
         most = float(parameters["table"]["most_torque"])
         if record.table is None or record.table.bound < most:
-            yield f"spent: got refusals, expected a bound of {most:g} w·p in the record"
+            yield f"spent: got refusals, expected a bound of {most:g} w·p or more in the record"
 
 
 def _counted(record: Record, spent: SpentKind) -> int:

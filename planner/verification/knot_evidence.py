@@ -85,8 +85,8 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
             yield f"determinant: got {told['determinant']}, expected {found.determinant}"
         if drawn != found:
             yield (
-                f"polygon: got the determinant {drawn.determinant}, expected the chain's, "
-                f"{found.determinant}, and the same polynomial"
+                f"polygon: got the determinant {drawn.determinant}, expected the chain's "
+                f"determinant, {found.determinant}, and the chain's polynomial"
             )
 
 

@@ -68,8 +68,8 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
         1 + SINGLE_PRECISION_ATOL_RAD
     ):
         yield (
-            f"plan.npz playback.max_angle_error_rad: expected at least {most}, as in one of the "
-            "frames"
+            f"plan.npz playback.max_angle_error_rad: expected at least {most}, the "
+            "largest error in a frame"
         )
     told = playback.summary()
     for name in ("rms_position_error", "max_angle_error_rad", "peak_torque", "rms_torque"):

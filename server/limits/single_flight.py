@@ -9,11 +9,13 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from typing import Any, Final, TypeVar
 
 from server.errors import ServiceError, TooMany, Unavailable
 from server.limits.concurrency_quota import Holder, Permit, Quota
 from server.limits.fair_threads import complete
+from web.timeline.cache import Cache
 
 PENDING_RETRY_S: Final = 3
 """Value of the ``Retry-After`` header, in s, if a derived file or another result cannot be computed
@@ -55,13 +57,28 @@ class SingleFlight:
         self._threads.shutdown(wait=False, cancel_futures=True)
 
     async def get_or_make(
-        self, key: Hashable, make: Callable[[], Thing], *, visitor: str | None = None
+        self,
+        key: Hashable,
+        make: Callable[[], Thing],
+        *,
+        visitor: str | None = None,
+        cache: Cache[Thing] | None = None,
     ) -> Thing:
         """Return the result of ``make``; concurrent calls with the same key share one result.
+
+        Args:
+            key: Name of the result.
+            make: Makes it, in a thread.
+            visitor: Visitor that requests it.
+            cache: Cache of recent results; each call makes a new one if None.
 
         Raises:
             ServiceError: When too many of the visitor's wait, or of all.
         """
+        if cache is not None:
+            if (known := cache.get(key)) is not None:
+                return known
+            make = partial(cache.get_or_make, key, make)
         if key not in self._making:
             self._begin(key, make, visitor)
         # Who goes away does not take it from the others that wait for it.

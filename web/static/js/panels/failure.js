@@ -97,7 +97,7 @@ function confirming(files) {
   const [plan, record] = ["plan.npz", "record.npz"].map((name) => element("a", { href: `${files}/${name}`, download: name }, name));
   return [
     element("h3", {}, "Check it yourself"),
-    element("p", {}, "The checker confirms this reason from ", plan, " and ", record, " alone. You do not have to trust us."),
+    element("p", {}, "A separate program can confirm this reason from ", plan, " and ", record, " alone. You do not have to trust us."),
     element("p", {}, element("code", {}, "python foldback_check_refusals.py plan.npz record.npz")),
     element("p", {}, "The checker consists of two files. Keep them in one folder:"),
     element("p", {}, ...["foldback_check_refusals.py", "foldback_check.py"].flatMap((name) =>
