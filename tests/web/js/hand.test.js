@@ -1,7 +1,7 @@
 // Control of the camera by pointers and wheels.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Hand } from "../../../web/static/js/viewer/hand.js";
+import { Hand } from "../../../web/static/js/viewer/scene.js";
 import { close } from "./vectors.js";
 
 function held(follows = true) {

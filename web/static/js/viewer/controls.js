@@ -2,7 +2,7 @@
 // the colours.
 import { get } from "../lib/text.js";
 import { Player } from "../player/player.js";
-import { Hand } from "./hand.js";
+import { Hand } from "./scene.js";
 import { Sketch } from "./sketch.js";
 import { Stage, StandIn } from "./stage.js";
 

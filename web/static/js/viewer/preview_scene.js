@@ -2,8 +2,7 @@
 // web/viser/preview_scene.py.
 import { framing, picked, positionOf } from "./camera.js";
 import { decode } from "../lib/columns.js";
-import { Hand } from "./hand.js";
-import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
+import { Hand, Scene, cameraTo, linear, update, visibility } from "./scene.js";
 
 const MOST_TRIES = 8;
 const RETRY_S = 2;
