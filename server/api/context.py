@@ -91,24 +91,11 @@ class Context(Viewing):
             warm=settings.prewarm and not settings.read_only,
             directory=settings.root,
         )
-        reader = Pool(
-            "reader",
-            awaited,
-            wall_s=settings.read_seconds,
-            fork_server=fork_server,
-            quota=_turns("uploads", settings.max_uploads, settings.max_uploads_of_visitor),
-        )
-        preparer = Pool(
-            "preparer",
-            awaited,
-            wall_s=settings.preview_seconds,
-            fork_server=fork_server,
-            quota=_turns(
-                "previews", settings.previews_waiting, settings.previews_waiting_of_visitor
-            ),
-        )
-        motions = Scratch(settings.motions_dir)
-        motions.sweep()
+        Scratch(settings.motions_dir).sweep()
+        motions = replace(awaited, folders=(str(settings.motions_dir),))
+        retimer = Pool("retimer", motions, wall_s=settings.retime_seconds, fork_server=fork_server)
+        # Started by itself: the fork server would have to load and compile what pictures need.
+        drawer = Pool("pictures", motions, wall_s=settings.preview_seconds)
         estimates = Estimates(store)
         remaining = EtaEstimator(store, leases, estimates)
         if not settings.read_only:
@@ -122,7 +109,7 @@ class Context(Viewing):
             robots=_quota("robots", settings.max_robots, settings.max_robots_of_visitor),
             robot_rates=robot_rates(),
             classes=LiveClasses(settings),
-            trajectories=_trajectories(settings, awaited, motions, fork_server),
+            trajectories=Trajectories(settings, retimer),
             answers=SingleFlight(
                 "answers",
                 at_once=2,
@@ -134,11 +121,13 @@ class Context(Viewing):
             ),
             uploads=Uploads(settings),
             fork_server=fork_server,
-            reader=reader,
+            reader=_reader(settings, awaited, fork_server),
             previews=previews,
-            preview_reports=PreviewReports(settings, previews, preparer),
+            preview_reports=PreviewReports(
+                settings, previews, _preparer(settings, awaited, fork_server)
+            ),
             artifacts=_artifacts(settings, store),
-            pictures=_pictures(settings, awaited, motions),
+            pictures=Pictures(settings, drawer),
             movies=Movies(settings, store),
             gallery=Gallery(),
             fold_states=FoldStates(store, remaining),
@@ -211,31 +200,16 @@ def _quota(what: str, total: int, per_visitor: int) -> Quota:
     return Quota(what, total=total, per_visitor=per_visitor)
 
 
-def _trajectories(
-    settings: Settings, awaited: ChildLimits, motions: Scratch, fork_server: ForkServer
-) -> Trajectories:
-    return Trajectories(
-        Pool(
-            "retimer",
-            replace(awaited, folders=(str(settings.motions_dir),)),
-            wall_s=settings.retime_seconds,
-            fork_server=fork_server,
-        ),
-        motions,
-        Scratch(settings.scratch_dir),
-        total=settings.answers_waiting,
-        per_visitor=settings.answers_waiting_of_visitor,
-    )
+def _reader(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Pool:
+    quota = _turns("uploads", settings.max_uploads, settings.max_uploads_of_visitor)
+    wall_s = settings.read_seconds
+    return Pool("reader", awaited, wall_s=wall_s, fork_server=fork_server, quota=quota)
 
 
-def _pictures(settings: Settings, awaited: ChildLimits, motions: Scratch) -> Pictures:
-    # Started by itself: the fork server would have to load and compile what pictures need.
-    pool = Pool(
-        "pictures",
-        replace(awaited, folders=(str(settings.motions_dir),)),
-        wall_s=settings.preview_seconds,
-    )
-    return Pictures(pool, motions)
+def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Pool:
+    total, per_visitor = settings.previews_waiting, settings.previews_waiting_of_visitor
+    quota, wall_s = _turns("previews", total, per_visitor), settings.preview_seconds
+    return Pool("preparer", awaited, wall_s=wall_s, fork_server=fork_server, quota=quota)
 
 
 def _turns(what: str, total: int, per_visitor: int) -> Quota:

@@ -129,12 +129,15 @@ class Leases:
                 value = round(COMPILED_COUNT * min(max(fraction, 0.0), 1.0))
                 session.add(CounterRow(name=_preparing_key(name), value=value))
 
-    @cachedmethod(attrgetter("_prepared"), lock=attrgetter("_lock"))
     def preparing(self) -> Preparing | None:
         """Return how far the workers are that compile kernels; None where one can compute.
 
         Nothing else says so for ``COMPILING_CACHE_S``: all who look share one query.
         """
+        return self._look_at_preparing()
+
+    @cachedmethod(attrgetter("_prepared"), lock=attrgetter("_lock"))
+    def _look_at_preparing(self) -> Preparing | None:
         workers = self.workers()
         if not workers:
             starting = self._expects_workers and self._clock() - self._made_at < SERVICE_START_S
