@@ -318,49 +318,27 @@ type FigureName = "clearance" | "nearest" | "torque" | "position_error" | "joint
 interface FigurePart extends Message<{ widths: Partial<Record<FigureName, number>> }, Partial<Record<FigureName, Floats>>> {}
 type FigureRow = Partial<Record<FigureName, Floats>>;
 
-// Facts: server/pages/facts.py.
+// Facts that scripts use: `SCRIPT_FACTS` of server/pages/facts.py.
 
 type Form = Record<string, string | number | boolean | Blob | null>;
-interface FileTold { label: string; hint: string; href: string }
-interface Failing { kind: string; heading: string; text: string; frame: number | null; modules: number[]; blocks: string[]; knot: KnotDrawing | null }
-interface KnotDrawing { side: number; strokes: string[]; label: string }
-interface Attempt { strategy: string; how: string; end: string; tone: string }
-interface PlanDot { label: string; time_s: number | null; torque_mnm: number | null; room: number | null; cells: string[]; verified: boolean; chosen: boolean; stored: number | null }
-interface Choice { prefer: string; wish: string; seconds: number; columns: string[]; plans: PlanDot[]; text: string }
-interface TableWords { good: boolean; text: string; rows: [label: string, value: string][]; assumptions: string[]; servos: string; named: { name: string; href: string }[] }
+interface Failing { frame: number | null; modules: number[] }
+interface PlanDot { label: string; time_s: number | null; torque_mnm: number | null; room: number | null; verified: boolean; chosen: boolean }
+interface Choice { prefer: string; seconds: number; plans: PlanDot[] }
 interface Again { text: string; form: Form }
-interface Smoothing { rows: { label: string; before: string; after: string; ratio: string }[]; note: string; compare: string | null }
 interface Way { text: string; hint: string; form: Form; id?: string; settable?: string }
 interface Facts {
   id: string;
   name: string;
-  status: string;
   running: boolean;
-  preset: string;
   verdict: { tone: string; text: string };
-  problem: { heading: string; text: string } | null;
   failure: Failing | null;
-  attempts: Attempt[];
   choice: Choice | null;
-  table: TableWords | null;
   again: Again | null;
   frames: number;
-  refoldable: boolean;
-  refold: Form;
-  smoothable: boolean;
-  smoothing: Smoothing | null;
-  comparable: boolean;
   compare: Way[];
-  alternative_to: string | null;
+  refold: Form;
   embed: string | null;
-  kept: string | null;
-  made: string | null; // by which version, of a fold that came with the package
   movies: boolean;
-  robot: boolean;
-  files: FileTold[];
-  properties: { heading: string; rows: { label: string; value: string }[] }[];
-  downloads: FileTold[];
-  downloads_hint: string;
 }
 
 // Answers of the API: api.d.ts. A refusal says more where a file could not be read.
@@ -437,6 +415,8 @@ interface Elements {
   notify: HTMLButtonElement;
   more: HTMLButtonElement;
   "modules-number": HTMLInputElement;
+  "movie-bar": HTMLProgressElement;
+  "movie-create": HTMLButtonElement;
   modules: HTMLInputElement;
   name: HTMLInputElement;
   open: HTMLButtonElement;
@@ -470,6 +450,7 @@ interface Elements {
   sketch: HTMLCanvasElement;
   smooth: HTMLButtonElement;
   speed: HTMLSelectElement;
+  "stuck-card": HTMLDetailsElement;
   turn: HTMLButtonElement;
   undo: HTMLButtonElement;
   unpath: HTMLButtonElement;

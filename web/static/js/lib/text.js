@@ -157,10 +157,6 @@ export function store(name, value) {
   }
 }
 
-// Whether a fold has a plan whose clearance can be checked.
-/** @param {Facts} facts */
-export const checkable = ({ running, verdict, downloads }) => !running && verdict.tone === "good" && downloads.length > 0;
-
 export const UNREACHABLE = "The server cannot be reached. Check the connection and try again.";
 
 // Something that is loaded when it is first used; what is made of it comes back. Where that fails,

@@ -7,7 +7,7 @@ import { Place, viewOf } from "../player/address.js";
 import { Pair } from "../player/paired_playback.js";
 import { offerSides, pathButton, playerOn, showScale } from "../viewer/controls.js";
 import { hasWebGL, load } from "../viewer/scene.js";
-import { at as hrefOf, checkable, copyText, element, get, later, radians } from "../lib/text.js";
+import { at as hrefOf, copyText, element, get, later, radians } from "../lib/text.js";
 
 const LOOK_MS = 2000; // at what is said of a fold that is not over
 const START_MS = 600; // two 3D views at once would keep both drawings waiting
@@ -53,7 +53,6 @@ const sides = facts.map((fold, k) => {
   });
   if (running) follow(id, /** @type {HTMLElement} */ (side.querySelector(".verdict")), player);
   const check = /** @type {HTMLButtonElement} */ (side.querySelector(".check-here"));
-  check.hidden = !checkable(fold);
   check.onclick = () => checking(({ checkInDialog }) => checkInDialog(player, fold, (at) => { pair.send({ do: "seek", frame: pair.frameAt(player, at) }); }));
   webgl.then((there) => setTimeout(() => { if (there) load(frame, hrefOf("/view")); }, 1500 * k));
   return { player, stage };

@@ -4,7 +4,7 @@ import { Source } from "../player/timeline.js";
 import { ask } from "../lib/api.js";
 import { view } from "../viewer/fold_view.js";
 import { load } from "../viewer/scene.js";
-import { at, checkable, get, later } from "../lib/text.js";
+import { at, get, later } from "../lib/text.js";
 
 /** @type {Facts} */
 const facts = JSON.parse(get("facts").textContent);
@@ -24,5 +24,4 @@ document.addEventListener("fullscreenchange", yieldScrolling);
 yieldScrolling();
 if (!facts.running) figures.begin();
 const checking = later(() => import("../panels/plan_check.js"), (text) => toast((part) => part.toast(text)));
-get("check-here").hidden = !checkable(facts);
 get("check-here").onclick = () => checking(({ checkInDialog }) => checkInDialog(player, facts));

@@ -19,7 +19,7 @@ const OVER = ["verified", "failed", "cancelled"];
 export class Progress {
   /**
    * @param {Facts} facts
-   * @param {{ onDone: (facts: Facts) => void, onProgress: (now: Api.Progress, stage: string, verdict: Facts["verdict"] | null) => void }} around
+   * @param {{ onDone: () => void, onProgress: (now: Api.Progress, stage: string, verdict: Facts["verdict"] | null) => void }} around
    */
   constructor(facts, { onDone, onProgress }) {
     this.facts = facts;
@@ -120,15 +120,13 @@ export class Progress {
   async checked() {
     if (this.verdict || this.asking) return;
     this.asking = true;
-    const facts = await this.fetched();
+    /** @type {Facts | null} */
+    const facts = await ask(`/folds/${this.facts.id}/facts`).catch(() => null);
     this.asking = false;
     if (!facts?.running || facts.verdict.tone !== "good" || get("progress").hidden) return;
     this.verdict = facts.verdict;
     if (this.now) this.show(this.now);
   }
-
-  /** @returns {Promise<Facts | null>} */
-  fetched() { return ask(`/folds/${this.facts.id}/facts`).catch(() => null); }
 
   /** @param {string} text */
   say(text) {
@@ -138,14 +136,13 @@ export class Progress {
     if (!get("cover").classList.contains("gone")) get("cover-text").textContent = text;
   }
 
-  async end() {
+  end() {
     this.events?.close();
     this.pollNoMore();
     get("progress").hidden = true;
     get("cancel").hidden = true;
     showPreparing(null);
-    const facts = await this.fetched();
-    if (facts) this.onDone(facts);
+    this.onDone();
   }
 
   async cancel() {

@@ -1,15 +1,14 @@
 // Sharing: a link to what is seen now, a frame for other pages, one file that plays by itself.
-import { file } from "./downloads.js";
 import { offerPicture } from "./screenshot.js";
 import { toast } from "./toast.js";
 import { tokenOf } from "../lib/api.js";
-import { at, copyText, element, get } from "../lib/text.js";
+import { at, copyText, get } from "../lib/text.js";
 
 // Return what opens the dialog, with what there is without a server, once there is something.
 /**
  * @param {Facts} facts
  * @param {{ place: import("../player/address.js").Place, player: import("../player/player.js").Player }} view
- * @returns {(facts: Facts) => void}
+ * @returns {() => void}
  */
 export function sharing({ id, embed }, { place, player }) {
   const dialog = get("sharing");
@@ -32,11 +31,7 @@ export function sharing({ id, embed }, { place, player }) {
   get("share-mine").hidden = !tokenOf(id);
   const lead = document.getElementById("lead"); // not without a service
   if (lead) lead.onclick = async () => { dialog.close(); (await import("../tour/leader.js")).lead(id, { place, toast }); };
-  get("share-files").append(element("p", { class: "hint" }, "To show the HTML file in your own web page, put ",
-    element("a", { href: "/static/foldback-fold.js", download: true }, "foldback-fold.js"), " in the same folder and add ", element("code", {}, '<foldback-fold src="FILE.html"></foldback-fold>'), " to the page."));
-  return ({ files }) => {
-    get("share-files").hidden = !files.length;
-    get("share-list").replaceChildren(...files.map(file));
+  return () => {
     fill();
     dialog.showModal();
     get("share-link").select();
