@@ -377,7 +377,6 @@ interface SheetHeard {
 // Elements of the pages that are more than an element, by their id.
 interface Elements {
   again: HTMLButtonElement;
-  all: HTMLAnchorElement;
   angles: HTMLInputElement;
   back: HTMLButtonElement;
   cancel: HTMLButtonElement;
@@ -432,6 +431,8 @@ interface Elements {
   "refold-dialog": HTMLDialogElement;
   "refold-file": HTMLInputElement;
   refold: HTMLButtonElement;
+  "new-name": HTMLInputElement;
+  renaming: HTMLDialogElement;
   repeat: HTMLButtonElement;
   reverse: HTMLButtonElement;
   "save-cells": HTMLButtonElement;

@@ -1,7 +1,7 @@
 // Renaming of a fold by its owner.
 import { ask, tokenOf } from "../lib/api.js";
 import { get } from "../lib/text.js";
-import { renameForm } from "./dialogs.js";
+import { renamed } from "./dialogs.js";
 
 // Offer the owner of the page's fold to rename it.
 /**
@@ -13,13 +13,10 @@ export function offerRenaming(id, onNamed) {
   get("rename").hidden = !token;
   get("rename").onclick = () => {
     get("ways-list").hidePopover();
-    renameForm(get("name"), get("name").textContent, {
-      back: () => get("ways").focus(),
-      save: async (name) => {
-        /** @type {Api.Fold} */
-        const { title } = await ask(`/api/folds/${id}`, { method: "PATCH", token, body: { name } });
-        onNamed(title);
-      },
+    renamed(get("name").textContent, async (name) => {
+      /** @type {Api.Fold} */
+      const { title } = await ask(`/api/folds/${id}`, { method: "PATCH", token, body: { name } });
+      onNamed(title);
     });
   };
 }
