@@ -158,7 +158,7 @@ def test_plots_show_figures_and_seek(page: Page, figures: Figures) -> None:
     assert shown_frame(page) > 0.5 * len(figures), "a reading moves nothing"
     larger = page.get_by_role("button", name="Larger view of smallest clearance")
     larger.click()
-    large = page.locator("dialog.plot-dialog .plot svg[role=slider]")
+    large = page.locator(".plot:popover-open svg[role=slider]")
     before = shown_frame(page)
     large.press("ArrowLeft")
     expect(large).to_have_attribute("aria-valuenow", str(before))

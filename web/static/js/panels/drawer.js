@@ -58,7 +58,7 @@ export class Drawer {
 
   /** @param {KeyboardEvent} event */
   key(event) {
-    if (event.key !== "Escape" || event.defaultPrevented || get("drawer").hidden || document.querySelector("dialog[open]")) return;
+    if (event.key !== "Escape" || event.defaultPrevented || get("drawer").hidden || document.querySelector("dialog[open], :popover-open")) return;
     event.preventDefault();
     this.close();
   }

@@ -223,26 +223,22 @@ export class Plots {
     where.textContent = [`frame ${whole(frame + 1)}`, time === undefined ? null : seconds(time)].filter(Boolean).join(", ");
   }
 
-  // Shows a plot in a dialog as wide as the page; it goes back to its place when that closes.
+  // Shows a plot over the page, nearly as wide as it, or puts it back.
   /**
    * @param {HTMLElement} box
    * @param {HTMLElement} larger the button
    */
   enlarge(box, larger) {
-    const place = document.createComment("");
-    const close = button("icon-button dialog-close", "✕", () => dialog.close(), { "aria-label": "Close" });
-    const dialog = element("dialog", { class: "dialog plot-dialog", "aria-label": larger.getAttribute("aria-label") }, close);
-    dialog.onclose = () => {
-      place.replaceWith(box);
-      dialog.remove();
-      larger.hidden = false;
+    if (box.popover) { box.hidePopover(); return; }
+    box.popover = "auto";
+    box.ontoggle = ({ newState }) => {
+      larger.textContent = newState === "open" ? "Close" : "Larger";
+      box.classList.toggle("dialog", newState === "open");
+      if (newState === "open") return;
+      box.popover = null;
       larger.focus();
     };
-    box.replaceWith(place);
-    larger.hidden = true;
-    dialog.append(box);
-    document.body.append(dialog);
-    dialog.showModal();
+    box.showPopover();
   }
 
   /** @param {{ frame: number }} state */
@@ -262,13 +258,10 @@ export class Plots {
     }
   }
 
-  // The keys of the page move a playhead by frames, and to either end; these by ten. In a dialog the
-  // page's keys rest, so that arrows are here, too.
+  // The keys of the page move a playhead by frames, and to either end; these by ten.
   /** @param {KeyboardEvent} event */
   key(event) {
-    const inDialog = event.currentTarget instanceof Element && event.currentTarget.closest("dialog") !== null;
-    const arrow = inDialog ? Number(event.key === "ArrowRight") - Number(event.key === "ArrowLeft") : 0;
-    const by = event.key === "PageUp" ? FAR : event.key === "PageDown" ? -FAR : arrow;
+    const by = event.key === "PageUp" ? FAR : event.key === "PageDown" ? -FAR : 0;
     if (!by || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     this.player.send({ do: "step", by });
