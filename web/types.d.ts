@@ -380,6 +380,8 @@ interface Elements {
   angles: HTMLInputElement;
   back: HTMLButtonElement;
   cancel: HTMLButtonElement;
+  "check-bar": HTMLProgressElement;
+  "check-dialog": HTMLDialogElement;
   clear: HTMLButtonElement;
   "colour-by": HTMLSelectElement;
   "compare-dialog": HTMLDialogElement;

@@ -26,7 +26,7 @@ const { timeline, player, place, bar } = view({
 
 // Parts that most visitors do not use.
 const asking = later(() => import("../lib/fold_request.js"), toast);
-const checking = later(() => import("../panels/plan_check.js").then(({ Checking, planOf }) => new Checking(get("check"), player, planOf(facts.id))), toast);
+const checking = later(() => import("../panels/plan_check.js").then(({ Checking, planOf }) => new Checking(player, planOf(facts.id))), toast);
 const choosing = later(() => import("../panels/plan_choice.js"), toast);
 const companions = later(() => import("../panels/compare_refold.js"), toast);
 const downloads = later(() => import("../panels/downloads.js"), toast);

@@ -91,7 +91,7 @@ figures.begin();
 if (parts.plan) {
   const checker = await (await fetch(import.meta.resolve("foldback/checker"))).text();
   Checking.worker = () => new Worker(URL.createObjectURL(new Blob([checker], { type: "text/javascript" })));
-  const checking = new Checking(get("check"), player, `data:;base64,${parts.plan}`);
+  const checking = new Checking(player, `data:;base64,${parts.plan}`);
   get("check-plan").onclick = () => checking.begin("claim");
   get("check").hidden = false;
 }
