@@ -429,6 +429,7 @@ interface Elements {
   prefer: HTMLSelectElement;
   preset: HTMLSelectElement;
   preview: HTMLButtonElement;
+  "own-file": HTMLInputElement;
   redo: HTMLButtonElement;
   "refold-dialog": HTMLDialogElement;
   "refold-file": HTMLInputElement;
@@ -454,6 +455,10 @@ interface Elements {
   smooth: HTMLButtonElement;
   speed: HTMLSelectElement;
   "stuck-card": HTMLDetailsElement;
+  "tour-after": HTMLButtonElement;
+  "tour-before": HTMLButtonElement;
+  "tour-save": HTMLButtonElement;
+  "tour-undo": HTMLButtonElement;
   turn: HTMLButtonElement;
   undo: HTMLButtonElement;
   unpath: HTMLButtonElement;
