@@ -415,6 +415,9 @@ interface Elements {
   model: SVGSVGElement;
   notify: HTMLButtonElement;
   more: HTMLButtonElement;
+  "module-after": HTMLButtonElement;
+  "module-before": HTMLButtonElement;
+  "module-number": HTMLInputElement;
   "modules-number": HTMLInputElement;
   "movie-bar": HTMLProgressElement;
   "movie-create": HTMLButtonElement;

@@ -183,6 +183,20 @@ export function later(load, refused) {
   };
 }
 
+const TOAST_MS = 2600;
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let toastTimer;
+
+// Show a line for a moment.
+/** @param {string} text */
+export function toast(text) {
+  const line = get("toast");
+  line.textContent = text;
+  line.hidden = false;
+  clearTimeout(toastTimer);
+  toastTimer = setTimeout(() => { line.hidden = true; }, TOAST_MS);
+}
+
 /**
  * @param {string} text
  * @param {() => void} done

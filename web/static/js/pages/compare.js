@@ -7,7 +7,7 @@ import { Place, viewOf } from "../player/address.js";
 import { Pair } from "../player/paired_playback.js";
 import { offerSides, pathButton, playerOn, showScale } from "../viewer/controls.js";
 import { hasWebGL, load } from "../viewer/scene.js";
-import { at as hrefOf, copyText, element, get, later, radians } from "../lib/text.js";
+import { at as hrefOf, copyText, element, get, later, radians, toast } from "../lib/text.js";
 
 const LOOK_MS = 2000; // at what is said of a fold that is not over
 const START_MS = 600; // two 3D views at once would keep both drawings waiting
@@ -39,7 +39,7 @@ async function follow(id, verdict, player) {
   player.timeline.finish();
 }
 
-const checking = later(() => import("../panels/plan_check.js"), (text) => say(text));
+const checking = later(() => import("../panels/plan_check.js"), toast);
 const sides = facts.map((fold, k) => {
   const { id, running } = fold;
   const side = get(`side-${k}`);
@@ -89,6 +89,4 @@ const place = new Place({
   path: (on) => through.set(on),
 }, calm);
 through.changed = () => place.note();
-const toast = later(() => import("../panels/toast.js"), () => {});
-const say = (/** @type {string} */ text) => toast((part) => part.toast(text));
-get("share").onclick = () => copyText(location.origin + place.here(), () => say("Link copied"), () => say(location.href));
+get("share").onclick = () => copyText(location.origin + place.here(), () => toast("Link copied"), () => toast(location.href));

@@ -5,10 +5,9 @@ import { ModulePanel } from "../panels/module_panel.js";
 import { Plots } from "../panels/plots.js";
 import { Source } from "../player/timeline.js";
 import { ask } from "../lib/api.js";
-import { toast } from "../panels/toast.js";
 import { view } from "../viewer/fold_view.js";
 import { load } from "../viewer/scene.js";
-import { at, get, later, wordsOf } from "../lib/text.js";
+import { at, get, later, toast, wordsOf } from "../lib/text.js";
 
 const formOf = (/** @type {EventTarget | null} */ field) => /** @type {HTMLFormElement} */ (/** @type {HTMLElement} */ (field).closest("form"));
 /** @type {Facts} */

@@ -7,11 +7,10 @@ import { Plan } from "../check/plan.js";
 import { Plots } from "../panels/plots.js";
 import { Figures } from "../player/figures.js";
 import { Sketch } from "../viewer/sketch.js";
-import { toast } from "../panels/toast.js";
 import { thereAndBack } from "../player/frames.js";
 import { view } from "../viewer/fold_view.js";
 import { load } from "../viewer/scene.js";
-import { get } from "../lib/text.js";
+import { get, toast } from "../lib/text.js";
 
 /**
  * What the page holds: texts of messages, and pages and scripts of others.

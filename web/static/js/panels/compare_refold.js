@@ -4,8 +4,7 @@ import { openFold, requestFold } from "../lib/fold_request.js";
 import { changed, open, refused } from "./paper_settings.js";
 import { Sending } from "./upload_progress.js";
 import { addStyle } from "../lib/lazy_styles.js";
-import { at, element, get, wordsOf } from "../lib/text.js";
-import { toast } from "./toast.js";
+import { at, element, get, toast, wordsOf } from "../lib/text.js";
 
 const sending = new Sending(get("refold-sending"));
 let listed = false; // the shapes of the gallery

@@ -1,6 +1,5 @@
 // Dialogs: a question before something that cannot be undone, and one for a new name.
-import { get, wordsOf } from "../lib/text.js";
-import { toast } from "./toast.js";
+import { get, toast, wordsOf } from "../lib/text.js";
 
 // Open a dialog. Return whether it is closed with its button "yes".
 /**

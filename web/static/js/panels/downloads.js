@@ -1,8 +1,7 @@
 // Movies and torques of a fold: what the forms in its Download tab request.
 import { motorWords } from "./motor_words.js";
 import { Refusal, ask, ownKey, tokenOf } from "../lib/api.js";
-import { at, element, get, wordsOf } from "../lib/text.js";
-import { toast } from "./toast.js";
+import { at, element, get, toast, wordsOf } from "../lib/text.js";
 
 const LOOK_MS = 1000;
 const FORBIDDEN = 403;

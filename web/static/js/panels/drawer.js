@@ -1,6 +1,5 @@
 // Details at the side: the selected module, plots, properties, downloads.
-import { copyText, element, get } from "../lib/text.js";
-import { toast } from "./toast.js";
+import { copyText, element, get, toast } from "../lib/text.js";
 
 const TABS = ["attempts", "module", "plots", "properties", "downloads"];
 

@@ -1,8 +1,7 @@
 // Cards of what this browser has made: folds, shapes that were looked at, movies.
 import { Refusal, ask, remove } from "../lib/api.js";
-import { STAGES, at, button, copyText, element, sentence, whole, wordsOf } from "../lib/text.js";
+import { at, button, copyText, element, sentence, STAGES, toast, whole, wordsOf } from "../lib/text.js";
 import { confirmed, renamed } from "./dialogs.js";
-import { toast } from "./toast.js";
 
 const S = 1000;
 /** @type {Record<string, string>} */

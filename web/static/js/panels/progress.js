@@ -2,8 +2,7 @@
 import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { OverallProgress, queueWords } from "./overall_progress.js";
 import { preparingWords, remaining, showPreparing } from "./preparing.js";
-import { at, get, whole } from "../lib/text.js";
-import { toast } from "./toast.js";
+import { at, get, toast, whole } from "../lib/text.js";
 
 const ASK_MS = 1000; // between two questions where no stream tells, at first
 const LONGEST_ASK_MS = 10000;

@@ -1,6 +1,5 @@
 // Screenshot: a PNG of the view to download or to paste, drawn by the page itself.
-import { element, get } from "../lib/text.js";
-import { toast } from "./toast.js";
+import { element, get, toast } from "../lib/text.js";
 
 /** @param {import("../player/player.js").Player} player */
 export function offerPicture(player) {

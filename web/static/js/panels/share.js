@@ -1,8 +1,7 @@
 // Sharing: a link to what is seen now, a frame for other pages, one file that plays by itself.
 import { offerPicture } from "./screenshot.js";
-import { toast } from "./toast.js";
 import { tokenOf } from "../lib/api.js";
-import { at, copyText, get } from "../lib/text.js";
+import { at, copyText, get, toast } from "../lib/text.js";
 
 // Return what opens the dialog, with what there is without a server, once there is something.
 /**
