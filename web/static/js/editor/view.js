@@ -4,17 +4,9 @@ import { element, get, svg } from "../lib/text.js";
 import { headOf, nextCells, touch } from "./cell_path.js";
 import { cellOf, keyOf } from "./painting.js";
 import { passed } from "./shape_tools.js";
-import { HINTS } from "./state.js";
 
 /** @type {Record<string, [x: number, y: number]>} */
 const ARROWS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
-
-/** @type {Record<string, string>} */
-const MODULES = {
-  no: "Each cell becomes 2×2×2 modules. A path always exists.",
-  yes: "Each cell becomes one module. The shape is exact, but there may be no path.",
-  path: "Each cell becomes one module, in the order you draw them.",
-};
 
 export const all = (/** @type {string} */ selector) => /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll(selector));
 
@@ -34,7 +26,7 @@ export function say(id, text, tone = "") {
  * @param {import("./state.js").Editor} editor
  * @param {import("./state.js").Standing} standing
  */
-export function showControls({ painting, layer, draft, refused, sending }, { cells, text, tone, limit, whole, completable, ready }) {
+export function showControls({ painting, layer, refused, sending }, { cells, text, tone, limit, whole, completable, ready }) {
   get("layer").textContent = `Layer ${layer + 1}`;
   const [bottom, pathless, idle] = [layer === 0, !painting.path.length, !ready || sending];
   const off = {
@@ -45,7 +37,6 @@ export function showControls({ painting, layer, draft, refused, sending }, { cel
   get("size").value = String(painting.size);
   get("empty").hidden = cells > 0;
   get("most").textContent = limit;
-  get("how").textContent = MODULES[draft.how];
   get("save-path").hidden = !whole;
   say("count", text, tone);
   say("message", refused);
@@ -55,16 +46,21 @@ export function showControls({ painting, layer, draft, refused, sending }, { cel
 /** @param {import("./painting.js").Draft} draft */
 export function showDraft({ name, how }) {
   get("name").value = name;
-  for (const input of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll('[name="exact"]'))) input.checked = input.value === how;
+  for (const input of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll('[name="exact"]'))) {
+    input.checked = input.value === how;
+    if (input.checked) get("how").textContent = input.dataset.hint ?? "";
+  }
 }
 
 // Shows which tool is held, with its options and a hint.
 /** @param {import("./state.js").Tool} tool */
 export function showTool(tool) {
-  for (const button of all("[data-tool]")) button.ariaPressed = String(button.dataset.tool === tool);
+  for (const button of all("[data-tool]")) {
+    const held = button.dataset.tool === tool;
+    button.ariaPressed = String(held);
+    if (held) get("hint").replaceChildren(`${button.dataset.hint} `, element("span", { class: "keys" }, button.dataset.keys ?? ""));
+  }
   for (const options of all("[data-for]")) options.hidden = !options.dataset.for?.split(" ").includes(tool);
-  const [hint, keys] = HINTS[tool];
-  get("hint").replaceChildren(`${hint} `, element("span", { class: "keys" }, keys));
 }
 
 export class Sheet {

@@ -181,12 +181,6 @@ function ofFolds() {
   }
 }
 
-// Folds with tokens of their own, as earlier versions gave them.
-export function foldsApart() {
-  const here = keysHere();
-  return ofFolds().filter(([, token]) => !here.includes(token));
-}
-
 // The token that proves that a fold is this browser's; null for others'.
 /** @param {string} id */
 export const tokenOf = (id) => stored(OF_FOLD + id);

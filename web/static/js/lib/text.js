@@ -183,6 +183,19 @@ export function later(load, refused) {
   };
 }
 
+const KEPT_MS = 60_000; // what is being saved
+
+// Save a file to the visitor's disk.
+/**
+ * @param {Blob} file
+ * @param {string} name
+ */
+export function save(file, name) {
+  const href = URL.createObjectURL(file);
+  element("a", { href, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(href), KEPT_MS);
+}
+
 const TOAST_MS = 2600;
 /** @type {ReturnType<typeof setTimeout> | undefined} */
 let toastTimer;

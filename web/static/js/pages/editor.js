@@ -3,7 +3,7 @@ import { SIZES } from "../editor/painting.js";
 import { imported } from "../editor/shape_tools.js";
 import { Editor, MIN_MODULES } from "../editor/state.js";
 import { Sheet, all, say, showControls, showDraft, showTool } from "../editor/view.js";
-import { at, duration, element, get, later, whole, wholeTime, wordsOf } from "../lib/text.js";
+import { at, duration, element, get, later, save, whole, wholeTime, wordsOf } from "../lib/text.js";
 
 /** @typedef {import("../editor/state.js").Tool} Tool */
 /** @typedef {0 | 1 | 2} Axis */
@@ -13,8 +13,6 @@ const facts = JSON.parse(get("facts").textContent);
 const CHECK_MS = 600;
 const DRAW_MS = 150;
 const MESH_CELLS = 160; // about, that a mesh becomes unless another number is typed
-/** @type {Record<string, Tool>} */
-const KEYS = { p: "paint", f: "fill", b: "box", m: "move", d: "path" };
 
 const editor = new Editor(facts.most_modules);
 const { painting, draft } = editor;
@@ -107,7 +105,8 @@ get("sheet").addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const key = event.key.toLowerCase();
   const drawing = editor.tool === "path";
-  if (KEYS[key]) take(KEYS[key]);
+  const tool = [...all("[data-tool]")].find(({ dataset }) => dataset.key === key);
+  if (tool) take(/** @type {Tool} */ (tool.dataset.tool));
   else if (key === "escape" && editor.corner !== null) editor.corner = null;
   else if (drawing && key === "x") editor.cutAt(sheet.focusedKey);
   else if (drawing && (key === "backspace" || key === "delete")) editor.takeBack();
@@ -160,25 +159,18 @@ get("complete").onclick = async () => {
   button.textContent = "Searching…";
   message("");
   const [state, drawn] = [{ ...painting.state, cells: painting.cells.slice() }, editor.drawn];
-  let refused = "";
-  try {
-    const completed = await exchanging((exchange) => exchange.completed(state, drawn));
-    if (completed === undefined) return;
-    // What was drawn meanwhile is not drawn over.
-    if (painting.path !== drawn.path) return;
-    if (completed) editor.step(() => editor.follow(completed));
-    else refused = "No path was found from here through the remaining cells. Draw from the other end, or cut the path and try again.";
-  } catch (error) {
-    refused = wordsOf(error);
-  } finally {
-    button.ariaBusy = null;
-    button.textContent = "Complete";
-  }
-  editor.refused = refused;
+  const completed = await exchanging((exchange) => exchange.completed(state, drawn).catch((error) => new Error(wordsOf(error))));
+  button.ariaBusy = null;
+  button.textContent = "Complete";
+  // What was drawn meanwhile is not drawn over.
+  if (completed === undefined || painting.path !== drawn.path) return;
+  if (completed instanceof Error) editor.refused = completed.message;
+  else if (completed) editor.step(() => editor.follow(completed));
+  else editor.refused = "No path was found from here through the remaining cells. Draw from the other end, or cut the path and try again.";
   show();
 };
 for (const input of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll('[name="exact"]'))) {
-  input.addEventListener("change", doing(() => draft.note({ how: /** @type {typeof draft.how} */ (input.value) })));
+  input.addEventListener("change", doing(() => { draft.note({ how: /** @type {typeof draft.how} */ (input.value) }); showDraft(draft); }));
 }
 get("name").addEventListener("input", () => draft.note({ name: get("name").value }));
 for (const button of /** @type {NodeListOf<HTMLElement>} */ (get("letters").querySelectorAll("button"))) {
@@ -225,8 +217,8 @@ get("file").addEventListener("change", () => { openFirst(get("file").files); get
 get("mesh-cells").addEventListener("change", () => { if (mesh) open({ preview: mesh.id }); });
 addEventListener("dragover", (event) => event.preventDefault());
 addEventListener("drop", (event) => { event.preventDefault(); openFirst(event.dataTransfer?.files); });
-get("save-cells").onclick = () => exchanging(({ save, voxelFile }) => save(voxelFile(editor.name, painting.state), editor.fileName("voxels.json")));
-get("save-path").onclick = () => exchanging(({ save, pathFile }) => save(pathFile(editor.name, painting.state), editor.fileName("path.json")));
+get("save-cells").onclick = () => exchanging(({ voxelFile }) => save(voxelFile(editor.name, painting.state), editor.fileName("voxels.json")));
+get("save-path").onclick = () => exchanging(({ pathFile }) => save(pathFile(editor.name, painting.state), editor.fileName("path.json")));
 
 // Sends the shape. `ask` sends the file and returns the refusal in words, or nothing.
 /** @param {(form: { file: File }, exchange: typeof import("../editor/exchange.js")) => Promise<string>} ask */

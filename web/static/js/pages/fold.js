@@ -4,7 +4,7 @@ import { Figures } from "../player/figures.js";
 import { ModulePanel } from "../panels/module_panel.js";
 import { Plots } from "../panels/plots.js";
 import { Source } from "../player/timeline.js";
-import { ask } from "../lib/api.js";
+import { ask, tokenOf } from "../lib/api.js";
 import { view } from "../viewer/fold_view.js";
 import { load } from "../viewer/scene.js";
 import { at, get, later, toast, wordsOf } from "../lib/text.js";
@@ -30,12 +30,22 @@ const choosing = later(() => import("../panels/plan_choice.js"), toast);
 const companions = later(() => import("../panels/compare_refold.js"), toast);
 const downloads = later(() => import("../panels/downloads.js"), toast);
 const failing = later(() => import("../panels/failure.js").then(({ Failure }) => new Failure({ player, bar, drawer })), toast);
-const renaming = later(() => import("../panels/renaming.js").then(({ offerRenaming }) => offerRenaming(facts.id,
-  (name) => { facts = { ...facts, name }; get("name").textContent = name; document.title = `${name} · foldback`; })), toast);
+const dialogs = later(() => import("../panels/dialogs.js"), toast);
 const share = later(() => import("../panels/share.js").then(({ sharing }) => sharing(facts, { place, player })), toast);
 const progress = later(() => Promise.all([import("../panels/progress.js"), import("../panels/outcome.js")]), toast);
 
-document.getElementById("ways-list")?.addEventListener("beforetoggle", () => renaming(() => {}));
+const token = tokenOf(facts.id);
+const rename = document.getElementById("rename"); // not without a service
+if (rename) {
+  rename.hidden = !token;
+  rename.onclick = () => dialogs(({ renamed }) => renamed(get("name").textContent, async (name) => {
+    /** @type {Api.Fold} */
+    const { title } = await ask(`/api/folds/${facts.id}`, { method: "PATCH", token, body: { name } });
+    facts = { ...facts, name: title };
+    get("name").textContent = title;
+    document.title = `${title} · foldback`;
+  }));
+}
 get("share").onclick = () => share((open) => open());
 const beside = (/** @type {"compare" | "refold" | "smooth"} */ way) => companions((it) => it[way](facts));
 for (const way of /** @type {const} */ (["compare", "refold", "smooth"])) get(way).onclick = () => beside(way);

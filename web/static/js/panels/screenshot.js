@@ -1,5 +1,5 @@
 // Screenshot: a PNG of the view to download or to paste, drawn by the page itself.
-import { element, get, toast } from "../lib/text.js";
+import { get, save, toast } from "../lib/text.js";
 
 /** @param {import("../player/player.js").Player} player */
 export function offerPicture(player) {
@@ -11,11 +11,7 @@ export function offerPicture(player) {
   };
   get("picture").hidden = !player.sketch?.worker;
   get("picture-copy").hidden = !("ClipboardItem" in window && navigator.clipboard?.write);
-  get("picture-save").onclick = async () => {
-    const href = URL.createObjectURL(await png());
-    element("a", { href, download: `${get("name").textContent} ${Math.round(player.playhead.frame) + 1}.png` }).click();
-    setTimeout(() => URL.revokeObjectURL(href), 10_000);
-  };
+  get("picture-save").onclick = async () => save(await png(), `${get("name").textContent} ${Math.round(player.playhead.frame) + 1}.png`);
   // Safari wants the promise, not what comes of it.
   get("picture-copy").onclick = async () => {
     try {

@@ -1,6 +1,6 @@
 // The tour of a fold over its view: captions with previous, play and next, and the list for editing.
 import { Refusal, ask, tokenOf } from "../lib/api.js";
-import { button, element, get, wordsOf } from "../lib/text.js";
+import { button, element, get, save, wordsOf } from "../lib/text.js";
 import { addStyle } from "../lib/lazy_styles.js";
 import { cameraText } from "../player/address.js";
 import { Flight } from "./flight.js";
@@ -204,9 +204,7 @@ export class TourPanel {
 
   download() {
     if (!this.state) return;
-    const address = URL.createObjectURL(new Blob([JSON.stringify(this.state.tour, null, 2)], { type: "application/json" }));
-    element("a", { href: address, download: "tour.json" }).click();
-    setTimeout(() => URL.revokeObjectURL(address), 1000);
+    save(new Blob([JSON.stringify(this.state.tour, null, 2)], { type: "application/json" }), "tour.json");
   }
 
   /** @param {KeyboardEvent} event */
