@@ -220,29 +220,29 @@ addEventListener("drop", (event) => { event.preventDefault(); openFirst(event.da
 get("save-cells").onclick = () => exchanging(({ voxelFile }) => save(voxelFile(editor.name, painting.state), editor.fileName("voxels.json")));
 get("save-path").onclick = () => exchanging(({ pathFile }) => save(pathFile(editor.name, painting.state), editor.fileName("path.json")));
 
-// Sends the shape. `ask` sends the file and returns the refusal in words, or nothing.
-/** @param {(form: { file: File }, exchange: typeof import("../editor/exchange.js")) => Promise<string>} ask */
+// Sends the shape. `ask` sends the file, tells why not, and returns whether the page is left.
+/** @param {(form: { file: File }, exchange: typeof import("../editor/exchange.js")) => Promise<boolean>} ask */
 async function send(ask) {
   const { name, draft: { how } } = editor;
   editor.sending = true;
   show();
-  const refused = await exchanging((exchange) => ask({
+  const left = await exchanging((exchange) => ask({
     file: how === "path" ? exchange.pathFile(name, painting.state) : exchange.voxelFile(name, painting.state, how === "no"),
   }, exchange));
-  if (refused === "") return; // the page is being left
-  if (refused) editor.refused = refused;
+  if (left) return;
   editor.sending = false;
   show();
 }
 get("preview").onclick = () => send(async (form, { report }) => {
   try {
     location.href = at((await report(form)).links.page);
-    return "";
+    return true;
   } catch (error) {
-    return wordsOf(error);
+    editor.refused = wordsOf(error);
+    return false;
   }
 });
-get("fold").onclick = () => send((form, { openFold }) => openFold(form));
+get("fold").onclick = () => send((form, { openFold }) => openFold(form, (words) => { editor.refused = words; }));
 
 get("mesh-cells").max = String(facts.most_modules);
 sheet.build(painting.size);

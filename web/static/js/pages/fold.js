@@ -47,8 +47,10 @@ if (rename) {
   }));
 }
 get("share").onclick = () => share((open) => open());
-const beside = (/** @type {"compare" | "refold" | "smooth"} */ way) => companions((it) => it[way](facts));
-for (const way of /** @type {const} */ (["compare", "refold", "smooth"])) get(way).onclick = () => beside(way);
+get("compare").onclick = () => companions(({ compare }) => compare(facts));
+get("refold").onclick = () => companions(({ refold }) => refold(facts));
+get("smooth").onclick = () => asking(({ openFold }) => openFold({ smooth: facts.id }, toast, get("smooth")));
+get("again").onclick = tryAgain;
 get("properties").onclick = ({ target }) => { if (target === get("check-plan")) checking((it) => it.begin("claim")); };
 get("rests").onclick = () => {
   drawer.openAt("properties");
@@ -69,7 +71,7 @@ function show(now) {
   if (now.failure) failing((it) => it.facts(now));
   if (choice) choosing(({ showChoice }) => showChoice(choice, drawer, player));
   if (!now.running) { timeline.finish(); figures.begin(); }
-  for (const button of [get("again"), get("cover-button")]) button.onclick = tryAgain;
+  get("cover-button").onclick = tryAgain;
 }
 
 // Take all that the page says of the fold as the service has it now.
@@ -88,13 +90,9 @@ async function renewed() {
 }
 
 // The same input once more, in the way that may do better.
-async function tryAgain() {
-  const buttons = [get("again"), get("cover-button")];
-  for (const button of buttons) button.disabled = true;
-  const refused = await asking(({ openFold }) => openFold(facts.again?.form ?? {}));
-  if (refused === "") return;
-  if (refused) toast(refused);
-  for (const button of buttons) button.disabled = false;
+function tryAgain() {
+  const { again } = facts;
+  if (again) asking(({ openFold }) => openFold(again.form, toast, get("again"), get("cover-button")));
 }
 
 show(facts);

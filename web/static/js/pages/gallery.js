@@ -51,8 +51,7 @@ for (const card of /** @type {NodeListOf<HTMLElement>} */ (document.querySelecto
     if (card.getAttribute("aria-busy")) return;
     card.setAttribute("aria-busy", "true");
     say("");
-    const refused = await asking(({ openFold }) => openFold({ shape: card.dataset.shape ?? "", ...(world ? { world } : {}) }));
-    if (refused) say(refused);
+    await asking(({ openFold }) => openFold({ shape: card.dataset.shape ?? "", ...(world ? { world } : {}) }, say));
     card.removeAttribute("aria-busy");
     if (get("message").textContent) get("message").scrollIntoView({ block: "center" });
   };

@@ -35,10 +35,8 @@ async function start(fields, label) {
   const resting = player.is.playing && player.send({ do: "pause" });
   const preset = get("preset").value;
   const settings = preset === "paper" ? changed() : {};
-  const problem = await asking(({ openFold }) => openFold({ ...fields, preset, ...settings, seed: get("seed").value || "0" }));
-  if (problem === "") return;
-  if (problem) say(refused(problem), "bad");
-  if (resting) player.send({ do: "play" });
+  const left = await asking(({ openFold }) => openFold({ ...fields, preset, ...settings, seed: get("seed").value || "0" }, (problem) => say(refused(problem), "bad")));
+  if (resting && !left) player.send({ do: "play" });
 }
 
 // A path or a chain is folded at once, unless it is knotted; all else is looked at first.
