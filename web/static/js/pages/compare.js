@@ -24,18 +24,13 @@ const webgl = new Promise((told) => { setTimeout(() => told(hasWebGL()), START_M
  * @param {import("../player/player.js").Player} player
  */
 async function follow(id, verdict, player) {
-  const { Refusal, ask } = await import("../lib/api.js");
-  for (let running = true; running;) {
-    await new Promise((done) => { setTimeout(done, LOOK_MS); });
-    /** @type {Facts | import("../lib/api.js").Refusal} */
-    const now = await ask(`/folds/${id}/facts`).catch((error) => error);
-    if (now instanceof Refusal && now.gone) return; // it is deleted
-    if (now instanceof Refusal) continue;
+  const { askUntil } = await import("../lib/api.js");
+  await askUntil(`/folds/${id}/facts`, LOOK_MS, (/** @type {Facts} */ now) => {
     verdict.textContent = now.verdict.text;
     verdict.dataset.tone = now.verdict.tone;
-    running = now.running;
-    if (!running && !now.frames) { pair.leave(player); return; }
-  }
+    if (!now.running && !now.frames) pair.leave(player);
+    return !now.running;
+  });
   player.timeline.finish();
 }
 

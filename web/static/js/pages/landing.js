@@ -86,13 +86,10 @@ get("file").addEventListener("change", () => {
   if (file) send(file);
   get("file").value = "";
 });
-let depth = 0;
-addEventListener("dragenter", (event) => { event.preventDefault(); depth++; drop.classList.add("over"); });
-addEventListener("dragleave", () => { if (--depth <= 0) { depth = 0; drop.classList.remove("over"); } });
-addEventListener("dragover", (event) => event.preventDefault());
+addEventListener("dragover", (event) => { event.preventDefault(); drop.classList.add("over"); });
+addEventListener("pointermove", () => drop.classList.remove("over")); // none comes while something is dragged
 addEventListener("drop", (event) => {
   event.preventDefault();
-  depth = 0;
   drop.classList.remove("over");
   const files = event.dataTransfer?.files ?? [];
   if (files.length > 1) say("One file at a time, please.", "bad");
