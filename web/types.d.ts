@@ -382,6 +382,8 @@ interface Elements {
   cancel: HTMLButtonElement;
   "check-bar": HTMLProgressElement;
   "check-dialog": HTMLDialogElement;
+  "class-link": HTMLInputElement;
+  "class-picture": HTMLImageElement;
   clear: HTMLButtonElement;
   "colour-by": HTMLSelectElement;
   "compare-dialog": HTMLDialogElement;

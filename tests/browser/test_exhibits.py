@@ -69,8 +69,9 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     expect(leader.locator("#scrub")).to_be_enabled()
     leader.locator("#share").click()
     leader.locator("#lead").click()
-    link = leader.locator(".class-code input").input_value()
-    assert re.search(r"/c/[0-9A-Z]{12}$", link)
+    field = leader.locator(".class-code input")
+    expect(field).to_have_value(re.compile(r"/c/[0-9A-Z]{12}$"))
+    link = field.input_value()
 
     follower = visit(f"/c/{link.rpartition('/')[2]}", view=False)
     words, back = follower.locator(".class-ways span"), follower.locator(".class-ways .primary")

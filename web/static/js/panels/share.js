@@ -29,7 +29,7 @@ export function sharing({ id, embed }, { place, player }) {
   get("share-send").onclick = () => navigator.share({ title: document.title, url: get("share-link").value }).catch(() => {}); // closed again
   get("share-mine").hidden = !tokenOf(id);
   const lead = document.getElementById("lead"); // not without a service
-  if (lead) lead.onclick = async () => { dialog.close(); (await import("../tour/leader.js")).lead(id, { place, toast }); };
+  if (lead) lead.onclick = async () => { dialog.close(); (await import("../tour/leader.js")).lead(id, place); };
   return () => {
     fill();
     dialog.showModal();
