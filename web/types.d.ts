@@ -360,20 +360,6 @@ interface PathChecked {
   difference: number; // of the two colours of a chessboard
   whole: boolean;
 }
-interface SheetLook {
-  layer: number;
-  drawn: DrawnPath | null; // where the path is to be seen
-  corner: number | null; // of a box that is begun
-  axes: Set<number>; // along which painting is mirrored
-}
-interface SheetHeard {
-  press(key: number): void;
-  drag(keys: number[]): void;
-  lift(kept: boolean): void;
-  arrow(by: number[], shift: boolean): boolean; // whether that was more than moving on
-  bySides(): boolean; // whether a pointer's way goes from side to side
-}
-
 // Elements of the pages that are more than an element, by their id.
 interface Elements {
   again: HTMLButtonElement;

@@ -8,7 +8,7 @@ import httpx
 
 from tests.server.contract.folds import INCLUDED, NAMES
 
-SHOWN_ATTRIBUTES = ("title", "alt", "placeholder", "aria-label", "content", "data-hint", "data-keys", "label")
+SHOWN_ATTRIBUTES = ("title", "alt", "placeholder", "aria-label", "content", "data-hint", "label")
 """Attributes that browsers show or read aloud."""
 SILENT_TAGS = ("script", "style")
 PAGES = {

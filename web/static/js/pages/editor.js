@@ -2,7 +2,7 @@
 import { SIZES } from "../editor/painting.js";
 import { imported } from "../editor/shape_tools.js";
 import { Editor, MIN_MODULES } from "../editor/state.js";
-import { Sheet, all, say, showControls, showDraft, showTool } from "../editor/view.js";
+import { Sheet, all, exact, say, showControls } from "../editor/view.js";
 import { at, duration, element, get, later, save, whole, wholeTime, wordsOf } from "../lib/text.js";
 
 /** @typedef {import("../editor/state.js").Tool} Tool */
@@ -16,18 +16,7 @@ const MESH_CELLS = 160; // about, that a mesh becomes unless another number is t
 
 const editor = new Editor(facts.most_modules);
 const { painting, draft } = editor;
-const sheet = new Sheet(get("grid"), {
-  press: (key) => { editor.press(key); soon(); },
-  drag: (keys) => { editor.drag(keys); soon(); },
-  lift: (kept) => { editor.lift(kept); show(); },
-  arrow: (by, shift) => {
-    if (editor.tool === "move") { by.forEach((v, axis) => { if (v) editor.move(/** @type {Axis} */ (axis), v); }); show(); return true; }
-    if (editor.tool !== "path" || !shift) return false;
-    drawOn(by);
-    return true;
-  },
-  bySides: () => editor.tool === "path",
-});
+const sheet = new Sheet(get("grid"), editor, (now) => { if (now) show(); else soon(); });
 
 // The drawing, what is sent, read and saved, and letters are loaded when they are used.
 const message = (/** @type {string} */ text) => say("message", text);
@@ -48,8 +37,8 @@ function soon() {
 function show(drawn = true) {
   due = false;
   editor.turn(editor.layer);
-  const { layer, shownPath, corner, axes, standing } = editor;
-  sheet.show(painting.state, { layer, drawn: shownPath, corner, axes });
+  const { layer, shownPath, standing } = editor;
+  sheet.show();
   if (drawn) {
     if (standing.cells) picturing(({ draw }) => draw(get("model"), painting, layer, shownPath));
     drawnAt = performance.now();
@@ -86,27 +75,12 @@ function check(ready) {
   }, CHECK_MS);
 }
 
-/** @param {Tool} tool */
-function take(tool) {
-  editor.take(tool);
-  showTool(tool);
-  showDraft(draft);
-  show();
-}
-
-/** @param {number[]} by */
-function drawOn(by) {
-  const head = editor.drawOn(by, sheet.focusedKey);
-  if (head !== null) sheet.focus(Math.floor(head / painting.size) % painting.size, head % painting.size).focus({ preventScroll: true });
-  show();
-}
-
 get("sheet").addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const key = event.key.toLowerCase();
   const drawing = editor.tool === "path";
   const tool = [...all("[data-tool]")].find(({ dataset }) => dataset.key === key);
-  if (tool) take(/** @type {Tool} */ (tool.dataset.tool));
+  if (tool) editor.take(/** @type {Tool} */ (tool.dataset.tool));
   else if (key === "escape" && editor.corner !== null) editor.corner = null;
   else if (drawing && key === "x") editor.cutAt(sheet.focusedKey);
   else if (drawing && (key === "backspace" || key === "delete")) editor.takeBack();
@@ -118,7 +92,7 @@ addEventListener("keydown", (event) => {
   if (event.target instanceof Element && event.target.closest("input:not([type=radio]), select")) return;
   const command = event.ctrlKey || event.metaKey ? event.key.toLowerCase() : "";
   const by = Number(event.key === "PageUp") - Number(event.key === "PageDown");
-  if (by && editor.tool === "path" && event.shiftKey) drawOn([0, 0, by]);
+  if (by && editor.tool === "path" && event.shiftKey) sheet.drawOn([0, 0, by]);
   else if (by) {
     if (editor.tool === "move") editor.move(2, by);
     editor.turn(editor.layer + by);
@@ -133,9 +107,9 @@ get("up").onclick = doing(() => editor.turn(editor.layer + 1));
 get("down").onclick = doing(() => editor.turn(editor.layer - 1));
 get("undo").onclick = doing(() => painting.undo());
 get("redo").onclick = doing(() => painting.redo());
-get("clear").onclick = doing(() => { editor.clear(); showDraft(draft); });
+get("clear").onclick = doing(() => editor.clear());
 get("repeat").onclick = doing(() => editor.repeat());
-for (const button of all("[data-tool]")) button.onclick = () => take(/** @type {Tool} */ (button.dataset.tool));
+for (const button of all("[data-tool]")) button.onclick = doing(() => editor.take(/** @type {Tool} */ (button.dataset.tool)));
 for (const button of all("[data-both]")) {
   const axis = /** @type {Axis} */ (Number(button.dataset.both));
   button.onclick = doing(() => {
@@ -148,8 +122,8 @@ for (const button of all("[data-move]")) {
   const [axis, by] = (button.dataset.move ?? "").split(" ").map(Number);
   button.onclick = doing(() => editor.move(/** @type {Axis} */ (axis), by));
 }
-get("higher").onclick = () => drawOn([0, 0, 1]);
-get("lower").onclick = () => drawOn([0, 0, -1]);
+get("higher").onclick = () => sheet.drawOn([0, 0, 1]);
+get("lower").onclick = () => sheet.drawOn([0, 0, -1]);
 get("cut").onclick = doing(() => editor.cutAt(sheet.focusedKey));
 get("turn").onclick = doing(() => editor.reverse());
 get("unpath").onclick = doing(() => editor.step(() => { painting.path = []; }));
@@ -169,15 +143,12 @@ get("complete").onclick = async () => {
   else editor.refused = "No path was found from here through the remaining cells. Draw from the other end, or cut the path and try again.";
   show();
 };
-for (const input of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll('[name="exact"]'))) {
-  input.addEventListener("change", doing(() => { draft.note({ how: /** @type {typeof draft.how} */ (input.value) }); showDraft(draft); }));
-}
+for (const input of exact) input.addEventListener("change", doing(() => draft.note({ how: /** @type {typeof draft.how} */ (input.value) })));
 get("name").addEventListener("input", () => draft.note({ name: get("name").value }));
 for (const button of /** @type {NodeListOf<HTMLElement>} */ (get("letters").querySelectorAll("button"))) {
   const letter = button.textContent;
   button.onclick = () => writing(({ letterCells }) => {
     editor.write(letter, letterCells(letter));
-    showDraft(draft);
     show();
   });
 }
@@ -203,7 +174,7 @@ async function open(source) {
     editor.open(imported(report.cells, { ordered, least: SIZES[0] }), report.name, ordered);
     mesh = report.kind === "mesh" ? { id: report.id, name } : null;
     get("mesh-part").hidden = !mesh;
-    if (ordered) take("path"); else showDraft(draft);
+    if (ordered) editor.take("path");
     say("reading", `${name}: ${whole(report.cells.length)} cells${ordered ? " along their path" : ""}.`);
   } catch (error) {
     if (turnOf === reading) say("reading", `${name}: ${wordsOf(error)}`, "bad");
@@ -246,5 +217,4 @@ get("fold").onclick = () => send((form, { openFold }) => openFold(form, (words) 
 
 get("mesh-cells").max = String(facts.most_modules);
 sheet.build(painting.size);
-take("paint");
-addEventListener("pageshow", () => { editor.sending = false; showDraft(draft); show(); });
+addEventListener("pageshow", () => { editor.sending = false; show(); });
