@@ -357,12 +357,12 @@ def linked(certificate: CertificateFigures) -> str | None:
     if (radius := exempt["relief_radius"]) is None:
         return f"{told}."
     if (bound := exempt["worst_overlap_bound"]) is not None:
-        told += (
-            f", because full cubes would overlap by up to {math.ceil(bound * 100) / 100:.2f} pitch"
-        )
+        overlap = math.ceil(bound * 100) / 100
+        told += f", because full cubes would overlap by up to {overlap:.2f} module widths"
     return (
-        f"{told}. Real modules need rounded edges: remove all material farther than {radius:g} "
-        f"pitch from a joint ({100 * exempt['relief_share']:.0f} % of the volume)."
+        f"{told}. Round the edges of real modules towards each joint: no material may be more than "
+        f"{radius:g} module widths from the joint. This removes "
+        f"{100 * exempt['relief_share']:.0f} % of a module's volume."
     )
 
 

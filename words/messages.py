@@ -26,7 +26,7 @@ MESSAGES: Final = (
     (re.compile(r"Not Found"), "There is nothing at this address."),
     (re.compile(r"got an empty file\b.*"), "This file is empty."),
     (
-        re.compile(r"got 0 angles, expected \d+ angles? for each joint\b.*"),
+        re.compile(r"got 0 angles, expected (?:at least \d+|\d+ angles? for each joint)\b.*"),
         "Type at least one angle, using the signs 0, + or −.",
     ),
     (
@@ -67,8 +67,21 @@ VERDICT_PHRASES: Final = (
         "the clearance between two frames could not be proved",
     ),
     (re.compile(r"\bthe frames have no plan\b"), "there is no plan for these frames"),
-    (re.compile(r"\ba robot lost its target: (?=\S)"), "a robot could not follow the motion: "),
-    (re.compile(r"(?<=\S) yielded: it is off by (?=\S)"), " is too weak: it is off by "),
+    (
+        re.compile(
+            r"\ba robot lost its target: (\S+ is off by \S+ rad), more than its motor can correct, "
+            r"(\d+ % into the fold)"
+        ),
+        r"a robot could not follow the motion: \2, \1, which is more than its motor can correct",
+    ),
+    (
+        re.compile(
+            r"(\S+) yielded: it is (off by \S+ rad) with motors of (\S+ w·p), "
+            r"(\d+ % into the fold)"
+        ),
+        r"the motor of \1 is too weak: it supplies at most \3 (module weight × pitch), and \4, "
+        r"the joint is \2",
+    ),
     (re.compile(r"(?<=knotted \()determinant \d+(?=\))"), r"\g<0> instead of 1"),
     (
         re.compile(r"\bdrawn as it stalled, with its ends extended outwards, it has (?=\d)"),

@@ -26,7 +26,7 @@ UNIT_AFTER_NUMBER: Final = re.compile(r"(?<=\d) (?=%|modules?\b)")
 """Matches spaces in a verdict at which browsers must not break the line."""
 VIEW_FILES: Final = (
     ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
-    ("recording.viser", "Recording", ".viser: plays in the 3D viewer viser"),
+    ("recording.viser", "Recording", ".viser: plays in viser, a 3D viewer"),
 )
 """Files that show a fold's motion: name, label and hint."""
 

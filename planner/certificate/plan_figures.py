@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.certificate.figures import RobotFigures
 from planner.certificate.sweeps import Sweeps, followed
 from planner.chain.cantilever_statics import GRAVITY_M_S2, static_torque
@@ -16,7 +16,6 @@ from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
 
-Array = NDArray[np.float64]
 MOVING_SPEED_SHARE: Final = 0.1
 """Minimum speed of a hinge that counts as moving, as a fraction of the fastest hinge's speed at
 that time; certificates report the number of moving hinges. Larger values count fewer. Chosen."""

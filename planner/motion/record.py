@@ -12,12 +12,12 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.files import temporary_path
 from planner.motion.angle_encoding import packed_frames, unpacked_frames
 from planner.motion.failure_schemas import SpentKind
 from planner.motion.motion import Motion
 
-Array = NDArray[np.float64]
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
 PROBE_HALF_WIDTH_VALUES: Final = 8192
 """Number of values on either side of an array's middle that are compressed as a test of whether the

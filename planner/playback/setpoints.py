@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.floating_torques import floating_torques
 from planner.chain.module import Module
 from planner.playback.reference_curve import Reference
 from planner.playback.time_scaling import TimeScaling, smooth_scaling
 
-Array = NDArray[np.float64]
 SETPOINT_CHUNK_STEPS: Final = 256
 """Maximum number of simulation steps whose target angles and rates are computed at once. Larger
 values take more memory and a little less time; the targets are the same. Chosen."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags
 from planner.errors import InputError, checked_fraction
 from planner.shapes.lattice_fits import MAX_FULL_EDGE_SAMPLES, FittedCells, Grid, Ladder, overlap
 from planner.shapes.orientations import candidates
@@ -24,8 +24,6 @@ modules. Larger values recommend it less often. Chosen."""
 MIN_PRESERVED_SHARE: Final = 0.7
 """Fraction of a solid's volume in voxels below which the note about a poor overlap says that parts
 are lost; above it, the note says that cells are thicker than the solid. Chosen."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,8 +46,8 @@ class Voxels:
     shape: Shape
     iou: float
     pitch: float
-    rotation: Floats
-    offset: Floats
+    rotation: Array
+    offset: Array
     asked: int
     below: int | None
     above: int | None
@@ -118,8 +116,8 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
         word = "cell was" if joined.added == 1 else "cells were"
         notes.append(f"{joined.added} {word} added to keep thin parts connected.")
     if joined.dropped:
-        word = "cell was" if joined.dropped == 1 else "cells were"
-        notes.append(f"{joined.dropped} loose {word} removed at thin parts.")
+        word, verb = ("cell", "was") if joined.dropped == 1 else ("cells", "were")
+        notes.append(f"{joined.dropped} {word} not connected to the rest {verb} removed.")
     filled = fine.fill(made.offset_threshold).astype(np.float64)
     total = max(float(filled.sum()), np.finfo(float).tiny)
     kept = checked_fraction(float(filled[joined.cells].sum()) / total, "share of the volume")
@@ -130,9 +128,7 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
             "use more modules to keep it."
         )
     if iou < POOR_IOU and kept < MIN_PRESERVED_SHARE:
-        notes.append(
-            f"only {100 * kept:.0f} % of the volume is left in the cells; use more modules."
-        )
+        notes.append(f"the cells contain only {100 * kept:.0f} % of the volume; use more modules.")
     elif iou < POOR_IOU:
         notes.append(
             f"the shape is thinner than the cells, which match only {100 * iou:.0f} % of it; "
@@ -143,7 +139,7 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
     return notes
 
 
-def _volume_apart(cells: NDArray[np.bool_], filled: Floats) -> float:
+def _volume_apart(cells: Flags, filled: Array) -> float:
     """Return the samples in cells that are left out and touch none that is kept."""
     near = np.pad(cells, 1)
     for axis in range(3):

@@ -15,10 +15,9 @@ import highspy
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.errors import PlannerError
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Columns = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 """A sparse matrix by columns: where each starts, rows and values."""
 MIN_RECIPROCAL_TORQUE: Final = 1e-9
@@ -112,7 +111,7 @@ class Program:
             np.zeros(columns, dtype=np.int32),  # none of them is a whole number
         )
         if passed == highspy.HighsStatus.kError:
-            raise PlannerError("got numbers that the solver refuses, expected finite poses")
+            raise PlannerError("got poses that the solver refuses, expected finite numbers")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

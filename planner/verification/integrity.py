@@ -76,7 +76,7 @@ def _reason(directory: FilePath, name: str) -> str | None:
         if known is not None and name not in known:
             return None
         if not path.exists():
-            return None if known is None else "it is missing"
+            return None if known is None else "the file is missing"
         if path.suffix == ".zarr" and is_sealed(read_group(path).attrs.asdict()):
             return _reason_of_sealed(path, known)
         if known is not None:

@@ -328,7 +328,10 @@ def _check_manifest(directory: FilePath, found: _Findings, *, earlier: bool) -> 
         found.look(
             "every field of every file matches its digest in manifest.json (figures.zarr, the "
             "plots, is checked in no other way)",
-            (f"{field}: it was changed" for field in changed),
+            (
+                field if field.endswith(manifest.MISSING) else f"{field}: it was changed"
+                for field in changed
+            ),
         )
 
 

@@ -18,7 +18,6 @@ from server.errors import TooMany
 from server.files.artifacts import Artifacts
 from server.files.pictures import Pictures
 from server.files.preview_reports import PreviewReports
-from server.files.preview_scenes import PreviewScenes
 from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
 from server.http.client_address import address_of
@@ -31,7 +30,7 @@ from server.limits.robot_rates import robot_rates
 from server.limits.single_flight import SingleFlight
 from server.limits.token_buckets import SharedBuckets, TokenBuckets
 from server.ops.metrics import Metrics
-from server.processes.children import Pool, Reader
+from server.processes.children import Pool
 from server.processes.fork_server import ForkServer
 from server.processes.limits import READER_PROCESSES, ChildLimits
 from server.processes.scratch import Scratch
@@ -53,11 +52,10 @@ class Context(Viewing):
 
     settings: Settings
     store: Store
-    fork_server: ForkServer | None
-    reader: Reader
+    fork_server: ForkServer
+    reader: Pool
     previews: Previews
     preview_reports: PreviewReports
-    preview_scenes: PreviewScenes
     pictures: Pictures
     movies: Movies
     gallery: Gallery
@@ -77,19 +75,18 @@ class Context(Viewing):
     secret: bytes
 
     @classmethod
-    def open(cls, settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Context:
+    def open(cls, settings: Settings, metrics: Metrics) -> Context:
         """Open all that the application needs.
 
         Args:
             settings: The settings.
             metrics: Counters of the web process.
-            shared: Fork server that forks for other applications, too; its own if None.
         """
         store = Store(settings)
         previews = Previews(settings, store)
         leases = Leases.of(settings, store)
         awaited = ChildLimits.of(settings, awaited=True)
-        fork_server = shared or ForkServer.where_possible(
+        fork_server = ForkServer(
             ["reader", "preparer", "retimer"],
             warm=settings.prewarm and not settings.read_only,
             directory=settings.root,
@@ -126,7 +123,6 @@ class Context(Viewing):
             preview_reports=PreviewReports(
                 settings, previews, _preparer(settings, awaited, fork_server)
             ),
-            preview_scenes=PreviewScenes(previews),
             artifacts=_artifacts(settings, store),
             pictures=_pictures(settings, awaited, motions),
             movies=Movies(settings, store),
@@ -139,29 +135,23 @@ class Context(Viewing):
             secret=store.secret("visitors", secrets.token_bytes(32)),
         )
 
-    def close(self, *, shared: bool) -> None:
-        """Close what has been opened, first what uses the rest.
-
-        Args:
-            shared: True if the fork server goes on for other applications.
-        """
+    def close(self) -> None:
+        """Close what has been opened, first what uses the rest."""
         for part in (
             self.reader,
             self.preview_reports,
             self.previews,
             self.trajectories,
             self.pictures,
-            None if shared else self.fork_server,
+            self.fork_server,
             self.artifacts,
             self.answers,
             self.waits,
             self.fold_states,
-            self.preview_scenes,
             self.store,
             self.uploads,
         ):
-            if part is not None:
-                part.close()
+            part.close()
 
     def take_list(self, request: Request) -> None:
         """Count one list that a visitor asks for.
@@ -197,7 +187,6 @@ def _artifacts(settings: Settings, store: Store) -> Artifacts:
     return Artifacts(
         store,
         # With a storage they are among the copies, which have a bound of their own.
-        on_stored=store.add_derived if store.folders.storage is None else None,
         min_free_disk_bytes=settings.min_free_disk_bytes,
         total=settings.files_waiting,
         per_visitor=settings.files_waiting_of_visitor,
@@ -209,7 +198,7 @@ def _quota(what: str, total: int, per_visitor: int) -> Quota:
 
 
 def _trajectories(
-    settings: Settings, awaited: ChildLimits, motions: Scratch, fork_server: ForkServer | None
+    settings: Settings, awaited: ChildLimits, motions: Scratch, fork_server: ForkServer
 ) -> Trajectories:
     return Trajectories(
         Pool(
@@ -235,19 +224,21 @@ def _pictures(settings: Settings, awaited: ChildLimits, motions: Scratch) -> Pic
     return Pictures(pool, motions)
 
 
-def _reader(settings: Settings, awaited: ChildLimits, fork_server: ForkServer | None) -> Reader:
-    pool = Pool("reader", awaited, wall_s=settings.read_seconds, fork_server=fork_server)
-    return _bounded(pool, "uploads", settings.max_uploads, settings.max_uploads_of_visitor)
+def _reader(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Pool:
+    quota = _turns("uploads", settings.max_uploads, settings.max_uploads_of_visitor)
+    wall_s = settings.read_seconds
+    return Pool("reader", awaited, wall_s=wall_s, fork_server=fork_server, quota=quota)
 
 
-def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer | None) -> Reader:
-    pool = Pool("preparer", awaited, wall_s=settings.preview_seconds, fork_server=fork_server)
+def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Pool:
     total, per_visitor = settings.previews_waiting, settings.previews_waiting_of_visitor
-    return _bounded(pool, "previews", total, per_visitor)
+    quota, wall_s = _turns("previews", total, per_visitor), settings.preview_seconds
+    return Pool("preparer", awaited, wall_s=wall_s, fork_server=fork_server, quota=quota)
 
 
-def _bounded(pool: Pool, what: str, total: int, per_visitor: int) -> Reader:
-    quota = Quota(
+def _turns(what: str, total: int, per_visitor: int) -> Quota:
+    """Return the turns in which visitors use the children that read uploads."""
+    return Quota(
         what,
         at_once=READER_PROCESSES,
         at_once_per_visitor=1,
@@ -255,4 +246,3 @@ def _bounded(pool: Pool, what: str, total: int, per_visitor: int) -> Reader:
         per_visitor=per_visitor,
         timeout_s=UPLOAD_QUEUE_TIMEOUT_S,
     )
-    return Reader(pool, quota)

@@ -1,7 +1,8 @@
 """Frame waits: requests that wait until a growing timeline has more frames.
 
-One thread looks at the timelines of all waiting requests, one after the other. A request that
-waits holds no thread, only a permit of the quota of its visitor and its networks.
+One thread looks once at each timeline, however many requests wait for it: a look per request would
+occupy the event loop when hundreds of visitors watch a fold. A request that waits holds no thread,
+only a permit of the quota of its visitor and its networks.
 """
 
 from __future__ import annotations

@@ -16,8 +16,8 @@ from server.api.tours import NOTHING_STORED, frames_of_own
 from server.errors import NotFound, input_refusals
 from server.store.fold_source import FoldSource, Found
 from server.store.folds import NoSuchFoldError
+from server.store.owned_items import write_beside
 from server.store.tables import ValuesRow
-from server.store.tours import write_beside
 
 router = APIRouter(prefix="/api/folds/{fold_id}/values", tags=["values"])
 

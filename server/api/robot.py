@@ -52,10 +52,10 @@ from server.errors import (
     WebsocketNeeded,
     input_refusals,
 )
-from server.files.trajectories import MotorsWanted, Retimed, Wanted
+from server.files.trajectories import Acceleration, Form, MotorsWanted, Retimed, Speed, Wanted
 from server.http.client_address import address_of
 from server.http.limited_stream import LimitedStream
-from server.http.websockets import first_of, receive
+from server.http.websockets import close, first_of, receive
 from server.store.folds import FoldRow, NoSuchFoldError
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
@@ -105,12 +105,6 @@ DOCUMENTED_FORMS: Final = ("application/json", "text/csv")
 COMPUTING_PROBLEMS: Final = (404, 409, 413, 422, 429, 503)
 """HTTP statuses of refusals to compute them."""
 
-Speed = Annotated[float, Query(ge=1e-3, le=1e3, description="Maximum joint speed, rad/s.")]
-Acceleration = Annotated[
-    float, Query(ge=1e-3, le=1e4, description="Maximum joint acceleration, rad/s².")
-]
-Form = Literal["csv", "json"]
-
 
 @router.get(
     "/trajectory",
@@ -128,7 +122,7 @@ async def get_trajectory(
     context: Here,
     max_speed: Speed = 1.0,
     max_acceleration: Acceleration = 2.0,
-    form: Annotated[Form, Query(alias="format")] = "json",
+    form: Form = "json",
     rate: Annotated[
         float | None,
         Query(gt=0, le=1e4, description="Rows per second. Default: one row per frame of the plan."),
@@ -175,49 +169,6 @@ async def get_trajectory(
     )
 
 
-async def motors_in_query(
-    module_mass: Annotated[float, Query(gt=0, le=1e6, description="Mass of a module, kg.")],
-    max_speed: Speed = 1.0,
-    max_acceleration: Acceleration = 2.0,
-    pitch: Annotated[
-        float | None,
-        Query(
-            gt=0,
-            le=1e3,
-            description=("Distance between module centres, m. Default: the plan's pitch."),
-        ),
-    ] = None,
-    gravity: Annotated[
-        float,
-        Query(
-            ge=0,
-            le=1e3,
-            description="Gravity, m/s². It acts in the worst direction for each joint.",
-        ),
-    ] = 9.81,
-    floating: Annotated[
-        bool,
-        Query(
-            description="True: the chain floats without gravity. False: its middle module is held."
-        ),
-    ] = False,
-    motor_torque: Annotated[
-        float | None, Query(gt=0, le=1e9, description="Torque of a motor, N·m.")
-    ] = None,
-    form: Annotated[Form, Query(alias="format")] = "json",
-) -> tuple[float, float, MotorsWanted]:
-    """Return the speed and acceleration of the motion, rad/s and rad/s², and the motors."""
-    motors = MotorsWanted(
-        module_mass_kg=module_mass,
-        pitch_m=pitch,
-        gravity_m_s2=gravity,
-        held=not floating,
-        motor_torque_nm=motor_torque,
-        form=form,
-    )
-    return max_speed, max_acceleration, motors
-
-
 @router.get(
     "/motors",
     summary="Get the torques that the plan needs",
@@ -232,10 +183,10 @@ async def get_motors(
     request: Request,
     fold_id: str,
     context: Here,
-    query: Annotated[tuple[float, float, MotorsWanted], Depends(motors_in_query)],
+    motors: Annotated[MotorsWanted, Depends(MotorsWanted)],
 ) -> Response:
     """Compute the torques by inverse dynamics for the motion that `trajectory` returns."""
-    speed, acceleration, motors = query
+    speed, acceleration = motors.max_speed, motors.max_acceleration
     row, wanted = await asyncio.to_thread(_wanted, context, fold_id, speed, acceleration)
     if row.modules > MAX_MOTOR_MODULES:
         raise TooLarge(
@@ -287,7 +238,7 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
                 raise _not_verified()
             charge = partial(context.robot_rates.charge, visitor)
             await _RobotSession(websocket, found, ask, fold_id, charge).play()
-            await _close(websocket, DONE)
+            await close(websocket, DONE)
         except (ServiceError, DamagedError) as error:
             refused = Damaged.of(error) if isinstance(error, DamagedError) else error
             code = TRY_LATER if isinstance(refused, TooMany | Unavailable) else REFUSED
@@ -523,18 +474,4 @@ async def _refuse(websocket: WebSocket, code: int, word: str, detail: str) -> No
     """Send the error, and close."""
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await websocket.send_text(ENCODER.encode(Wrong(code=word, detail=detail)).decode())
-    await _close(websocket, code, word)
-
-
-async def _close(websocket: WebSocket, code: int, reason: str = "") -> None:
-    """Close a socket that may be closed already, without waiting for incoming messages."""
-
-    async def drain() -> None:
-        while (await websocket.receive())["type"] != "websocket.disconnect":
-            pass
-
-    draining = asyncio.ensure_future(drain())
-    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
-        await websocket.close(code, reason)
-    draining.cancel()
-    await asyncio.gather(draining, return_exceptions=True)
+    await close(websocket, code, word)

@@ -18,8 +18,8 @@ from server.errors import Conflict, input_refusals
 from server.store.fold_files import frames_promised
 from server.store.fold_source import FoldSource, Found
 from server.store.folds import NoSuchFoldError
+from server.store.owned_items import write_beside
 from server.store.tables import FoldRow, TourRow
-from server.store.tours import write_beside
 from words.fold import RUNNING_STATUSES
 from words.tour import draft_tour
 

@@ -56,7 +56,7 @@ def moment_of(
     return {"caption": dict(caption), "view": view, "frame": frame}
 
 
-def recent_pictures() -> Cache[bytes]:
+def recent_pictures() -> Cache[bytes | None]:
     """Return a cache of the latest pictures of views, each under its key."""
     return Cache(MAX_CACHED_PICTURES, lambda _: 1)
 

@@ -21,6 +21,7 @@ from planner.files import json_of
 from planner.motion.record import TableRecord
 from planner.parameters.parameters import FLOATING
 from planner.parameters.settings_text import TABLE_SETTINGS
+from planner.pathfinding.path_options import MAX_TABLE_MODULES
 from planner.pipeline.fold_layout import result_path
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import MAX_SEED, FoldRequest
@@ -314,6 +315,7 @@ def _other_methods(
 ) -> list[Suggestion]:
     """Return the suggestions for a fold without a table: table, preference and presets.
 
+    The table comes after the others for chains that are so long that they usually get stuck there.
     ``settable`` states that settings of the published method may be sent with it, or must.
     """
     row = found.row
@@ -323,9 +325,6 @@ def _other_methods(
         return takes(plain_fold(row.modules, request))
 
     others: list[Suggestion] = []
-    if _may_rest(row) and not ruled_out_on_table(result_path(found.directory, CHAIN)):
-        button = on_a_table(time(FoldRequest(world="table")), row.modules)
-        others.append(_suggestion(button, _form(row, replace(plain, world="table"))))
     if row.preset == plain.preset:
         unlike: Preference = "time" if row.prefer == COMPUTING else COMPUTING
         button = preferring(unlike, time(replace(cube, prefer=unlike)))
@@ -333,6 +332,10 @@ def _other_methods(
     for preset, button in OTHER_PRESETS.items():
         if (preset, "") != (row.preset, row.settings):
             others.append(_suggestion(button, _form(row, replace(plain, preset=preset), "preset")))
+    if _may_rest(row) and not ruled_out_on_table(result_path(found.directory, CHAIN)):
+        button = on_a_table(time(FoldRequest(world="table")), row.modules)
+        table = _suggestion(button, _form(row, replace(plain, world="table")))
+        others.insert(0 if row.modules <= MAX_TABLE_MODULES else len(others), table)
     by_paper = (row.preset, row.settings) == ("paper", "")
     button = PUBLISHED_CHANGED if by_paper else published(time(replace(cube, preset="paper")))
     last = _suggestion(button, _form(row, replace(plain, preset="paper")))

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import errno
-import hashlib
-import json
-from pathlib import Path
 from typing import Annotated, Final
 
 from fastapi import APIRouter, Query, Request
@@ -15,20 +11,17 @@ from fastapi.responses import Response
 
 from planner.errors import DamagedError, InputError, TimelineError
 from planner.file_names import CHAIN, TIMELINE
-from planner.files import write_whole
 from planner.pipeline.fold_layout import result_path
 from planner.verification.integrity import check
 from server.api.context import Context, context_of
 from server.api.fold_lookup import find_fold
 from server.errors import read_only
-from server.files.artifacts import newer
 from server.files.pictures import moment_of
 from server.http.client_address import address_of
 from server.http.security import INDEXED_HEADERS
 from server.pages.fold import drawing_in
 from server.pages.page import drawing, not_found
 from server.processes.children import ChildError
-from server.store.fold_files import EXPORTS_DIR
 from server.store.fold_source import Found
 from web.pictures.picture_view import MAX_SHORT_FORM_LENGTH, SHORT_FORM_PATTERN
 from words.fold import RUNNING_STATUSES
@@ -36,9 +29,6 @@ from words.verdict import COMPUTING_VERDICT, PICTURE_VERDICTS
 
 router = APIRouter(include_in_schema=False)
 
-CARD_PREFIX: Final = "card"
-"""Prefix of the names of files that cache a fold's preview picture; older pictures are found by it
-and deleted."""
 FINAL_PICTURE_AGE_S: Final = 86400
 """Time for which browsers may cache the preview picture of a finished fold, in s. A larger value
 needs fewer requests, and shows a new name of the fold later. Chosen."""
@@ -78,49 +68,30 @@ async def picture_of_fold(
     found = await find_fold(request, fold_id)
     if found is None:
         return not_found()
-    if view is not None:
-        return await _picture_of_view(request, found, view)
-    path = found.directory / EXPORTS_DIR / file_of(found.row.title, found.row.status)
-    over = found.row.status not in RUNNING_STATUSES
-    data = None
-    if over:
-        await asyncio.to_thread(check, found.directory, CHAIN)
-        data = await asyncio.to_thread(_stored_picture, path)
-    if data is None:
-        # A crowd that comes with a link waits for the first one's.
-        context = context_of(request)
-        data = await context.artifacts.flight.get_or_make(
-            (path, over),
-            lambda: _picture_of(context, found, path, keep=over),
-            visitor=address_of(request),
-        )
-    return not_found() if data is None else picture_answer(data, listed=found.row.public, over=over)
-
-
-async def _picture_of_view(request: Request, found: Found, view: str) -> Response:
-    """Return the picture of a moment, seen as a link says; kept in memory for a while."""
     context, row = context_of(request), found.row
     over = row.status not in RUNNING_STATUSES
-    if over:
-        await asyncio.to_thread(check, found.directory, CHAIN, TIMELINE)
-    recent = context.pictures.recent
-    key = (row.id, row.title, row.status, view)
-
-    def drawn() -> bytes | None:
-        if over and (known := recent.get(key)) is not None:  # drawn while this one waited
-            return known
-        made = _drawn(context, found, view)
-        if over and made is not None:
-            recent.keep(key, made)
-        return made
-
-    data = recent.get(key) if over else None
-    if data is None:
-        data = await context.artifacts.flight.get_or_make(key, drawn, visitor=address_of(request))
+    data = await context.artifacts.flight.get_or_make(
+        (row.id, row.title, row.status, view, await asyncio.to_thread(_changed_ns, found, view)),
+        lambda: _drawn(context, found, view),
+        visitor=address_of(request),
+        cache=context.pictures.recent if over else None,
+    )
     return not_found() if data is None else picture_answer(data, listed=row.public, over=over)
 
 
-def _drawn(context: Context, found: Found, view: str | None = None) -> bytes | None:
+def _changed_ns(found: Found, view: str | None) -> int:
+    """Return when the chain was written that a picture shows, ns since 1970; 0 without a chain.
+
+    Raises:
+        DamagedError: If what the picture shows of a finished fold is damaged.
+    """
+    if found.row.status not in RUNNING_STATUSES:
+        check(found.directory, CHAIN, *(() if view is None else (TIMELINE,)))
+    chain = result_path(found.directory, CHAIN)
+    return chain.stat().st_mtime_ns if chain.exists() else 0
+
+
+def _drawn(context: Context, found: Found, view: str | None) -> bytes | None:
     """Return the picture of a fold, seen as a link says; None where it cannot be drawn.
 
     Raises:
@@ -147,12 +118,6 @@ def caption_of(title: str, status: str) -> dict[str, str]:
     return {"name": title, "verdict": verdict, "tone": tone}
 
 
-def file_of(title: str, status: str) -> str:
-    """Return the file of a fold's picture; another one once it has another name or verdict."""
-    digest = hashlib.sha256(json.dumps(caption_of(title, status)).encode()).hexdigest()[:8]
-    return f"{CARD_PREFIX}-{digest}.png"
-
-
 def picture_answer(data: bytes, *, listed: bool, over: bool = True) -> Response:
     """Return a picture that other sites may show.
 
@@ -171,29 +136,3 @@ def picture_answer(data: bytes, *, listed: bool, over: bool = True) -> Response:
         max_age_s = FINAL_PICTURE_AGE_S if over else RUNNING_PICTURE_AGE_S
         headers |= {"Cache-Control": f"public, max-age={max_age_s}", **INDEXED_HEADERS}
     return Response(data, media_type="image/png", headers=headers)
-
-
-def _stored_picture(path: Path) -> bytes | None:
-    """Return the picture in a fold's directory, if it is one of its chain."""
-    try:
-        return path.read_bytes() if newer(path, result_path(path.parent.parent, CHAIN)) else None
-    except OSError:
-        return None
-
-
-def _picture_of(context: Context, found: Found, path: Path, *, keep: bool) -> bytes | None:
-    """Return the picture of the chain in a fold's directory; None where it cannot be drawn."""
-    if keep and (known := _stored_picture(path)):  # drawn since the request looked for it
-        return known
-    store, data = context.store, _drawn(context, found)
-    if data is not None and keep:
-        with contextlib.suppress(OSError):  # a full disk takes no picture from anybody
-            before = 0
-            for other in path.parent.glob(f"{CARD_PREFIX}-*.png"):
-                before += other.stat().st_size
-                other.unlink()
-            path.parent.mkdir(exist_ok=True)
-            write_whole(path, data)
-            if store.folders.storage is None:
-                store.add_derived(found.row.id, len(data) - before)
-    return data

@@ -29,6 +29,7 @@ from server.http.downloads import download
 from server.pages.facts import FoldFacts, fold_facts, script_facts
 from server.pages.page import page, policy_of_pages, rendered, script_json
 from server.pages.problem_page import no_such_page
+from server.store.fold_files import NoSuchFoldError
 from server.store.fold_source import FoldSource, Found
 from server.store.object_store import TIMELINE_HEAD
 from web.pictures.table_top import TableTop
@@ -98,6 +99,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
     kept = await asyncio.to_thread(_kept, viewing_of(request).store, found)
     path = await viewing_of(request).artifacts.file(
         fold_id,
+        found.directory,
         "standalone.html",
         _of_view(found, lambda timeline: standalone_page(found, timeline, facts, _page, kept=kept)),
         of=TIMELINE_HEAD,
@@ -113,6 +115,7 @@ async def recording(request: Request, fold_id: str) -> Response:
     found = await _finished(request, fold_id)
     path = await viewing_of(request).artifacts.file(
         fold_id,
+        found.directory,
         "recording.viser",
         _of_view(found, lambda timeline: recording_of(timeline, _table(found, timeline))),
         of=TIMELINE_HEAD,
@@ -185,6 +188,8 @@ def _page(**values: object) -> str:
 
 async def _finished(request: Request, fold_id: str) -> Found:
     found = await asyncio.to_thread(found_fold, request, fold_id)
+    if found.alternative_to is not None:
+        raise NoSuchFoldError(fold_id)
     if found.row.status not in RUNNING_STATUSES:
         await asyncio.to_thread(check, found.directory, TIMELINE, FIGURES)
     timelines = viewing_of(request).timelines

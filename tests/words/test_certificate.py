@@ -91,7 +91,7 @@ def test_torque_is_called_peak_only_if_every_step_was_simulated() -> None:
 def test_text_about_linked_modules() -> None:
     """tests/server/contract compares the texts for known overlaps and for none."""
     text = linked({"exempt_pairs": EXEMPT | {"worst_overlap_bound": None}})
-    assert text is not None and "not checked against each other. Real modules need" in text
+    assert text is not None and "not checked against each other. Round the edges of real" in text
     assert linked({}) is None
 
 

@@ -8,9 +8,7 @@ from words.certificate import headline
 from words.messages import message_for_people, verdict_for_people
 
 MESSAGES = {
-    "got 0 angles, expected 1 angle for each joint.": (
-        "Type at least one angle, using the signs 0, + or −."
-    ),
+    "got 0 angles, expected at least 1.": ("Type at least one angle, using the signs 0, + or −."),
     "got a after 0 angles, expected 0, + or - for each hinge.": (
         '"a" isn\'t an angle. Use 0, + or − for each hinge.'
     ),
@@ -85,11 +83,15 @@ VERDICTS = {
     "failed: modules 2 and 9 overlap by 1 pitch, 5e-05 pitch before that": (
         "failed: modules 2 and 9 overlap by 1 module width, 0.005 % of a module width before that"
     ),
-    "failed: the playback missed: a robot lost its target: joint_4 is off by 0.3 rad": (
-        "failed: a robot could not follow the motion: joint_4 is off by 0.3 rad"
+    "failed: the playback missed: a robot lost its target: joint_4 is off by 0.3 rad, more than "
+    "its motor can correct, 40 % into the fold.": (
+        "failed: a robot could not follow the motion: 40 % into the fold, joint_4 is off by 0.3 "
+        "rad, which is more than its motor can correct."
     ),
-    "failed: the playback missed: joint_4 yielded: it is off by 0.3 rad": (
-        "failed: joint_4 is too weak: it is off by 0.3 rad"
+    "failed: the playback missed: joint_4 yielded: it is off by 0.3 rad with motors of 8 w·p, "
+    "40 % into the fold.": (
+        "failed: the motor of joint_4 is too weak: it supplies at most 8 w·p (module weight × "
+        "pitch), and 40 % into the fold, the joint is off by 0.3 rad."
     ),
     "failed: the explosion stalled: ": "failed: the explosion stalled: ",
     "verified (simulated)": "verified (simulated)",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Hashable
 from contextlib import suppress
+from pathlib import Path
 from typing import Generic, TypeVar
 
 from cachetools import LRUCache
@@ -35,7 +36,30 @@ class Cache(Generic[Thing]):
             self._things.pop(key, None)
             self._things[key] = thing
 
+    def get_or_make(self, key: Hashable, make: Callable[[], Thing]) -> Thing:
+        """Return the value stored under a key, or make and store it."""
+        thing = self.get(key)
+        if thing is None:
+            thing = make()
+            self.keep(key, thing)
+        return thing
+
+    @property
+    def nbytes(self) -> int:
+        """Size of all values together."""
+        return int(self._things.currsize)
+
     def clear(self) -> None:
         """Remove all values."""
         with self._lock:
             self._things.clear()
+
+
+def version_of(path: Path) -> tuple[Path, int, int]:
+    """Return a key that changes when a file is replaced or written.
+
+    Raises:
+        OSError: If there is no such file.
+    """
+    found = path.stat()
+    return path, found.st_ino, found.st_mtime_ns

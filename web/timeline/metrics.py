@@ -31,7 +31,7 @@ from planner.motion.motion import Motion
 from planner.motion.record import TableRecord
 from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import result_path
-from web.timeline.cache import Cache
+from web.timeline.cache import Cache, version_of
 from web.timeline.columns import encode
 
 MAX_PLOT_ANSWER_NUMBERS: Final = 2**18
@@ -60,12 +60,10 @@ def cached_figures(directory: Path, part: int | None = None) -> bytes:
     """
     parts = [directory / FIGURES / "zarr.json", result_path(directory, TIMELINE) / "zarr.json"]
     parts += [path for path in (result_path(directory, FORCES),) if path.exists()]
-    stamps = [(found.st_ino, found.st_mtime_ns) for found in (path.stat() for path in parts)]
-    key = (directory, part, *stamps)
-    if (data := _MESSAGES.get(key)) is None:
-        data = curves_of(directory) if part is None else stretch_of(directory, part)
-        _MESSAGES.keep(key, data)
-    return data
+    key = (directory, part, *map(version_of, parts))
+    return _MESSAGES.get_or_make(
+        key, lambda: curves_of(directory) if part is None else stretch_of(directory, part)
+    )
 
 
 def curves_of(directory: Path) -> bytes:
@@ -155,11 +153,7 @@ def _forces(directory: Path, timeline: Timeline) -> TableForces | None:
     """Return the forces of a fold on a table; None of one that floats, or where they don't fit."""
     path = result_path(directory, FORCES)
     try:
-        found = path.stat()
-        key = (path, found.st_ino, found.st_mtime_ns)
-        if (forces := _FORCES.get(key)) is None:
-            forces = TableForces.load(path)
-            _FORCES.keep(key, forces)
+        forces = _FORCES.get_or_make(version_of(path), lambda: TableForces.load(path))
     except (OSError, InputError):
         return None
     chain = timeline.chain

@@ -11,9 +11,9 @@ computes the poses of the one frame that is asked for.
 from __future__ import annotations
 
 import os
+import secrets
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -31,6 +31,7 @@ from planner.motion.timeline import Timeline
 from web.palette import error_scale, module_errors
 from web.pictures.camera import modules_framed, straight_stretch
 from web.pictures.table_top import TableTop
+from web.timeline.cache import Cache
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -103,8 +104,7 @@ class TimelineView:
     def _begin(self) -> None:
         stamp = self._stamp_now()  # first: what is written from now on is seen to be newer
         self._timeline, self._stamp = Timeline.open(self.path), stamp
-        self._chunks: OrderedDict[int, Motion] = OrderedDict()
-        self._bytes = 0
+        self._chunks: Cache[Motion] = Cache(MAX_CHUNK_CACHE_BYTES, _bytes)
         self._table: TableTop | None = None
         self._refreshed = time.monotonic()
         self._summarised = 0
@@ -132,7 +132,7 @@ class TimelineView:
     def nbytes(self) -> int:
         """Bytes that it holds, about."""
         summary = self._phase.nbytes + self._time_s.nbytes + self._max_error.nbytes
-        return VIEW_OVERHEAD_BYTES + summary + self._bytes
+        return VIEW_OVERHEAD_BYTES + summary + self._chunks.nbytes
 
     @property
     def chain(self) -> Chain:
@@ -192,7 +192,7 @@ class TimelineView:
         """
         with self._lock:
             if not self._summarised:
-                raise TimelineError(f"got no frame in {self.path} yet, expected at least one.")
+                raise TimelineError(f"{self.path} has no frames yet, expected at least one.")
             place = float(np.clip(frame, 0, self._summarised - 1))
             low = int(place)
             share = place - low
@@ -315,7 +315,6 @@ class TimelineView:
         self._time_s = np.concatenate([self._time_s, time_s])
         self._max_error = np.concatenate([self._max_error, largest])
         self._summarised = stop
-        self._forget(start // self._rows)
 
     @property
     def _rows(self) -> int:
@@ -349,23 +348,15 @@ class TimelineView:
         return motion.anchor_position[k], motion.anchor_wxyz[k]
 
     def _chunk(self, index: int) -> Motion:
-        found = self._chunks.get(index)
-        if found is not None:
-            self._chunks.move_to_end(index)
-            return found
+        """Return frames as the motion has them, from ``index * rows`` on."""
         start = index * self._rows
-        with self.reading():
-            chunk = self._timeline.motion(start, min(start + self._rows, self._summarised))
-        self._chunks[index] = chunk
-        self._bytes += _bytes(chunk)
-        while self._bytes > MAX_CHUNK_CACHE_BYTES and len(self._chunks) > 2:
-            _, old = self._chunks.popitem(last=False)
-            self._bytes -= _bytes(old)
-        return chunk
+        stop = min(start + self._rows, self._summarised)  # the last chunk grows
 
-    def _forget(self, first: int) -> None:
-        for index in [k for k in self._chunks if k >= first]:
-            self._bytes -= _bytes(self._chunks.pop(index))
+        def read() -> Motion:
+            with self.reading():
+                return self._timeline.motion(start, stop)
+
+        return self._chunks.get_or_make((start, stop), read)
 
 
 def _bytes(motion: Motion) -> int:
@@ -421,3 +412,30 @@ def largest_errors(errors: Array) -> Array:
     known = np.isfinite(errors)
     found = np.where(known, np.abs(errors), -np.inf).max(axis=-1)
     return np.where(known.any(axis=-1), found, np.nan)
+
+
+class MotionMoments:
+    """Motion in memory: poses by forward kinematics, computed on request."""
+
+    growing = False
+
+    def __init__(self, chain: Chain, motion: Motion, motion_id: str | None = None) -> None:
+        """Take a motion; ``motion_id`` is that of the timeline that it was read from, if any."""
+        self.id = motion_id or secrets.token_hex(8)
+        self.chain = chain
+        self._motion = motion
+        self.stretch = straight_stretch(chain) if motion.is_windowed else None
+        known = motion.largest_errors
+        self.error_scale_rad = error_scale(float(np.max(known, where=known > 0.0, initial=0.0)))
+
+    def __len__(self) -> int:
+        return len(self._motion)
+
+    def snapshot(self, frame: float) -> Snapshot:
+        """Return the recorded moment nearest to ``frame``."""
+        k = min(max(round(frame), 0), len(self) - 1)
+        return moment_of(self.chain, self._motion, k, frame=k, stretch=self.stretch)
+
+
+MotionSource = TimelineView | MotionMoments
+"""Motion that can be shown."""

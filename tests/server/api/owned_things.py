@@ -13,9 +13,9 @@ from planner.files import write_json
 from planner.plan.module_values import VALUES_FORMAT
 from planner.plan.tour import TOUR_FORMAT
 from server.store.folds import Store, new_id
+from server.store.owned_items import write_beside
 from server.store.owner import Owner, new_token
 from server.store.tables import FoldRow, MovieRow, PreviewRow, TourRow, ValuesRow
-from server.store.tours import write_beside
 from tests.server.rows import a_fold, a_movie
 from tests.server.service_process import bearer
 from tests.server.service_thread import ServiceThread

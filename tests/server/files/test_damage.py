@@ -23,7 +23,6 @@ from planner.plan.packed_fold import unpack
 from planner.verification.integrity import check
 from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from server.app import ROUTERS
-from server.pages.pictures import file_of
 from tests.server.service_process import SNAKE, FinishedFold, Service, check_problem
 from tests.server.service_thread import ServiceThread
 
@@ -181,12 +180,11 @@ def shipped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceThread]
 
 
 def test_route_that_makes_something_of_damaged_source_refuses(shipped: ServiceThread) -> None:
-    """Exports and pictures that were stored before are refused, too."""
+    """Exports that were stored before are refused, too."""
     fold_id = shipped.http.get("/api/folds").json()["folds"][0]["id"]
     place = shipped.directory(fold_id)
     (place / "exports").mkdir(exist_ok=True)
-    for name in ("picture.png", "plan.csv"):
-        (place / "exports" / name).write_bytes(b"stored")
+    (place / "exports" / "plan.csv").write_bytes(b"stored")
     page = f"/folds/{fold_id}"
     routes = [
         f"/api{page}/{part}" for part in ("trajectory", "motors?module_mass=1", "exports/csv")
@@ -234,10 +232,6 @@ def test_no_route_of_private_fold_lets_shared_caches_store_it(shipped: ServiceTh
     with sqlite3.connect(shipped.data_dir / "foldback.db", timeout=60) as database:
         database.execute("UPDATE folds SET public = 0 WHERE id = ?", (fold_id,))
     database.close()
-    (shipped.directory(fold_id) / "exports").mkdir(exist_ok=True)
-    state = shipped.http.get(f"/api/folds/{fold_id}").json()
-    picture = file_of(state["title"], state["status"])
-    (shipped.directory(fold_id) / "exports" / picture).write_bytes(b"stored")
     routes = {
         route.path
         for module in ROUTERS

@@ -11,8 +11,14 @@ from planner.progress import COMPILING
 from server.api.schemas import expected_times, progress_of
 from server.jobs.eta import EtaEstimator, left_s
 from server.settings import Settings
-from server.store.durations import MIN_SIMILAR_FOLDS, Duration, typical_s
-from server.store.estimates import Estimates, expected_of_cost, plain_fold
+from server.store.estimates import (
+    MIN_SIMILAR_FOLDS,
+    Duration,
+    Estimates,
+    expected_of_cost,
+    plain_fold,
+    typical_s,
+)
 from server.store.folds import Store
 from server.store.leases import Leases, Preparing
 from server.store.worker_identity import WorkerIdentities

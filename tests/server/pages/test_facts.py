@@ -133,6 +133,19 @@ def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
     assert settable == {"Published method, changed": "must"}
 
 
+def test_long_chain_is_not_offered_a_table_first(finished: FinishedFold, tmp_path: Path) -> None:
+    """A chain of more than 96 modules usually gets stuck on a table."""
+    shutil.copyfile(finished.directory / "chain.json", tmp_path / "chain.json")
+
+    def offered(modules: int) -> list[str]:
+        found = failed_fold(tmp_path, 0, status="verified", modules=modules)
+        return [offer["text"] for offer in fold_facts(found)["compare"]]
+
+    assert offered(96)[0] == "On a table"
+    long = offered(97)
+    assert set(long) == set(offered(96)) and "On a table" in long[-3:-1]
+
+
 def test_times_of_offered_folds_name_the_compilation(
     tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,10 +13,9 @@ from fastapi import FastAPI
 
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from server.errors import NoRoom
-from server.files.artifacts import Artifacts, newer
+from server.files.artifacts import Artifacts
 from server.files.pictures import MAX_CACHED_PICTURES, recent_pictures
 from server.pages import pictures as pictures_module
-from server.store.fold_files import EXPORTS_DIR
 from server.store.folds import Store
 from tests.planner.chains import chain_of
 from tests.server.rows import add_fold
@@ -88,21 +87,6 @@ def test_picture_is_drawn_once_for_many_requests(pictures: Pictures) -> None:
     assert pictures.drawn == ["first"]
 
 
-def test_picture_drawn_since_a_request_looked_for_it_is_not_drawn_again(
-    pictures: Pictures, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    directory = pictures.add_fold("verified")
-    pictures.request(directory)
-    looks = iter([False])
-
-    def newer_after_the_first_look(path: Path, source: Path) -> bool:
-        return next(looks, newer(path, source))
-
-    monkeypatch.setattr(pictures_module, "newer", newer_after_the_first_look)
-    (answer,) = pictures.request(directory)
-    assert (answer.content, pictures.drawn) == (b"a picture of first", ["first"])
-
-
 def test_picture_of_a_view_is_drawn_once_and_not_stored(pictures: Pictures) -> None:
     directory = pictures.add_fold("failed")
     query = "?view=12,-62,24,1.2"
@@ -136,28 +120,15 @@ def test_recent_pictures_beyond_the_limit_are_dropped() -> None:
 def test_picture_of_an_earlier_chain_or_of_a_running_fold_is_drawn_again(
     pictures: Pictures,
 ) -> None:
-    for status, stored in (("verified", True), ("running", False)):
+    for status in ("verified", "running"):
         directory = pictures.add_fold(status)
         (first,) = pictures.request(directory)
         assert first.headers["Cache-Control"] == "private, no-cache"
-        cards = list((directory / EXPORTS_DIR).glob("card-*.png"))
-        assert bool(cards) == stored
         write_chain_file(directory, "second")
         later = max(path.stat().st_mtime for path in directory.iterdir()) + 1.0
         os.utime(directory / "chain.json", (later, later))
         (answer,) = pictures.request(directory)
         assert answer.content == b"a picture of second"
-
-
-def test_picture_is_shown_although_the_disk_is_full(
-    pictures: Pictures, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail_on_full_disk(path: Path, data: bytes) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(pictures_module, "write_whole", fail_on_full_disk)
-    (answer,) = pictures.request(pictures.add_fold("failed"))
-    assert (answer.status_code, answer.content) == (200, b"a picture of first")
 
 
 @pytest.mark.parametrize("query", ["", "?view=1,30,20,1"])
