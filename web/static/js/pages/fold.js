@@ -38,13 +38,16 @@ const token = tokenOf(facts.id);
 const rename = document.getElementById("rename"); // not without a service
 if (rename) {
   rename.hidden = !token;
-  rename.onclick = () => dialogs(({ renamed }) => renamed(get("name").textContent, async (name) => {
-    /** @type {Api.Fold} */
-    const { title } = await ask(`/api/folds/${facts.id}`, { method: "PATCH", token, body: { name } });
-    facts = { ...facts, name: title };
-    get("name").textContent = title;
-    document.title = `${title} · foldback`;
-  }));
+  rename.onclick = () => {
+    get("ways-list").hidePopover(); // first, so that the dialog gives the focus back to the menu's button
+    dialogs(({ renamed }) => renamed(get("name").textContent, async (name) => {
+      /** @type {Api.Fold} */
+      const { title } = await ask(`/api/folds/${facts.id}`, { method: "PATCH", token, body: { name } });
+      facts = { ...facts, name: title };
+      get("name").textContent = title;
+      document.title = `${title} · foldback`;
+    }));
+  };
 }
 get("share").onclick = () => share((open) => open());
 get("compare").onclick = () => companions(({ compare }) => compare(facts));
