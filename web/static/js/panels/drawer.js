@@ -23,8 +23,6 @@ function propertiesAsText() {
 
 export class Drawer {
   constructor() {
-    /** @type {(tab: string) => void} */
-    this.onChosen = () => {};
     get("details").onclick = () => this.open(Boolean(get("drawer").hidden));
     get("drawer-close").onclick = () => this.close();
     get("copy-properties").onclick = () => copyText(propertiesAsText(), () => toast("Properties copied"), () => toast("This browser does not allow copying"));
