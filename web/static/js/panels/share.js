@@ -1,7 +1,6 @@
 // Sharing: a link to what is seen now, a frame for other pages, one file that plays by itself.
-import { offerPicture } from "./screenshot.js";
 import { tokenOf } from "../lib/api.js";
-import { at, copyText, get, toast } from "../lib/text.js";
+import { at, copyText, get, save, toast } from "../lib/text.js";
 
 // Return what opens the dialog, with what there is without a server, once there is something.
 /**
@@ -34,5 +33,28 @@ export function sharing({ id, embed }, { place, player }) {
     fill();
     dialog.showModal();
     get("share-link").select();
+  };
+}
+
+// A picture of the view to save or to copy, drawn by the page itself.
+/** @param {import("../player/player.js").Player} player */
+function offerPicture(player) {
+  const png = async () => {
+    const { shown, sketch, stage, rig: { eye } } = player;
+    if (!shown || !sketch || !eye) throw new Error("There is no picture to save yet");
+    const options = { scale: Number(get("picture-scale").value), transparent: get("picture-clear").checked };
+    return sketch.picture([shown, player.colours(), eye, stage?.ground ?? null], options);
+  };
+  get("picture").hidden = !player.sketch?.worker;
+  get("picture-copy").hidden = !("ClipboardItem" in window && navigator.clipboard?.write);
+  get("picture-save").onclick = async () => save(await png(), `${get("name").textContent} ${Math.round(player.playhead.frame) + 1}.png`);
+  // Safari wants the promise, not what comes of it.
+  get("picture-copy").onclick = async () => {
+    try {
+      await navigator.clipboard.write([new ClipboardItem({ "image/png": png() })]);
+      toast("Picture copied");
+    } catch {
+      toast("This browser does not let pages copy pictures");
+    }
   };
 }
