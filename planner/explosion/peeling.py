@@ -96,23 +96,9 @@ def peel(
     Raises:
         InputError: ``not-peelable`` for modules that are no cubes, or off the lattice.
     """
-    watch = Watch(progress, cancelled, "peeling")
-    peeling = floating_peeling(chain, parameters, seed=seed, sink=sink, watch=watch)
-    return run(peeling, "peel")
-
-
-def floating_peeling(
-    chain: Chain,
-    parameters: PeelingParameters,
-    *,
-    seed: int = 0,
-    sink: Callable[[Motion], None] | None = None,
-    watch: Watch,
-) -> Peeling:
-    """Build the parts of a peeling that floats; the arguments are those of ``peel``."""
     peelable = Peelable(chain)
     pulses = Pulses(MAX_STALLED_PULSES["peel"])
-    return build_peeling(
+    peeling = build_peeling(
         peelable,
         parameters,
         forces=FloatingForces(parameters, radial_weights(seed, len(chain)), pulses),
@@ -121,8 +107,9 @@ def floating_peeling(
         pulses=pulses,
         min_progress_rad=MIN_PEELING_PROGRESS_RAD,
         sink=sink,
-        watch=watch,
+        watch=Watch(progress, cancelled, "peeling"),
     )
+    return run(peeling, "peel")
 
 
 def build_peeling(
