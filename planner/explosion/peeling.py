@@ -96,9 +96,23 @@ def peel(
     Raises:
         InputError: ``not-peelable`` for modules that are no cubes, or off the lattice.
     """
+    watch = Watch(progress, cancelled, "peeling")
+    peeling = floating_peeling(chain, parameters, seed=seed, sink=sink, watch=watch)
+    return run(peeling, "peel")
+
+
+def floating_peeling(
+    chain: Chain,
+    parameters: PeelingParameters,
+    *,
+    seed: int = 0,
+    sink: Callable[[Motion], None] | None = None,
+    watch: Watch,
+) -> Peeling:
+    """Build the parts of a peeling that floats; the arguments are those of ``peel``."""
     peelable = Peelable(chain)
     pulses = Pulses(MAX_STALLED_PULSES["peel"])
-    peeling = build_peeling(
+    return build_peeling(
         peelable,
         parameters,
         forces=FloatingForces(parameters, radial_weights(seed, len(chain)), pulses),
@@ -107,9 +121,8 @@ def peel(
         pulses=pulses,
         min_progress_rad=MIN_PEELING_PROGRESS_RAD,
         sink=sink,
-        watch=Watch(progress, cancelled, "peeling"),
+        watch=watch,
     )
-    return run(peeling, "peel")
 
 
 def build_peeling(
