@@ -91,8 +91,11 @@ class Context(Viewing):
             warm=settings.prewarm and not settings.read_only,
             directory=settings.root,
         )
-        motions = Scratch(settings.motions_dir)
-        motions.sweep()
+        Scratch(settings.motions_dir).sweep()
+        motions = replace(awaited, folders=(str(settings.motions_dir),))
+        retimer = Pool("retimer", motions, wall_s=settings.retime_seconds, fork_server=fork_server)
+        # Started by itself: the fork server would have to load and compile what pictures need.
+        drawer = Pool("pictures", motions, wall_s=settings.preview_seconds)
         estimates = Estimates(store)
         remaining = EtaEstimator(store, leases, estimates)
         if not settings.read_only:
@@ -106,7 +109,7 @@ class Context(Viewing):
             robots=_quota("robots", settings.max_robots, settings.max_robots_of_visitor),
             robot_rates=robot_rates(),
             classes=LiveClasses(settings),
-            trajectories=_trajectories(settings, awaited, motions, fork_server),
+            trajectories=Trajectories(settings, retimer),
             answers=SingleFlight(
                 "answers",
                 at_once=2,
@@ -124,7 +127,7 @@ class Context(Viewing):
                 settings, previews, _preparer(settings, awaited, fork_server)
             ),
             artifacts=_artifacts(settings, store),
-            pictures=_pictures(settings, awaited, motions),
+            pictures=Pictures(settings, drawer),
             movies=Movies(settings, store),
             gallery=Gallery(),
             fold_states=FoldStates(store, remaining),
@@ -195,33 +198,6 @@ def _artifacts(settings: Settings, store: Store) -> Artifacts:
 
 def _quota(what: str, total: int, per_visitor: int) -> Quota:
     return Quota(what, total=total, per_visitor=per_visitor)
-
-
-def _trajectories(
-    settings: Settings, awaited: ChildLimits, motions: Scratch, fork_server: ForkServer
-) -> Trajectories:
-    return Trajectories(
-        Pool(
-            "retimer",
-            replace(awaited, folders=(str(settings.motions_dir),)),
-            wall_s=settings.retime_seconds,
-            fork_server=fork_server,
-        ),
-        motions,
-        Scratch(settings.scratch_dir),
-        total=settings.answers_waiting,
-        per_visitor=settings.answers_waiting_of_visitor,
-    )
-
-
-def _pictures(settings: Settings, awaited: ChildLimits, motions: Scratch) -> Pictures:
-    # Started by itself: the fork server would have to load and compile what pictures need.
-    pool = Pool(
-        "pictures",
-        replace(awaited, folders=(str(settings.motions_dir),)),
-        wall_s=settings.preview_seconds,
-    )
-    return Pictures(pool, motions)
 
 
 def _reader(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Pool:

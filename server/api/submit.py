@@ -239,9 +239,9 @@ def _read(context: Context, directory: Path, source: Source, visitor: str) -> di
     try:
         found = context.reader.call("check", directory, visitor=visitor)
     except InputError as error:
-        if parent is not None:
-            error = context.gallery.advised(error, parent.module, parent.modules)
-        raise Unusable.of(error) from None
+        if parent is None:
+            raise
+        raise context.gallery.advised(error, parent.module, parent.modules) from None
     except ChildError as error:
         raise not_read(error) from None
     modules = int(found["modules"])

@@ -154,6 +154,7 @@ def _allow_files(count: int) -> None:
 
 
 def _fold_first(context: Context, name: str) -> str:
+    from planner.errors import InputError
     from planner.pipeline.request import FoldRequest
     from server.api.fold_inputs import Origin
     from server.api.shipped_folds import SERVICE_VISITOR
@@ -169,6 +170,6 @@ def _fold_first(context: Context, name: str) -> str:
             visitor=SERVICE_VISITOR,
             owner=Claim.new().owner,
         )
-    except Unusable as error:
+    except (InputError, Unusable) as error:
         raise typer.BadParameter(error.detail) from None
     return receipt.row.id

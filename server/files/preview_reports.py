@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from planner.errors import InputError
 from planner.file_names import REQUEST
 from planner.files import sealed_json_of
 from planner.parameters.option import OPTIONS_KEY_CHARS
 from planner.pipeline.request import PreviewRequest
-from server.errors import ServiceError, TooMany, TooSlow, Unavailable, Unusable
+from server.errors import ServiceError, TooMany, TooSlow, Unavailable
 from server.files.uploads import Upload, not_read
 from server.limits.disk_space import check_space
 from server.processes.children import ChildError, Pool
@@ -166,8 +165,6 @@ class PreviewReports:
         """
         try:
             self._reader.call(task, place, visitor=asker.visitor, cancelled=asker.gone)
-        except InputError as error:
-            raise Unusable.of(error) from None
         except ChildError as error:
             raise _problem(error, self._settings.preview_seconds) from None
 

@@ -134,8 +134,8 @@ class ServiceThread(Service):
         app: Any = self._server.config.app
         context = app.state.context
         pools = (
-            context.reader._pool,
-            context.preview_reports._reader._pool,
+            context.reader,
+            context.preview_reports._reader,
             context.trajectories._pool,
         )
         mine = {child.pid for pool in pools for child in pool._children._all}
