@@ -46,11 +46,11 @@ FAILURE_HEADINGS: Final = {
     "refused": "Not verified",
 }
 STAGE_WORDS: Final = {
-    "read": "reading the input",
-    "explode": "exploding",
-    "play_back": "playing back",
-    "certify": "checking the clearance",
-    "export": "writing the plan",
+    "read": "the reading of the input",
+    "explode": "the explosion",
+    "play_back": "the playback",
+    "certify": "the clearance check",
+    "export": "the writing of the plan",
 }
 STAGES_WITH_MOTION: Final = ("explode", "play_back")
 """Stages in which the displayed chain moves, so that the reason of a failure names the frame."""
@@ -231,7 +231,8 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
         return {
             "modules": modules,
             "frame": place["frame"],
-            "words": f"at a module size of {size}, {which} overlap by {module_widths(-clearance)}",
+            "words": f"at a module size of {size} pitch, {which} overlap by "
+            f"{module_widths(-clearance)}",
         }
     return None
 

@@ -47,7 +47,7 @@ VERDICT_PHRASES: Final = (
         ),
         "",
     ),
-    (re.compile(r"\brests on a table within "), "stays on the table and needs at most "),
+    (re.compile(r"\brests on a table within "), "stays on the table; its hinges need at most "),
     (
         re.compile(
             r"\bthe chain floats and does not rest on a table; laid down in each frame, it needs "
@@ -56,12 +56,12 @@ VERDICT_PHRASES: Final = (
         "If it is laid on a table in each frame, the largest torque of a hinge is ",
     ),
     (re.compile(r"\bthe chain needs (?=\S+ w·p\b)"), "a hinge needs a torque of "),
-    (re.compile(r"\bdoes not start folded as (?=\S)"), "does not start in the folded shape "),
+    (re.compile(r"\bdoes not start folded as (?=\S)"), "does not start in the folded shape of "),
     (
         re.compile(r"\bthe playback passes (\S+ pitch) \(RMS\) from straight"),
         r"the playback misses the straight shape by \1 (RMS)",
     ),
-    (re.compile(r"\bhas numbers that are not finite\b"), "has infinite or undefined numbers"),
+    (re.compile(r"\bhas numbers that are not finite\b"), "contains infinite or undefined numbers"),
     (
         re.compile(r"\bthe clearance between two frames could not be bounded\b"),
         "the clearance between two frames could not be proved",
@@ -82,7 +82,11 @@ VERDICT_PHRASES: Final = (
         r"the motor of \1 is too weak: it supplies at most \3 (module weight × pitch), and \4, "
         r"the joint is \2",
     ),
-    (re.compile(r"(?<=knotted \()determinant \d+(?=\))"), r"\g<0> instead of 1"),
+    (re.compile(r"(?<=\d %) into the fold\b"), " through the motion"),
+    (
+        re.compile(r"(?<=knotted \()determinant (\d+)(?=\))"),
+        r"the determinant of its knot is \1; without a knot, it is 1",
+    ),
     (
         re.compile(r"\bdrawn as it stalled, with its ends extended outwards, it has (?=\d)"),
         "a drawing of it at the stall, with both ends extended outwards, has ",
@@ -98,11 +102,16 @@ VERDICT_PHRASES: Final = (
     ),
     (
         re.compile(r"\b(modules \d+ to \d+), which come next, (cannot move in any .+?): "),
-        r"the next part, \1, \2, because modules would overlap: ",
+        r"the part that would unfold next, \1, \2, because modules would overlap: ",
     ),
     (re.compile(r"\bmodule (\d+) against (?=\d)"), r"modules \1 and "),
     (re.compile(r"\b1 pairs more\b"), "1 more pair"),
     (re.compile(r"\b(\d+) pairs more\b"), r"\1 more pairs"),
+    (re.compile(r"(?<= \()frictionless(?=\))"), "without friction"),
+    (
+        re.compile(r"(?<= \()friction ([\d.]+), (free|clamped) base(?=\))"),
+        r"with friction μ = \1 and a \2 base",
+    ),
     (re.compile(r" \(RMS\)"), " on average (root mean square)"),
 )
 """Patterns in verdicts, and the words that replace them for people. Plans store the verdicts, and

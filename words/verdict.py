@@ -19,7 +19,7 @@ from words.settings import in_a_line
 
 COVER_LOADING: Final = "Loading the view"
 COVER_WAITING: Final = "Waiting for the first frame"
-NO_DOWNLOADS: Final = "Nothing to download here."
+NO_DOWNLOADS: Final = "There is nothing to download."
 NO_DOWNLOADS_YET: Final = "You can download the plan when the fold is finished."
 CANCELLED: Final = "Cancelled before it finished"
 UNIT_AFTER_NUMBER: Final = re.compile(r"(?<=\d) (?=%|modules?\b)")
@@ -103,7 +103,7 @@ def damage_of(heading: str, files: Iterable[str]) -> Problem:
     """Return what a page says of damaged files."""
     return {
         "heading": heading,
-        "text": f"Damaged files: {', '.join(files)}. No motion can be shown. The operator of "
+        "text": f"Damaged files: {', '.join(files)}. The motion cannot be shown. The operator of "
         "this service can restore the files from a backup.",
     }
 

@@ -104,7 +104,9 @@ def test_upload_folds_on_a_table(visit: Visit, service: Service) -> None:
     page.locator("#fold").click()
     fold = wait_for_fold(page)
     expect(page.locator("#rests")).to_contain_text(
-        re.compile(r"^Stays on .* at most [\d.]+ [nµm]?N·m \([\d.]+ w·p\), frictionless$")
+        re.compile(
+            r"^The chain stays on .* at most [\d.]+ [nµm]?N·m \([\d.]+ w·p\) without friction$"
+        )
     )
 
     page = wait_for_view(visit(f"/folds/{fold}#frame=100000", width=1000, height=620))
