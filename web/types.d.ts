@@ -183,7 +183,7 @@ interface CameraAt { azimuth: number | null; elevation: number | null; zoom: num
 // its height. Gently is in a glide.
 interface Orbit { turn?: [azimuth: number, elevation: number]; zoom?: number; move?: [x: number, y: number]; gently?: boolean }
 // A pointer event, or a wheel's, in pixels.
-interface Pointer { kind: string; id: number; x: number; y: number; by: number; button: number }
+interface Pointer { kind: string; id: number; x: number; y: number; by: number; button: number; touch: boolean }
 interface Seeing { radius: number; aspect: number; field: number; home?: number }
 
 // What the address of a page says: see js/player/address.js. Frames and modules count from 0 here.
@@ -288,7 +288,6 @@ interface Playing {
 interface SceneHeard {
   open?: () => void;
   lost?: () => void; // its graphics, until it opens again
-  touch?: () => void;
   pointer?: (pointer: Pointer) => void;
   scroll?: () => void; // of a page around an embed, in place of a zoom
   pick?: (origin: Vector, direction: Vector) => void;
@@ -299,8 +298,6 @@ interface ViewTold {
   pointer?: unknown;
   position?: unknown;
   target?: unknown;
-  x?: unknown;
-  y?: unknown;
   on?: unknown;
   key?: unknown;
   shift?: unknown;
