@@ -101,22 +101,22 @@ class Certificate:
     min_clearance_record: float | None
     min_clearance_record_at: Place | None
     in_betweens: int
-    frames: int | None
-    plan_end_error_rad: float | None
-    rms_position_error: float | None
-    max_position_error: float | None
-    max_angle_error_rad: float | None
-    max_angle_rad: float | None
+    frames: int | None = None
+    plan_end_error_rad: float | None = None
+    rms_position_error: float | None = None
+    max_position_error: float | None = None
+    max_angle_error_rad: float | None = None
+    max_angle_rad: float | None = None
     max_angle_record_rad: float | None
-    max_joint_step_rad: float | None
+    max_joint_step_rad: float | None = None
     joint_speed_limit_rad_s: float
-    fold_time_s: float | None
-    hinges_moving_mean: float | None
-    hinges_moving_most: int | None
-    peak_torque_nm: float | None
-    rms_torque_nm: float | None
-    torque_source: str | None
-    torque_frames: int | None
+    fold_time_s: float | None = None
+    hinges_moving_mean: float | None = None
+    hinges_moving_most: int | None = None
+    peak_torque_nm: float | None = None
+    rms_torque_nm: float | None = None
+    torque_source: str | None = None
+    torque_frames: int | None = None
     gravity_torque_folded_nm: float
     gravity_torque_straight_nm: float
     seconds: float

@@ -21,30 +21,9 @@ MOVING_SPEED_SHARE: Final = 0.1
 that time; certificates report the number of moving hinges. Larger values count fewer. Chosen."""
 
 
-_PLAN_FIGURES: Final = (
-    "frames",
-    "plan_end_error_rad",
-    "max_angle_rad",
-    "torque_source",
-    "torque_frames",
-    "rms_position_error",
-    "max_position_error",
-    "max_angle_error_rad",
-    "max_joint_step_rad",
-    "fold_time_s",
-    "hinges_moving_mean",
-    "hinges_moving_most",
-    "peak_torque_nm",
-    "rms_torque_nm",
-)
-
-
 def plan_figures(chain: Chain, playback: Playback | None, parameters: Parameters) -> dict[str, Any]:
-    """Return the chain's torques in gravity, and the figures ``_PLAN_FIGURES``.
-
-    Each of the latter is None where it cannot be computed.
-    """
-    figures = dict.fromkeys(_PLAN_FIGURES) | _gravity_torques(chain, parameters)
+    """Return the chain's torques in gravity, and those figures of a plan that can be computed."""
+    figures = _gravity_torques(chain, parameters)
     if playback is None:
         return figures
     plan, times = playback.reference, playback.frames.time_s

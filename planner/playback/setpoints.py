@@ -128,18 +128,6 @@ def _timed_targets(
         yield replace(_still(end, 1.0), gone_rad=gone_rad)
 
 
-class Snapshots(Protocol):
-    """Hinge angles, (J,) each, in the order in which they are the target."""
-
-    def __len__(self) -> int:
-        """Return the number of snapshots."""
-        ...
-
-    def __getitem__(self, index: int, /) -> Array:
-        """Return the (J,) angles of one snapshot."""
-        ...
-
-
 class Backwards:
     """Reversed motion, with a snapshot for each step of its time.
 
@@ -164,6 +152,10 @@ class Backwards:
             return self._angles[k].copy()
         part = (time_s - self._time_s[k]) / (self._time_s[k + 1] - self._time_s[k])
         return (1.0 - part) * self._angles[k] + part * self._angles[k + 1]
+
+
+Snapshots = Array | Backwards
+"""Hinge angles, (J,) each, in the order in which they are the target."""
 
 
 class SnapshotSetpoints:

@@ -26,7 +26,7 @@ from server.api.tours import tour_of
 from server.errors import Conflict
 from server.http.client_address import address_of
 from server.http.downloads import download
-from server.pages.facts import FoldFacts, fold_facts
+from server.pages.facts import FoldFacts, fold_facts, script_facts
 from server.pages.page import page, policy_of_pages, rendered, script_json
 from server.pages.problem_page import no_such_page
 from server.store.fold_files import NoSuchFoldError
@@ -63,7 +63,9 @@ async def embedded(request: Request, fold_id: str) -> Response:
     else:
         # Who may see the one need not have the link of the other.
         facts = await asyncio.to_thread(fold_facts, replace(found, recorded=None))
-        answer = page("embed.html", facts=facts, facts_json=script_json(facts), details=False)
+        answer = page(
+            "embed.html", facts=facts, facts_json=script_json(script_facts(facts)), details=False
+        )
     policy = policy_of_pages().replace("frame-ancestors 'self'", _ancestors(request))
     answer.headers["Content-Security-Policy"] = policy
     return answer
@@ -81,7 +83,11 @@ async def compare(
         return no_such_page(request, NO_PAIR)
     facts = [await asyncio.to_thread(fold_facts, side) for side in sides if side is not None]
     return page(
-        "compare.html", sides=facts, facts_json=script_json(facts), details=False, comparing=True
+        "compare.html",
+        sides=facts,
+        facts_json=script_json([script_facts(side) for side in facts]),
+        details=False,
+        comparing=True,
     )
 
 

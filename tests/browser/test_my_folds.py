@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from server.store.owner import new_token
-from tests.browser.conftest import Visit, keep_as_mine
+from tests.browser.conftest import Visit
 from tests.server.service_process import SNAKE, STAIRS, Service, bearer
 
 HOSTILE = '<img src=x onerror="document.title=1">'
@@ -99,21 +99,17 @@ def test_my_folds_are_paged_and_all_deleted(visit: Visit, service: Service) -> N
     assert service.http.get("/api/mine/folds", headers=bearer(token)).json()["total"] == 0
 
 
-def test_early_folds_are_claimed_and_the_browser_forgotten(visit: Visit, service: Service) -> None:
-    early = service.fold(SNAKE, seed="950")
-    page = visit("/health", view=False)
-    keep_as_mine(page, early)
-    page.goto("/my-folds")
+def test_browser_is_forgotten_and_its_folds_stay(visit: Visit, service: Service) -> None:
+    token = new_token()
+    fold = service.fold(SNAKE, seed="950", token=token)
+    page = open_my_folds(visit, token)
     expect(page.locator("#folds li")).to_have_count(1)
-    key = key_of(page)
-    assert key != early["owner_token"]
-    assert service.http.get("/api/mine/folds", headers=bearer(key)).json()["total"] == 1
     page.get_by_role("button", name="Forget the keys").click()
     expect(page.locator("#confirm-text")).to_contain_text("stay until they expire")
     page.locator("#confirm-yes").click()
     expect(page.get_by_text("Nothing here yet")).to_be_visible()
     assert page.evaluate("Object.keys(localStorage)") == []
-    assert service.http.get(f"/folds/{early['id']}").status_code == 200
+    assert service.http.get(f"/folds/{fold['id']}").status_code == 200
 
 
 @pytest.mark.long
