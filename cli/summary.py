@@ -13,6 +13,7 @@ from rich.table import Table
 
 from planner.chain.module import module_named
 from words import certificate as certificate_words
+from words.messages import verdict_for_people
 from words.plan_choice import PLAN_COLUMNS, Choice
 from words.quantities import sentence
 
@@ -63,7 +64,9 @@ def show(summary: dict[str, Any], out: Path) -> None:
 
     console.print(certificate_words.headline(certificate), markup=False, soft_wrap=True)
     if stuck := summary["stuck"]:
-        console.print(f"{sentence(stuck['words'])}.", markup=False, soft_wrap=True)
+        console.print(
+            f"{sentence(verdict_for_people(stuck['words']))}.", markup=False, soft_wrap=True
+        )
     row("Start shape", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
     row("Strategy", certificate_words.baseline(strategy) or strategy)

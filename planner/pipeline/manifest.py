@@ -92,7 +92,7 @@ def changed_fields(directory: FilePath) -> list[str] | None:
     found: list[str] = []
     for name in dict.fromkeys((*told, *here)):
         if name not in here:
-            found.append(f"{name}: it is missing")
+            found.append(f"{name}: the file is missing")
             continue
         mine, theirs = here[name], told.get(name, {})
         found += [

@@ -75,7 +75,8 @@ class Moments:
         """
         if values.get("format") != MOMENTS_FORMAT:
             raise InputError(
-                "wrong-format", f"got {values.get('format')!r}, expected {MOMENTS_FORMAT!r}."
+                "wrong-format",
+                f"got the format {values.get('format')!r}, expected {MOMENTS_FORMAT!r}.",
             )
         found = {name: value for name, value in values.items() if name != "format"}
         for name in ("contact", "torque", "direct"):
