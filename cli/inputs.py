@@ -51,8 +51,8 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
     except OSError as error:
         raise InputError(
             "no-file",
-            f"the file cannot be read ({error.strerror}); expected a file, or one of "
-            f"{Gallery().nearest(shape)}.",
+            f"the file cannot be read ({error.strerror}); expected a file, or the "
+            f"name of one of {Gallery().nearest(shape)}.",
             where=shape,
         ) from error
 

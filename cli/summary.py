@@ -64,9 +64,8 @@ def show(summary: dict[str, Any], out: Path) -> None:
 
     console.print(certificate_words.headline(certificate), markup=False, soft_wrap=True)
     if stuck := summary["stuck"]:
-        console.print(
-            f"{sentence(verdict_for_people(stuck['words']))}.", markup=False, soft_wrap=True
-        )
+        told = sentence(verdict_for_people(stuck["words"]).rstrip("."))
+        console.print(f"{told}.", markup=False, soft_wrap=True)
     row("Start shape", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
     row("Strategy", certificate_words.baseline(strategy) or strategy)

@@ -84,7 +84,7 @@ def read_group(path: str | FilePath) -> zarr.Group:
         attributes = group.attrs.asdict()
         if is_sealed(attributes):
             if attributes[DIGEST] != _digest(attributes):
-                raise DamagedError(root, "its attributes are not those that were written")
+                raise DamagedError(root, "its attributes differ from those that were written")
             store.strict = True
             store.checksums = attributes.get(CHECKSUMS, {})
         elif attributes and any(_has_checksums(array) for _, array in group.arrays()):
@@ -178,11 +178,11 @@ def _expected(checksums: Checksums, name: str, number: int) -> int | None:
 
 def _compare(file: FilePath, data: Any, expected: int | None) -> None:
     if expected is not None and zlib.crc32(data) != expected:
-        raise DamagedError(file, "its bytes are not those that were written")
+        raise DamagedError(file, "its bytes differ from those that were written")
 
 
 def _reason(error: OSError) -> str:
-    return "it is missing" if isinstance(error, FileNotFoundError) else str(error.strerror)
+    return "the file is missing" if isinstance(error, FileNotFoundError) else str(error.strerror)
 
 
 def _digest(attributes: Mapping[str, Any]) -> str:
@@ -210,7 +210,7 @@ def _checked_store(path: FilePath) -> Any:
                 return found
             file = path / key
             if found is None:
-                raise DamagedError(file, "it is missing")
+                raise DamagedError(file, "the file is missing")
             expected = _expected(self.checksums, parts[0], int(parts[2]))
             _compare(file, found.as_buffer_like(), expected)
             return found

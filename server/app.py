@@ -66,7 +66,6 @@ from server.pages import (
     static,
 )
 from server.pages.problem_page import problem_page
-from server.processes.fork_server import ForkServer
 from server.settings import Settings
 from server.store.stats import Stats
 
@@ -104,22 +103,15 @@ ROUTERS: Final = (
 )
 
 
-def create_app(
-    settings: Settings | None = None, *, fork_server: ForkServer | None = None
-) -> FastAPI:
-    """Return the application with the given settings, or those of the environment.
-
-    Args:
-        settings: The settings.
-        fork_server: One that forks for others, too: it goes on when the application ends.
-    """
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """Return the application with the given settings, or those of the environment."""
     settings = settings or Settings()
     metrics = Metrics()
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         asyncio.get_running_loop().set_default_executor(FairThreads())
-        context = await asyncio.to_thread(Context.open, settings, metrics, fork_server)
+        context = await asyncio.to_thread(Context.open, settings, metrics)
         if settings.finished_folds and not settings.read_only:
             await asyncio.to_thread(import_shipped_folds, settings, context.store, context.gallery)
         app.state.context = context
@@ -131,7 +123,7 @@ def create_app(
         finally:
             if warming is not None:
                 warming.cancel()
-            context.close(shared=fork_server is not None)
+            context.close()
             stats.close()
 
     app = FastAPI(
@@ -190,7 +182,6 @@ def _add_middleware(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
 async def _warm_up(context: Context) -> None:
     """Start and load what the first visitors would wait for."""
     # In a thread: starting a process takes a moment that the first answer need not wait for.
-    if context.fork_server is not None:
-        await asyncio.to_thread(context.fork_server.start)
+    await asyncio.to_thread(context.fork_server.start)
     await asyncio.sleep(WARM_UP_DELAY_S)  # the service has come to rest
     await asyncio.to_thread(landing.warm_up, context.gallery)

@@ -5,8 +5,7 @@ They know no protocol: ``server.http.problems`` says what each is over HTTP.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable
-from contextlib import contextmanager
+from collections.abc import Iterable
 from typing import Final, Self
 
 from planner.errors import DamagedError, InputError
@@ -53,19 +52,6 @@ class Unusable(ServiceError):
     def of(cls, error: InputError) -> Self:
         """Return the error that the planner cannot use an input."""
         return cls(error.code, error.detail, where=error.where)
-
-
-@contextmanager
-def input_refusals() -> Generator[None]:
-    """Turn an error of the planner about an input into the refusal of a request.
-
-    Raises:
-        Unusable: When the planner cannot use the input.
-    """
-    try:
-        yield
-    except InputError as error:
-        raise Unusable.of(error) from error
 
 
 class TooLarge(ServiceError):
@@ -142,3 +128,14 @@ def not_stored(what: str, error: OSError) -> NoRoom:
 def no_room(detail: str) -> NoRoom:
     """Return the error of a disk that is full, or nearly so."""
     return NoRoom("no-room", detail, retry_after_s=FULL_DISK_RETRY_S)
+
+
+def refusal_of(error: ServiceError | InputError | DamagedError) -> ServiceError:
+    """Return the reason for a refusal that an error gives."""
+    match error:
+        case InputError():
+            return Unusable.of(error)
+        case DamagedError():
+            return Damaged.of(error)
+        case _:
+            return error

@@ -113,9 +113,9 @@ class Settings(BaseSettings):
     """Number of long folds that a worker computes at once. In addition, it computes the same number
     of short folds (up to 10 s)."""
     prewarm: bool = True
-    """Prepare the compiled solvers and the first page at start. `false` saves about 500 MB while
-    the service is idle, but the first visitor waits some seconds longer. Start each new version
-    once with `true`, which compiles the solvers."""
+    """Prepare the compiled solvers and the first page at start. `false` saves about 500 MB of
+    memory while the service is idle, but the first visitor waits a few seconds longer. Start each
+    new version once with `true`, which compiles the solvers."""
     finished_folds: bool = True
     """Add the package's finished folds to a new database. Folds that were deleted are not added
     again."""
@@ -237,7 +237,7 @@ class Settings(BaseSettings):
     max_robots_of_visitor: Count = 8
     """Maximum number of robots connected from one address."""
     max_classes: Count = 32
-    """Maximum number of classes, each with a leader and followers."""
+    """Maximum number of classes: fold pages that a leader shows to followers with *Follow me*."""
     max_classes_of_visitor: Count = 4
     """Maximum number of classes that may be led from one address."""
     max_followers: Count = 400

@@ -183,7 +183,7 @@ interface CameraAt { azimuth: number | null; elevation: number | null; zoom: num
 // its height. Gently is in a glide.
 interface Orbit { turn?: [azimuth: number, elevation: number]; zoom?: number; move?: [x: number, y: number]; gently?: boolean }
 // A pointer event, or a wheel's, in pixels.
-interface Pointer { kind: string; id: number; x: number; y: number; by: number; button: number }
+interface Pointer { kind: string; id: number; x: number; y: number; by: number; button: number; touch: boolean }
 interface Seeing { radius: number; aspect: number; field: number; home?: number }
 
 // What the address of a page says: see js/player/address.js. Frames and modules count from 0 here.
@@ -288,7 +288,6 @@ interface Playing {
 interface SceneHeard {
   open?: () => void;
   lost?: () => void; // its graphics, until it opens again
-  touch?: () => void;
   pointer?: (pointer: Pointer) => void;
   scroll?: () => void; // of a page around an embed, in place of a zoom
   pick?: (origin: Vector, direction: Vector) => void;
@@ -299,8 +298,6 @@ interface ViewTold {
   pointer?: unknown;
   position?: unknown;
   target?: unknown;
-  x?: unknown;
-  y?: unknown;
   on?: unknown;
   key?: unknown;
   shift?: unknown;
@@ -318,49 +315,27 @@ type FigureName = "clearance" | "nearest" | "torque" | "position_error" | "joint
 interface FigurePart extends Message<{ widths: Partial<Record<FigureName, number>> }, Partial<Record<FigureName, Floats>>> {}
 type FigureRow = Partial<Record<FigureName, Floats>>;
 
-// Facts: server/pages/facts.py.
+// Facts that scripts use: `SCRIPT_FACTS` of server/pages/facts.py.
 
 type Form = Record<string, string | number | boolean | Blob | null>;
-interface FileTold { label: string; hint: string; href: string }
-interface Failing { kind: string; heading: string; text: string; frame: number | null; modules: number[]; blocks: string[]; knot: KnotDrawing | null }
-interface KnotDrawing { side: number; strokes: string[]; label: string }
-interface Attempt { strategy: string; how: string; end: string; tone: string }
-interface PlanDot { label: string; time_s: number | null; torque_mnm: number | null; room: number | null; cells: string[]; verified: boolean; chosen: boolean; stored: number | null }
-interface Choice { prefer: string; wish: string; seconds: number; columns: string[]; plans: PlanDot[]; text: string }
-interface TableWords { good: boolean; text: string; rows: [label: string, value: string][]; assumptions: string[]; servos: string; named: { name: string; href: string }[] }
+interface Failing { frame: number | null; modules: number[] }
+interface PlanDot { label: string; time_s: number | null; torque_mnm: number | null; room: number | null; verified: boolean; chosen: boolean }
+interface Choice { prefer: string; seconds: number; plans: PlanDot[] }
 interface Again { text: string; form: Form }
-interface Smoothing { rows: { label: string; before: string; after: string; ratio: string }[]; note: string; compare: string | null }
 interface Way { text: string; hint: string; form: Form; id?: string; settable?: string }
 interface Facts {
   id: string;
   name: string;
-  status: string;
   running: boolean;
-  preset: string;
   verdict: { tone: string; text: string };
-  problem: { heading: string; text: string } | null;
   failure: Failing | null;
-  attempts: Attempt[];
   choice: Choice | null;
-  table: TableWords | null;
   again: Again | null;
   frames: number;
-  refoldable: boolean;
-  refold: Form;
-  smoothable: boolean;
-  smoothing: Smoothing | null;
-  comparable: boolean;
   compare: Way[];
-  alternative_to: string | null;
+  refold: Form;
   embed: string | null;
-  kept: string | null;
-  made: string | null; // by which version, of a fold that came with the package
   movies: boolean;
-  robot: boolean;
-  files: FileTold[];
-  properties: { heading: string; rows: { label: string; value: string }[] }[];
-  downloads: FileTold[];
-  downloads_hint: string;
 }
 
 // Answers of the API: api.d.ts. A refusal says more where a file could not be read.
@@ -382,27 +357,16 @@ interface PathChecked {
   difference: number; // of the two colours of a chessboard
   whole: boolean;
 }
-interface SheetLook {
-  layer: number;
-  drawn: DrawnPath | null; // where the path is to be seen
-  corner: number | null; // of a box that is begun
-  axes: Set<number>; // along which painting is mirrored
-}
-interface SheetHeard {
-  press(key: number): void;
-  drag(keys: number[]): void;
-  lift(kept: boolean): void;
-  arrow(by: number[], shift: boolean): boolean; // whether that was more than moving on
-  bySides(): boolean; // whether a pointer's way goes from side to side
-}
-
 // Elements of the pages that are more than an element, by their id.
 interface Elements {
   again: HTMLButtonElement;
-  all: HTMLAnchorElement;
   angles: HTMLInputElement;
   back: HTMLButtonElement;
   cancel: HTMLButtonElement;
+  "check-bar": HTMLProgressElement;
+  "check-dialog": HTMLDialogElement;
+  "class-link": HTMLInputElement;
+  "class-picture": HTMLImageElement;
   clear: HTMLButtonElement;
   "colour-by": HTMLSelectElement;
   "compare-dialog": HTMLDialogElement;
@@ -436,7 +400,12 @@ interface Elements {
   model: SVGSVGElement;
   notify: HTMLButtonElement;
   more: HTMLButtonElement;
+  "module-after": HTMLButtonElement;
+  "module-before": HTMLButtonElement;
+  "module-number": HTMLInputElement;
   "modules-number": HTMLInputElement;
+  "movie-bar": HTMLProgressElement;
+  "movie-create": HTMLButtonElement;
   modules: HTMLInputElement;
   name: HTMLInputElement;
   open: HTMLButtonElement;
@@ -448,10 +417,13 @@ interface Elements {
   prefer: HTMLSelectElement;
   preset: HTMLSelectElement;
   preview: HTMLButtonElement;
+  "own-file": HTMLInputElement;
   redo: HTMLButtonElement;
   "refold-dialog": HTMLDialogElement;
   "refold-file": HTMLInputElement;
   refold: HTMLButtonElement;
+  "new-name": HTMLInputElement;
+  renaming: HTMLDialogElement;
   repeat: HTMLButtonElement;
   reverse: HTMLButtonElement;
   "save-cells": HTMLButtonElement;
@@ -470,6 +442,11 @@ interface Elements {
   sketch: HTMLCanvasElement;
   smooth: HTMLButtonElement;
   speed: HTMLSelectElement;
+  "stuck-card": HTMLDetailsElement;
+  "tour-after": HTMLButtonElement;
+  "tour-before": HTMLButtonElement;
+  "tour-save": HTMLButtonElement;
+  "tour-undo": HTMLButtonElement;
   turn: HTMLButtonElement;
   undo: HTMLButtonElement;
   unpath: HTMLButtonElement;

@@ -23,7 +23,7 @@ CERTIFICATE_DIGITS: Final = 2
 """Number of significant digits to which pages round a certificate's figures, such as joint errors.
 A larger value makes the texts longer and more exact. Chosen."""
 NOT_SIMULATED: Final = "not simulated"
-NOT_KNOWN: Final = "unknown: computed by an earlier version"
+NOT_KNOWN: Final = "unknown, because an earlier version of foldback computed this fold"
 MAX_NAMED_SERVOS: Final = 8
 """Maximum number of servos with sufficient torque that a fold's page lists, lightest first. A
 larger value makes the list longer. Chosen."""
@@ -118,7 +118,7 @@ def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
     """Return all figures besides ``main_rows``."""
     return [
         *(_row(certificate, figure) for figure in CLEARANCES),
-        ("Robots", robots(certificate)),
+        ("Simulated robots", robots(certificate)),
         *margin_rows(certificate),
         *(_row(certificate, figure) for figure in MOTION_FIGURES),
     ]
@@ -145,7 +145,8 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
     return [
         (
             "Margin for the module size",
-            f"up to {rounded_down(size['value'])} pitch; {_limit(size)}",
+            f"modules may have up to {rounded_down(size['value'])} of their full width; "
+            f"{_limit(size)}",
         ),
         (
             "Margin for an error in one hinge",
@@ -153,7 +154,7 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
         ),
         (
             "Margin for random errors in all hinges",
-            f"up to {degrees_down(each['value'])} in each hinge, so that modules touch in at most "
+            f"up to {degrees_down(each['value'])} in each hinge: modules then touch in at most "
             f"{100 * found['failure_probability']:.0f} of 100 robots; {_limit(each)}",
         ),
     ]
@@ -166,7 +167,7 @@ def _limit(margin: MarginFigures) -> str:
     assert modules is not None
     first, second = (module + 1 for module in modules)
     frame = round(place["frame"]) + 1
-    return f"limited by modules {first} and {second} near frame {frame} of the plan"
+    return f"modules {first} and {second} limit this near frame {frame} of the plan"
 
 
 def degrees_down(angle_rad: float) -> str:
@@ -180,7 +181,7 @@ def _folding_time(certificate: CertificateFigures) -> str | None:
     """Return the folding time and the joint speed that it assumes."""
     time = quantity(certificate.get("fold_time_s"), "s")
     speed = quantity(certificate.get("joint_speed_limit_rad_s"), "rad/s")
-    return f"{time} at {speed}" if time and speed else time
+    return f"{time} at joint speeds of up to {speed}" if time and speed else time
 
 
 class TableWords(TypedDict):
@@ -205,25 +206,29 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
     if told is None:
         return None
     table = TableCertificate.from_dict(told)
-    friction = table.told_friction
+    friction = _friction(table)
     largest = _torque(table.torque, table.unit_nm, friction)
-    needs = f"at most {largest}" if table.torque else f"no holding torque, {friction}"
-    rests = f"stays on the table and needs {needs}"
+    needs = (
+        f"its hinges need at most {largest}"
+        if table.torque
+        else f"no hinge needs a torque {friction}"
+    )
+    rests = f"the chain stays on the table; {needs}"
     fails = verdict_for_people(table.verdict.removeprefix("failed: "))
     text = sentence(rests if table.rests else fails)
     rows: list[tuple[str, str | None]] = [
         ("Frame with the highest torque", None if table.frame is None else str(table.frame + 1)),
         ("1 w·p (module weight × pitch)", quantity(table.unit_nm, "N·m")),
-        ("Torque limit", None if table.bound is None else f"at most {table.bound:g} w·p"),
+        ("Torque limit", None if table.bound is None else f"{table.bound:g} w·p"),
         ("Friction", "none" if table.friction == 0.0 else f"μ = {table.friction:g}"),
         ("Base", _base(table)),
-        ("Lowest corner", _lowest(table.clearance)),
+        ("Lowest corner of a module", _lowest(table.clearance)),
         ("Frames in which the chain would tip over", str(len(table.unbalanced) or "none")),
     ]
     if record is not None:
         rows += [
-            ("Frames undone while unfolding", quantity(record.taken_back)),
-            ("Torque limit while unfolding", _rose(record)),
+            ("How often the explosion went back to earlier frames", quantity(record.taken_back)),
+            ("Torque limit in the explosion", _rose(record)),
         ]
     servos, named = _servos(table) if table.torque is not None else ("", [])
     return {
@@ -245,19 +250,22 @@ def _base(table: TableCertificate) -> str:
             "free on the table (the simulation pins the first module, because without friction "
             "everything would slide)"
         )
-    return "free on the table; the chain may drift, so errors measure its shape, not its position"
+    return "free on the table; the chain may drift, so position errors compare only its shape"
 
 
 def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
     """Return the suitable servos in words and by name; if none, those for larger modules."""
     torque, casing = table.torque or 0.0, CASINGS["pla"]
+    modules = f"PLA modules that are {length_m(table.pitch_m)} wide"
     fits = find_suitable_servos(torque, pitch_m=table.pitch_m, casing=casing)
     would = [fit.servo for fit in fits if fit.would_do]
     if would:
-        more = len(would) - MAX_NAMED_SERVOS
-        rest = f", the lightest of {len(would)}" if more > 0 else ""
-        pitch = length_m(table.pitch_m)
-        text = f"Suitable servos for PLA modules at this pitch ({pitch}){rest}:"
+        if len(would) == 1:
+            text = f"This servo suits {modules}:"
+        elif len(would) <= MAX_NAMED_SERVOS:
+            text = f"These servos suit {modules}:"
+        else:
+            text = f"{len(would)} servos suit {modules}. The lightest {MAX_NAMED_SERVOS} are:"
         return text, would[:MAX_NAMED_SERVOS]
     ranges = [
         (suitable_pitches(s, torque, casing), s) for s in servos() if s.turns_enough is not False
@@ -267,11 +275,11 @@ def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
         key=lambda one: (one[0], one[1].name),
     )
     if not larger or larger[0][0] <= table.pitch_m:
-        return "For PLA modules, no servo in our list is strong enough at any pitch.", []
+        return "No servo in our list suits PLA modules, however wide they are.", []
     least = length_m(larger[0][0])
     text = (
-        "No servo in our list suits PLA modules at this pitch. "
-        f"These suit a pitch of {least} or more:"
+        f"No servo in our list suits {modules}. "
+        f"If the modules are {least} wide or a little wider, these servos suit them:"
     )
     return text, [servo for pitch_m, servo in larger if pitch_m <= NEAR_PITCH_FACTOR * larger[0][0]]
 
@@ -280,7 +288,7 @@ def _torque_of(table: dict[str, Any] | None) -> str | None:
     if table is None:
         return None
     found = TableCertificate.from_dict(table)
-    return _torque(found.torque, found.unit_nm, found.told_friction)
+    return _torque(found.torque, found.unit_nm, _friction(found))
 
 
 def _torque(torque_wp: float | None, unit_nm: float, friction: str) -> str | None:
@@ -288,7 +296,14 @@ def _torque(torque_wp: float | None, unit_nm: float, friction: str) -> str | Non
     if torque_wp is None:
         return None
     in_nm, in_wp = _rounded_up(torque_wp * unit_nm), _rounded_up(torque_wp)
-    return f"{quantity(in_nm, 'N·m')} ({in_wp:.3g} w·p), {friction}"
+    return f"{quantity(in_nm, 'N·m')} ({in_wp:.3g} w·p) {friction}"
+
+
+def _friction(table: TableCertificate) -> str:
+    """Return the friction and the base that a torque assumes, in words."""
+    if table.friction == 0.0:
+        return "without friction"
+    return f"with friction μ = {table.friction:g} and a {table.base} base"
 
 
 def _rounded_up(value: float) -> float:
@@ -310,9 +325,9 @@ def _rose(record: TableRecord) -> str:
     """Return how the torque bound of an explosion rose, in words."""
     bounds = [bound for _, bound in record.raised]
     if not bounds:
-        return f"{record.bound:g} w·p, never raised"
-    raised = ", ".join(f"{bound:.3g} w·p at {when:.3g} s" for when, bound in record.raised)
-    return f"{record.bound:.3g} w·p; raised to {raised}"
+        return f"{record.bound:g} w·p throughout"
+    raised = ", then ".join(f"to {bound:.3g} w·p at {when:.3g} s" for when, bound in record.raised)
+    return f"raised {raised} of simulated time"
 
 
 def robots(certificate: CertificateFigures) -> str | None:
@@ -322,8 +337,8 @@ def robots(certificate: CertificateFigures) -> str | None:
         return None
     least = min(one["min_clearance"] for one in found)
     return (
-        f"{len(found)} imperfect robot{'s' if len(found) > 1 else ''} simulated; the view shows "
-        f"the worst one. Their clearance is at least {rounded_down(least)} pitch"
+        f"{len(found)} robot{'s' if len(found) > 1 else ''} with random errors; the view shows the "
+        f"robot with the largest errors. The smallest clearance is {rounded_down(least)} pitch"
     )
 
 
@@ -338,9 +353,9 @@ def torque(certificate: CertificateFigures) -> tuple[str, str | None]:
     if value is None:
         return "Peak torque", None
     if source.startswith("simulation"):
-        return "Peak torque", f"{value}, simulated motors"
+        return "Peak torque", f"{value} in the simulated motors"
     of = certificate.get("torque_frames"), certificate.get("frames")
-    where = "the number of frames checked is unknown"
+    where = "but it is unknown how many frames were checked"
     if None not in of:
         where = f"checked at {of[0]} of {of[1]} frames"
     return "Largest torque found", f"{value}, {where}"
@@ -357,12 +372,12 @@ def linked(certificate: CertificateFigures) -> str | None:
     if (radius := exempt["relief_radius"]) is None:
         return f"{told}."
     if (bound := exempt["worst_overlap_bound"]) is not None:
-        told += (
-            f", because full cubes would overlap by up to {math.ceil(bound * 100) / 100:.2f} pitch"
-        )
+        overlap = math.ceil(bound * 100) / 100
+        told += f", because full cubes would overlap by up to {overlap:.2f} module widths"
     return (
-        f"{told}. Real modules need rounded edges: remove all material farther than {radius:g} "
-        f"pitch from a joint ({100 * exempt['relief_share']:.0f} % of the volume)."
+        f"{told}. Round the edges of real modules towards each joint: no material may be more than "
+        f"{radius:g} module widths from the joint. This removes "
+        f"{100 * exempt['relief_share']:.0f} % of a module's volume."
     )
 
 

@@ -35,7 +35,7 @@ FAILURE_HEADINGS: Final = {
     "snapshots": "Stalled: snapshot limit reached",
     "refusals": "Stalled: torque limit reached",
     "motion": "Stalled: nothing moved any more",
-    "buried": "Stalled: the next modules were buried",
+    "buried": "Stalled: the modules to be unfolded next were enclosed by others",
     "contacts": "Stalled: too many modules pressed against each other",
     "joints": "Stalled: some joints could not turn",
     "broken": "The simulation failed",
@@ -46,11 +46,11 @@ FAILURE_HEADINGS: Final = {
     "refused": "Not verified",
 }
 STAGE_WORDS: Final = {
-    "read": "reading the input",
-    "explode": "exploding",
-    "play_back": "playing back",
-    "certify": "checking the clearance",
-    "export": "writing the plan",
+    "read": "the reading of the input",
+    "explode": "the explosion",
+    "play_back": "the playback",
+    "certify": "the clearance check",
+    "export": "the writing of the plan",
 }
 STAGES_WITH_MOTION: Final = ("explode", "play_back")
 """Stages in which the displayed chain moves, so that the reason of a failure names the frame."""
@@ -231,7 +231,8 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
         return {
             "modules": modules,
             "frame": place["frame"],
-            "words": f"at a module size of {size}, {which} overlap by {module_widths(-clearance)}",
+            "words": f"at a module size of {size} pitch, {which} overlap by "
+            f"{module_widths(-clearance)}",
         }
     return None
 

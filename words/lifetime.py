@@ -8,7 +8,7 @@ from words.fold import ShownFold
 
 TIME_UNITS: Final = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
 LINK_ONLY: Final = "Only people with the link can see it."
-PUBLIC_FOLD: Final = "Gallery fold: everyone can see it, and it won't expire."
+PUBLIC_FOLD: Final = "This fold is in the gallery: everyone can see it, and it won't expire."
 
 
 def kept_words(keep_days: float | None, *, limited: bool) -> str:
@@ -19,12 +19,13 @@ def kept_words(keep_days: float | None, *, limited: bool) -> str:
         limited: True if the folds may occupy only a limited part of the disk.
     """
     if keep_days is not None:
-        return f"Stored for {time_words(86400.0 * keep_days)} after it was last viewed."
+        return f"A fold is stored for {time_words(86400.0 * keep_days)} after it was last viewed."
     if limited:
         return (
-            "Stored while there is space. The folds that were viewed longest ago are deleted first."
+            "A fold is stored while there is space; the folds that were viewed longest ago are "
+            "deleted first."
         )
-    return "Stored until you delete it."
+    return "A fold is stored until you delete it."
 
 
 def who_and_how_long(fold: ShownFold | None, usual: str, *, cancelled_s: float) -> str:
@@ -38,9 +39,11 @@ def who_and_how_long(fold: ShownFold | None, usual: str, *, cancelled_s: float) 
     if fold is not None and fold.public:
         return PUBLIC_FOLD
     if fold is not None and fold.pinned:
-        usual = "Stored permanently."
+        usual = "This fold is stored permanently."
     elif fold is not None and fold.status == "cancelled":
-        usual = f"Cancelled: its files will be deleted within {time_words(cancelled_s)}."
+        usual = (
+            f"This fold was cancelled. Its files will be deleted within {time_words(cancelled_s)}."
+        )
     return f"{usual} {LINK_ONLY}"
 
 

@@ -26,7 +26,7 @@ MESSAGES: Final = (
     (re.compile(r"Not Found"), "There is nothing at this address."),
     (re.compile(r"got an empty file\b.*"), "This file is empty."),
     (
-        re.compile(r"got 0 angles, expected \d+ angles? for each joint\b.*"),
+        re.compile(r"got 0 angles, expected (?:at least \d+|\d+ angles? for each joint)\b.*"),
         "Type at least one angle, using the signs 0, + or −.",
     ),
     (
@@ -47,7 +47,7 @@ VERDICT_PHRASES: Final = (
         ),
         "",
     ),
-    (re.compile(r"\brests on a table within "), "stays on the table and needs at most "),
+    (re.compile(r"\brests on a table within "), "stays on the table; its hinges need at most "),
     (
         re.compile(
             r"\bthe chain floats and does not rest on a table; laid down in each frame, it needs "
@@ -63,23 +63,37 @@ VERDICT_PHRASES: Final = (
         re.compile(r"\binto the table in frame (\d+), expected at most (\S+)$"),
         r"into the table in frame \1, but at most \2 pitch is allowed",
     ),
-    (re.compile(r"\bdoes not start folded as (?=\S)"), "does not start in the folded shape "),
+    (re.compile(r"\bdoes not start folded as (?=\S)"), "does not start in the folded shape of "),
     (
         re.compile(r"\bthe playback passes (\S+ pitch) \(RMS\) from straight"),
         r"the playback misses the straight shape by \1 (RMS)",
     ),
-    (re.compile(r"\bhas numbers that are not finite\b"), "has infinite or undefined numbers"),
+    (re.compile(r"\bhas numbers that are not finite\b"), "contains infinite or undefined numbers"),
     (
         re.compile(r"\bthe clearance between two frames could not be bounded\b"),
         "it could not be proved that the modules stay apart from one frame to the next",
     ),
     (re.compile(r"\bthe frames have no plan\b"), "there is no plan for these frames"),
-    (re.compile(r"\ba robot lost its target: (?=\S)"), "a robot could not follow the motion: "),
-    (re.compile(r"(?<=\S) yielded: it is off by (?=\S)"), " is too weak: it is off by "),
+    (
+        re.compile(
+            r"\ba robot lost its target: (\S+ is off by \S+ rad), more than its motor can correct, "
+            r"(\d+ % into the fold)"
+        ),
+        r"a robot could not follow the motion: \2, \1, which is more than its motor can correct",
+    ),
+    (
+        re.compile(
+            r"(\S+) yielded: it is (off by \S+ rad) with motors of (\S+ w·p), "
+            r"(\d+ % into the fold)"
+        ),
+        r"the motor of \1 is too weak: it supplies at most \3 (module weight × pitch), and \4, "
+        r"the joint is \2",
+    ),
+    (re.compile(r"(?<=\d %) into the fold\b"), " through the motion"),
     (re.compile(r"(?<=knotted) \(determinant 1\)"), ""),
     (
-        re.compile(r"(?<=knotted \()determinant \d+(?=\))"),
-        r"its knot has the \g<0>; without a knot it would be 1",
+        re.compile(r"(?<=knotted \()determinant (\d+)(?=\))"),
+        r"the determinant of its knot is \1; without a knot, it is 1",
     ),
     (
         re.compile(r"\bdrawn as it stalled, with its ends extended outwards, it has (?=\d)"),
@@ -109,11 +123,16 @@ VERDICT_PHRASES: Final = (
     ),
     (
         re.compile(r"\b(modules \d+ to \d+), which come next, (cannot move in any .+?): "),
-        r"the next part, \1, \2, because modules would overlap: ",
+        r"the part that would unfold next, \1, \2, because modules would overlap: ",
     ),
     (re.compile(r"\bmodule (\d+) against (?=\d)"), r"modules \1 and "),
     (re.compile(r"\b1 pairs more\b"), "1 more pair"),
     (re.compile(r"\b(\d+) pairs more\b"), r"\1 more pairs"),
+    (re.compile(r"(?<= \()frictionless(?=\))"), "without friction"),
+    (
+        re.compile(r"(?<= \()friction ([\d.]+), (free|clamped) base(?=\))"),
+        r"with friction μ = \1 and a \2 base",
+    ),
     (re.compile(r" \(RMS\)"), " on average (root mean square)"),
 )
 """Patterns in verdicts, and the words that replace them for people. Plans store the verdicts, and

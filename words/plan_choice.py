@@ -11,9 +11,10 @@ from planner.certificate.figures import AttemptFigures
 from planner.errors import DamagedError
 from planner.file_names import ATTEMPTS, CHAIN, PLANS_DIR
 from planner.pipeline.preference import COMPUTING, PREFERENCES, PlanFigures, Preference
+from planner.robot import RECORDED, SMOOTHED, SOFTENED
 from planner.verification.integrity import check
 from words.certificate import degrees_down, rounded_down
-from words.quantities import STRATEGY_LABELS, number, quantity, sentence
+from words.quantities import STRATEGY_LABELS, number, quantity
 
 PLAN_COLUMNS: Final = (
     "Plan",
@@ -36,6 +37,12 @@ SUPERLATIVES: Final[dict[Preference, str]] = {
     "clearance": "most clearance",
     "margin": "largest allowed hinge error",
 }
+SMOOTHED_WORDS: Final = {
+    SMOOTHED: "smoothed",
+    SOFTENED: "slightly smoothed",
+    RECORDED: "with new timing",
+}
+"""Labels of the ways in which a plan is made from the motion of another one."""
 MILLI_PER_UNIT: Final = 1e3
 """Number of thousandths in a unit, to convert N·m to mN·m."""
 CLEARANCE_DECIMALS: Final = 4
@@ -156,7 +163,8 @@ class _Plan:
         attempt, strategy = self.attempt, self.attempt["strategy"]
         if (smooths := attempt.get("smooths")) is not None:
             seed = f", seed {attempt['seed']}" if attempt["seed"] else ""
-            return f"{sentence(strategy)} {smooths + 1}{seed}"
+            how = SMOOTHED_WORDS.get(strategy, strategy)
+            return f"Plan {smooths + 1}, {how}{seed}"
         parts = [STRATEGY_LABELS.get(strategy, strategy).partition(",")[0]]
         parts += [f"path {attempt['candidate'] + 1}"] if attempt["candidate"] else []
         parts += [f"seed {attempt['seed']}"] if attempt["seed"] else []

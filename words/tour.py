@@ -76,8 +76,8 @@ def _contact(moments: Moments) -> Stop | None:
         return None
     near = LINKS[CONTACT_LINKS - 1]
     text = (
-        f"First contact: {_modules(met.modules)} are the first to come within a tenth of a module "
-        f"width of each other. Modules up to {near} links apart in the chain are not counted."
+        f"{sentence(_modules(met.modules))} are the first to come closer to each other than a "
+        f"tenth of a module width. Modules up to {near} links apart in the chain are not counted."
     )
     return _meeting(text, met)
 

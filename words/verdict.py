@@ -19,14 +19,14 @@ from words.settings import in_a_line
 
 COVER_LOADING: Final = "Loading the view"
 COVER_WAITING: Final = "Waiting for the first frame"
-NO_DOWNLOADS: Final = "Nothing to download here."
+NO_DOWNLOADS: Final = "There is nothing to download."
 NO_DOWNLOADS_YET: Final = "You can download the plan when the fold is finished."
 CANCELLED: Final = "Cancelled before it finished"
 UNIT_AFTER_NUMBER: Final = re.compile(r"(?<=\d) (?=%|modules?\b)")
 """Matches spaces in a verdict at which browsers must not break the line."""
 VIEW_FILES: Final = (
     ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
-    ("recording.viser", "Recording", ".viser: plays in the 3D viewer viser"),
+    ("recording.viser", "Recording", ".viser: plays in viser, a 3D viewer"),
 )
 """Files that show a fold's motion: name, label and hint."""
 
@@ -103,7 +103,7 @@ def damage_of(heading: str, files: Iterable[str]) -> Problem:
     """Return what a page says of damaged files."""
     return {
         "heading": heading,
-        "text": f"Damaged files: {', '.join(files)}. No motion can be shown. The operator of "
+        "text": f"Damaged files: {', '.join(files)}. The motion cannot be shown. The operator of "
         "this service can restore the files from a backup.",
     }
 

@@ -235,7 +235,8 @@ def _lead(runs: Mapping[str, Run]) -> str:
         return f"{published} Here the same chain fails: {_failed(run)}."
     steps = run.explosion.steps + run.playback.steps
     apart = (
-        f" Modules of 0.95 pitch provably stay at least {figure(run.bound)} pitch apart."
+        " Modules with a width of 0.95 pitch (the distance of two module centres) are proved to "
+        f"stay at least {figure(run.bound)} pitch apart."
         if run.bound
         else ""
     )

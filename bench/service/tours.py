@@ -112,9 +112,9 @@ class _Fold:
         """Return True if every sentence of a stop is true; False for an unknown sentence."""
         checks: dict[str, Callable[[Stop], bool]] = {
             "The chain is straight": self._straight,
-            "First contact": self._contact,
+            "Modules": self._contact,
             "The tightest place": self._tightest,
-            "Here the chain becomes a knot": self._knot,
+            "Here the chain gets knotted": self._knot,
             "The joint between": self._torque,
             "A simpler motion would fail": self._direct,
             "Done": self._done,

@@ -10,11 +10,11 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Final, cast
+from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.certificate.earlier_certificates import told_honestly
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
 from planner.certificate.plan_figures import largest_angle, plan_figures, robot_figures
@@ -30,10 +30,9 @@ from planner.errors import InputError
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.parameters import Parameters
+from planner.plain_values import from_plain
 from planner.playback.playback import Playback
 from planner.progress import Cancelled, Progress, Report, never, silent
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,22 +101,22 @@ class Certificate:
     min_clearance_record: float | None
     min_clearance_record_at: Place | None
     in_betweens: int
-    frames: int | None
-    plan_end_error_rad: float | None
-    rms_position_error: float | None
-    max_position_error: float | None
-    max_angle_error_rad: float | None
-    max_angle_rad: float | None
+    frames: int | None = None
+    plan_end_error_rad: float | None = None
+    rms_position_error: float | None = None
+    max_position_error: float | None = None
+    max_angle_error_rad: float | None = None
+    max_angle_rad: float | None = None
     max_angle_record_rad: float | None
-    max_joint_step_rad: float | None
+    max_joint_step_rad: float | None = None
     joint_speed_limit_rad_s: float
-    fold_time_s: float | None
-    hinges_moving_mean: float | None
-    hinges_moving_most: int | None
-    peak_torque_nm: float | None
-    rms_torque_nm: float | None
-    torque_source: str | None
-    torque_frames: int | None
+    fold_time_s: float | None = None
+    hinges_moving_mean: float | None = None
+    hinges_moving_most: int | None = None
+    peak_torque_nm: float | None = None
+    rms_torque_nm: float | None = None
+    torque_source: str | None = None
+    torque_frames: int | None = None
     gravity_torque_folded_nm: float
     gravity_torque_straight_nm: float
     seconds: float
@@ -148,20 +147,17 @@ class Certificate:
             values: Plain values.
             playback: The playback's summary: for the certificate of an earlier version, it states
                 if the playback was simulated.
+
+        Raises:
+            TypeError: A figure is missing, unknown, or of another type.
+            InputError: ``wrong-format``, of a table's certificate.
         """
-        found: dict[str, Any] = dict(told_honestly(values, playback))
-        found |= {name: Place.from_dict(found[name]) for name in _PLACES}
-        robots = found.get("robots")
-        found["robots"] = None if robots is None else tuple(robots)
-        if found.get("table") is not None:
-            found["table"] = TableCertificate.from_dict(found["table"])
-        found["margins"] = Margins.from_dict(found.get("margins"))
-        if found["exempt_pairs"] is not None:
-            found["exempt_pairs"] = ExemptPairs.from_dict(found["exempt_pairs"])
-        return cls(**found)
-
-
-_PLACES: Final = ("min_clearance_at", "min_clearance_playback_at", "min_clearance_record_at")
+        found = told_honestly(values, playback)
+        if unknown := found.keys() - cls.__dataclass_fields__:
+            raise TypeError(f"got the figures {', '.join(sorted(unknown))}, which no version has")
+        table = found.get("table")
+        checked = None if table is None else TableCertificate.from_dict(table)
+        return replace(from_plain(found, cls), table=checked)
 
 
 def certify(

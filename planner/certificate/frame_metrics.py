@@ -14,8 +14,8 @@ from pathlib import Path as FilePath
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.certificate.certificate import Certificate
 from planner.certificate.metrics_store import (
     CLEARANCE_REACH_PITCH,
@@ -37,7 +37,6 @@ from planner.motion.motion import PHASES, Motion
 from planner.motion.timeline import Timeline
 from planner.parameters.parameters import Parameters
 
-Array = NDArray[np.float64]
 SPLINE_MARGIN_FRAMES: Final = 32
 """Number of frames beyond each end of a chunk of a motion that the spline for the chunk's rates and
 accelerations is fitted to as well. A frame's influence falls to a quarter from one frame to the

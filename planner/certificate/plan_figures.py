@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.certificate.figures import RobotFigures
 from planner.certificate.sweeps import Sweeps, followed
 from planner.chain.cantilever_statics import GRAVITY_M_S2, static_torque
@@ -16,36 +16,14 @@ from planner.motion.motion import Motion
 from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
 
-Array = NDArray[np.float64]
 MOVING_SPEED_SHARE: Final = 0.1
 """Minimum speed of a hinge that counts as moving, as a fraction of the fastest hinge's speed at
 that time; certificates report the number of moving hinges. Larger values count fewer. Chosen."""
 
 
-_PLAN_FIGURES: Final = (
-    "frames",
-    "plan_end_error_rad",
-    "max_angle_rad",
-    "torque_source",
-    "torque_frames",
-    "rms_position_error",
-    "max_position_error",
-    "max_angle_error_rad",
-    "max_joint_step_rad",
-    "fold_time_s",
-    "hinges_moving_mean",
-    "hinges_moving_most",
-    "peak_torque_nm",
-    "rms_torque_nm",
-)
-
-
 def plan_figures(chain: Chain, playback: Playback | None, parameters: Parameters) -> dict[str, Any]:
-    """Return the chain's torques in gravity, and the figures ``_PLAN_FIGURES``.
-
-    Each of the latter is None where it cannot be computed.
-    """
-    figures = dict.fromkeys(_PLAN_FIGURES) | _gravity_torques(chain, parameters)
+    """Return the chain's torques in gravity, and those figures of a plan that can be computed."""
+    figures = _gravity_torques(chain, parameters)
     if playback is None:
         return figures
     plan, times = playback.reference, playback.frames.time_s

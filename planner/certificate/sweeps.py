@@ -6,9 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.clearance.exempt_pairs import Place
 from planner.clearance.rounding import clearance_rounding
@@ -17,8 +15,6 @@ from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.playback.playback import Playback
 from planner.progress import Cancelled, Progress, Report
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces
 from planner.chain.cantilever_statics import GRAVITY_M_S2
@@ -31,7 +32,6 @@ from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, floor_clearances
 from planner.statics.friction import CONE_SIDES, DIRECTION_SPREADS_RAD, Friction
 from planner.statics.stable_poses import resting_poses
 
-Array = NDArray[np.float64]
 MAX_TABLE_ENTRY_PITCH: Final = 0.02
 """Maximum depth, in pitches, to which modules may sink below the table's surface in a plan that is
 verified for folding on a table; with a larger depth the plan is not verified. Larger values accept

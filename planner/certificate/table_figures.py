@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from planner.errors import InputError
 from planner.parameters.explosion import Base
+from planner.plain_values import from_plain, plain_lists
 
 TABLE_FORMAT: Final = "foldback-table/1"
 FRICTIONLESS: Final = "frictionless"
@@ -81,14 +82,7 @@ class TableCertificate:
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain JSON values."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        lists = {name: list(values[name]) for name in ("unbalanced", "torques", "assumptions")}
-        return {
-            "format": TABLE_FORMAT,
-            **values,
-            **lists,
-            "standing": [list(each) for each in self.standing],
-        }
+        return {"format": TABLE_FORMAT, **plain_lists(asdict(self))}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> TableCertificate:
@@ -103,8 +97,4 @@ class TableCertificate:
                 f"got the format {values.get('format')!r}, expected {TABLE_FORMAT!r}, as "
                 "`foldback table` writes it.",
             )
-        found: dict[str, Any] = {field.name: values[field.name] for field in fields(cls)}
-        for name in ("unbalanced", "torques", "assumptions"):
-            found[name] = tuple(found[name])
-        found["standing"] = tuple(tuple(each) for each in found["standing"])
-        return cls(**found)
+        return from_plain(values, cls)

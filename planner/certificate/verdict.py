@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
 from planner.certificate.plan_figures import distances_from_shape, rms
@@ -18,7 +17,6 @@ from planner.motion.record import Record
 from planner.playback.playback import Playback
 from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD
 
-Array = NDArray[np.float64]
 MAX_VERIFIED_ERROR_PITCH: Final = 0.01
 """Maximum RMS position error of the modules, in pitches, at the end of a simulated playback that is
 certified as verified. Larger values verify less exact shapes. Chosen."""

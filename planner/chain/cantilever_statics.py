@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
 from planner.chain.rotations import matrix_from_wxyz
 
-Array = NDArray[np.float64]
 GRAVITY_M_S2: Final = 9.81
 """Standard acceleration of gravity, rounded, in m/s²."""
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.close_points import first_close_pair
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.module import CUBE, TETRAHEDRON, Module
@@ -20,7 +20,6 @@ from planner.chain.rotations import wxyz_from_matrix
 from planner.chain.trail import Trail, hinge_axes
 from planner.errors import InputError
 
-Array = NDArray[np.float64]
 MIN_CENTRE_DISTANCE_SHARE = 0.98
 """Minimum distance between the centres of any two modules of a folded chain, as a fraction of the
 diameter of the largest ball inside a module. A chain with a smaller one is refused, as its modules
@@ -135,7 +134,11 @@ class Chain:
         wxyz = np.array([1.0, 0.0, 0.0, 0.0] if first_wxyz is None else first_wxyz, np.float64)
         length = float(np.linalg.norm(wxyz))
         if not 1e-6 < length < 1e6:
-            raise InputError("bad-orientation", f"got {wxyz.tolist()}, expected a unit quaternion.")
+            raise InputError(
+                "bad-orientation",
+                f"got {wxyz.tolist()} as the orientation of module 0, expected a unit quaternion "
+                "(w, x, y, z).",
+            )
         chain = cls._checked(
             name=name,
             module=module,
@@ -158,15 +161,22 @@ class Chain:
         wxyz: Array,
         pitch_m: float,
     ) -> Chain:
-        if len(folded) == 0 or len(folded) % module.hinges_per_joint:
+        hinges = module.hinges_per_joint
+        if len(folded) == 0:
+            raise InputError("wrong-count", f"got 0 angles, expected at least {hinges}.")
+        if len(folded) % hinges:
             raise InputError(
                 "wrong-count",
-                f"got {len(folded)} angles, expected {module.hinges_per_joint} "
-                f"angle{'s' if module.hinges_per_joint > 1 else ''} for each joint.",
+                f"got {len(folded)} angles, expected a multiple of {hinges}, because each joint "
+                f"has {hinges} hinges.",
             )
         if not np.isfinite(folded).all():
             index = int(np.argmin(np.isfinite(folded)))
-            raise InputError("not-finite", "expected a finite angle.", where=f"angle {index}")
+            raise InputError(
+                "not-finite",
+                f"got {folded[index]:g}, expected a finite number.",
+                where=f"angle {index}",
+            )
         if (np.abs(folded) > module.angle_limit_rad).any():
             index = int(np.argmax(np.abs(folded) > module.angle_limit_rad))
             raise InputError(
@@ -258,9 +268,9 @@ def check_overlap(chain: Chain) -> None:
         distance = float(np.linalg.norm(positions[i] - positions[j]))
         raise InputError(
             "overlap",
-            f"modules {i} and {j} overlap in the folded configuration: their centres are "
-            f"{distance:.3g} pitches apart, expected at least {closest:.3g}; change the angles "
-            "of the joints between them.",
+            f"modules {i} and {j} overlap in the folded shape: the distance between their centres "
+            f"is {distance:.3g} pitches, but must be at least {closest:.3g} pitches; change the "
+            "angles of the joints between these modules.",
             where=f"modules {i} and {j}",
         )
 

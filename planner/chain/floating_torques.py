@@ -6,14 +6,13 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.module import Module
 from planner.cpu_cores import cores
 from planner.kernels.dynamics import many_floating_torques
 from planner.kernels.module import Lumps
 
-Array = NDArray[np.float64]
 MIN_ANGLES_PER_THREAD: Final = 20_000
 """Minimum number of joint angles (hinges × frames) per thread that computes torques. Smaller values
 start threads that cost more than they save. Chosen."""
@@ -72,7 +71,7 @@ def floating_torques(
 
 
 def spline_derivatives(
-    time_s: Array, angles_rad: Array, at: NDArray[np.int64], *, from_rest: bool
+    time_s: Array, angles_rad: Array, at: Ints, *, from_rest: bool
 ) -> tuple[Array, Array]:
     """Return rates and accelerations along recorded angles, by the cubic spline through them.
 

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.module import TETRAHEDRON
 from planner.chain.trail import hinge_axes
 
@@ -68,7 +69,7 @@ def ring_of(nodes: Nodes, cells: Nodes) -> Nodes:
     return place[inverse[len(keys) :]]
 
 
-def tetrahedra_at(points: NDArray[np.float64]) -> Nodes:
+def tetrahedra_at(points: Array) -> Nodes:
     """(P, 3) sums of the node pairs of the tetrahedra that points lie in.
 
     The honeycomb repeats every two steps along each axis; of the tetrahedra that reach into one
@@ -88,7 +89,7 @@ def tetrahedra_at(points: NDArray[np.float64]) -> Nodes:
 
 
 @cache
-def _base_patch() -> tuple[Nodes, NDArray[np.float64], NDArray[np.float64]]:
+def _base_patch() -> tuple[Nodes, Array, Array]:
     """Tetrahedra around the box from 0 to 2: sums of node pairs, face normals and reaches."""
     grid = np.stack(np.meshgrid(*[np.arange(-2, 5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     odd = (grid % 2 != 0).sum(axis=1)
@@ -107,7 +108,7 @@ def _base_patch() -> tuple[Nodes, NDArray[np.float64], NDArray[np.float64]]:
     return pairs.sum(axis=1), normals, np.einsum("pai,pi->pa", normals, middle) + reach
 
 
-def _frames(pairs: Nodes) -> NDArray[np.float64]:
+def _frames(pairs: Nodes) -> Array:
     """(n, 3, 3) orientations of the tetrahedra between node pairs."""
     along = (pairs[:, 1] - pairs[:, 0]).astype(np.float64)
     across = np.eye(3)[hinge_axes(pairs[:, 0])]

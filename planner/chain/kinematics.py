@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.module import Module
 from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
 from planner.kernels.module import Joint
 from planner.may_compile import may_compile
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

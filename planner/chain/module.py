@@ -7,12 +7,11 @@ from functools import cached_property, lru_cache
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.errors import InputError
 from planner.kernels.module import Hull, Joint
 
-Array = NDArray[np.float64]
 LONG_CHAIN: Final = 600
 """Minimum number of modules for which a chain gets a path whose cells can be removed one after the
 other from one end. Such a chain can be unfolded by peeling: released from its end, group by group.

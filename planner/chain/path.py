@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from planner.arrays import Array, Flags, Ints
 from planner.errors import InputError
 
 MAX_COORDINATE: Final = 1_000_000
@@ -37,7 +38,7 @@ class Path:
     """
 
     name: str
-    cells: NDArray[np.int64]
+    cells: Ints
     pitch_m: float = DEFAULT_PITCH_M
 
     @classmethod
@@ -64,7 +65,7 @@ class Path:
         return len(self.cells)
 
 
-def checked_cells(cells: ArrayLike) -> NDArray[np.int64]:
+def checked_cells(cells: ArrayLike) -> Ints:
     """Return (n, 3) whole numbers.
 
     Raises:
@@ -74,8 +75,8 @@ def checked_cells(cells: ArrayLike) -> NDArray[np.int64]:
     if raw.ndim != 2 or raw.shape[1] != 3 or raw.dtype.kind not in "iuf":
         raise InputError(
             "not-cells",
-            f"got an array of shape {raw.shape} and type {raw.dtype}, expected (n, 3) whole "
-            "numbers: one cell per row.",
+            f"got an array of shape {raw.shape} and type {raw.dtype}, expected whole "
+            "numbers in an array of shape (n, 3), one cell per row.",
         )
     values = raw.astype(np.float64)
     check_coordinates(
@@ -94,9 +95,7 @@ def checked_cells(cells: ArrayLike) -> NDArray[np.int64]:
     return raw.astype(np.int64)
 
 
-def check_coordinates(
-    values: NDArray[np.float64], rules: Iterable[tuple[NDArray[np.bool_], str, str]], *, row: str
-) -> None:
+def check_coordinates(values: Array, rules: Iterable[tuple[Flags, str, str]], *, row: str) -> None:
     """Refuse the first coordinate that breaks a rule.
 
     Args:
@@ -126,11 +125,11 @@ def check_pitch(pitch_m: float) -> None:
     if not MIN_PITCH_M <= pitch_m <= MAX_PITCH_M:
         raise InputError(
             "bad-pitch",
-            f"got a pitch of {pitch_m} m, expected {MIN_PITCH_M} to {MAX_PITCH_M:g}.",
+            f"got a pitch of {pitch_m} m, expected {MIN_PITCH_M} to {MAX_PITCH_M:g} m.",
         )
 
 
-def _check_order(cells: NDArray[np.int64]) -> None:
+def _check_order(cells: Ints) -> None:
     if len(cells) < MIN_CELLS:
         raise InputError(
             "too-few-cells",

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from planner.arrays import Array
+
 MIN_PROJECTED_SHARE: Final = 0.3
 """Minimum length of a link (the line between two neighbouring modules' centres) in the projection
 onto the table, as a fraction of its real length, for its direction in the projection to be used.

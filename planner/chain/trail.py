@@ -58,7 +58,8 @@ class Trail:
         if raw.ndim != 2 or raw.shape[1] != 3 or raw.dtype.kind not in "iu":
             raise InputError(
                 "not-nodes",
-                f"got an array of shape {raw.shape}, expected (n + 1, 3) whole numbers.",
+                f"got an array of shape {raw.shape} and type {raw.dtype}, expected whole numbers "
+                "in an array of shape (n + 1, 3) for n modules, one node per row.",
             )
         if len(raw) < MIN_NODES:
             raise InputError(
@@ -110,6 +111,7 @@ def _check(nodes: Nodes) -> None:
         one, two = np.flatnonzero((keys == key).all(axis=1))[:2]
         raise InputError(
             "repeated-cell",
-            f"modules {one} and {two} are the same tetrahedron; a trail uses each one once.",
+            f"modules {one} and {two} occupy the same tetrahedron; a trail uses each "
+            "tetrahedron once.",
             where=f"modules {one} and {two}",
         )

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from planner.arrays import Array
 from planner.chain.module import Module
 from planner.kernels.clearance import least_separation
 from planner.kernels.pairs import near_pairs
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,18 +7,17 @@ overlap while it turns. So a real module lacks some material there, its *relief*
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.module import Module
 from planner.kernels.linked import Link, deepest_overlap
 from planner.motion.motion import Motion, as_motion
 
-Array = NDArray[np.float64]
 RULE_LINKED: Final = "consecutive modules (i, i+1)"
 """Text for certificates of chains of cubes: the rule by which consecutive modules, which overlap at
 their common joint, are exempt from the collision check."""
@@ -32,16 +31,6 @@ class Place:
 
     frame: float
     modules: tuple[int, int] | None
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any] | None) -> Place | None:
-        """Read plain values; None gives None."""
-        if values is None:
-            return None
-        modules = values["modules"]
-        return cls(
-            frame=values["frame"], modules=None if modules is None else (modules[0], modules[1])
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,17 +59,6 @@ class ExemptPairs:
     worst_overlap_bound: float | None
     relief_radius: float | None
     relief_share: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> ExemptPairs:
-        """The inverse of ``as_dict``."""
-        found: dict[str, Any] = dict(values)
-        found["worst_overlap_at"] = Place.from_dict(values["worst_overlap_at"])
-        return cls(**found)
 
 
 def exempt_pairs(chain: Chain, motions: Sequence[Motion | Array], *, size: float) -> ExemptPairs:

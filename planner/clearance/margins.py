@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, cast
+from typing import Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.clearance.exempt_pairs import Place
@@ -30,7 +30,6 @@ from planner.kernels.clearance_bounds import Levers, Tolerance, allowance
 from planner.motion.motion import Motion, as_motion
 from planner.progress import Cancelled, never
 
-Array = NDArray[np.float64]
 FULL_SIZE: Final = 1.0
 """Module size, in pitches, at which neighbouring modules touch: the largest size that is tried when
 the largest module size without collisions is searched for a motion."""
@@ -79,13 +78,6 @@ class Margin:
     value: float
     limited_by: Place
 
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> Margin:
-        """Read the plain values of a dataclass."""
-        place = Place.from_dict(values["limited_by"])
-        assert place is not None
-        return cls(value=values["value"], limited_by=place)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margins:
@@ -103,18 +95,6 @@ class Margins:
     one_hinge_rad: Margin
     independent_rad: Margin
     failure_probability: float = FAILURE_PROBABILITY
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any] | None) -> Margins | None:
-        """Read the plain values of a dataclass; None gives None."""
-        if values is None:
-            return None
-        return cls(
-            module_size=Margin.from_dict(values["module_size"]),
-            one_hinge_rad=Margin.from_dict(values["one_hinge_rad"]),
-            independent_rad=Margin.from_dict(values["independent_rad"]),
-            failure_probability=float(values["failure_probability"]),
-        )
 
 
 def margins(

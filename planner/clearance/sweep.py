@@ -23,8 +23,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.module import Module
@@ -36,8 +36,6 @@ from planner.kernels.sweep import Angles, Shape, SweepResult, rigid_clearances, 
 from planner.motion.motion import Motion, as_motion
 from planner.progress import Cancelled, never
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 FRAMES_PER_TASK: Final = 64
 """Number of intervals between frames that a thread checks for collisions before it takes the next
 ones. Smaller values cost more calls; larger ones leave threads idle at the end of a motion.

@@ -10,16 +10,14 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.explosion.failure_evidence import BlockEvidence, Move, Turn
 from planner.kernels.clearance import least_separation
 from planner.kernels.pairs import near_pairs
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 STUCK_JOINT_BEND_RAD: Final = 1.0
 """Minimum angle of a hinge, rad, at which the report on a stalled unfolding counts its joint as
 stuck; folded joints have a right angle. Larger values report fewer joints. Chosen."""

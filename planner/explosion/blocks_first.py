@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.explosion.explosion_loop import Watch, run
 from planner.explosion.simultaneous import Simultaneous
@@ -24,8 +24,6 @@ from planner.parameters.explosion import ExplosionParameters
 from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.rigid_blocks import Blocks
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 MIN_BLOCK_MODULES: Final = 64
 """Minimum number of consecutive modules that move as one rigid block in the first stage of the
 strategy ``blocks``. Larger blocks are fewer, so that steps are faster, and leave more to be

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.motion.record import Spent
 from planner.simulation.reduced_state import State
 
-Array = NDArray[np.float64]
 MAX_CHECKPOINT_RETRIES: Final = 6
 """Maximum number of times that a simulation goes back to the same saved state. Beyond it deep
 contacts are accepted, and a solver error ends the run. Larger values spend more steps before that.

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.explosion.blocking import STUCK_JOINT_BEND_RAD, blocked
 from planner.explosion.failure_evidence import (
@@ -34,8 +34,6 @@ from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import Parameters
 from planner.pathfinding.knot_diagram import diagram_of
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped"]
 SLIGHT_BEND_RAD: Final = 0.1
 """Angle, rad, up to which a hinge counts as straight in the report on a failed unfolding. Larger
@@ -275,7 +273,7 @@ def _kind_beside(core: int, record: Record) -> Kind:
     return "buried" if core else "joints"
 
 
-def _largest_cluster(positions: NDArray[np.float64], apart: int) -> Ints:
+def _largest_cluster(positions: Array, apart: int) -> Ints:
     """Return the largest set of modules that touch, directly or not; chain links do not count."""
     from scipy.sparse import coo_array  # late: most folds come to their end
     from scipy.sparse.csgraph import connected_components

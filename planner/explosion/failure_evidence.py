@@ -7,10 +7,9 @@ frame of the timeline's last frame of the explosion.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Any, Final, cast
+from dataclasses import asdict, dataclass
+from typing import Final, cast
 
-import msgspec
 import numpy as np
 
 from planner.motion.failure_schemas import (
@@ -20,9 +19,7 @@ from planner.motion.failure_schemas import (
     KnotFigures,
     SpentKind,
 )
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
+from planner.plain_values import from_plain, plain_lists
 
 Point = tuple[float, float, float]
 MAX_NAMED_PAIRS: Final = 3
@@ -88,7 +85,7 @@ class KnotEvidence:
             "kind": "knot",
             "determinant": self.determinant,
             "crossings": len(self.diagram),
-            **_plain_fields(self),
+            **plain_lists(asdict(self)),
         }
         return cast("KnotFigures", values)
 
@@ -177,7 +174,7 @@ class BlockEvidence:
 
     def as_dict(self) -> BlockFigures:
         """Return plain JSON values."""
-        return cast("BlockFigures", {"kind": "blocks", **_plain_fields(self)})
+        return cast("BlockFigures", {"kind": "blocks", **plain_lists(asdict(self))})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,7 +212,7 @@ class BudgetEvidence:
 
     def as_dict(self) -> BudgetFigures:
         """Return plain JSON values."""
-        return cast("BudgetFigures", {"kind": "budget", **_plain_fields(self)})
+        return cast("BudgetFigures", {"kind": "budget", **plain_lists(asdict(self))})
 
 
 Evidence = KnotEvidence | BlockEvidence | BudgetEvidence
@@ -230,10 +227,7 @@ def evidence_from(values: EvidenceFigures | None) -> Evidence | None:
     if values is None:
         return None
     kinds = {"knot": KnotEvidence, "blocks": BlockEvidence}
-    try:
-        return msgspec.convert(values, kinds.get(values["kind"], BudgetEvidence))
-    except msgspec.ValidationError as error:
-        raise TypeError(str(error)) from error
+    return from_plain(values, kinds.get(values["kind"], BudgetEvidence))
 
 
 def _whole(number: int) -> str:
@@ -255,17 +249,3 @@ def _pairs(blocks: Sequence[Turn] | Sequence[Move]) -> str:
     return named + (
         "" if len(pairs) <= MAX_NAMED_PAIRS else f", and {len(pairs) - MAX_NAMED_PAIRS} pairs more"
     )
-
-
-def _plain_fields(value: DataclassInstance) -> dict[str, Any]:
-    """Return the fields of a dataclass as plain JSON values, in their order."""
-    return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
-
-
-def _plain(value: Any) -> Any:
-    """Return lists for tuples, and dictionaries for dataclasses."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return _plain_fields(value)
-    if isinstance(value, tuple):
-        return [_plain(each) for each in cast("tuple[Any, ...]", value)]
-    return value

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.explosion.checkpoint import MAX_STALLED_PULSES, BendDecrease, Checkpoint, Pulses
 from planner.explosion.explosion_loop import (
@@ -53,7 +53,6 @@ if TYPE_CHECKING:
     from planner.explosion.table_guard import Guard
     from planner.explosion.table_window_forces import TableForces
 
-Array = NDArray[np.float64]
 MIN_PEELING_PROGRESS_RAD: Final = 0.5
 """Minimum decrease of the sum of all hinge angles, rad, that counts as progress of a chain that
 unfolds from its far end on (peeling). After many simulation steps (parameter ``patience``) without

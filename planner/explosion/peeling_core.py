@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.table_projection import TableProjection
 from planner.errors import InputError
 from planner.kernels.folded_core import box_cover, distances_at
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 FIELD_PADDING_CELLS: Final = 6
 """Width, in lattice cells, of the margin around the folded core in which the distance field of the
 core is stored; distances are rough outside of it. Larger values are accurate farther out and take

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.clearance.sweep import windows_shape
 from planner.explosion.peeling_window import Peelable, WindowConfiguration
@@ -17,7 +17,6 @@ from planner.kernels.sweep import Angles, sweep_frames
 from planner.motion.angle_encoding import quantised
 from planner.motion.motion import Motion
 
-Array = NDArray[np.float64]
 CLEARANCE_CAP_PITCH: Final = 0.02
 """Cap of the clearance that is computed for snapshots of a peeling, pitches; larger clearances are
 reported as this value. Larger caps compare snapshots more exactly and take more time. Chosen."""

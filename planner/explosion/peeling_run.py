@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.explosion.checkpoint import (
     MAX_CHECKPOINT_RETRIES,
     MAX_STALLED_PULSES,
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from planner.explosion.peeling import FloatingRules
     from planner.explosion.table_explosion import TableRules
 
-Array = NDArray[np.float64]
 RELEASE_CHECK_STEPS: Final = 5
 """Number of simulation steps between two checks of whether the next modules may be released from
 the folded core. Larger values release later and cost less. Chosen."""

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.explosion.peeling_core import Core, CoreOnTable
 from planner.explosion.step_control import StepControl
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from planner.explosion.peeling import FloatingForces
     from planner.explosion.table_window_forces import TableForces
 
-Array = NDArray[np.float64]
 MIN_LAST_UNIT_MODULES: Final = 6
 """Minimum number of modules of the last group that is released from the folded core; if fewer would
 remain, they are released together with the group before. Larger values release more modules at once

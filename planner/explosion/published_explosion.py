@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.module import Module
 from planner.explosion.checkpoint import Checkpoint, Pulses
@@ -38,7 +38,6 @@ from planner.simulation.mujoco_models import Material
 from planner.simulation.reduced_state import Acceleration
 from planner.simulation.segments import Segments
 
-Array = NDArray[np.float64]
 MAX_STRAIGHT_BEND_RAD: Final = 0.05
 """Maximum angle of any hinge of a chain that counts as straight, rad; then an unfolding by the
 published method (preset ``paper``) ends. Larger values end it earlier and leave more to the jump to

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.explosion.checkpoint import Pulses
 from planner.explosion.explosion_loop import (
     PULSE_REPULSION_SCALE,
@@ -21,7 +21,6 @@ from planner.parameters.explosion import ExplosionParameters
 if TYPE_CHECKING:
     from planner.explosion.whole_chain import WholeChain
 
-Array = NDArray[np.float64]
 REPTATION_FORCE: Final = 0.1
 """Force on each module along the chain, in module weights, that makes a knotted or jammed chain
 creep along its own curve, so that one end slides out through every loop. Larger values creep

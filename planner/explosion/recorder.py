@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import ClassVar, Final, Generic, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.rotations import wxyz_from_matrix
@@ -18,7 +18,6 @@ from planner.clearance.sweep import Between
 from planner.motion.motion import Motion
 from planner.simulation.reduced_state import State
 
-Array = NDArray[np.float64]
 CLEAR_ENOUGH_PITCH: Final = 0.06
 """Clearance, pitches, from which on the motion between two snapshots counts as safe, and no
 snapshot is added. Larger values record more snapshots. Chosen."""

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.chain.chain import Chain
 from planner.chain.module import MAX_SMOOTH_CURVE_MODULES
 from planner.explosion.checkpoint import (
@@ -48,7 +48,6 @@ from planner.simulation.mujoco_models import Material
 from planner.simulation.rigid_blocks import Blocks
 from planner.simulation.segments import Segments
 
-Ints = NDArray[np.int64]
 FIRST_FINISH_STEPS: Final = 50
 """Number of simulation steps between two attempts to straighten the chain without simulation, by
 shrinking all angles evenly; it grows after failed attempts. Smaller values may end the run sooner

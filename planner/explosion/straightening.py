@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.rotations import wxyz_from_matrix
@@ -15,7 +15,6 @@ from planner.clearance.sweep import sweep
 from planner.motion.motion import Motion
 from planner.simulation.reduced_state import State
 
-Array = NDArray[np.float64]
 STRAIGHTENING_CLEARANCE_PITCH: Final = 0.02
 """Minimum clearance, pitches, while all angles of a nearly straight chain shrink to 0 without
 simulation; half of the straight chain's own clearance if that is less. Larger values reject more

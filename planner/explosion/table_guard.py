@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.table_projection import crosses_itself
@@ -26,7 +26,6 @@ from planner.statics.balance import Balance
 from planner.statics.contacts import MAX_TABLE_PENETRATION_PITCH, floor_clearances
 from planner.statics.friction import Friction
 
-Array = NDArray[np.float64]
 REJECTION_DECAY: Final = 0.2
 """Amount by which the count of rejected frames falls each time that frames are accepted. Frames
 that need more motor torque than permitted are rejected; when the count reaches a limit, more torque

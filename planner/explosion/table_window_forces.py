@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.table_projection import TableProjection, unwrap_near
 from planner.explosion.peeling import crossed
 from planner.explosion.peeling_window import Window
@@ -15,7 +15,6 @@ from planner.explosion.step_control import StepControl
 from planner.kernels.folded_core import FIXED
 from planner.parameters.explosion import TableParameters
 
-Array = NDArray[np.float64]
 MIN_SPRING_BEND_RAD: Final = 1e-3
 """Angle of a hinge, rad, below which the stiffness of its spring of limited torque, torque / angle,
 is no longer raised: it avoids a division by zero. Chosen."""

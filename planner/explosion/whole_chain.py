@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.explosion.explosion_loop import UNREPELLED_LINKS
 from planner.explosion.radial_forces import RadialForces
@@ -19,7 +19,6 @@ from planner.simulation.reduced_state import Acceleration, State
 from planner.simulation.rigid_blocks import Blocks
 from planner.simulation.segments import Segments
 
-Array = NDArray[np.float64]
 Engine = Segments | Blocks
 BODY_CAP_REFERENCE_MODULES: Final = 512
 """Number of modules up to which the limit of a module's motion in one simulation step (parameter

@@ -58,7 +58,8 @@ def require_frames(plan: Plan) -> None:
     if not len(plan.time_s):
         raise InputError(
             "no-frames",
-            "the plan has no frames, because its fold failed before playback; fold it again.",
+            "the plan has no frames, because its fold failed before the playback; fold the "
+            "shape again.",
         )
 
 

@@ -48,7 +48,7 @@ EXPORTS: Final = (
     Export(
         name="csv",
         label="Table",
-        hint="CSV: joint angles in radians, root pose in metres",
+        hint="CSV: joint angles in radians; position in metres and orientation of the root module",
         media_type="text/csv; charset=utf-8",
         filename="plan.csv",
         write=_by("csv_table"),
@@ -133,4 +133,6 @@ def export_named(name: str) -> Export:
         if export.name == name:
             return export
     known = ", ".join(export.name for export in EXPORTS)
-    raise InputError("unknown-export", f"got the export {name[:40]!r}, expected one of: {known}.")
+    raise InputError(
+        "unknown-export", f"got the export format {name[:40]!r}, expected one of: {known}."
+    )

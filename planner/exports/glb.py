@@ -14,12 +14,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.exports.export import export_name, require_frames, rising
 from planner.exports.stl import hull_of
 from planner.plan.plan import Plan
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 MIN_KEYFRAME_TOLERANCE: Final = 3e-3
 """Smallest tolerance that is tried for the difference between a GLB animation, interpolated between
@@ -274,9 +274,7 @@ def _largest_error(plan: Plan, track: Track) -> float:
     return largest
 
 
-def _between(
-    track: Track, start: int | NDArray[np.int64], stop: int | NDArray[np.int64], u: Single
-) -> tuple[Single, Single]:
+def _between(track: Track, start: int | Ints, stop: int | Ints, u: Single) -> tuple[Single, Single]:
     """Return positions and quaternions at the fractions (F, 1, 1) between snapshots."""
     places = (1 - u) * track.positions[start] + u * track.positions[stop]
     cosine = np.clip((track.wxyzs[start] * track.wxyzs[stop]).sum(axis=-1), -1.0, 1.0)
@@ -288,7 +286,7 @@ def _between(
     return places, first * track.wxyzs[start] + second * track.wxyzs[stop]
 
 
-def _all_of(plan: Plan, frames: NDArray[np.int64]) -> Track:
+def _all_of(plan: Plan, frames: Ints) -> Track:
     modules = len(plan.chain)
     positions = np.empty((len(frames), modules, 3), dtype=np.float32)
     wxyzs = np.empty((len(frames), modules, 4), dtype=np.float32)

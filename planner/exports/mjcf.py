@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
 from planner.exports.mjcf_pieces import coordinates, pieces
 from planner.plan.plan import Plan
 from planner.simulation.mujoco_models import Material, tree_spec
 
-Array = NDArray[np.float64]
 MAX_TREE_MODULES: Final = 800
 """Maximum number of modules that an MJCF model nests in one kinematic tree. A longer chain is split
 into pieces joined by welds (``planner.exports.mjcf_pieces``), as deep nesting exceeds MuJoCo's

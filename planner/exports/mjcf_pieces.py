@@ -12,13 +12,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
 from planner.simulation.mujoco_models import hinge_names
 
-Array = NDArray[np.float64]
 MODULES_PER_TREE = 64
 """Number of modules in each kinematic tree of an MJCF model of a long chain; trees are joined by
 weld constraints. Larger values need fewer welds and nest bodies more deeply. Chosen."""

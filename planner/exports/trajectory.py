@@ -11,15 +11,14 @@ from dataclasses import replace
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.clearance.sweep import Sweep, sweep
 from planner.errors import InputError
 from planner.progress import Cancelled, never
 from planner.robot.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 Form = Literal["csv", "json"]
 TRAJECTORY_FORMAT: Final = "foldback-trajectory/1"
 TRAJECTORY_DECIMALS: Final = 9
@@ -56,15 +55,15 @@ def times(trajectory: Trajectory, rate_hz: float | None) -> Array:
     if not 0.0 < rate_hz <= MAX_RATE_HZ:
         raise InputError(
             "bad-rate",
-            f"got a rate of {rate_hz:g} Hz, expected more than 0, at most {MAX_RATE_HZ:g}.",
+            f"got a rate of {rate_hz:g} Hz, expected more than 0 and at most {MAX_RATE_HZ:g} Hz.",
             where="rate",
         )
     rows = trajectory.duration_s * rate_hz
     if rows > MAX_ROWS:
         raise InputError(
             "bad-rate",
-            f"got a rate of {rate_hz:g} Hz over {trajectory.duration_s:g} s, expected at most "
-            f"{MAX_ROWS} rows; lower the rate.",
+            f"got a rate of {rate_hz:g} Hz over {trajectory.duration_s:g} s, which gives "
+            f"{rows:.0f} rows, expected at most {MAX_ROWS} rows; lower the rate.",
             where="rate",
         )
     count = max(1, int(np.ceil(rows - 0.5)))

@@ -13,16 +13,15 @@ from typing import Final
 from xml.etree import ElementTree  # nosec B405 (it writes, and reads nothing)
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.module import Module
 from planner.exports.export import identifier
 from planner.plan.plan import Plan
 from planner.simulation.mujoco_models import hinge_names
 
-Array = NDArray[np.float64]
 MESH_FILE: Final = "module.obj"
 """File name of a tetrahedral module's mesh beside a URDF model, in metres. It is an OBJ file,
 because Drake reads no STL for collisions and all other simulators read OBJ, too."""

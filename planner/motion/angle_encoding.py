@@ -19,7 +19,8 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from planner.arrays import Array
+
 Ints = NDArray[np.signedinteger[Any]]
 Planes = NDArray[np.uint8]
 PLAN_STEP_RAD: Final = np.pi / 2 * 2.0**-23
@@ -211,8 +212,8 @@ def with_plain_angles(
     """
     name, found = "angles_rad" if windowed else "joint_angles_rad", dict(columns)
     if (count := (name in found) + (PLANES_NAME in found)) != 1:
-        got = "twice" if count else "nowhere"
-        raise ValueError(f"got the angles {got}, expected either {name} or {PLANES_NAME}")
+        got = "the angles twice" if count else "no angles"
+        raise ValueError(f"got {got}, expected either {name} or {PLANES_NAME}")
     if name in found:
         return found
     planes = found.pop(PLANES_NAME)

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.chain.floating_torques import floating_torques
 from planner.motion.motion import Motion
 
-Array = NDArray[np.float64]
 MAX_TORQUE_FRAME_MODULES: Final = 2_000_000
 """Maximum product of frames and modules for which the joint torques of a motion are computed;
 beyond it only some frames, evenly spread, are. Larger values take more time and miss fewer torque
@@ -37,9 +36,9 @@ class Torques:
         rms: Root mean square of ``largest`` over time.
     """
 
-    frames: NDArray[np.int64]
+    frames: Ints
     largest: Array
-    hinges: NDArray[np.int64]
+    hinges: Ints
     rms: float
 
     @property

@@ -19,13 +19,12 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags, Ints
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.rotations import motion_in_plane, wxyz_from_matrix
 from planner.errors import InputError
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Angles = NDArray[np.floating[Any]]
 Phase = Literal["explosion", "playback", "unfolding"]
 PHASES: Final = ("explosion", "playback", "unfolding")
@@ -198,9 +197,14 @@ class Motion:
         """
         hinges = {part.hinges for part in parts}
         if len(hinges) != 1:
+            layouts = sorted(
+                "windowed" if count is None else f"dense, {count} hinges" for count in hinges
+            )
             raise TypeError(
-                f"got motions of {sorted(map(str, hinges))} hinges (None if windowed), expected "
-                "all to have the same layout"
+                f"got motions with different layouts ({'; '.join(layouts)}), expected motions with "
+                "the same layout"
+                if layouts
+                else "got no motions, expected at least one"
             )
         known = any(part.errors_rad is not None for part in parts)
         lengths = np.concatenate([np.diff(part.offsets) for part in parts])
@@ -284,7 +288,9 @@ class Motion:
 
     def _root(self, values: Any) -> Array:
         if self.is_windowed:
-            raise TypeError("got a windowed motion, expected a dense one; see Motion.dense")
+            raise TypeError(
+                "got a windowed motion, expected a dense motion; convert it with Motion.dense"
+            )
         return values
 
     @property
@@ -342,11 +348,13 @@ class Motion:
         ):
             raise InputError(
                 "bad-windows",
-                f"got windows that extend beyond {hinges} hinges or have wrong lengths, "
-                "expected windows of this chain.",
+                f"got windows of hinges that do not fit this chain, expected windows within its "
+                f"{hinges} hinges, with one angle for each hinge.",
             )
         if not np.isfinite(self.angles_rad).all():
-            raise InputError("bad-windows", "got angles that are not finite, expected numbers.")
+            raise InputError(
+                "bad-windows", "got infinite or undefined angles, expected finite angles."
+            )
 
     def passes_as(self, other: Motion) -> bool:
         """Return True if both pass exactly the same angles, at any times and poses."""
@@ -368,7 +376,7 @@ class Motion:
         return self.errors_rad
 
     @property
-    def recorded(self) -> NDArray[np.bool_]:
+    def recorded(self) -> Flags:
         """(F,) True if joint errors are recorded; an empty window counts, except in explosions."""
         found = np.zeros(len(self), dtype=bool)
         if self.errors_rad is not None:

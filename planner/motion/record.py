@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path as FilePath
-from typing import Any, Final, Literal, cast
+from typing import Any, Final, Literal
 from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.files import temporary_path
 from planner.motion.angle_encoding import packed_frames, unpacked_frames
 from planner.motion.failure_schemas import SpentKind
 from planner.motion.motion import Motion
 
-Array = NDArray[np.float64]
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
 PROBE_HALF_WIDTH_VALUES: Final = 8192
 """Number of values on either side of an array's middle that are compressed as a test of whether the
@@ -44,22 +44,14 @@ class Spent:
 
     def arrays(self) -> dict[str, Any]:
         """Return the arrays of an ``.npz`` file."""
-        return {
-            "spent_kind": np.array(self.kind),
-            "spent_allowed": np.array(self.allowed),
-            "spent_used": np.array(self.used),
-        }
+        return {f"spent_{name}": np.array(value) for name, value in asdict(self).items()}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Any]) -> Spent | None:
         """Return the inverse of ``arrays``; None if there is none, as in earlier versions."""
         if "spent_kind" not in arrays:
             return None
-        return cls(
-            kind=cast("SpentKind", str(arrays["spent_kind"])),
-            allowed=int(arrays["spent_allowed"]),
-            used=int(arrays["spent_used"]),
-        )
+        return cls(**{f.name: arrays[f"spent_{f.name}"].item() for f in fields(cls)})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,13 +140,7 @@ class Record:
         save_npz(
             path,
             {
-                "status": np.array(self.status),
-                "reason": np.array(self.reason),
-                "steps": np.array(self.steps),
-                "seconds": np.array(self.seconds),
-                "strategy": np.array(self.strategy),
-                "pushes": np.array(self.pushes),
-                "retries": np.array(self.retries),
+                **{name: np.array(getattr(self, name)) for name in _SCALARS},
                 **({} if self.table is None else self.table.arrays()),
                 **({} if self.spent is None else self.spent.arrays()),
                 **self.frames.columns(),
@@ -173,18 +159,16 @@ class Record:
             arrays = dict(file)
             packed = any(name.startswith("snapshots_rad") for name in arrays)
             return cls(
-                status=cast("RecordStatus", str(arrays["status"])),
-                reason=str(arrays["reason"]),
                 frames=Motion.from_columns(arrays),
-                steps=int(arrays["steps"]),
-                seconds=float(arrays["seconds"]),
-                strategy=str(arrays.get("strategy", "simultaneous")),
-                pushes=int(arrays.get("pushes", 0)),
-                retries=int(arrays.get("retries", 0)),
                 snapshots_rad=unpacked_frames(arrays, "snapshots_rad") if packed else None,
                 table=TableRecord.of(arrays),
                 spent=Spent.from_arrays(arrays),
+                **{name: arrays[name].item() for name in _SCALARS if name in arrays},
             )
+
+
+_SCALARS: Final = ("status", "reason", "steps", "seconds", "strategy", "pushes", "retries")
+"""Figures of a record that its file holds by name; earlier versions lack the last three."""
 
 
 def save_npz(path: FilePath, arrays: dict[str, Any], *, level: int = 1) -> None:

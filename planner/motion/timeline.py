@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.chain.module import module_named
 from planner.checked_zarr import (
@@ -38,7 +39,6 @@ from planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Columns, Motion
 if TYPE_CHECKING:
     import zarr
 
-Array = NDArray[np.float64]
 FORMAT: Final = "foldback-timeline/1"
 WINDOWS_FORMAT: Final = "foldback-timeline/2"
 Status = Literal["growing", "complete", "failed"]
@@ -208,7 +208,8 @@ class TimelineWriter:
         kept = len(timeline) if frames is None else frames
         if not 0 <= kept <= len(timeline):
             raise TimelineError(
-                f"got {kept} frames to keep, expected 0 to {len(timeline)}, the length of {path}."
+                f"got {kept} frames to keep, expected 0 to {len(timeline)}, the number of frames "
+                f"in {path}."
             )
         timeline.motion(max(kept - 1, 0), kept)  # a damaged chunk must not be written again
         group, arrays = open_for_writing(path)
@@ -241,15 +242,15 @@ class TimelineWriter:
                 f"the timeline is {self._status}; frames can be added only to a growing timeline."
             )
         if frames.is_windowed != self._windowed:
-            names = ("a dense motion", "a windowed one")
+            names = ("a dense motion", "a windowed motion")
             raise TimelineError(
                 f"got {names[frames.is_windowed]}, expected {names[self._windowed]}."
             )
         hinges = int(frames.last.max(initial=0)) if frames.is_windowed else frames.hinges or 0
         if hinges > self._hinges or (hinges < self._hinges and not frames.is_windowed):
             raise TimelineError(
-                f"got frames of {hinges} joint angles, expected {self._hinges}, as the timeline's "
-                "chain has."
+                f"got frames of {hinges} joint angles, expected {self._hinges} joint angles, as "
+                "many as the timeline's chain has."
             )
         if len(frames):
             self._waiting.append(frames)
@@ -414,7 +415,7 @@ class Timeline:
 
     def _windows(self, start: int, end: int, stride: int) -> dict[str, Any]:
         numbers = np.arange(start, end, stride)
-        ends = cast("NDArray[np.int64]", self._arrays["ends"][max(start - 1, 0) : end])
+        ends = cast("Ints", self._arrays["ends"][max(start - 1, 0) : end])
         ends = np.concatenate([[0], ends]) if start == 0 else ends
         begins, stops = ends[numbers - start], ends[numbers - start + 1]
         if stride == 1 or not len(numbers):
@@ -473,8 +474,8 @@ class Timeline:
         end = self._frames if stop is None else stop
         if not (0 <= start <= end <= self._frames and stride >= 1):
             raise TimelineError(
-                f"got frames {start} to {end} by {stride}, expected a range within the "
-                f"timeline's {self._frames} frames."
+                f"got frames {start} to {end} in steps of {stride}, expected a range within the "
+                f"timeline's {self._frames} frames and a step of at least 1."
             )
         return end
 
@@ -495,7 +496,8 @@ class Timeline:
                 if array.shape[1:] != tail or array.dtype != dtype:
                     raise DamagedError(
                         FilePath(self.path) / name,
-                        f"got {array.dtype} of {array.shape}, expected {dtype} of (…, {tail})",
+                        f"got {array.dtype} rows of shape {array.shape[1:]}, expected {dtype} rows "
+                        f"of shape {tail}",
                     )
             rows = [a.shape[0] for n, a in self._arrays.items() if n not in _WINDOW_ANGLES]
             if not 0 <= frames <= min(rows):
@@ -555,5 +557,5 @@ def _attributes(path: str) -> dict[str, Any]:
             f"{WINDOWS_FORMAT!r}."
         )
     if missing := {"chain", "frames", "status"} - attributes.keys():
-        raise DamagedError(path, f"it lacks {', '.join(sorted(missing))}")
+        raise DamagedError(path, f"its attributes lack {', '.join(sorted(missing))}")
     return {"id": "", **attributes}

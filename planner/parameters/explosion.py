@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from planner.parameters.setting import Setting, setting
+from planner.parameters.setting import setting
 
 Base = Literal["clamped", "free"]
 
@@ -211,15 +211,12 @@ class TableParameters(PeelingParameters):
     raised_by: float = 1.15
     most_torque: float = setting(
         8.0,
-        Setting(
-            name="table_torque",
-            label="Largest torque on a table",
-            help="Maximum static torque of a hinge, in w·p (module weight × pitch).",
-            group="table",
-            rank=0,
-            unit="w·p",
-            range=(0.1, 1000.0),
-        ),
+        name="table_torque",
+        label="Largest torque on a table",
+        help="Largest torque that a hinge may need to hold the chain still, in w·p (module "
+        "weight × pitch).",
+        unit="w·p",
+        range=(0.1, 1000.0),
     )
     refusals: int = 8
     unbent: float = 1.5
@@ -228,27 +225,19 @@ class TableParameters(PeelingParameters):
     most_returns: int = 1
     friction: float = setting(
         0.0,
-        Setting(
-            name="table_friction",
-            label="Friction of the table",
-            help="Coefficient of friction μ between modules and table.",
-            group="table",
-            rank=1,
-            range=(0.0, 2.0),
-        ),
+        name="table_friction",
+        label="Friction of the table",
+        help="Coefficient of friction μ between modules and table.",
+        range=(0.0, 2.0),
     )
     base: Base = setting(
         "free",
-        Setting(
-            name="table_base",
-            label="Base",
-            help="`free`: the chain lies on the table and may drift. `clamped`: its first module "
-            "is fixed to the table. With friction, a clamped base needs several times the torque "
-            "of a free one.",
-            group="table",
-            rank=2,
-            words=get_args(Base),
-        ),
+        name="table_base",
+        label="Base",
+        help="`free`: the chain lies on the table and may drift. `clamped`: its first module "
+        "is fixed to the table. With friction, a clamped base needs several times the torque "
+        "of a free one.",
+        words=get_args(Base),
     )
 
     @property

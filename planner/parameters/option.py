@@ -12,7 +12,17 @@ from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from functools import cache
 from hashlib import sha256
 from types import NoneType
-from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar, get_args, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Concatenate,
+    Final,
+    Literal,
+    ParamSpec,
+    TypeVar,
+    get_args,
+    get_type_hints,
+)
 
 from planner.errors import InputError
 
@@ -20,6 +30,7 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 T = TypeVar("T")
+Texts = ParamSpec("Texts")
 OPTION_KEY: Final = "option"
 OPTIONS_KEY_CHARS: Final = 24
 """Number of hexadecimal digits of the key under which results computed with certain options are
@@ -151,14 +162,24 @@ class Option:
         )
 
 
-def option(default: T, described: Option) -> T:
-    """Return a dataclass field with a default that can be requested otherwise.
+def described_by(
+    description: Callable[Texts, object], key: str
+) -> Callable[Concatenate[T, Texts], T]:
+    """Return a function that makes a dataclass field with a default and a description.
 
     Args:
-        default: Value unless another one is requested.
-        described: Texts, limits and choices.
+        description: Class of the description; the function takes its arguments after the default.
+        key: Name of the description in the field's metadata.
     """
-    return field(default=default, metadata={OPTION_KEY: described})
+
+    def described(default: T, *args: Texts.args, **texts: Texts.kwargs) -> T:
+        return field(default=default, metadata={key: description(*args, **texts)})
+
+    return described
+
+
+option: Final = described_by(Option, OPTION_KEY)
+"""Returns a dataclass field with a default that can be requested otherwise."""
 
 
 @cache

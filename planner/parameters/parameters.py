@@ -18,9 +18,10 @@ from planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParam
 World = Literal["floating", "table"]
 PRESET_CHOICES: Final[Choices] = {
     "default": Choice(label="Default"),
-    "paper": Choice(label="Published parameters", note="as published"),
+    "paper": Choice(label="Published parameters", note="the published method"),
     "direct": Choice(
-        label="Direct servoing (usually fails)", note="direct servoing; fails for most shapes"
+        label="Direct servoing (usually fails)",
+        note="drives every joint straight to its target; fails for most shapes",
     ),
 }
 """Sets of parameters by name, with their texts for people."""
@@ -43,7 +44,7 @@ WORLD_CHOICES: Final[Choices] = {
     FLOATING: Choice(
         label="In zero gravity",
         note="no gravity",
-        hint="There is no gravity. This is the fastest choice, and works for any shape.",
+        hint="There is no gravity. This choice is the fastest and accepts any shape.",
     ),
     "table": Choice(
         label="On a table",

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
-from planner.parameters.setting import Setting, setting, shared
+from planner.parameters.setting import setting, shared
 
 ENCODER_STEP_RAD: Final = 2.0 * math.pi / 2**18
 """Resolution of a simulated joint encoder with 18 bits per turn, in rad. A larger value makes the
@@ -33,88 +33,59 @@ class RobotParameters:
 
     mass_error: float = setting(
         0.03,
-        Setting(
-            name="mass_error",
-            label="Mass error",
-            help="Relative standard deviation of the modules' masses and inertias.",
-            group="robot",
-            rank=1,
-            unit="of the mean",
-            range=(0.0, 0.2),
-        ),
+        label="Mass error",
+        help="Relative standard deviation of the modules' masses and inertias.",
+        unit="of the mean",
+        range=(0.0, 0.2),
     )
     friction: float = setting(
         0.02,
-        Setting(
-            name="joint_friction",
-            label="Joint friction",
-            help="Mean dry friction of the joints; each joint has 0.5 to 1.5 times this value.",
-            group="robot",
-            rank=2,
-            unit="× the plan's largest torque",
-            range=(0.0, 0.5),
-        ),
+        name="joint_friction",
+        label="Joint friction",
+        help="Mean dry friction of the joints; each joint has 0.5 to 1.5 times this value.",
+        unit="× the plan's largest torque",
+        range=(0.0, 0.5),
     )
     torque_limit: float = setting(
         2.0,
-        Setting(
-            name="motor_limit",
-            label="Motor torque limit",
-            help="Maximum torque of a motor.",
-            group="robot",
-            rank=3,
-            unit="× the plan's largest torque",
-            range=(0.1, 100.0),
-        ),
+        name="motor_limit",
+        label="Motor torque limit",
+        help="Maximum torque of a motor.",
+        unit="× the plan's largest torque",
+        range=(0.1, 100.0),
     )
     give_rad: float = setting(
         0.01,
-        Setting(
-            name="servo_give",
-            label="Servo yield",
-            help="Angle error of a resting hinge whose motor is at its torque limit.",
-            group="robot",
-            rank=4,
-            unit="rad",
-            range=(1e-4, 0.5),
-        ),
+        name="servo_give",
+        label="Servo yield",
+        help="Angle error of a resting hinge whose motor is at its torque limit.",
+        unit="rad",
+        range=(1e-4, 0.5),
     )
     damping_s: float = 0.2
     encoder_rad: float = setting(
         ENCODER_STEP_RAD,
-        Setting(
-            name="encoder_step",
-            label="Encoder step",
-            help="Smallest angle that an encoder can measure. Default: 18 bits per turn.",
-            group="robot",
-            rank=5,
-            unit="rad",
-            range=(0.0, 0.1),
-        ),
+        name="encoder_step",
+        label="Encoder step",
+        help="Smallest angle that an encoder can measure. Default: 18 bits per turn.",
+        unit="rad",
+        range=(0.0, 0.1),
     )
     noise_rad: float = setting(
         1e-5,
-        Setting(
-            name="encoder_noise",
-            label="Encoder noise",
-            help="Standard deviation of the error of a measured angle.",
-            group="robot",
-            rank=6,
-            unit="rad",
-            range=(0.0, 0.01),
-        ),
+        name="encoder_noise",
+        label="Encoder noise",
+        help="Standard deviation of the error of a measured angle.",
+        unit="rad",
+        range=(0.0, 0.01),
     )
     runs: int = setting(
         3,
-        Setting(
-            name="robots",
-            label="Robots",
-            help="Number of simulated robots with model errors; 0 means one ideal robot.",
-            group="robot",
-            rank=0,
-            range=(0, 20),
-            whole=True,
-        ),
+        name="robots",
+        label="Robots",
+        help="Number of simulated robots with model errors; 0 means one ideal robot.",
+        range=(0, 20),
+        whole=True,
     )
 
 
@@ -165,75 +136,55 @@ class PlaybackParameters:
     friction: float = shared(0.0, "friction")
     torque_limit: float | None = setting(
         None,
-        Setting(
-            name="motor_max_force",
-            label="Joint motor maximum force",
-            help="Maximum torque of a hinge's motor in playback; `none` means no limit.",
-            group="published",
-            rank=5,
-            unit="module mass · pitch²/s²",
-            source="named",
-            range=(1e-3, 1e8),
-            optional=True,
-            direct=True,
-        ),
+        name="motor_max_force",
+        label="Joint motor maximum force",
+        help="Maximum torque of a hinge's motor in playback; `none` means no limit.",
+        unit="module mass · pitch²/s²",
+        source="named",
+        range=(1e-3, 1e8),
+        optional=True,
+        direct=True,
     )
     threshold_rad2: float = setting(
         0.15,
-        Setting(
-            name="threshold",
-            label="Maximum squared error",
-            help="The motors go on to the next snapshot when every hinge's squared error is below "
-            "this value.",
-            group="published",
-            rank=2,
-            unit="rad²",
-            source="published",
-            range=(1e-6, 10.0),
-        ),
+        name="threshold",
+        label="Maximum squared error",
+        help="The motors go on to the next snapshot when every hinge's squared error is below "
+        "this value.",
+        unit="rad²",
+        source="published",
+        range=(1e-6, 10.0),
     )
     gain: float = setting(
         30.0,
-        Setting(
-            name="motor_gain",
-            label="Servo gain",
-            help="Speed of a motor per radian of error.",
-            group="published",
-            rank=11,
-            unit="1/s",
-            source="named",
-            range=(0.01, 100.0),
-            direct=True,
-        ),
+        name="motor_gain",
+        label="Servo gain",
+        help="Speed of a motor per radian of error.",
+        unit="1/s",
+        source="named",
+        range=(0.01, 100.0),
+        direct=True,
     )
     damping: float = shared(0.0, "damping")
     least_steps: int = setting(
         1,
-        Setting(
-            name="steps_per_snapshot",
-            label="Steps for each snapshot",
-            help="Minimum number of motor steps for each snapshot. With 0, only the maximum "
-            "squared error decides when the motors go on, except at the first snapshot.",
-            group="published",
-            rank=10,
-            unit="steps",
-            range=(0, 1000),
-            whole=True,
-        ),
+        name="steps_per_snapshot",
+        label="Steps for each snapshot",
+        help="Minimum number of motor steps for each snapshot. With 0, only the maximum "
+        "squared error decides when the motors go on, except at the first snapshot.",
+        unit="steps",
+        range=(0, 1000),
+        whole=True,
     )
     direct_steps: int = 4000
     dynamic_up_to: int = setting(
         500,
-        Setting(
-            name="simulated_modules",
-            label="Longest simulated chain",
-            help="Longer chains are played back without a simulation of forces.",
-            group="robot",
-            rank=7,
-            unit="modules",
-            range=(2, 20_000),
-            whole=True,
-        ),
+        name="simulated_modules",
+        label="Longest simulated chain",
+        help="Longer chains are played back without a simulation of forces.",
+        unit="modules",
+        range=(2, 20_000),
+        whole=True,
     )
     max_steps: int = 200_000
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from planner.chain.module import Module
 from planner.parameters.playback import PlaybackParameters
-from planner.parameters.setting import Setting, setting
+from planner.parameters.setting import setting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,149 +36,96 @@ class PaperExplosionParameters:
 
     radial_gain: float = setting(
         0.1,
-        Setting(
-            name="radial_gain",
-            label="Radial force gain λ",
-            help="λ in equation 1 of the paper, with the diameter of one module as d.",
-            group="published",
-            rank=0,
-            unit="dyn",
-            source="published",
-            range=(0.0, 1e3),
-        ),
+        label="Radial force gain λ",
+        help="Strength of the force that pushes modules away from the chain's centre. It is λ "
+        "in equation 1 of the paper, where d is the diameter of one module.",
+        unit="dyn",
+        source="published",
+        range=(0.0, 1e3),
     )
     repulsion_gain: float = setting(
         1.0,
-        Setting(
-            name="repulsion_gain",
-            label="Repulsion force gain γ",
-            help="γ in equation 3 of the paper, for modules that are not linked.",
-            group="published",
-            rank=1,
-            unit="dyn·cm²",
-            source="published",
-            range=(0.0, 1e3),
-        ),
+        label="Repulsion force gain γ",
+        help="Strength of the repulsion between modules that are not linked. It is γ in "
+        "equation 3 of the paper.",
+        unit="dyn·cm²",
+        source="published",
+        range=(0.0, 1e3),
     )
     damping: float = setting(
         0.1,
-        Setting(
-            name="damping",
-            label="Damping",
-            help="Fraction of the chain's velocity that is lost in each step, also in playback.",
-            group="published",
-            rank=3,
-            unit="of the speed per step",
-            source="published",
-            range=(0.0, 0.9),
-            direct=True,
-        ),
+        label="Damping",
+        help="Fraction of the chain's velocity that is lost in each step, also in playback.",
+        unit="of the speed per step",
+        source="published",
+        range=(0.0, 0.9),
+        direct=True,
     )
     friction: float = setting(
         0.1,
-        Setting(
-            name="friction",
-            label="Friction",
-            help="Coefficient of Coulomb friction between modules.",
-            group="published",
-            rank=4,
-            source="published",
-            range=(0.0, 2.0),
-            direct=True,
-        ),
+        label="Friction",
+        help="Coefficient of Coulomb friction between modules.",
+        source="published",
+        range=(0.0, 2.0),
+        direct=True,
     )
     step_s: float = setting(
         0.01,
-        Setting(
-            name="step_s",
-            label="Step size",
-            help="Time step of the explosion and of the playback.",
-            group="published",
-            rank=6,
-            unit="s",
-            source="published",
-            range=(1e-4, 0.02),
-            direct=True,
-        ),
+        label="Step size",
+        help="Time step of the explosion and of the playback.",
+        unit="s",
+        source="published",
+        range=(1e-4, 0.02),
+        direct=True,
     )
     pitch_cm: float = setting(
         1.0,
-        Setting(
-            name="pitch_cm",
-            label="Module diameter",
-            help="The gains are given for modules of this diameter.",
-            group="published",
-            rank=7,
-            unit="cm",
-            source="published",
-            range=(0.1, 100.0),
-        ),
+        label="Module diameter",
+        help="Diameter of a module, which determines its mass together with the density.",
+        unit="cm",
+        source="published",
+        range=(0.1, 100.0),
     )
     density_kg_m3: float = setting(
         2700.0,
-        Setting(
-            name="density_kg_m3",
-            label="Density",
-            help="The gains are given for modules of this density.",
-            group="published",
-            rank=8,
-            unit="kg/m³",
-            source="published",
-            range=(1.0, 1e5),
-            direct=True,
-        ),
+        label="Density",
+        help="Density of a module, which determines its mass.",
+        unit="kg/m³",
+        source="published",
+        range=(1.0, 1e5),
+        direct=True,
     )
     snapshot_interval: int = setting(
         10,
-        Setting(
-            name="snapshot_interval",
-            label="Snapshot interval",
-            help="Number of explosion steps between two snapshots.",
-            group="published",
-            rank=9,
-            unit="steps",
-            source="named",
-            range=(1, 1000),
-            whole=True,
-        ),
+        label="Snapshot interval",
+        help="Number of explosion steps between two snapshots.",
+        unit="steps",
+        source="named",
+        range=(1, 1000),
+        whole=True,
     )
     repulsion_cutoff: float = setting(
         2.5,
-        Setting(
-            name="repulsion_cutoff",
-            label="Repulsion cutoff",
-            help="Modules farther apart than this do not repel each other.",
-            group="published",
-            rank=12,
-            unit="pitches",
-            source="named",
-            range=(1.0, 10.0),
-        ),
+        label="Repulsion cutoff",
+        help="Modules farther apart than this do not repel each other.",
+        unit="pitches",
+        source="named",
+        range=(1.0, 10.0),
     )
     spring: float = setting(
         1.0,
-        Setting(
-            name="spring",
-            label="Hinge spring",
-            help="Stiffness of the springs that straighten the hinges. The tension in the chain is "
-            "up to a hundred times stronger than these springs.",
-            group="published",
-            rank=13,
-            unit="g·cm²/s²",
-            range=(0.0, 1e3),
-        ),
+        label="Hinge spring",
+        help="Stiffness of the springs that straighten the hinges. The tension in the chain is "
+        "up to a hundred times stronger than these springs.",
+        unit="g·cm²/s²",
+        range=(0.0, 1e3),
     )
     stop_deg: float = setting(
         90.0,
-        Setting(
-            name="stop_deg",
-            label="Hinge stops",
-            help="Largest angle of a hinge in the explosion, in both directions.",
-            group="published",
-            rank=14,
-            unit="°",
-            range=(90.0, 92.0),
-        ),
+        label="Hinge stops",
+        help="Largest angle of a hinge in the explosion, in both directions.",
+        unit="°",
+        range=(90.0, 92.0),
     )
     geom_size: float = 0.99
     max_steps: int = 400_000

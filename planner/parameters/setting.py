@@ -7,12 +7,13 @@ command line, in the API and on the page; all of them take label, unit, range an
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, field
+from dataclasses import Field, dataclass, field, replace
 from typing import Any, Final, Literal, TypeVar
+
+from planner.parameters.option import described_by
 
 T = TypeVar("T")
 Source = Literal["published", "named", "ours"]
-Group = Literal["published", "robot", "table"]
 Value = float | str | None
 """Value of a setting: a number, one of its words, or None for no limit."""
 SETTING_KEY: Final = "setting"
@@ -23,11 +24,8 @@ class Setting:
     """One number, or one of a few words, that people may set.
 
     Attributes:
-        name: Name in a text of settings, such as ``damping`` in ``damping=0.05``.
         label: Name on pages, with the symbol of the paper.
         help: One line that explains it.
-        group: Settings of the ``published`` method, of simulated ``robot``s, or of a ``table``.
-        rank: Position within its group on pages and in lists.
         unit: Unit as it is shown; empty for a plain number.
         source: ``published`` if the paper gives the value, ``named`` if the paper names the
             parameter without a value, ``ours`` otherwise.
@@ -36,13 +34,12 @@ class Setting:
         whole: True if only whole numbers are allowed.
         optional: True if it may be ``none``, for no limit.
         direct: True if servoing straight to the shape uses it, too.
+        name: Name in a text of settings, such as ``damping`` in ``damping=0.05``; that of its field
+            if empty, which ``setting_of`` fills in.
     """
 
-    name: str
     label: str
     help: str
-    group: Group
-    rank: int
     unit: str = ""
     source: Source = "ours"
     range: tuple[float, float] = (0.0, 0.0)
@@ -50,16 +47,11 @@ class Setting:
     whole: bool = False
     optional: bool = False
     direct: bool = False
+    name: str = ""
 
 
-def setting(default: T, description: Setting) -> T:
-    """Return a dataclass field with a default that people may set.
-
-    Args:
-        default: Value of the field unless it is set.
-        description: Name, unit, range and help.
-    """
-    return field(default=default, metadata={SETTING_KEY: description})
+setting: Final = described_by(Setting, SETTING_KEY)
+"""Returns a dataclass field with a default that people may set."""
 
 
 def shared(default: T, name: str) -> T:
@@ -75,4 +67,7 @@ def shared(default: T, name: str) -> T:
 def setting_of(described: Field[Any]) -> Setting | str | None:
     """Return the setting of a field, the name of one that it shares, or None."""
     metadata: Mapping[str, Any] = described.metadata
-    return metadata.get(SETTING_KEY)
+    found = metadata.get(SETTING_KEY)
+    if isinstance(found, Setting):
+        return replace(found, name=found.name or described.name)
+    return found

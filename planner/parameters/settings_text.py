@@ -19,7 +19,7 @@ from planner.parameters.explosion import TableParameters
 from planner.parameters.parameters import Parameters
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.parameters.published import PaperExplosionParameters
-from planner.parameters.setting import Group, Setting, Value, setting_of
+from planner.parameters.setting import Setting, Value, setting_of
 
 MAX_TEXT_CHARS: Final = 500
 """Maximum length, in characters, of a request's text of settings (``name=value`` pairs); a longer
@@ -64,14 +64,23 @@ for _part, _field, _found in _described_fields():
     _FIELDS[_found if isinstance(_found, str) else _found.name][_part] = _field
 
 
-def _group(name: Group) -> tuple[Setting, ...]:
-    members = (setting for setting in _BY_NAME.values() if setting.group == name)
-    return tuple(sorted(members, key=lambda setting: setting.rank))
+def _named(*names: str) -> tuple[Setting, ...]:
+    return tuple(_BY_NAME[name] for name in names)
 
 
-SETTINGS: Final = _group("published")
-ROBOT_SETTINGS: Final = _group("robot")
-TABLE_SETTINGS: Final = _group("table")
+SETTINGS: Final = _named(
+    *("radial_gain", "repulsion_gain", "threshold", "damping", "friction", "motor_max_force"),
+    *("step_s", "pitch_cm", "density_kg_m3", "snapshot_interval", "steps_per_snapshot"),
+    *("motor_gain", "repulsion_cutoff", "spring", "stop_deg"),
+)
+"""Settings of the published method, in the order in which pages and lists show them."""
+ROBOT_SETTINGS: Final = _named(
+    *("robots", "mass_error", "joint_friction", "motor_limit", "servo_give", "encoder_step"),
+    *("encoder_noise", "simulated_modules"),
+)
+"""Settings of simulated robots, in the same order."""
+TABLE_SETTINGS: Final = _named("table_torque", "table_friction", "table_base")
+"""Settings of tables, in the same order."""
 ALL_SETTINGS: Final = (*SETTINGS, *ROBOT_SETTINGS, *TABLE_SETTINGS)
 
 
@@ -150,7 +159,7 @@ def with_settings(parameters: Parameters, settings: Mapping[str, Value]) -> Para
             used.append("density")
         if not used or not _is_used(setting, parameters):
             where = f"the preset {parameters.preset}, which does"
-            if setting.group == "table":
+            if setting in TABLE_SETTINGS:
                 where = "a fold in the 'floating' world, which does"
             raise _bad(f"got {name} for {where} not use it.")
         number = int(value) if setting.whole and isinstance(value, float) else value
@@ -201,9 +210,7 @@ def _is_used(setting: Setting, parameters: Parameters) -> bool:
     """Return True if a preset uses a setting of which it has the field."""
     if parameters.explosion is None:
         return setting.direct
-    return setting.group != "published" or isinstance(
-        parameters.explosion, PaperExplosionParameters
-    )
+    return setting not in SETTINGS or isinstance(parameters.explosion, PaperExplosionParameters)
 
 
 def _value(setting: Setting, text: str) -> Value:

@@ -14,14 +14,12 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.pathfinding.lattice import neighbours
 from planner.pathfinding.removal_analysis import analyse_removal
 from planner.pathfinding.snake import snake_path
 from planner.shapes.layered_path import layered_path
-
-Ints = NDArray[np.int64]
 
 MAX_SEARCHES: Final = 6
 """Maximum number of searches for one path through blocks of cells, in layers along z, y and x in

@@ -17,7 +17,6 @@ from itertools import permutations, product
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import (
     breadth_first_order,
@@ -26,11 +25,11 @@ from scipy.sparse.csgraph import (
     minimum_spanning_tree,
 )
 
+from planner.arrays import Array, Ints
 from planner.errors import InputError
 from planner.pathfinding.lattice import contacts, spreads_of_cuts, surface
 from planner.shapes.shape import Shape
 
-Ints = NDArray[np.int64]
 Tree: TypeAlias = Literal["bfs", "dfs", "random"]
 
 BLOCK_CORNERS: Final = tuple(product((0, 1), repeat=3))
@@ -83,7 +82,7 @@ def block_path(coarse: Ints, rng: np.random.Generator, *, tree: Tree = "bfs") ->
     return cut(cycle, int(np.argmin(cut_costs(cycle))))
 
 
-def cut_costs(cycle: Ints) -> NDArray[np.float64]:
+def cut_costs(cycle: Ints) -> Array:
     """Return the (n,) spread of cuts before each cell; infinite if an end would lie inside."""
     outer = surface(cycle)
     both = outer & np.roll(outer, 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags
 from planner.chain.trail import hinge_axes
 from planner.errors import InputError
 from planner.kernels.trails import circuit_order, one_circuit
@@ -12,7 +13,7 @@ from planner.kernels.trails import circuit_order, one_circuit
 Nodes = NDArray[np.int64]
 
 
-def eulerian_circuit(pairs: Nodes, along: NDArray[np.float64] | None = None) -> Nodes:
+def eulerian_circuit(pairs: Nodes, along: Array | None = None) -> Nodes:
     """Return a circuit that uses each tetrahedron once and bends where four meet.
 
     At a node with all four tetrahedra, joining opposite ones would lead the chain through itself;
@@ -74,7 +75,7 @@ def cut_open(nodes: Nodes, start: int) -> Nodes:
     return np.concatenate([turned, turned[:1]])
 
 
-def free_cuts(nodes: Nodes) -> NDArray[np.bool_]:
+def free_cuts(nodes: Nodes) -> Flags:
     """Return (n,) flags: a cut before module i leaves both ends at hinges of their own."""
     ring = nodes[:-1]
     _, inverse, counts = np.unique(ring, axis=0, return_inverse=True, return_counts=True)

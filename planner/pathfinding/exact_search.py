@@ -8,17 +8,14 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Flags, Ints
 from planner.kernels.backbite import ease, grow
 from planner.pathfinding import Cell
 from planner.pathfinding.lattice import colours, index_of, neighbours, surface
 from planner.pathfinding.no_path_proofs import obstacles
 from planner.pathfinding.sat_paths import find_path_by_sat
 from planner.shapes.shape import Shape
-
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 MAX_REVERSED_CELLS: Final = 40_000_000
 """Maximum number of cells that one attempt at a path may reverse by backbite moves (a random change

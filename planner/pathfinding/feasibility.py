@@ -9,8 +9,8 @@ from itertools import product
 from typing import Final, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.chain.path import MIN_CELLS
 from planner.pathfinding import Cell
 from planner.pathfinding.block_merging import halved
@@ -22,7 +22,6 @@ from planner.shapes.shape import Shape
 
 __all__ = ["Feasibility", "Problem", "Repair", "apply_repair", "feasibility"]
 
-Ints = NDArray[np.int64]
 Cells: TypeAlias = frozenset[Cell]
 
 FEASIBILITY_LIMIT_S: Final = 2.0

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.pathfinding import Cell
 from planner.pathfinding.feasibility import Feasibility
@@ -41,12 +39,12 @@ class FilledShape:
     shape: Shape
     method: str
     feasibility: Feasibility | None
-    cells: NDArray[np.int64]
-    line: NDArray[np.float64]
+    cells: Ints
+    line: Array
     knot: Knot | None
     notes: tuple[str, ...]
     not_started: str
     scale: float
-    shift: float | NDArray[np.float64]
+    shift: float | Array
     modules_per_cell: int
     added: tuple[Cell, ...] = ()

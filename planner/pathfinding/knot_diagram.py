@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from planner.arrays import Array, Ints
 from planner.kernels.knots import simplified, tightened
 from planner.pathfinding.knots import Knot, best_view, closed_polygons, knot_of, smaller
 
-Array = NDArray[np.float64]
 MAX_SHORTENINGS: Final = 60
 """Maximum number of rounds in which a knotted polygon is shortened before it is drawn as a diagram.
 Larger values draw fewer crossings, more slowly. Chosen."""
@@ -47,7 +47,7 @@ class Diagram:
     vertices: Array
     sight: Array
     places: Array
-    signs: NDArray[np.int64]
+    signs: Ints
 
 
 def diagram_of(centres: ArrayLike) -> Diagram | None:

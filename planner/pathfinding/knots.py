@@ -13,14 +13,14 @@ from math import ceil, log2, prod
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from planner.arrays import Array, Ints
 from planner.errors import InputError
 from planner.kernels.knots import crossings as seen_crossings
 from planner.kernels.knots import determinant as determinant_modulo
 from planner.kernels.knots import simplified, tightened
 
-Array = NDArray[np.float64]
 Verdict = Literal["unknot", "knotted", "undecided"]
 
 KNOT_JITTER: Final = 0.01
@@ -221,19 +221,19 @@ def _tilted(way: Array, angle: float) -> Array:
 # Diagrams -----------------------------------------------------------------------------------------
 
 
-def _fewest_crossings(points: Array, rng: np.random.Generator) -> tuple[Array, NDArray[np.int64]]:
+def _fewest_crossings(points: Array, rng: np.random.Generator) -> tuple[Array, Ints]:
     """Return the diagram with the fewest crossings among random directions of view."""
     return best_view(points, rng)[1:]
 
 
-def best_view(points: Array, rng: np.random.Generator) -> tuple[Array, Array, NDArray[np.int64]]:
+def best_view(points: Array, rng: np.random.Generator) -> tuple[Array, Array, Ints]:
     """Return the random direction of view with the fewest crossings of a polygon.
 
     Returns:
         (3,) direction towards the viewer; ``places`` and ``signs`` of
         ``planner.kernels.knots.crossings``.
     """
-    best: tuple[Array, Array, NDArray[np.int64]] | None = None
+    best: tuple[Array, Array, Ints] | None = None
     for _ in range(RANDOM_PROJECTIONS if len(points) < 500 else 2):
         turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         if np.linalg.det(turn) < 0:
@@ -245,7 +245,7 @@ def best_view(points: Array, rng: np.random.Generator) -> tuple[Array, Array, ND
     return best
 
 
-def _alexander(places: Array, signs: NDArray[np.int64], at: int) -> NDArray[np.int64]:
+def _alexander(places: Array, signs: Ints, at: int) -> Ints:
     """Return the Alexander matrix of a diagram at a number, less one row and one column."""
     n = len(signs)
     # An arc begins where a strand comes out from below another one.
@@ -261,7 +261,7 @@ def _alexander(places: Array, signs: NDArray[np.int64], at: int) -> NDArray[np.i
     return matrix[:-1, :-1]
 
 
-def _determinant(places: Array, signs: NDArray[np.int64]) -> int:
+def _determinant(places: Array, signs: Ints) -> int:
     """Compute |Δ(−1)| exactly from remainders, as many as Hadamard's bound requires."""
     matrix = _alexander(places, signs, -1)
     # A row holds 2, −1 and −1; both signs have to be told apart.
@@ -276,7 +276,7 @@ def _determinant(places: Array, signs: NDArray[np.int64]) -> int:
     return min(value, whole - value)
 
 
-def _is_unit(places: Array, signs: NDArray[np.int64]) -> bool:
+def _is_unit(places: Array, signs: Ints) -> bool:
     """Return True if the polynomial may be ±tᵏ like the unknot's; False proves a knot."""
     for prime in _primes(2):
         if int(determinant_modulo(_alexander(places, signs, -1), prime)) not in (1, prime - 1):

@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags, Ints
 from planner.errors import InputError
 from planner.pathfinding import Cell
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-Ints = NDArray[np.int64]
 
 STEPS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 """Displacements from a cell to its six neighbours, in cells; those with indices k and k ^ 1 are
@@ -62,7 +61,7 @@ def contacts(cells: Ints) -> Ints:
     return np.stack([first, near[first, side]], axis=1).astype(np.int64)
 
 
-def surface(cells: Ints) -> NDArray[np.bool_]:
+def surface(cells: Ints) -> Flags:
     """Return (n,) flags: True for cells with a free face."""
     return np.asarray((neighbours(cells) < 0).any(axis=1))
 
@@ -96,7 +95,7 @@ def spread(order: Ints) -> float:
     return float(np.abs(pairs[:, 0] - pairs[:, 1]).mean()) if len(pairs) else 0.0
 
 
-def spreads_of_cuts(cycle: Ints) -> NDArray[np.float64]:
+def spreads_of_cuts(cycle: Ints) -> Array:
     """Return the (n,) spread of a closed cycle cut open before each of its cells."""
     n = len(cycle)
     pairs = contacts(cycle)

@@ -11,8 +11,8 @@ from itertools import permutations, product
 from typing import Final, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.pathfinding.block_merging import cut, cut_costs
 from planner.pathfinding.lattice import STEPS
 
@@ -34,13 +34,13 @@ def block_corners(cells: frozenset[Cell]) -> list[Cell] | None:
     return corners
 
 
-def loose_block_path(cells: frozenset[Cell], rng: np.random.Generator) -> NDArray[np.int64] | None:
+def loose_block_path(cells: frozenset[Cell], rng: np.random.Generator) -> Ints | None:
     """Return an (n, 3) path through blocks: the cycle cut at the smallest spread; or None."""
     cycle = loose_block_cycle(cells, rng)
     return None if cycle is None else cut(cycle, int(np.argmin(cut_costs(cycle))))
 
 
-def loose_block_cycle(cells: frozenset[Cell], rng: np.random.Generator) -> NDArray[np.int64] | None:
+def loose_block_cycle(cells: frozenset[Cell], rng: np.random.Generator) -> Ints | None:
     """Return an (n, 3) closed cycle of rings joined along a breadth-first tree, or None."""
     corners = block_corners(cells)
     if corners is None:

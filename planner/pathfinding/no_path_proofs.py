@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.chain.path import MIN_CELLS
 from planner.pathfinding import Cell
 from planner.pathfinding.lattice import colours, neighbours, parts
-
-Ints = NDArray[np.int64]
 
 MAX_NAMED_CELLS: Final = 200
 """Maximum number of cells that the report of a shape without a path lists as the cause of one

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any, Final, Self, cast
 
 from planner.chain.module import CUBE, TETRAHEDRON
-from planner.parameters.option import Choice, Choices, Option, option, options_of
+from planner.parameters.option import Choice, Choices, option, options_of
 from planner.parameters.parameters import FLOATING, WORLD_CHOICES, World
 from planner.parameters.settings_text import TABLE_SETTINGS, names_with_units
 from planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
@@ -46,64 +46,52 @@ class PathOptions:
 
     module: str = option(
         CUBE.name,
-        Option(
-            title="Module type",
-            help="Module type for meshes, voxels and cells. A chain file states its own type.",
-            label="Modules are",
-            choices=MODULE_CHOICES,
-        ),
+        title="Module type",
+        help="Module type for meshes, voxels and cells. A chain file states its own type.",
+        label="Modules are",
+        choices=MODULE_CHOICES,
     )
     modules: int | None = option(
         None,
-        Option(
-            title="Approximate number of modules, for a mesh",
-            noun="number of modules",
-            help=f"Approximate number of modules. Default for meshes: {DEFAULT_MODULES}.",
-            label="Modules",
-            range=MODULE_COUNTS,
-        ),
+        title="Approximate number of modules, for a mesh",
+        noun="number of modules",
+        help=f"Approximate number of modules. Default for meshes: {DEFAULT_MODULES}.",
+        label="Modules",
+        range=MODULE_COUNTS,
     )
     method: str = option(
         "auto",
-        Option(
-            title="Path method",
-            help="Method that finds the path. `blocks` splits each voxel into 2×2×2 modules, "
-            "`exact` uses one module for each voxel, and `snake` works only for boxes.",
-            label="Path",
-            choices=PATH_METHODS,
-        ),
+        title="Path method",
+        help="Method that finds the path. `blocks` splits each voxel into 2×2×2 modules, "
+        "`exact` uses one module for each voxel, and `snake` works only for boxes.",
+        label="Path",
+        choices=PATH_METHODS,
     )
-    repair: bool = option(False, Option(title="Add or remove cells if the shape has no path"))
+    repair: bool = option(False, title="Add or remove cells if the shape has no path")
     ends: str = option(
         "any",
-        Option(
-            title="Ends of the chain",
-            help="`surface` puts both ends of the chain on the outside.",
-            label="Ends of the chain",
-            choices=PATH_ENDS,
-        ),
+        title="Ends of the chain",
+        help="`surface` puts both ends of the chain on the outside.",
+        label="Ends of the chain",
+        choices=PATH_ENDS,
     )
-    as_voxels: bool = option(False, Option(title="Read a list of cells as a shape, not as a path"))
+    as_voxels: bool = option(False, title="Read a list of cells as a shape, not as a path")
     start: Cell | None = option(
         None,
-        Option(
-            title="The cell where the chain starts",
-            help="The cell where the chain starts: `x,y,z`, one of the preview's `cells`.",
-            pattern=rf"^{CELL_TEXT}$",
-            metavar="X,Y,Z",
-            parse=parse_cell,
-        ),
+        title="The cell where the chain starts",
+        help="The cell where the chain starts: `x,y,z`, one of the preview's `cells`.",
+        pattern=rf"^{CELL_TEXT}$",
+        metavar="X,Y,Z",
+        parse=parse_cell,
     )
     world: World = option(
         FLOATING,
-        Option(
-            title="World",
-            help="World: `floating` has no gravity; on a `table` the chain is always supported and "
-            "needs as little torque as possible. Settings on a table: "
-            f"{names_with_units(TABLE_SETTINGS)}.",
-            label="Fold",
-            choices=WORLD_CHOICES,
-        ),
+        title="World",
+        help="World: `floating` has no gravity; on a `table` the chain is always supported and "
+        "needs as little torque as possible. Settings on a table: "
+        f"{names_with_units(TABLE_SETTINGS)}.",
+        label="Fold",
+        choices=WORLD_CHOICES,
     )
 
     @classmethod

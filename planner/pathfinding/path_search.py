@@ -9,8 +9,8 @@ from itertools import permutations
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.chain.module import LONG_CHAIN
 from planner.chain.path import Path
 from planner.errors import InputError
@@ -25,7 +25,6 @@ from planner.pathfinding.removal_analysis import analyse_removal
 from planner.pathfinding.snake import is_box, snake_path
 from planner.shapes.shape import Shape
 
-Ints = NDArray[np.int64]
 Ends: TypeAlias = Literal["any", "surface"]
 
 ASSEMBLY: Final = "assembly"

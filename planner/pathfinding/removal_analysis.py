@@ -7,9 +7,8 @@ from itertools import product
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Ints = NDArray[np.int64]
+from planner.arrays import Array, Ints
 
 UNIT_CELLS: Final = 32
 """Number of consecutive cells in one group when it is analysed how easily a path comes apart from
@@ -38,7 +37,7 @@ class RemovalAnalysis:
     """
 
     unit: int
-    shares: NDArray[np.float64]
+    shares: Array
     ways: Ints
 
     @property

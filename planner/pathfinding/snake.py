@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.shapes.shape import Shape
-
-Ints = NDArray[np.int64]
 
 
 def is_box(shape: Shape) -> bool:

@@ -6,8 +6,8 @@ import re
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.errors import InputError
@@ -70,5 +70,5 @@ def starting_at(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
     return Chain.from_path(path, module=chain.module), ""
 
 
-def _words(cell: NDArray[np.int64]) -> str:
+def _words(cell: Ints) -> str:
     return "({}, {}, {})".format(*cell.tolist())

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Flags, Ints
 from planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_pairs
 from planner.chain.trail import Trail
 from planner.errors import InputError
@@ -18,7 +18,6 @@ from planner.pathfinding.lattice import parts
 from planner.pathfinding.path_search import MAX_CHOICE_MODULES, MAX_KNOT_CELLS
 from planner.shapes.shape import Shape
 
-Ints = NDArray[np.int64]
 TRAILS_PER_SHAPE: Final = 4
 """Number of trails (paths through tetrahedra) that are made for a shape, to choose the best. Larger
 values find better ones, more slowly. Chosen."""
@@ -92,7 +91,7 @@ def _index(cells: Ints, start: Cell) -> int:
     return int(at[0])
 
 
-def _cuts(nodes: Ints, pairs: Ints, free: NDArray[np.bool_], first: int | None, ends: str) -> Ints:
+def _cuts(nodes: Ints, pairs: Ints, free: Flags, first: int | None, ends: str) -> Ints:
     """Return (k,) modules before which the circuit may be cut; free ones if there are any."""
     allowed = np.ones(len(nodes) - 1, dtype=bool)
     if first is not None:

@@ -14,14 +14,10 @@ from __future__ import annotations
 import json
 from pathlib import Path as FilePath
 
+from planner import file_names as names
 from planner.certificate.figures import CertificateFigures
 from planner.chain.chain import Chain
 from planner.errors import UNREADABLE, InputError, TimelineError
-from planner.file_names import (
-    ATTEMPTS_DIR,
-    CERTIFICATE,
-    MOMENTS,
-)
 from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline
 from planner.pipeline.preference import judgement
@@ -31,7 +27,7 @@ from planner.plan.moments import Moments
 def attempt_numbers(directory: FilePath) -> list[int]:
     """Return the numbers of the attempts that have a folder, in order."""
     try:
-        found = [path.name for path in (directory / ATTEMPTS_DIR).iterdir()]
+        found = [path.name for path in (directory / names.ATTEMPTS_DIR).iterdir()]
     except OSError:
         return []
     return sorted(int(name) for name in found if name.isdecimal())
@@ -39,7 +35,7 @@ def attempt_numbers(directory: FilePath) -> list[int]:
 
 def attempt_dir(directory: FilePath, number: int) -> FilePath:
     """Return the folder of an attempt."""
-    return directory / ATTEMPTS_DIR / str(number)
+    return directory / names.ATTEMPTS_DIR / str(number)
 
 
 def latest_attempt_dir(directory: FilePath) -> FilePath:
@@ -74,7 +70,7 @@ def certificate_values(path: FilePath) -> CertificateFigures | None:
 def stored_moments(directory: FilePath) -> Moments | None:
     """Return the moments of a fold that is over; None if none are stored, or they are damaged."""
     try:
-        return Moments.from_dict(json.loads((directory / MOMENTS).read_bytes()))
+        return Moments.from_dict(json.loads((directory / names.MOMENTS).read_bytes()))
     except (InputError, *UNREADABLE):
         return None
 
@@ -82,6 +78,6 @@ def stored_moments(directory: FilePath) -> Moments | None:
 def any_verified(directory: FilePath) -> bool:
     """Return True if an attempt of a fold that is not over has a verified plan."""
     return any(
-        judgement(certificate_values(attempt_dir(directory, number) / CERTIFICATE))[0]
+        judgement(certificate_values(attempt_dir(directory, number) / names.CERTIFICATE))[0]
         for number in attempt_numbers(directory)
     )

@@ -13,8 +13,8 @@ from pathlib import Path as FilePath
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.certificate.certificate import Certificate
 from planner.certificate.table_forces import TableForces
 from planner.chain.chain import Chain
@@ -93,7 +93,7 @@ class Result:
     playback: Playback | None = None
     certificate: Certificate | None = None
     recorded: Plan | None = None
-    clearances: NDArray[np.float64] | None = None
+    clearances: Array | None = None
     forces: TableForces | None = None
 
     def plan(self, request: FoldRequest) -> Plan:

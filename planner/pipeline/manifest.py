@@ -25,6 +25,9 @@ MANIFEST_FORMAT: Final = "foldback-manifest/1"
 FILE_CONTENT: Final = "content"
 """Key under which a fold's manifest lists the digest of a whole file, where a file (unlike an
 archive of arrays) has no parts with digests of their own."""
+MISSING: Final = "the file is missing"
+"""Difference from the manifest that is reported for a file which the manifest lists, but the folder
+lacks."""
 DIGEST_ROWS: Final = 1024
 """Number of rows of an array that are read and hashed at once, to compute its digest. Larger values
 take more memory; the digest stays the same. Chosen."""
@@ -92,7 +95,7 @@ def changed_fields(directory: FilePath) -> list[str] | None:
     found: list[str] = []
     for name in dict.fromkeys((*told, *here)):
         if name not in here:
-            found.append(f"{name}: the file is missing")
+            found.append(f"{name}: {MISSING}")
             continue
         mine, theirs = here[name], told.get(name, {})
         found += [

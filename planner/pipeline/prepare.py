@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from planner.shapes.solid import Solid
     from planner.shapes.voxelise import Voxels
 
-Array = NDArray[np.float64]
 MAX_PREVIEW_TRIANGLES: Final = 20_000
 """Maximum number of triangles of the mesh that the web page's preview shows; larger meshes are
 decimated to it. Larger values show more detail, and load and draw more slowly. Chosen."""
@@ -34,7 +33,8 @@ MAX_LISTED_VIOLATIONS: Final = 2
 """Maximum number of violated rules that the error for an unsuitable path for a table names; further
 ones are only counted. Larger values make longer messages. Chosen."""
 TABLE_REMEDY: Final = (
-    "Choose the method 'blocks', a repair or another number of modules, or fold it in zero gravity."
+    "Choose the method 'blocks', a repair, or another number of modules, or fold the shape in zero "
+    "gravity."
 )
 """Advice at the end of the error message for a shape that has no path along which a chain folds on
 a table."""
@@ -102,8 +102,10 @@ class Preparation:
             remedy = f" {TABLE_REMEDY}"
         elif self.feasibility is not None and self.feasibility.repairs:
             remedy = f" Possible repair: {self.feasibility.repairs[0].detail}"
-        what = "no path for a table" if on_table else "no path"
-        got = f"{what} through these cells was found{': ' * bool(why)}{why or '.'}"
+        got = "no path through these cells was found"
+        if on_table:
+            got += " along which a chain can fold on a table"
+        got += f": {why}" if why else "."
         raise InputError("no-path", got + remedy)
 
     @property
@@ -171,7 +173,7 @@ class Preparation:
         return count * self.filled.modules_per_cell
 
     @property
-    def cells(self) -> NDArray[np.int64]:
+    def cells(self) -> Ints:
         """(n, 3) a cell for each module of the best chain; as they lie when there is none."""
         if self.filled is not None:
             return self.filled.cells
@@ -275,7 +277,10 @@ def prepare_in_any_order(
     except InputError as error:
         if error.code != "not-adjacent":
             raise
-        why = f"The cells were read as voxels, not as a path: {error.where} are not neighbours."
+        why = (
+            f"The cells were read as voxels, not as a path, because {error.where} are not "
+            "neighbours."
+        )
     options = replace(options, as_voxels=True)
     made = prepare(data, filename, options, **how)
     return replace(made, notes=(why, *made.notes))
@@ -305,7 +310,8 @@ def check_for_table(chain: Chain) -> None:
         raise InputError(
             "not-for-a-table",
             f"got a path along which a chain cannot fold on a table: {told} "
-            "Expected one that rises layer by layer; read the cells as voxels to find such a path.",
+            "Expected a path that rises layer by layer; read the cells as voxels to find such a "
+            "path.",
         )
 
 

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from planner.errors import InputError
-from planner.parameters.option import Option, key_of_options, option
+from planner.parameters.option import key_of_options, option
 from planner.parameters.parameters import (
     AUTO,
     BASELINE,
@@ -93,62 +93,52 @@ class FoldRequest(PathOptions):
 
     preset: str = option(
         "default",
-        Option(
-            title="Preset",
-            help="Folding method. `default` is foldback's own, and `paper` is the published one. "
-            "`direct` is direct servoing: it drives every joint straight to its target (fails for "
-            "most shapes).",
-            label="Preset",
-            choices=PRESET_CHOICES,
-        ),
+        title="Preset",
+        help="Folding method. `default` is foldback's own, and `paper` is the published one. "
+        "`direct` is direct servoing: it drives every joint straight to its target (fails for "
+        "most shapes).",
+        label="Preset",
+        choices=PRESET_CHOICES,
     )
     settings: str = option(
         "",
-        Option(
-            title="Settings",
-            help="Settings to change, for example `damping=0.05,radial_gain=0.2`. Settings of the "
-            f"presets `paper` and `direct`: {names_with_units(SETTINGS)}. The command `foldback "
-            "settings` lists all settings.",
-            max_chars=MAX_TEXT_CHARS,
-        ),
+        title="Settings",
+        help="Settings to change, for example `damping=0.05,radial_gain=0.2`. Settings of the "
+        f"presets `paper` and `direct`: {names_with_units(SETTINGS)}. The command `foldback "
+        "settings` lists all settings.",
+        max_chars=MAX_TEXT_CHARS,
     )
-    seed: int = option(0, Option(title="Random seed", help="", label="Seed", range=(0, MAX_SEED)))
+    seed: int = option(0, title="Random seed", help="", label="Seed", range=(0, MAX_SEED))
     module_size: float | None = option(
         None,
-        Option(
-            title="Module size in the clearance check, as a fraction of the pitch",
-            noun="module size",
-            help="Edge of a module in pitches. One pitch is the distance between the centres of "
-            "two neighbouring modules.",
-            range=MODULE_SIZE_RANGE,
-            unit="of the pitch",
-        ),
+        title="Module size in the clearance check, as a fraction of the pitch",
+        noun="module size",
+        help="Edge length of a module in the clearance check, in pitches. One pitch is the "
+        "distance between the centres of two neighbouring modules.",
+        range=MODULE_SIZE_RANGE,
+        unit="times the pitch",
     )
     strategy: str = option(
         AUTO,
-        Option(
-            title="Explosion strategy",
-            help="How the chain is released: all modules at once (`simultaneous`), rigid blocks "
-            "first (`blocks`), or one part at a time from one end (`peel`). For long chains, "
-            "`auto` uses `peel`. For comparison, `one-by-one` straightens one joint at a "
-            "time.",
-            choices=STRATEGY_CHOICES,
-        ),
+        title="Explosion strategy",
+        help="How the chain is released: all modules at once (`simultaneous`), rigid blocks "
+        "first (`blocks`), or one part at a time from one end (`peel`). For long chains, "
+        "`auto` uses `peel`. For comparison, `one-by-one` straightens one joint at a "
+        "time.",
+        choices=STRATEGY_CHOICES,
     )
     prefer: Preference = option(
         COMPUTING,
-        Option(
-            title="Preferred plan",
-            noun="preference",
-            help="Preferred plan. `computing` is the first verified plan. The others choose from "
-            "several verified plans: `time` by folding time at the joints' speed limit, `torque` "
-            "by torque at equal folding time, `clearance` by proved clearance, `margin` by the "
-            "largest error that one hinge may have. This takes several times as long, because "
-            "other strategies, paths and smoothings are tried. The plan's `attempts` list all "
-            "these plans with their figures.",
-            label="Preferred plan",
-            choices={**PREFERENCES},
-        ),
+        title="Preferred plan",
+        noun="preference",
+        help="Preferred plan. `computing` is the first verified plan. The others choose from "
+        "several verified plans: `time` by folding time at the joints' speed limit, `torque` "
+        "by torque at equal folding time, `clearance` by proved clearance, `margin` by the "
+        "largest error that one hinge may have before modules could touch. The choice takes "
+        "several times as long, because other strategies, paths and smoothings are tried. The "
+        "plan's `attempts` list all these plans with their figures.",
+        label="Preferred plan",
+        choices={**PREFERENCES},
     )
     filename: str | None = None
     refold: bool = False
@@ -172,9 +162,9 @@ class FoldRequest(PathOptions):
             if self.prefer != plain.prefer and self._one_plan:
                 raise InputError(
                     "unsuited-prefer",
-                    f"got the preference {self.prefer} for the {self._one_plan}, which has only "
-                    f"one plan, expected {plain.prefer}; use the default preset and strategy to "
-                    "choose among plans.",
+                    f"got the preference {self.prefer!r} for the {self._one_plan}, which gives "
+                    f"only one plan, expected {plain.prefer!r}; use the default preset and "
+                    "strategy to choose among plans.",
                 )
             if self.world == "table":
                 self._check_table()
@@ -182,9 +172,9 @@ class FoldRequest(PathOptions):
                 if getattr(self, name) != getattr(plain, name):
                     raise InputError(
                         f"smooth-{name}",
-                        f"got the {name} {getattr(self, name)} for smoothing a plan, expected "
-                        f"{getattr(plain, name)}; smoothing runs no new explosion, so leave this "
-                        "option out.",
+                        f"got the {name} {getattr(self, name)!r} for smoothing a plan, expected "
+                        f"{getattr(plain, name)!r}; leave this option out, because smoothing runs "
+                        "no new explosion.",
                     )
         except InputError as error:
             raise _placed(error) from None
@@ -206,14 +196,14 @@ class FoldRequest(PathOptions):
             if (got := getattr(self, name)) != getattr(plain, name):
                 raise InputError(
                     "unsuited-world",
-                    f"got the {what} {got} for a fold on a table, expected "
-                    f"{getattr(plain, name)}; use the 'floating' world for other values.",
+                    f"got the {what} {got!r} for a fold on a table, expected "
+                    f"{getattr(plain, name)!r}; use the 'floating' world for other values.",
                 )
         if self.method not in ("auto", "blocks"):
             raise InputError(
                 "unsuited-world",
-                f"got the path method {self.method} for a fold on a table, expected auto or "
-                "blocks; use the 'floating' world for other methods.",
+                f"got the path method {self.method!r} for a fold on a table, expected 'auto' or "
+                "'blocks'; use the 'floating' world for other methods.",
             )
         if self.start is not None:
             raise InputError(
@@ -235,8 +225,8 @@ class FoldRequest(PathOptions):
         if self.smooth:
             return "smoothing of a plan"
         if self.preset != FoldRequest().preset:
-            return f"preset {self.preset}"
-        return f"strategy {self.strategy}" if self.strategy == BASELINE else None
+            return f"preset {self.preset!r}"
+        return f"strategy {self.strategy!r}" if self.strategy == BASELINE else None
 
     def canonical(self) -> FoldRequest:
         """Return the same request with its settings in the canonical form that is compared.

@@ -11,11 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import Any, Final, Literal
+from typing import Any, Final
 
-from planner.certificate.certificate import Certificate
 from planner.file_names import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
 from planner.motion.record import Record
 from planner.pipeline import manifest
@@ -38,8 +37,6 @@ from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.reading import Reading, read_plan, read_shape
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.playback.playback import Playback
 from planner.progress import STAGES, Cancelled, Progress, Report, never, silent
 
 STAGES_OF_LAST_ATTEMPT: Final = ("play_back", "certify")
@@ -47,79 +44,17 @@ STAGES_OF_LAST_ATTEMPT: Final = ("play_back", "certify")
 reports say which attempt of how many it is."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Exploded:
-    """Result of the stage ``explode``.
-
-    Attributes:
-        record: Record of the explosion that came farthest; None where nothing explodes.
-        attempts: Number of attempts so far.
-    """
-
-    record: Record | None
-    attempts: int
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return plain JSON values."""
-        if self.record is None:
-            return {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
-        return {**self.record.summary(), "attempts": self.attempts}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Played:
-    """Result of the stage ``play_back``.
-
-    Attributes:
-        playback: None when the chain was not straight after the explosion.
-    """
-
-    playback: Playback | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return plain JSON values."""
-        if self.playback is not None:
-            return self.playback.summary()
-        return {
-            "status": "skipped",
-            "reason": "the chain was not straight after the explosion",
-            "steps": 0,
-            "seconds": 0.0,
-            "rms_position_error": None,
-            "max_angle_error_rad": None,
-        }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Judged:
-    """Result of the stage ``certify``.
-
-    Attributes:
-        certificate: Certificate of the best attempt when nothing else is tried, else of this one.
-        again: Stage that tries again; None when nothing else is tried.
-    """
-
-    certificate: Certificate
-    again: Literal["explode", "play_back"] | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return plain JSON values."""
-        return {**self.certificate.as_dict(), "again": self.again}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Exported:
-    """Result of the stage ``export``.
-
-    Attributes:
-        plan: Plan of the fold.
-    """
-
-    plan: Plan
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return plain JSON values."""
-        return self.plan.summary()
+NO_EXPLOSION: Final = {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
+"""Figures of the stage ``explode`` where nothing explodes."""
+NOT_PLAYED: Final = {
+    "status": "skipped",
+    "reason": "the chain was not straight after the explosion",
+    "steps": 0,
+    "seconds": 0.0,
+    "rms_position_error": None,
+    "max_angle_error_rad": None,
+}
+"""Figures of the stage ``play_back`` when the chain was not straight after the explosion."""
 
 
 def run_stage(
@@ -153,9 +88,9 @@ def run_stage(
     if stage in STAGES_OF_LAST_ATTEMPT:
         progress = _counting(workspace, progress)
     watch = Watch(progress=progress, cancelled=cancelled)
-    found = _computed(stage, workspace, watch, pool)
+    figures = _computed(stage, workspace, watch, pool)
     progress(Progress(stage=stage, fraction=1.0, message="done"))
-    return found.as_dict()
+    return figures
 
 
 def _counting(workspace: Workspace, progress: Report) -> Report:
@@ -211,12 +146,10 @@ def run_stages(
     return figures
 
 
-def _computed(
-    stage: str, workspace: Workspace, watch: Watch, pool: AttemptPool
-) -> Reading | Exploded | Played | Judged | Exported:
+def _computed(stage: str, workspace: Workspace, watch: Watch, pool: AttemptPool) -> dict[str, Any]:
     match stage:
         case "read":
-            return read_chains(workspace)
+            return read_chains(workspace).as_dict()
         case "explode":
             return explode_until_straight(workspace, watch, pool)
         case "play_back":
@@ -246,8 +179,12 @@ def read_chains(workspace: Workspace) -> Reading:
     return found
 
 
-def explode_until_straight(workspace: Workspace, watch: Watch, pool: AttemptPool) -> Exploded:
-    """Run the stage ``explode``: explosions, until one ends straight or nothing is left to try."""
+def explode_until_straight(workspace: Workspace, watch: Watch, pool: AttemptPool) -> dict[str, Any]:
+    """Run the stage ``explode``: explosions, until one ends straight or nothing is left to try.
+
+    Returns:
+        Figures of the explosion that came farthest, and the number of attempts so far.
+    """
     job = workspace.read_job()
     if job.request.smooth:
         job = replace(job, recorded=workspace.read_recorded())
@@ -271,7 +208,9 @@ def explode_until_straight(workspace: Workspace, watch: Watch, pool: AttemptPool
         workspace.keep_best_explosion()
     record = search.results[workspace.number or 0].record
     rest(pool, record, len(search.history), job.request.prefer)
-    return Exploded(record=record, attempts=len(search.history))
+    if record is None:
+        return dict(NO_EXPLOSION)
+    return {**record.summary(), "attempts": len(search.history)}
 
 
 def rest(pool: AttemptPool, record: Record | None, attempts: int, prefer: Preference) -> None:
@@ -288,7 +227,7 @@ def rest(pool: AttemptPool, record: Record | None, attempts: int, prefer: Prefer
         pool.end_running()
 
 
-def play_back_latest(workspace: Workspace, watch: Watch) -> Played:
+def play_back_latest(workspace: Workspace, watch: Watch) -> dict[str, Any]:
     """Run the stage ``play_back``: play the latest record back, if it ends straight."""
     place = workspace.attempt
     place.drop_playback()
@@ -296,7 +235,7 @@ def play_back_latest(workspace: Workspace, watch: Watch) -> Played:
     search = workspace.read_search(job)
     record = search.current.record
     if record is not None and record.status != "straight":
-        return Played(playback=None)
+        return dict(NOT_PLAYED)
     job = replace(job, unfolding=workspace.read_unfolding(job.request))
     search = replace(search, history=before_playback(search.history, job.policy))
     workspace.write_history(search.history)
@@ -305,11 +244,16 @@ def play_back_latest(workspace: Workspace, watch: Watch) -> Played:
     playback = search.current.playback
     assert playback is not None
     place.write_playback(playback)
-    return Played(playback=playback)
+    return playback.summary()
 
 
-def certify_latest(workspace: Workspace, watch: Watch) -> Judged:
-    """Run the stage ``certify``: judge the latest playback, and say which stage follows."""
+def certify_latest(workspace: Workspace, watch: Watch) -> dict[str, Any]:
+    """Run the stage ``certify``: judge the latest playback, and say which stage follows.
+
+    Returns:
+        Certificate of the best attempt when nothing else is tried, else of the latest one; as
+        ``again`` the stage that tries again, None when nothing else is tried.
+    """
     place, job = workspace.attempt, workspace.read_job()
     place.drop_curves()
     search = with_certificate(job, workspace.read_search(job), watch)
@@ -317,18 +261,17 @@ def certify_latest(workspace: Workspace, watch: Watch) -> Judged:
     assert certificate is not None
     place.write_judgement(search.current)
     workspace.write_history(search.history)
-    if watch.cancelled():
-        return Judged(certificate=certificate, again=None)
-    step = next_step(search.history, job.policy)
-    if isinstance(step, Explode):
-        return Judged(certificate=certificate, again="explode")
-    if step is not None:
-        return Judged(certificate=certificate, again="play_back")
-    workspace.keep_best(job.request.prefer)
-    return Judged(certificate=workspace.read_certificate() or certificate, again=None)
+    again = None
+    if not watch.cancelled():
+        step = next_step(search.history, job.policy)
+        again = step and ("explode" if isinstance(step, Explode) else "play_back")
+        if step is None:
+            workspace.keep_best(job.request.prefer)
+            certificate = workspace.read_certificate() or certificate
+    return {**certificate.as_dict(), "again": again}
 
 
-def export_best(workspace: Workspace) -> Exported:
+def export_best(workspace: Workspace) -> dict[str, Any]:
     """Run the stage ``export``: write the best plan, its figures, moments and digests."""
     request, history = workspace.read_request(), workspace.read_history()
     best = workspace.keep_best(request.prefer)
@@ -348,7 +291,7 @@ def export_best(workspace: Workspace) -> Exported:
     # Of a thousand numbers that were just written as text, it is not asked for once more.
     written = {PLAN_TEXT: manifest.digests_of_texts(texts)}
     manifest.write_manifest(workspace.directory, digests.result() | written)
-    return Exported(plan=plan)
+    return plan.summary()
 
 
 def _write_figures(workspace: Workspace) -> None:

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.certificate.metrics_store import Curves, Figures
 from planner.certificate.table_forces import TableForces
 from planner.chain.chain import Chain
@@ -22,7 +23,6 @@ from planner.motion.timeline import Timeline
 from planner.pathfinding.knots import knot_of
 from planner.plan.moments import CONTACT_LINKS, CONTACT_PITCH, Meeting, Moments
 
-Array = NDArray[np.float64]
 MAX_MEETING_MODULES: Final = 2_000_000
 """Maximum number of module poses (frames × modules) of a fold that are searched for the first
 moment at which two modules meet, which the fold's page names; if there is none among them, no such

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from planner.errors import InputError
+from planner.plain_values import from_plain
 
 MOMENTS_FORMAT: Final = "foldback-moments/1"
 CONTACT_PITCH: Final = 0.1
@@ -78,8 +79,4 @@ class Moments:
                 "wrong-format",
                 f"got the format {values.get('format')!r}, expected {MOMENTS_FORMAT!r}.",
             )
-        found = {name: value for name, value in values.items() if name != "format"}
-        for name in ("contact", "torque", "direct"):
-            if (told := found.get(name)) is not None:
-                found[name] = Meeting(frame=told["frame"], modules=tuple(told["modules"]))
-        return cls(**found)
+        return from_plain(values, cls)

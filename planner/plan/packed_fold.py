@@ -16,44 +16,26 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from planner import file_names as names
+from planner.arrays import Array
 from planner.certificate.metrics_store import Curves, Figures, write
 from planner.errors import InputError
-from planner.file_names import (
-    ATTEMPTS,
-    CANDIDATES,
-    CERTIFICATE,
-    CHAIN,
-    FIGURES,
-    INPUT,
-    MANIFEST,
-    MODEL,
-    MOMENTS,
-    PLAN,
-    PLAN_TEXT,
-    PLAYBACK,
-    RECORD,
-    REQUEST,
-    START_CHAIN,
-    START_PLAN,
-    TIMELINE,
-)
 from planner.files import write_json, write_whole, zarr_group
 from planner.motion.angle_encoding import PLAN_STEP_RAD, byte_planes, to_step_counts, whole_numbers
 from planner.motion.motion import Motion
 from planner.motion.record import save_npz
 from planner.motion.timeline import TimelineWriter, chain_from_attributes
 
-Array = NDArray[np.float64]
 Ints = NDArray[np.signedinteger[Any]]
 Arrays = dict[str, NDArray[Any]]
 PACKED_FORMAT: Final = "foldback-packed/1"
 TEXT_FILES: Final = (
-    *(INPUT, REQUEST, CHAIN, START_CHAIN, CANDIDATES, ATTEMPTS),
-    *(CERTIFICATE, MANIFEST, MODEL, MOMENTS),
+    *(names.INPUT, names.REQUEST, names.CHAIN, names.START_CHAIN, names.CANDIDATES, names.ATTEMPTS),
+    *(names.CERTIFICATE, names.MANIFEST, names.MODEL, names.MOMENTS),
 )
 """Files that a packed fold (a whole fold directory in one small file) holds unchanged, if the fold
 has them."""
-ARRAY_FILES: Final = (RECORD, PLAYBACK, PLAN, START_PLAN)
+ARRAY_FILES: Final = (names.RECORD, names.PLAYBACK, names.PLAN, names.START_PLAN)
 """Files whose arrays a packed fold (a whole fold directory in one small file) holds in compressed
 form, each by its name."""
 ROOT_STEPS: Final = {"root_position": 2.0**-20, "root_wxyz": 2.0**-30}
@@ -91,8 +73,8 @@ def pack(directory: FilePath, about: dict[str, Any]) -> bytes:
         if (directory / file).exists():
             with np.load(directory / file, allow_pickle=False) as opened:
                 packer.add_npz(file, dict(opened))
-    timeline = zarr_group(directory / TIMELINE)
-    packer.add_figures(Figures.load(directory / FIGURES))
+    timeline = zarr_group(directory / names.TIMELINE)
+    packer.add_figures(Figures.load(directory / names.FIGURES))
     header = {
         "format": PACKED_FORMAT,
         "about": about,
@@ -120,10 +102,10 @@ def unpack(data: bytes, directory: FilePath) -> dict[str, Any]:
     for file in ARRAY_FILES:
         if any(name.startswith(f"{file}/") for name in found):
             save_npz(directory / file, _of_file(found, file))
-    _write_plan_json(directory / PLAN_TEXT, _of_file(found, PLAN))
+    _write_plan_json(directory / names.PLAN_TEXT, _of_file(found, names.PLAN))
     _write_timeline(directory, found, header["timeline"])
     figures = Figures(**_of_file(found, "figures"))
-    write([figures], len(figures), str(directory / FIGURES))
+    write([figures], len(figures), str(directory / names.FIGURES))
     return header["about"]
 
 
@@ -142,7 +124,7 @@ class _Packer:
                 continue
             if name.endswith("_rad") and array.ndim > 1:
                 self._add_angles(key, name, array, reference)
-            elif name in ROOT_ARRAYS and file != START_PLAN:
+            elif name in ROOT_ARRAYS and file != names.START_PLAN:
                 step = ROOT_STEPS[name]
                 self._code(key, _whole(key, array / step), step, 2, array.dtype)
             else:
@@ -152,7 +134,7 @@ class _Packer:
         """Return True if ``_unpacked`` finds an array in another one."""
         if name == "joint_error_rad":
             return True  # of a record it is NaN, of a playback the distance from the reference
-        if file != PLAN or name not in ("joint_angles_rad", *ROOT_ARRAYS):
+        if file != names.PLAN or name not in ("joint_angles_rad", *ROOT_ARRAYS):
             return False
         other = "reference_rad" if name == "joint_angles_rad" else name
         known = _unpacked(dict(self.arrays), self.coded).get(f"playback.npz/{other}")
@@ -272,9 +254,9 @@ def _write_plan_json(path: FilePath, arrays: Arrays) -> None:
 
 def _write_timeline(directory: FilePath, arrays: Arrays, timeline_id: str) -> None:
     """Write the timeline: the explosion, unless the fold is a refold, and the playback."""
-    path = directory / TIMELINE
-    chain = chain_from_attributes(json.loads((directory / CHAIN).read_bytes()))
-    refold = (directory / START_CHAIN).exists()
+    path = directory / names.TIMELINE
+    chain = chain_from_attributes(json.loads((directory / names.CHAIN).read_bytes()))
+    refold = (directory / names.START_CHAIN).exists()
     with TimelineWriter.create(path, chain, timeline_id=timeline_id) as writer:
-        for file in (PLAYBACK,) if refold else (RECORD, PLAYBACK):
+        for file in (names.PLAYBACK,) if refold else (names.RECORD, names.PLAYBACK):
             writer.append(Motion.from_columns(_of_file(arrays, file)))

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.certificate.certificate import Certificate
 from planner.chain.chain import Chain
 from planner.errors import UNREADABLE, InputError, named
@@ -38,7 +39,6 @@ from planner.plan.claim import claim_of
 from planner.playback.playback import Playback
 from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
 
-Array = NDArray[np.float64]
 PLAN_FORMAT: Final = "foldback-plan/3"
 EARLIER_FORMATS: Final = {"foldback-plan/1": "frames", "foldback-plan/2": "windows"}
 """Format names of plans of earlier versions that are still read, with the kind of motion that each

@@ -64,6 +64,11 @@ def value_differences(
         yield f"{name}: got {_shown(got)}, expected {_shown(expected)}"
 
 
+def figure_differences(got: Any, expected: Any, name: str) -> Differences:
+    """Yield the differences of figures from those that were computed again."""
+    return value_differences(got, expected, name, rtol=FIGURES_RTOL, atol=FIGURES_ATOL)
+
+
 def array_difference(got: Any, expected: Any, name: str, *, atol: float = 0.0) -> Differences:
     """Yield the first difference between two arrays; NaN equals NaN.
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.errors import SimulationError
@@ -20,7 +20,6 @@ from planner.playback.reference_trajectory import ReferenceTrajectory
 from planner.playback.setpoints import Setpoints, Target
 from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 
-Array = NDArray[np.float64]
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
 FRAME_TURN_RAD: Final = 0.01
 """Turn of a hinge, or of its target angle, since the last frame, rad, at which a simulated playback
@@ -118,9 +117,9 @@ class PlaybackRun:
         """
         worst = int(errors.argmax())
         return (
-            f"a robot lost its target: {self.chain.joint_names[first + worst]} is off by "
-            f"{errors[worst]:.2g} rad, more than its motor can correct, {100.0 * fraction:.0f} % "
-            "into the fold."
+            f"a robot could not follow the motion: {100.0 * fraction:.0f} % into the fold, "
+            f"{self.chain.joint_names[first + worst]} is off by {errors[worst]:.2g} rad, which is "
+            "more than its motor can correct."
         )
 
     def distance_to_goal(self, angles: Array) -> float:

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.module import MAX_SMOOTH_CURVE_MODULES
 from planner.motion.angle_encoding import quantised
@@ -17,7 +17,6 @@ from planner.playback.reference_curve import clear_reference
 from planner.playback.time_scaling import SCALING_STEPS, hinge_bounded_times, smooth_scaling
 from planner.playback.unfolding import Unfolding
 
-Array = NDArray[np.float64]
 KINEMATIC_CHUNK_FRAMES: Final = 256
 """Number of frames that a kinematic playback (angles follow the planned curve exactly, without
 forces) computes and yields at once. Larger values take more memory and a little less time; the

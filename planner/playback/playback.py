@@ -26,7 +26,6 @@ from planner.playback.unfolding import Unfolding
 from planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
 from planner.progress import Cancelled, Report, never, silent
 
-Array = NDArray[np.float64]
 SINK_CHUNK_FRAMES: Final = 256
 """Number of frames in each call of the callback that receives the frames of a playback, where all
 of them are delivered at the end of the simulation. Larger values make fewer, larger calls; the
@@ -197,7 +196,8 @@ def play_back(
     if windowed and unfolding is not None:
         raise InputError(
             "cannot-refold",
-            "the strategy 'peel' cannot refold a chain from another shape; fold it from straight.",
+            "the strategy 'peel' cannot refold a chain from another shape; fold the chain from "
+            "straight.",
         )
     if recorded is not None and not simulates(chain, recorded, parameters):
         return _followed(chain, recorded, parameters, module_size, sink, start_s, finer, unfolding)

@@ -7,13 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags, Ints
 from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 SPLINE_DEGREE: Final = 3
 """Degree of the B-spline through hinge angles that a playback follows: cubic, the lowest degree
 with continuous accelerations. A larger one is smoother, but departs further from the recorded
@@ -185,7 +183,7 @@ def _even(total_rad: float, spacing_rad: float) -> Array:
     return np.linspace(0.0, 1.0, count - SPLINE_DEGREE + 1)
 
 
-def _too_close(chain: Chain, samples: Array, size: float, room: float) -> NDArray[np.bool_]:
+def _too_close(chain: Chain, samples: Array, size: float, room: float) -> Flags:
     """Return (S,) True if modules are nearer than ``room`` at a sample, or beside it."""
     swept = sweep(chain, samples, size=size, share=0.0)
     close = swept.per_frame <= room

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
@@ -34,7 +34,6 @@ from planner.playback.time_scaling import (
 from planner.playback.unfolding import Unfolding
 from planner.simulation.contact_finder import ContactFinder, robot_contacts
 
-Array = NDArray[np.float64]
 SPEED_PACED_STEPS_SCALE: Final = 2
 """Factor of the number of simulation steps, and so of the duration, of a playback in which the
 fastest hinge turns evenly (``paced_by`` is ``speed``), relative to one with minimum peak torque: at
@@ -110,7 +109,9 @@ class ReferenceTrajectory:
             folded = self.chain.folded_rad
             return [("playback", lambda: DirectSetpoints(folded, p.direct_steps, p.step_s))]
         if record is None:
-            raise InputError("no-record", f"the controller {p.controller!r} needs a record.")
+            raise InputError(
+                "no-record", f"the controller {p.controller!r} needs a record of an explosion."
+            )
         angles = record.snapshots_rad
         snapshots = (record.frames.joint_angles_rad if angles is None else angles)[::-1]
         if p.controller == "paper":

@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.floating_torques import floating_torques
 from planner.chain.module import Module
 from planner.playback.reference_curve import Reference
 from planner.playback.time_scaling import TimeScaling, smooth_scaling
 
-Array = NDArray[np.float64]
 SETPOINT_CHUNK_STEPS: Final = 256
 """Maximum number of simulation steps whose target angles and rates are computed at once. Larger
 values take more memory and a little less time; the targets are the same. Chosen."""
@@ -129,18 +128,6 @@ def _timed_targets(
         yield replace(_still(end, 1.0), gone_rad=gone_rad)
 
 
-class Snapshots(Protocol):
-    """Hinge angles, (J,) each, in the order in which they are the target."""
-
-    def __len__(self) -> int:
-        """Return the number of snapshots."""
-        ...
-
-    def __getitem__(self, index: int, /) -> Array:
-        """Return the (J,) angles of one snapshot."""
-        ...
-
-
 class Backwards:
     """Reversed motion, with a snapshot for each step of its time.
 
@@ -165,6 +152,10 @@ class Backwards:
             return self._angles[k].copy()
         part = (time_s - self._time_s[k]) / (self._time_s[k + 1] - self._time_s[k])
         return (1.0 - part) * self._angles[k] + part * self._angles[k + 1]
+
+
+Snapshots = Array | Backwards
+"""Hinge angles, (J,) each, in the order in which they are the target."""
 
 
 class SnapshotSetpoints:

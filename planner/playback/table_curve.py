@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.cantilever_statics import hinge_frames
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
@@ -20,8 +20,6 @@ from planner.motion.motion import Motion
 from planner.playback.window_trajectory import WindowCurve
 from planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_PITCH, lowest_corners
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 LIFTED_DEPTH_SHARE: Final = 0.5
 """Depth to which modules are lifted if the planned curve of a fold on a table lets them sink too
 deep into it, as a fraction of the permitted depth (0.01 pitches). Smaller values lift further and

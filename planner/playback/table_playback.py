@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
@@ -23,14 +23,13 @@ from planner.errors import InputError, SimulationError
 from planner.motion.angle_encoding import quantised
 from planner.motion.motion import Motion
 from planner.parameters.playback import TablePlaybackParameters
-from planner.playback.chain_run import CANCEL_CHECK_STEPS, GOAL_TOLERANCE_PITCH, PlaybackStatus
+from planner.playback.chain_run import GOAL_TOLERANCE_PITCH, PlaybackRun, PlaybackStatus
 from planner.playback.playback import Playback
 from planner.playback.reference_trajectory import TRACKING_LOST_RAD
 from planner.playback.table_trajectory import TableTrajectory
-from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report, never, silent
+from planner.progress import Cancelled, Report, never, silent
 from planner.simulation.table_body import TableBody
 
-Array = NDArray[np.float64]
 TABLE_CHUNK_STEPS: Final = 512
 """Maximum number of simulation steps of a fold on a table whose target angles and torques are
 computed at once. Larger values take more memory and a little less time; the targets are the same.
@@ -124,13 +123,18 @@ def play_on_table(
     if not (torque_limit_wp > 0.0 and math.isfinite(torque_limit_wp)):
         raise InputError(
             "bad-table",
-            f"got a limit of {torque_limit_wp:g} w·p, expected more than 0.",
+            f"got a torque limit of {torque_limit_wp:g} w·p (module weight × pitch), expected a "
+            "finite value above 0.",
             where="torque_limit_wp",
         )
     if not 0.0 <= friction <= 2.0:
         raise InputError("bad-table", f"got {friction:g}, expected 0 to 2.", where="friction")
     if len(record) < 2:
-        raise InputError("no-record", f"got {len(record)} frames, expected two or more.")
+        raise InputError(
+            "no-record",
+            f"got a motion of {len(record)} frame{'' if len(record) == 1 else 's'}, expected at "
+            "least 2 frames.",
+        )
     p = TablePlaybackParameters.usual(clamped=clamped) if parameters is None else parameters
     run = _Run(chain, record, p, torque_limit_wp, friction, clamped)
     try:
@@ -151,7 +155,7 @@ class _Kept(NamedTuple):
     wxyzs: Array
 
 
-class _Run:
+class _Run(PlaybackRun):
     """State and figures of one run."""
 
     def __init__(
@@ -163,8 +167,9 @@ class _Run:
         friction: float,
         clamped: bool,
     ) -> None:
+        super().__init__(chain, p.step)
         self._begun = time.perf_counter()
-        self.chain, self.p, self.limit = chain, p, limit
+        self.p, self.limit = p, limit
         self.clamped = clamped
         self.body = TableBody(
             chain,
@@ -175,8 +180,6 @@ class _Run:
             clamped=clamped,
         )
         self.trajectory = TableTrajectory(chain, record, p, self.body, limit)
-        self.steps = 0
-        self.largest_error = self.largest_torque = 0.0
         self._most = np.zeros(len(chain.folded_rad))
         self._kept: list[_Kept] = []
 
@@ -187,7 +190,6 @@ class _Run:
             SimulationError: When the simulation diverges.
         """
         trajectory, body = self.trajectory, self.body
-        reported = time.perf_counter()
         body.place(trajectory.angles(0, 1)[0])
         for start in range(0, len(trajectory), TABLE_CHUNK_STEPS):
             stop = min(start + TABLE_CHUNK_STEPS, len(trajectory))
@@ -202,22 +204,9 @@ class _Run:
                 if self.largest_error > TRACKING_LOST_RAD:
                     self._keep(there)
                     return "missed", self._lost(there)
-                if self.steps % CANCEL_CHECK_STEPS:
-                    continue
-                if cancelled():
+                fraction = self.steps / len(trajectory)
+                if not self.check(progress, cancelled, fraction, "folding on the table"):
                     return "cancelled", "the playback was cancelled."
-                if (now := time.perf_counter()) - reported >= PROGRESS_PERIOD_S:
-                    reported = now
-                    progress(
-                        Progress(
-                            stage="play_back",
-                            fraction=min(self.steps / len(trajectory), 0.99),
-                            steps=self.steps,
-                            steps_per_second=self.steps / (now - self._begun),
-                            simulated_s=self.steps * self.p.step,
-                            message="folding on the table",
-                        )
-                    )
         end = trajectory.angles(len(trajectory), len(trajectory) + 1)[0]
         for _ in range(int(self.p.settle / self.p.step)):
             self._step(end, end, np.zeros_like(end))
@@ -227,11 +216,9 @@ class _Run:
     def _step(self, here: Array, there: Array, expected: Array) -> None:
         p, body = self.p, self.body
         body.step((there - here) / p.step, here - body.angles, expected)
-        torques = np.abs(body.torques)
-        np.maximum(self._most, torques, out=self._most)
-        self.largest_torque = max(self.largest_torque, float(torques.max()))
+        np.maximum(self._most, np.abs(body.torques), out=self._most)
         self.largest_error = max(self.largest_error, float(np.abs(there - body.angles).max()))
-        self.steps += 1
+        self.count_step(body.torques)
 
     def _keep(self, target: Array) -> None:
         time_now, body = self.steps * self.p.step, self.body
@@ -243,9 +230,10 @@ class _Run:
         off = np.abs(target - self.body.angles)
         worst = int(off.argmax())
         return (
-            f"{self.chain.joint_names[worst]} yielded: it is off by {off[worst]:.2g} rad with "
-            f"motors of {self.limit:.3g} w·p, {100.0 * self.steps / len(self.trajectory):.0f} % "
-            "into the fold."
+            f"the motor of {self.chain.joint_names[worst]} is too weak: it supplies at most "
+            f"{self.limit:.3g} w·p (module weight × pitch), and "
+            f"{100.0 * self.steps / len(self.trajectory):.0f} % into the fold, the joint is off by "
+            f"{off[worst]:.2g} rad."
         )
 
     def result(self, status: PlaybackStatus, reason: str, start_s: float) -> TablePlayback:
@@ -280,7 +268,7 @@ class _Run:
             position_errors=errors,
             aligned_error=float(np.sqrt((aligned**2).mean())),
             largest_error_rad=self.largest_error,
-            largest_torque=self.largest_torque,
+            largest_torque=self.peak_torque,
             steps=self.steps,
             seconds=time.perf_counter() - self._begun,
         )

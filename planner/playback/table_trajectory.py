@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.motion.motion import Motion
 from planner.parameters.playback import TablePlaybackParameters
@@ -25,7 +25,6 @@ from planner.playback.time_scaling import (
 )
 from planner.simulation.table_body import TableBody
 
-Array = NDArray[np.float64]
 TABLE_SAMPLES_PER_RAD: Final = 300
 """Number of points at which hinge torques are computed to find the speed of a fold on a table, for
 each radian of its curve's length (sum of the turns of the fastest hinge). Larger values bound short

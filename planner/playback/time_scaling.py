@@ -7,14 +7,13 @@ from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags
 from planner.chain.floating_torques import floating_torques
 from planner.chain.module import Module
 from planner.kernels.speed_profiles import torque_passes
 from planner.playback.reference_curve import Reference
 
-Array = NDArray[np.float64]
 MIN_PLAYBACK_STEPS: Final = 100
 """Minimum number of simulation steps of a playback along a planned curve; a shorter one is slowed
 down to it. Larger values make folds of a small motion take longer and need less torque. Chosen."""
@@ -71,7 +70,7 @@ class TimeScaling:
         )
 
 
-def frames_kept(gone: Array) -> NDArray[np.bool_]:
+def frames_kept(gone: Array) -> Flags:
     """Return (S + 1,) True at steps where a frame is kept: the first and last, and one per unit.
 
     Args:

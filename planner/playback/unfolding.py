@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.errors import InputError
 
-Array = NDArray[np.float64]
 MAX_ANGLE_DIFFERENCE_RAD: Final = 1e-6
 """Maximum difference, rad, of two hinge angles that count as equal, where rounding is to be
 ignored: a plan's last frame and its folded chain, a first frame and the straight chain, an angle

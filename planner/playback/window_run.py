@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.errors import SimulationError
 from planner.motion.motion import Angles, Motion
 from planner.playback.chain_run import PlaybackRun, PlaybackStatus
@@ -16,7 +17,6 @@ from planner.playback.window_trajectory import WindowTrajectory
 from planner.progress import Cancelled, Report
 from planner.simulation.window_robot import WindowRobot
 
-Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 

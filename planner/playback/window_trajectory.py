@@ -15,6 +15,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.chain.floating_torques import floating_torques
 from planner.clearance.sweep import sweep
@@ -35,8 +36,6 @@ from planner.playback.time_scaling import (
 )
 from planner.simulation.window_robot import RigidEnds
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 WINDOW_SAMPLES_PER_RAD: Final = 25
 """Number of points at which hinge torques are computed to find the speed of a windowed playback (a
 short section of the chain moves at a time), for each radian that the fastest hinge turns. Larger

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.module import Module, module_named
 from planner.chain.path import MAX_COORDINATE
@@ -55,7 +55,7 @@ def read_chain(document: dict[str, Any], source: Source) -> Chain:
     )
 
 
-def _vector(document: dict[str, Any], key: str, length: int) -> NDArray[np.float64] | None:
+def _vector(document: dict[str, Any], key: str, length: int) -> Array | None:
     """Return the numbers under a key; None if it is missing."""
     if (found := document.get(key)) is None:
         return None

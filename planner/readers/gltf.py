@@ -13,6 +13,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
 from planner.readers.strict_json import parse
@@ -66,7 +67,6 @@ Y_TO_Z: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 TRIANGLES, STRIP, FAN = 4, 5, 6
 TAIL_IGNORED: Final = "data after the end of the scene was ignored."
 
-Floats = NDArray[np.float64]
 Document = dict[str, Any]
 
 
@@ -248,7 +248,7 @@ class _Scene:
             raise incomplete("glb", "no triangles")
         return joined(placed_parts)
 
-    def _nodes(self) -> list[tuple[int, Floats]]:
+    def _nodes(self) -> list[tuple[int, Array]]:
         """Return the meshes that the scene reaches, each with its (4, 4) transform.
 
         A file without nodes has every mesh once, where it is.
@@ -271,7 +271,7 @@ class _Scene:
         else:
             children = {c for node in nodes for c in node.get("children", [])}
             roots = [i for i in range(len(nodes)) if i not in children]
-        meshes: list[tuple[int, Floats]] = []
+        meshes: list[tuple[int, Array]] = []
         seen: set[int] = set()
         waiting = [(int(root), np.eye(4), True) for root in roots]
         while waiting:
@@ -314,7 +314,7 @@ class _Scene:
         if others or len(meshes) < len(self._document.get("meshes", [])):
             self._notes["meshes outside of the scene were ignored."] = None
 
-    def _instances(self, attributes: Document, node: Floats) -> list[Floats]:
+    def _instances(self, attributes: Document, node: Array) -> list[Array]:
         """Return the places of a mesh that a node repeats, (4, 4) each."""
         shapes = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
         columns = {
@@ -472,7 +472,7 @@ def _count(accessor: Document) -> int:
     return count
 
 
-def _transform(node: Document) -> Floats:
+def _transform(node: Document) -> Array:
     if "matrix" in node:
         matrix = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
         if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:

@@ -10,6 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
+
 TEXT_CHUNK_BYTES: Final = 4 << 20
 """Number of bytes of a text with rows of numbers that are parsed at once. Larger values take more
 memory, smaller ones more time; the result is the same. Chosen."""
@@ -22,7 +24,6 @@ MAX_WHOLE_NUMBER: Final = 1e15
 below 2⁵³, so that float64 holds every integer exactly."""
 
 Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -34,7 +35,7 @@ class Table:
         counts: (L,) numbers of each line.
     """
 
-    values: NDArray[np.float64]
+    values: Array
     counts: Ints
 
     @property
@@ -42,7 +43,7 @@ class Table:
         """(L,) indices of the first number of each line."""
         return np.cumsum(self.counts) - self.counts
 
-    def columns(self, first: int, wide: int) -> NDArray[np.float64] | None:
+    def columns(self, first: int, wide: int) -> Array | None:
         """Return (L, wide) numbers of each line from index ``first``; None if a line is shorter."""
         if not len(self.counts):
             return np.zeros((0, wide))
@@ -53,7 +54,7 @@ class Table:
         return self.values[self.starts[:, None] + np.arange(first, first + wide)]
 
 
-def whole(values: NDArray[np.float64]) -> Ints | None:
+def whole(values: Array) -> Ints | None:
     """Return the values as integers, None if one is not whole."""
     if not (np.abs(values) <= MAX_WHOLE_NUMBER).all() or (values % 1 != 0).any():
         return None

@@ -6,8 +6,8 @@ import re
 from typing import Final, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.errors import InputError
 from planner.readers.limits import Source, parse_float, parse_int, quote
 from planner.readers.number_tables import Table, chunks, table, whole
@@ -23,7 +23,7 @@ MAX_POLYGON_CORNERS: Final = 10_000
 """Maximum number of corners of one polygon of an OFF mesh; a larger number counts as damage and the
 file is refused. Chosen."""
 
-Mesh: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], int]"
+Mesh: TypeAlias = "tuple[Array, Ints, Ints, int]"
 """Points (V, 3), corners of all polygons, (P,) corners of each polygon, number of extra lines."""
 
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.errors import InputError
 from planner.readers.limits import Source, parse_float, quote
 from planner.shapes.polygons import fans
@@ -29,8 +30,6 @@ BYTE_ORDERS: Final = {"ascii": "", "binary_little_endian": "<", "binary_big_endi
 text."""
 CORNER_LISTS: Final = ("vertex_indices", "vertex_index")
 """Names that PLY files use for the list property with the vertex numbers of a face."""
-
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +67,7 @@ def read_ply(data: bytes, source: Source) -> Solid:
     """
     order, elements, start = _header(data)
     body = _Text(data[start:], elements) if order == "" else _Binary(data[start:], order)
-    points: NDArray[np.float64] | None = None
+    points: Array | None = None
     parts: list[Ints] = []
     for element in elements:
         if not element.properties:
@@ -254,7 +253,7 @@ class _Text:
             for values, counts in zip(rows.values, rows.counts, strict=True)
         ]
 
-    def _numbers(self, words: list[bytes]) -> NDArray[np.float64]:
+    def _numbers(self, words: list[bytes]) -> Array:
         try:
             if b"_" not in b"".join(words):  # Python accepts it within numbers
                 return np.array([float(word) for word in words])

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
 from planner.readers.trimesh_meshes import triangles_in
@@ -172,7 +172,7 @@ def _facets(text: bytes) -> Iterator[bytes]:
         )
 
 
-def _corners(part: bytes) -> NDArray[np.float64]:
+def _corners(part: bytes) -> Array:
     """Return the (3 F, 3) vertices of F facets."""
     expected, found = 3 * part.count(FACET_END), VERTEX.findall(part)
     if len(found) != expected:

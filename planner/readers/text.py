@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from planner.arrays import Ints
 from planner.chain.path import DEFAULT_PITCH_M, MAX_COORDINATE, Path
 from planner.errors import InputError
 from planner.readers.limits import Source, quote
@@ -157,7 +158,7 @@ def is_number(field: str) -> bool:
     return bool(NUMBER_PATTERN.match(word) or NOT_FINITE.match(word))
 
 
-def cells_array(rows: Sequence[Sequence[float]]) -> NDArray[np.int64]:
+def cells_array(rows: Sequence[Sequence[float]]) -> Ints:
     """Return the (n, 3) cells of checked rows."""
     return np.array(rows, dtype=np.int64).reshape(-1, 3)
 

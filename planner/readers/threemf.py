@@ -13,8 +13,8 @@ from typing import Any, Final
 from xml.parsers import expat
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.errors import InputError
 from planner.readers.limits import Source, parse_float, parse_int, quote
 from planner.shapes.solid import Solid, check_triangles
@@ -77,8 +77,6 @@ CORE: Final = "/3dmanufacturing/core/"
 """Part of the XML namespace of 3MF's core elements; other namespaces are extensions."""
 IDENTITY: Final = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Key = tuple[str, str]
 
 
@@ -98,7 +96,7 @@ class _Object:
         default_factory=list[tuple[float, float, float]]
     )
     corners: list[tuple[int, int, int]] = field(default_factory=list[tuple[int, int, int]])
-    parts: list[tuple[Key, Floats]] = field(default_factory=list[tuple[Key, Floats]])
+    parts: list[tuple[Key, Array]] = field(default_factory=list[tuple[Key, Array]])
     cutters: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])
 
 
@@ -203,7 +201,7 @@ class _Models:
     def __init__(self, source: Source) -> None:
         self._source = source
         self._objects: dict[Key, _Object] = {}
-        self._items: list[tuple[Key, Floats]] = []
+        self._items: list[tuple[Key, Array]] = []
         self._unprinted: list[Key] = []
         self._role: list[str] = []
         self._name = ""
@@ -353,7 +351,7 @@ class _Models:
             self._now.kind = "other"
         self._role.clear()
 
-    def _reference(self, fields: dict[str, str]) -> tuple[Key, Floats]:
+    def _reference(self, fields: dict[str, str]) -> tuple[Key, Array]:
         path = next((v for k, v in fields.items() if k.rpartition(":")[2] == "path"), "")
         words = fields.get("transform", "").split()
         numbers = [parse_float(word) for word in words] if words else IDENTITY
@@ -380,10 +378,10 @@ class _Models:
                 "too-large", f"got {instances} parts, expected at most {MAX_INSTANCES}."
             )
         check_triangles(triangles, self._source.most_triangles)
-        points: list[Floats] = []
+        points: list[Array] = []
         faces: list[Ints] = []
         rows = 0
-        arrays: dict[Key, tuple[Floats, Ints]] = {}
+        arrays: dict[Key, tuple[Array, Ints]] = {}
         waiting = list(items)
         while waiting:
             key, transform = waiting.pop()
@@ -471,7 +469,7 @@ class _Models:
         return known[key]
 
 
-def _after(inner: Floats, outer: Floats) -> Floats:
+def _after(inner: Array, outer: Array) -> Array:
     """Return the composition of two transforms of row vectors, the inner one first."""
     with np.errstate(all="ignore"):
         return np.vstack([inner[:3] @ outer[:3], inner[3] @ outer[:3] + outer[3]])

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.errors import InputError
 from planner.readers.limits import quote
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from trimesh import Scene
 
 Format: TypeAlias = Literal["stl", "obj", "glb"]
-Triangles: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.int64]]"
+Triangles: TypeAlias = "tuple[Array, Ints]"
 """Points (V, 3) and triangles (F, 3) as rows of them."""
 
 
@@ -72,7 +72,7 @@ def joined(parts: Sequence[Triangles]) -> Triangles:
     )
 
 
-def placed(part: Triangles, transform: NDArray[np.float64]) -> Triangles:
+def placed(part: Triangles, transform: Array) -> Triangles:
     """Return the triangles of a part in the scene's frame, still oriented outwards.
 
     Args:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.errors import InputError
 from planner.readers.limits import Source, parse_int, quote, too_many
 from planner.shapes.shape import Shape
@@ -30,8 +30,6 @@ and the sizes of its content and of its children."""
 MAX_FRAME_DIGITS: Final = 9
 """Maximum number of digits that are read of an animation frame's number in a MagicaVoxel file, so
 that hostile numbers take no time; further digits are cut off. Chosen."""
-
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

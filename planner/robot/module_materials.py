@@ -51,12 +51,14 @@ class Casing:
         if not (module_kg > 0.0 and pitch_m > 0.0):
             raise InputError(
                 "bad-sizing",
-                f"got a module of {module_kg:g} kg and a pitch of {pitch_m:g} m, expected more "
-                "than 0.",
+                f"got a module of {module_kg:g} kg and a pitch of {pitch_m:g} m, expected a "
+                "mass and a pitch above 0.",
                 where="module_mass",
             )
         density = module_kg / pitch_m**3
-        return cls(name="given", density_kg_m3=density, fill=1.0, wall_m=0.0, about="as given")
+        return cls(
+            name="given", density_kg_m3=density, fill=1.0, wall_m=0.0, about="module mass as given"
+        )
 
 
 _PLA_KG_M3: Final = 1240.0
@@ -108,7 +110,7 @@ def casing_named(name: str) -> Casing:
     if not DENSITY_RANGE_KG_M3[0] <= density <= DENSITY_RANGE_KG_M3[1]:
         raise InputError(
             "unknown-material",
-            f"got the material {name!r}, expected {', '.join(CASINGS)}, or "
+            f"got the material {name!r}, expected {', '.join(CASINGS)}, or a density of "
             f"{DENSITY_RANGE_KG_M3[0]:g} to {DENSITY_RANGE_KG_M3[1]:g} kg/m³.",
             where="material",
         )

@@ -6,14 +6,13 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.plan.plan import Plan
 from planner.playback.reference_curve import record_lengths
 from planner.robot.smoothing import DISTANCE_WEIGHT
 
-Array = NDArray[np.float64]
 TAIL_CHUNK_FRAMES: Final = 64
 """Number of frames whose poses are computed at once, to measure how far the chain's ends travel.
 Larger values take more memory; the result is the same. Chosen."""

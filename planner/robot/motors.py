@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.chain.chain import Chain
 from planner.errors import InputError
@@ -15,7 +15,6 @@ from planner.robot.trajectory import Trajectory
 from planner.simulation.mujoco_models import Material
 from planner.simulation.mujoco_tree import Tree
 
-Array = NDArray[np.float64]
 MAX_INTERVALS_PER_STEP: Final = 4
 """Maximum number of intervals between two frames of a plan, at whose ends the motors' torques are
 computed. Larger values find torque peaks more exactly and take longer. Chosen."""
@@ -46,22 +45,23 @@ class Build:
         Raises:
             InputError: ``bad-build``.
         """
-        for name, value, least, most in (
-            ("module_mass", self.module_mass_kg, 1e-9, 1e6),
-            ("pitch", self.pitch_m, 1e-9, 1e3),
-            ("gravity", self.gravity_m_s2, 0.0, 1e3),
+        for name, unit, value, least, most in (
+            ("module_mass", "kg", self.module_mass_kg, 1e-9, 1e6),
+            ("pitch", "m", self.pitch_m, 1e-9, 1e3),
+            ("gravity", "m/s²", self.gravity_m_s2, 0.0, 1e3),
         ):
             if not least <= value <= most:
                 raise InputError(
                     "bad-build",
-                    f"got a {name.replace('_', ' ')} of {value:g}, expected {least:g} to {most:g}.",
+                    f"got a {name.replace('_', ' ')} of {value:g} {unit}, expected {least:g} to "
+                    f"{most:g} {unit}.",
                     where=name,
                 )
         if not self.held and self.gravity_m_s2 > 0.0:
             raise InputError(
                 "bad-build",
-                f"got gravity of {self.gravity_m_s2:g} m/s² for a floating chain, which would "
-                "fall; set it to 0, or hold the chain.",
+                f"got a gravity of {self.gravity_m_s2:g} m/s² for a floating chain, which would "
+                "fall; set the gravity to 0, or hold the chain.",
                 where="gravity",
             )
 
@@ -105,21 +105,16 @@ class MotorTable:
         """Comparison in one sentence."""
         k = self.neediest
         need = (
-            f"{self.joint_names[k]} needs {self.peak_torque_nm[k]:.3g} N·m "
-            f"at frame {self.peak_frame[k]:.0f}"
+            f"{self.joint_names[k]} needs the largest torque, {self.peak_torque_nm[k]:.3g} N·m at "
+            f"frame {self.peak_frame[k]:.0f}"
         )
-        if self.would_do is None:
-            return f"{need}, the largest torque of all"
+        if self.motor_torque_nm is None:
+            return need
+        motor = f"a motor torque of {self.motor_torque_nm:g} N·m"
         if self.would_do:
-            return (
-                f"Yes: {need}, the largest torque of all, and the motor supplies "
-                f"{self.motor_torque_nm:g} N·m"
-            )
-        short = int((self.peak_torque_nm > (self.motor_torque_nm or 0.0)).sum())
-        return (
-            f"No: {need}, but the motor supplies {self.motor_torque_nm:g} N·m, which is too weak "
-            f"for {short} of {len(self.joint_names)} hinges"
-        )
+            return f"Yes, {motor} is enough: {need}"
+        short = int((self.peak_torque_nm > self.motor_torque_nm).sum())
+        return f"No, {motor} is not enough for {short} of {len(self.joint_names)} hinges: {need}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain JSON values; ``margin`` is motor torque over peak, None without load."""
@@ -177,7 +172,7 @@ def motor_table(
     if motor_torque_nm is not None and not 0.0 < motor_torque_nm < np.inf:
         raise InputError(
             "bad-build",
-            f"got a motor torque of {motor_torque_nm:g} N·m, expected more than 0.",
+            f"got a motor torque of {motor_torque_nm:g} N·m, expected a finite value above 0.",
             where="motor_torque",
         )
     starts, ends = _stretches(trajectory, len(chain))

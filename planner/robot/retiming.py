@@ -13,12 +13,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.errors import InputError
 from planner.kernels.speed_profiles import fastest_profile
 from planner.plan.plan import Plan
 from planner.robot.trajectory import CutPath, Trajectory
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 MAX_STILL_TURN_RAD: Final = 1e-6
 """Maximum turn of the fastest hinge, in rad, between frames that are merged into one when a plan
@@ -65,7 +65,11 @@ def retimed(
             )
     kept = _moving(frames)
     if len(kept) < 2:
-        raise InputError("no-motion", "got a plan in which no hinge turns, expected a motion.")
+        raise InputError(
+            "no-motion",
+            "got a plan in which no hinge turns, expected a plan in which at least one "
+            "hinge turns.",
+        )
     corners = np.ascontiguousarray(frames[kept])
     corners[-1] = frames[-1]  # so that the end is exact
     path = CutPath.through(corners)

@@ -14,8 +14,8 @@ from math import inf, isfinite
 from typing import Any, Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.cantilever_statics import GRAVITY_M_S2
 from planner.errors import InputError
 from planner.robot.module_materials import Casing
@@ -235,7 +235,7 @@ def least_pitch_m(servo: Servo, casing: Casing) -> float:
     return max(_count(servo) * servo.size_m[0], servo.size_m[2]) + 2.0 * casing.wall_m
 
 
-def total_turn_rad(angles_rad: NDArray[np.float64]) -> float:
+def total_turn_rad(angles_rad: Array) -> float:
     """Return the sum over all steps of the largest turn of a hinge, rad.
 
     Args:
@@ -263,15 +263,15 @@ def _unit_nm(servo: Servo, casing: Casing, pitch_m: float, gravity_m_s2: float) 
 
 def _check(torque_wp: float, share: float, gravity: float, pitch_m: float = 1.0) -> None:
     """Check that all numbers are in their ranges."""
-    for where, value, least, most in (
-        ("torque", torque_wp, 0.0, 1e9),
-        ("share", share, 1e-6, 1.0),
-        ("gravity", gravity, 0.0, 1e3),
-        ("pitch", pitch_m, *PITCH_RANGE_M),
+    for where, unit, value, least, most in (
+        ("torque", "w·p (module weight × pitch)", torque_wp, 0.0, 1e9),
+        ("share", "of the stall torque", share, 1e-6, 1.0),
+        ("gravity", "m/s²", gravity, 0.0, 1e3),
+        ("pitch", "m", pitch_m, *PITCH_RANGE_M),
     ):
         if not least <= value <= most:
             raise InputError(
                 "bad-sizing",
-                f"got a {where} of {value:g}, expected {least:g} to {most:g}.",
+                f"got a {where} of {value:g} {unit}, expected {least:g} to {most:g}.",
                 where=where,
             )

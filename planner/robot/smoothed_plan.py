@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
@@ -25,7 +24,6 @@ from planner.robot import MAX_SMOOTHED_ANGLES, RECORDED, SMOOTHED
 from planner.robot.motion_quality import Quality
 from planner.robot.smoothing import DISTANCE_WEIGHT, MAX_EVALUATIONS, smooth, spacing_of
 
-Array = NDArray[np.float64]
 SOFTENED_EVALUATIONS: Final = MAX_EVALUATIONS // 4
 """Maximum number of configurations whose clearance a slight smoothing checks, which is tried if the
 full one fails certification. Larger values smooth more, and fail more often. Chosen."""
@@ -53,13 +51,15 @@ def check_smoothable(plan: Plan) -> None:
         )
     if not plan.certificate.fold_time_s:
         raise InputError(
-            "smooth-no-motion", f"got a plan of {name} in which nothing moves, expected a motion."
+            "smooth-no-motion",
+            f"got a plan of {name} in which nothing moves, expected a plan in which the chain "
+            "moves.",
         )
     if plan.certificate.peak_torque_nm is None:
         raise InputError(
             "smooth-no-torques",
-            f"got a plan of {name} from an earlier version, which has no torques; fold the "
-            "shape again.",
+            f"got a plan of {name} without torques, written by an earlier version; fold the shape "
+            "again.",
         )
     hinges, frames = len(plan.chain.folded_rad), len(plan.motion)
     if frames * hinges <= MAX_SMOOTHED_ANGLES:
@@ -69,8 +69,8 @@ def check_smoothable(plan: Plan) -> None:
         raise InputError(
             "smooth-too-long",
             f"got a motion of {frames} frames with {frames * hinges} hinge angles in all, "
-            f"expected at most {MAX_SMOOTHED_ANGLES}; it is too long to be smoothed, but "
-            "`foldback retime` can limit its speed.",
+            f"expected at most {MAX_SMOOTHED_ANGLES} angles; the motion is too long to be "
+            "smoothed, but `foldback retime` can limit its speed.",
         )
 
 

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
+from planner.arrays import Array, Flags, Ints
 from planner.chain.chain import Chain
 from planner.chain.floating_torques import floating_torques
 from planner.clearance.sweep import Sweep, sweep
@@ -32,10 +32,6 @@ from planner.errors import InputError
 from planner.kernels.smoothing import mark_blamed_hinges, write_displacements
 from planner.progress import Cancelled, never
 from planner.robot.smoothing_targets import along, mean, parts, softened, straight, worthwhile
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 MAX_EVALUATIONS: Final = 20_000
 """Maximum number of configurations of the chain that smoothing checks for collisions in one motion;
@@ -156,7 +152,8 @@ def smooth(
     if angles.ndim != 2 or angles.shape[1] != hinges or not len(angles):
         raise InputError(
             "wrong-shape",
-            f"got angles of the shape {angles.shape}, expected frames of {hinges} hinge angles.",
+            f"got an array of shape {angles.shape}, expected one row of {hinges} hinge angles for "
+            "each frame.",
         )
     angles = np.ascontiguousarray(angles, dtype=np.float64)
     run = _Smoothing(chain, angles, size, looks, np.random.default_rng(seed), told)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Ints = NDArray[np.int64]
+from planner.arrays import Array, Flags, Ints
+
 FADE_FRAMES: Final = 3
 """Half width, in frames, of the averaging filters by which the effect of smoothing fades in at the
 start of a changed section of a motion, and out at its end; each takes about twice as many frames.

@@ -12,9 +12,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array
+
 FRAMES_FILE: Final = "frames.npy"
 REST_FILE: Final = "rest.npz"
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 CELLS_PER_PIECE: Final = 2
 """Number of grid intervals, in the computation of the fastest timing of a motion along its path,

@@ -9,6 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags, Ints
+
 MAX_BRIDGES: Final = 64
 """Maximum number of separate parts of a shape that are connected to the largest part by bridges of
 cells; further parts are dropped. Larger values lose fewer parts and take more time. Chosen."""
@@ -31,13 +33,13 @@ class Bridged:
         dropped: Cells left out: specks, and parts that nothing joins.
     """
 
-    cells: NDArray[np.bool_]
+    cells: Flags
     parts: int
     added: int
     dropped: int
 
 
-def parts_of(cells: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def parts_of(cells: Flags) -> tuple[NDArray[np.int32], Ints]:
     """Return the face-connected part of each cell, counted from 1, and the (P,) sizes."""
     from scipy import ndimage  # not before a mesh is read: importing it takes a while
 
@@ -46,7 +48,7 @@ def parts_of(cells: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.in
     return numbers, np.bincount(numbers.ravel())[1:]
 
 
-def bridged(cells: NDArray[np.bool_], filled: NDArray[np.float64]) -> Bridged:
+def bridged(cells: Flags, filled: Array) -> Bridged:
     """Join the parts of a shape along the fullest of the cells between them.
 
     Args:
@@ -79,7 +81,7 @@ def bridged(cells: NDArray[np.bool_], filled: NDArray[np.float64]) -> Bridged:
 
 
 def _ways(
-    numbers: NDArray[np.int32], filled: NDArray[np.float64], main: int, wanted: set[int]
+    numbers: NDArray[np.int32], filled: Array, main: int, wanted: set[int]
 ) -> list[tuple[Cell, dict[Cell, Cell]]]:
     """Return the cheapest bridge to each wanted part: its last cell, and predecessors."""
     remaining = set(wanted)
@@ -115,7 +117,7 @@ def _ways(
     return bridges
 
 
-def _rim(numbers: NDArray[np.int32], filled: NDArray[np.float64], main: int) -> NDArray[np.bool_]:
+def _rim(numbers: NDArray[np.int32], filled: Array, main: int) -> Flags:
     """Return the (X, Y, Z) cells of the main part at which a bridge may begin."""
     free = np.pad((numbers != main) & ((filled > 0.0) | (numbers > 0)), 1)
     near = np.zeros(free.shape, dtype=np.bool_)

@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from planner.arrays import Array
+
 Faces = NDArray[np.int64]
 
 GRID_COARSENING: Final = 1.25

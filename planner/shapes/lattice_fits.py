@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags, Ints
 from planner.errors import InputError, checked_fraction
 from planner.kernels.crossings import window_histograms, window_sums
 from planner.shapes.bridges import Bridged, bridged, parts_of
@@ -84,9 +85,6 @@ MAX_STORED_BYTES: Final = 64 << 20
 """Maximum size, in bytes, of the samplings of a solid that are cached while cells are fitted to it;
 further ones are computed again. Larger values are faster and take more memory. Chosen."""
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 OffsetThreshold = tuple[int, int, int, int]
 
 
@@ -105,7 +103,7 @@ class LatticeFit:
     turn: int
     pitch: float
     counts: Ints
-    ious: Floats
+    ious: Array
     thresholds: Ints
 
 
@@ -144,7 +142,7 @@ class Grid:
     parts: NDArray[np.int16]
     split: int
     size: int
-    offset: Floats
+    offset: Array
     crossed: float
 
     @property
@@ -161,7 +159,7 @@ class Grid:
 class Ladder:
     """All fits of a solid, computed on demand and cached."""
 
-    def __init__(self, solid: Solid, turns: tuple[Floats, ...]) -> None:
+    def __init__(self, solid: Solid, turns: tuple[Array, ...]) -> None:
         self.solid = solid
         self.turns = turns
         self.volume = _volume(solid)
@@ -174,13 +172,13 @@ class Ladder:
         self._grids: dict[tuple[int, float, int], Grid] = {}
         self._stored = 0
         self._rough: dict[int, Solid] = {}
-        self._turned: dict[tuple[int, int], Floats] = {}
+        self._turned: dict[tuple[int, int], Array] = {}
         self._bounds = _bounds(solid, turns)
         self._count_bodies()
         self._base = float(np.cbrt(self.volume))
 
     @property
-    def extents(self) -> tuple[Floats, ...]:
+    def extents(self) -> tuple[Array, ...]:
         """(3,) bounding box of the solid in each orientation."""
         return tuple(high - low for low, high in self._bounds)
 
@@ -333,14 +331,14 @@ class Ladder:
             self._rough[level] = rough
         return level, self._rough[level]
 
-    def _turned_by(self, turn: int, level: int, rough: Solid) -> Floats:
+    def _turned_by(self, turn: int, level: int, rough: Solid) -> Array:
         key = (turn, level)
         if key not in self._turned:
             self._turned[key] = rough.vertices @ self.turns[turn].T
         return self._turned[key]
 
 
-def overlap(grid: Grid, offset_threshold: OffsetThreshold, cells: Bools) -> float:
+def overlap(grid: Grid, offset_threshold: OffsetThreshold, cells: Flags) -> float:
     """Return the intersection over union of cells with samples."""
     shared = int(grid.fill(offset_threshold)[cells].sum(dtype=np.int64))
     union = grid.count + int(cells.sum()) * grid.size**3 - shared
@@ -370,7 +368,7 @@ def _judged(grid: Grid, turn: int, pitch: float) -> LatticeFit:
     )
 
 
-def _block_sums(inside: NDArray[np.bool_], side: int) -> NDArray[np.int16]:
+def _block_sums(inside: Flags, side: int) -> NDArray[np.int16]:
     """Return the (X/side, Y/side, Z/side) numbers of samples in each block of side³ samples."""
     x, y, z = (count - count % side for count in inside.shape)
     sums: NDArray[Any] = inside[:x, :y, :z]
@@ -389,7 +387,7 @@ def _largest_body(sampling: Sampling) -> Sampling:
     return replace(sampling, inside=numbers == int(np.argmax(sizes)) + 1)
 
 
-def _around(solid: Solid, sampling: Sampling, body: Bools) -> Solid:
+def _around(solid: Solid, sampling: Sampling, body: Flags) -> Solid:
     """Return the surfaces around or inside one body of a solid; all if there are none."""
     from scipy import sparse  # not before a mesh is read: importing it takes a while
 
@@ -413,7 +411,7 @@ def _around(solid: Solid, sampling: Sampling, body: Bools) -> Solid:
     return replace(solid, vertices=solid.vertices[used], faces=inverse.reshape(-1, 3))
 
 
-def _bounds(solid: Solid, turns: tuple[Floats, ...]) -> tuple[tuple[Floats, Floats], ...]:
+def _bounds(solid: Solid, turns: tuple[Array, ...]) -> tuple[tuple[Array, Array], ...]:
     turned = (solid.vertices @ turn.T for turn in turns)
     return tuple((points.min(axis=0), points.max(axis=0)) for points in turned)
 

@@ -12,13 +12,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
+from planner.arrays import Flags, Ints
 from planner.shapes.bridges import parts_of
-
-Ints = NDArray[np.int64]
 
 LAYER_TRIALS: Final = 4
 """Number of random trials to find a path through a shape of 2×2×2 blocks layer by layer: in each, a
@@ -75,7 +73,7 @@ def layered_path(coarse: Ints, axis: int, rng: np.random.Generator) -> Ints | No
     return path
 
 
-def has_whole_layers(grid: NDArray[np.bool_]) -> bool:
+def has_whole_layers(grid: Flags) -> bool:
     """Return True if the layers along some axis are connected; then a path mostly exists.
 
     Args:

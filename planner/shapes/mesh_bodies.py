@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+
+from planner.arrays import Array, Flags, Ints
 
 MIN_FILLED_SHARE: Final = 1e-9
 """Minimum enclosed volume of a mesh's body, as a fraction of its bounding box; a body with less is
@@ -41,10 +42,6 @@ searched. Larger values take more memory; the result is the same. Chosen."""
 MAX_GRID_COLUMNS: Final = 512
 """Maximum number of columns along each side of the grid that finds a mesh's triangles above and
 below a point. Larger values make searches in fine meshes faster and take more memory. Chosen."""
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,17 +73,17 @@ class _Bodies:
         filled: (B,) True for bodies with an inside.
     """
 
-    points: Floats
+    points: Array
     faces: Ints
     order: Ints
     begins: Ints
-    volumes: Floats
-    low: Floats
-    high: Floats
-    filled: Bools
+    volumes: Array
+    low: Array
+    high: Array
+    filled: Flags
 
     @classmethod
-    def from_surfaces(cls, points: Floats, faces: Ints, body: Ints) -> _Bodies:
+    def from_surfaces(cls, points: Array, faces: Ints, body: Ints) -> _Bodies:
         order = np.argsort(body, kind="stable")
         begins = np.searchsorted(body[order], np.arange(int(body.max()) + 2))
         corners = points[faces[order]]
@@ -111,7 +108,7 @@ class _Bodies:
         return self.order[self.begins[body] : self.begins[body + 1]]
 
 
-def orient_bodies(points: Floats, faces: Ints) -> Oriented | None:
+def orient_bodies(points: Array, faces: Ints) -> Oriented | None:
     """Turn each body of a closed mesh so that its triangles face out of the solid.
 
     Args:
@@ -169,7 +166,7 @@ def _count_sheets(mesh: _Bodies, body: Ints) -> int:
     return len(np.unique(outside[~mesh.filled[outside]]))
 
 
-def _turned(faces: Ints, which: Bools) -> Ints:
+def _turned(faces: Ints, which: Flags) -> Ints:
     if not which.any():
         return faces
     return np.where(which[:, None], faces[:, ::-1], faces)
@@ -197,7 +194,7 @@ def _notes(changed: Ints, *, bodies: int, triangles: int, sheets: int) -> list[s
     return notes
 
 
-def _surfaces(points: Floats, faces: Ints) -> tuple[Ints, Bools] | None:
+def _surfaces(points: Array, faces: Ints) -> tuple[Ints, Flags] | None:
     """Return (F,) the body of each triangle, and whether it must be turned to agree with it.
 
     Triangles are connected if two of them share an edge. Where more do, bodies touch: what is
@@ -243,7 +240,7 @@ def _surfaces(points: Floats, faces: Ints) -> tuple[Ints, Bools] | None:
     return _consistent(count, np.concatenate([pairs, half.reshape(-1, 2)]), forward)
 
 
-def _apart(order: Ints, angles: Floats, edge: Ints) -> Ints:
+def _apart(order: Ints, angles: Array, edge: Ints) -> Ints:
     """Return triangles around edges in an order in which no coinciding walls form a pair.
 
     The first and second triangle of an edge form a pair, the third and fourth, and so on. A pair
@@ -266,7 +263,7 @@ def _apart(order: Ints, angles: Floats, edge: Ints) -> Ints:
     return order[np.where(moved, after, np.arange(len(edge)))]
 
 
-def _angles(points: Floats, faces: Ints, half: Ints, forward: Bools) -> Floats:
+def _angles(points: Array, faces: Ints, half: Ints, forward: Flags) -> Array:
     """Return the angles of triangles around one of their edges, rad.
 
     Args:
@@ -288,7 +285,7 @@ def _angles(points: Floats, faces: Ints, half: Ints, forward: Bools) -> Floats:
     return np.round(angles, 9)
 
 
-def _consistent(count: int, pairs: Ints, forward: Bools) -> tuple[Ints, Bools] | None:
+def _consistent(count: int, pairs: Ints, forward: Flags) -> tuple[Ints, Flags] | None:
     """Return the body of each triangle and which to turn; None where a body has no two sides.
 
     Args:
@@ -323,7 +320,7 @@ def _components(count: int, first: Ints, second: Ints) -> Ints:
     return connected(links, directed=False)[1].astype(np.int64)
 
 
-def _containers(mesh: _Bodies, said: Floats) -> Ints:
+def _containers(mesh: _Bodies, said: Array) -> Ints:
     """Return (B,) the number of bodies that each body lies inside of.
 
     Args:
@@ -356,7 +353,7 @@ def _containers(mesh: _Bodies, said: Floats) -> Ints:
     return inside
 
 
-def _probes(mesh: _Bodies, bodies: Ints) -> tuple[Ints, Floats]:
+def _probes(mesh: _Bodies, bodies: Ints) -> tuple[Ints, Array]:
     """Return (P,) bodies and (P, 3) points of theirs, a little below the surface."""
     counts = mesh.begins[bodies + 1] - mesh.begins[bodies]
     taken = np.minimum(counts, MAX_PROBES)
@@ -373,7 +370,7 @@ def _probes(mesh: _Bodies, bodies: Ints) -> tuple[Ints, Floats]:
     ]
 
 
-def _crossings(triangles: Floats, probes: Floats, most: int) -> tuple[Bools, int] | None:
+def _crossings(triangles: Array, probes: Array, most: int) -> tuple[Flags, int] | None:
     """Count the triangles above each probe.
 
     Args:
@@ -425,7 +422,7 @@ def _crossings(triangles: Floats, probes: Floats, most: int) -> tuple[Bools, int
     return odd, int(ends[-1])
 
 
-def _is_above(triangles: Floats, points: Floats) -> Bools:
+def _is_above(triangles: Array, points: Array) -> Flags:
     """Return (N,) True where a ray upwards from a point goes through its triangle."""
     a, b, c = (triangles[:, i] - points for i in range(3))
     ab, bc, ca = (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] for u, v in ((a, b), (b, c), (c, a)))

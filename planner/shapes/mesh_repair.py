@@ -8,6 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
+
 MAX_LOOSE_EDGES: Final = 100_000
 """Maximum number of loose edges (edges of only one triangle) of a mesh whose holes are closed; a
 mesh with more stays open. Larger values repair worse meshes, more slowly. Chosen."""
@@ -21,9 +23,6 @@ meshes. Chosen."""
 MAX_EDGE_TRIANGLES: Final = 3.0
 """Maximum mean number of triangles at an edge of a large mesh (a closed surface has 2); a mesh with
 more is refused as scattered triangles. Larger values admit worse meshes. Chosen."""
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,7 +51,7 @@ class Closed:
         share: Area of the fans over the whole area, 0…1.
     """
 
-    vertices: Floats
+    vertices: Array
     faces: Ints
     holes: int
     share: float
@@ -78,7 +77,7 @@ def edges_of(faces: Ints) -> Edges:
     )
 
 
-def is_surface(points: Floats, faces: Ints) -> bool:
+def is_surface(points: Array, faces: Ints) -> bool:
     """Return True if triangles share edges like a surface, by a sample of the edges.
 
     Sewing millions of triangles takes seconds. Here vertices at one place are told by a hash, and
@@ -99,8 +98,8 @@ def is_surface(points: Floats, faces: Ints) -> bool:
 
 
 def welded(
-    points: Floats, faces: Ints, *, tolerance: float, once: bool = True
-) -> tuple[Floats, Ints]:
+    points: Array, faces: Ints, *, tolerance: float, once: bool = True
+) -> tuple[Array, Ints]:
     """Merge vertices that are equal, or equal after rounding to ``tolerance``.
 
     Triangles that collapse are left out, and with ``once`` those that come again with the same
@@ -131,7 +130,7 @@ def welded(
     return points[first], turned[np.sort(again)] if len(again) < len(turned) else turned
 
 
-def closed_holes(points: Floats, faces: Ints, edges: Edges) -> Closed:
+def closed_holes(points: Array, faces: Ints, edges: Edges) -> Closed:
     """Close holes with fans around the middle of the rim; skip meshes with too many."""
     loops = _loops(edges.loose)
     new_points, new_faces = [points], [faces]
@@ -177,16 +176,16 @@ def _loops(loose: Ints) -> list[Ints]:
     return loops
 
 
-def _areas(points: Floats, faces: Ints) -> Floats:
+def _areas(points: Array, faces: Ints) -> Array:
     a, b, c = (points[faces[:, i]] for i in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
-def _bits(rows: Floats) -> NDArray[np.uint64]:
+def _bits(rows: Array) -> NDArray[np.uint64]:
     return np.ascontiguousarray(rows).view(np.uint64).reshape(rows.shape)
 
 
-def _mixed(rows: Floats) -> NDArray[np.uint64]:
+def _mixed(rows: Array) -> NDArray[np.uint64]:
     """Return (N,) a hash of each row."""
     bits = _bits(rows)
     mixed = np.zeros(len(rows), dtype=np.uint64)

@@ -6,8 +6,8 @@ from itertools import permutations, product
 from typing import Any, Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.shapes.solid import Solid
 
 RANDOM_ORIENTATIONS: Final = 3
@@ -20,15 +20,13 @@ MAX_AXES_VERTICES: Final = 20_000
 """Approximate maximum number of a solid's vertices from which its main axes are computed; of larger
 meshes a sample is taken. Larger values are more exact and slower. Chosen."""
 
-Floats = NDArray[np.float64]
 
-
-def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Floats, ...]:
+def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Array, ...]:
     """Return rotations to try: identity, main axes, eighths of a turn and random ones.
 
     Rotations that differ by a symmetry of the lattice count as the same.
     """
-    rotations: list[Floats] = [np.eye(3)]
+    rotations: list[Array] = [np.eye(3)]
     wanted = [_main_axes(solid)]
     wanted += [_about(axis, np.pi / 4) for axis in (2, 0, 1)]
     wanted += [_random(rng) for _ in range(RANDOM_ORIENTATIONS)]
@@ -39,7 +37,7 @@ def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Floats, ...]:
     return tuple(rotations)
 
 
-def _main_axes(solid: Solid) -> Floats:
+def _main_axes(solid: Solid) -> Array:
     points = solid.vertices[:: max(1, len(solid.vertices) // MAX_AXES_VERTICES)]
     spread = np.cov((points - points.mean(axis=0)).T / solid.extents.max())
     _, axes = np.linalg.eigh(spread)
@@ -47,7 +45,7 @@ def _main_axes(solid: Solid) -> Floats:
     return rotation if np.linalg.det(rotation) > 0 else -rotation
 
 
-def _about(axis: int, angle_rad: float) -> Floats:
+def _about(axis: int, angle_rad: float) -> Array:
     rotation = np.eye(3)
     i, j = (axis + 1) % 3, (axis + 2) % 3
     rotation[i, i] = rotation[j, j] = np.cos(angle_rad)
@@ -55,14 +53,14 @@ def _about(axis: int, angle_rad: float) -> Floats:
     return rotation
 
 
-def _random(rng: np.random.Generator) -> Floats:
+def _random(rng: np.random.Generator) -> Array:
     matrix, triangular = np.linalg.qr(rng.normal(size=(3, 3)))
-    matrix = cast("Floats", matrix * np.sign(np.diag(triangular)))
+    matrix = cast("Array", matrix * np.sign(np.diag(triangular)))
     return matrix if np.linalg.det(matrix) > 0 else -matrix
 
 
-def _symmetries() -> list[Floats]:
-    symmetries: list[Floats] = []
+def _symmetries() -> list[Array]:
+    symmetries: list[Array] = []
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         matrix: Any = np.zeros((3, 3))
         matrix[range(3), order] = signs
@@ -71,12 +69,12 @@ def _symmetries() -> list[Floats]:
     return symmetries
 
 
-def _nearest_to_upright(rotation: Floats) -> Floats:
+def _nearest_to_upright(rotation: Array) -> Array:
     """Return the smallest rotation that is equivalent under the symmetries of the lattice."""
     return max((s @ rotation for s in _symmetries()), key=lambda r: float(np.trace(r)))
 
 
-def _apart(a: Floats, b: Floats) -> float:
+def _apart(a: Array, b: Array) -> float:
     """Return the smallest angle between two rotations under the lattice's symmetries, rad."""
     trace = max(float(np.trace(s @ a @ b.T)) for s in _symmetries())
     return float(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))

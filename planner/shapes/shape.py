@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from planner.arrays import Ints
 from planner.chain.path import DEFAULT_PITCH_M, check_pitch, checked_cells
 from planner.errors import InputError
 
@@ -28,7 +29,7 @@ class Shape:
     """
 
     name: str
-    cells: NDArray[np.int64]
+    cells: Ints
     pitch_m: float = DEFAULT_PITCH_M
     notes: tuple[str, ...] = ()
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from planner.arrays import Array, Ints
 from planner.chain.path import check_coordinates
 from planner.errors import InputError
 from planner.shapes.mesh_bodies import MIN_FILLED_SHARE, orient_bodies
@@ -37,9 +38,6 @@ TRIANGLE_CHUNK: Final = 1 << 17
 """Number of triangles whose areas are computed in one NumPy call. Larger values take more memory;
 the result is the same. Chosen."""
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Solid:
@@ -55,7 +53,7 @@ class Solid:
     """
 
     name: str
-    vertices: Floats
+    vertices: Array
     faces: Ints
     closed: bool = True
     oriented: bool = True
@@ -101,7 +99,7 @@ class Solid:
         return replace(solid, notes=tuple(said))
 
     @property
-    def extents(self) -> Floats:
+    def extents(self) -> Array:
         """(3,) size of the bounding box."""
         return np.ptp(self.vertices, axis=0)
 
@@ -124,7 +122,7 @@ def check_triangles(found: int, most: int) -> None:
         )
 
 
-def signed_volume(vertices: Floats, faces: Ints) -> float:
+def signed_volume(vertices: Array, faces: Ints) -> float:
     """Return the volume of a closed mesh; negative if it is inside out."""
     a, b, c = (vertices[faces[:, i]] - vertices.mean(axis=0) for i in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
@@ -142,7 +140,7 @@ def _check_corners(corners: Ints, points: int) -> None:
         )
 
 
-def _check_lengths(points: Floats) -> None:
+def _check_lengths(points: Array) -> None:
     check_coordinates(
         points,
         (
@@ -158,7 +156,7 @@ def _check_lengths(points: Floats) -> None:
     )
 
 
-def _used(points: Floats, corners: Ints) -> tuple[Floats, Ints]:
+def _used(points: Array, corners: Ints) -> tuple[Array, Ints]:
     """Remove the vertices that belong to no triangle."""
     used = np.zeros(len(points), dtype=bool)
     used[corners.ravel()] = True
@@ -167,7 +165,7 @@ def _used(points: Floats, corners: Ints) -> tuple[Floats, Ints]:
     return points[used], (np.cumsum(used) - 1)[corners]
 
 
-def _without_slivers(points: Floats, corners: Ints, said: list[str]) -> Ints:
+def _without_slivers(points: Array, corners: Ints, said: list[str]) -> Ints:
     longest = max(float(np.ptp(points, axis=0).max()), np.finfo(float).tiny)
     good = np.empty(len(corners), dtype=bool)
     for start in range(0, len(corners), TRIANGLE_CHUNK):
@@ -187,7 +185,7 @@ def _without_slivers(points: Floats, corners: Ints, said: list[str]) -> Ints:
     return corners[good] if dropped else corners
 
 
-def _check_extents(points: Floats, triangles: int) -> None:
+def _check_extents(points: Array, triangles: int) -> None:
     extents = np.ptp(points, axis=0)
     centred = points - points.mean(axis=0)
     # Squares of the spread along three directions, the smallest first.

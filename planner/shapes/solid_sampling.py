@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags, Ints
 from planner.errors import InputError
 from planner.kernels.crossings import fill_by_winding, mark_crossings, vote_by_parity
 from planner.shapes.solid import Solid
@@ -19,8 +19,6 @@ MIN_VOTES: Final = 2
 """Minimum number of axes, of three, along which a ray from a sample crosses the surface an odd
 number of times, for the sample to count as inside. The majority tolerates small holes of a mesh.
 Chosen."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,11 +36,11 @@ class Sampling:
         crossed: Share of the inside samples that the surface encloses more than once, 0…1.
     """
 
-    inside: NDArray[np.bool_]
+    inside: Flags
     size: int
     pitch: float
-    rotation: Floats
-    offset: Floats
+    rotation: Array
+    offset: Array
     crossed: float
 
     @property
@@ -56,13 +54,13 @@ class Sampling:
         return self.count * (self.pitch / self.size) ** 3
 
 
-def grid_of(extents: Floats, pitch: float, size: int) -> NDArray[np.int64]:
+def grid_of(extents: Array, pitch: float, size: int) -> Ints:
     """Return the (3,) grid size of a box whose middle is a corner of samples."""
     half = size * np.ceil(extents / (2.0 * pitch) - 1e-9) + size
     return 2 * half.astype(np.int64)
 
 
-def too_fine(pitch: float, extents: Floats) -> InputError:
+def too_fine(pitch: float, extents: Array) -> InputError:
     """Return the error for cells that are too small for a box."""
     box = " × ".join(f"{extent:.4g}" for extent in extents)
     return InputError(
@@ -77,9 +75,9 @@ def sample(
     *,
     pitch: float,
     size: int,
-    rotation: Floats,
-    turned: Floats | None = None,
-    bounds: tuple[Floats, Floats] | None = None,
+    rotation: Array,
+    turned: Array | None = None,
+    bounds: tuple[Array, Array] | None = None,
 ) -> Sampling:
     """Sample the inside of a solid.
 

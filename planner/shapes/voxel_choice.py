@@ -12,8 +12,8 @@ from itertools import islice
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags, Ints
 from planner.errors import InputError
 from planner.shapes.lattice_fits import FittedCells, Ladder, LatticeFit, OffsetThreshold
 from planner.shapes.layered_path import has_whole_layers
@@ -88,9 +88,6 @@ WIDE_STEPS: Final = range(-16, 17, 2)
 as numbers of steps of 1.25 % from the estimated size. A wider range comes nearer to the number for
 difficult solids, more slowly. Chosen."""
 
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChosenVoxels:
@@ -124,8 +121,8 @@ class _Entries:
     rows: Ints
     places: Ints
     counts: Ints
-    scores: Floats
-    misfits: Floats
+    scores: Array
+    misfits: Array
 
     def at(self, entry: int) -> tuple[LatticeFit, OffsetThreshold]:
         fit = self.fits[self.rows[entry]]
@@ -333,7 +330,7 @@ class Chooser:
                     yield count
 
 
-def _near(counts: Ints | int, cells: int) -> NDArray[np.bool_]:
+def _near(counts: Ints | int, cells: int) -> Flags:
     """Return True for nonzero counts within ``COUNT_TOLERANCE`` of a requested one."""
     return np.asarray(
         (np.abs(np.asarray(counts) - cells) <= COUNT_TOLERANCE * cells) & (counts != 0)

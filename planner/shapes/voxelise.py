@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags
 from planner.errors import InputError, checked_fraction
 from planner.shapes.lattice_fits import MAX_FULL_EDGE_SAMPLES, FittedCells, Grid, Ladder, overlap
 from planner.shapes.orientations import candidates
@@ -24,8 +24,6 @@ modules. Larger values recommend it less often. Chosen."""
 MIN_PRESERVED_SHARE: Final = 0.7
 """Fraction of a solid's volume in voxels below which the note about a poor overlap says that parts
 are lost; above it, the note says that cells are thicker than the solid. Chosen."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,8 +46,8 @@ class Voxels:
     shape: Shape
     iou: float
     pitch: float
-    rotation: Floats
-    offset: Floats
+    rotation: Array
+    offset: Array
     asked: int
     below: int | None
     above: int | None
@@ -141,7 +139,7 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
     return notes
 
 
-def _volume_apart(cells: NDArray[np.bool_], filled: Floats) -> float:
+def _volume_apart(cells: Flags, filled: Array) -> float:
     """Return the samples in cells that are left out and touch none that is kept."""
     near = np.pad(cells, 1)
     for axis in range(3):

@@ -11,8 +11,8 @@ from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.kernels.folded_core import box_cover
 from planner.kernels.segment_state import write_wxyzs
@@ -30,8 +30,6 @@ from planner.simulation.mujoco_models import (
     exclude,
 )
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 SPARE_BODIES: Final = 32
 """Number of modules, and of boxes (the folded rest of the chain), by which MuJoCo's contact model
 of a windowed playback exceeds the present need whenever it is compiled anew. Larger values compile

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags, Ints
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.kernels.articulated import (
@@ -34,7 +34,6 @@ from planner.kernels.velocities import chain_velocities
 from planner.simulation.mujoco_models import Material
 from planner.simulation.reduced_state import Acceleration, State
 
-Array = NDArray[np.float64]
 LOCKED_ROTOR_INERTIA: Final = 1e12
 """Rotor inertia, module mass · pitch², of a hinge that its stop holds: so large that the hinge does
 not accelerate. With smaller values hinges move past their stops, with larger ones accelerations
@@ -89,9 +88,7 @@ class DetectedContacts:
     model: ContactModel
 
     @classmethod
-    def from_mujoco(
-        cls, model: Any, data: Any, module_of_geom: NDArray[np.int64]
-    ) -> DetectedContacts | None:
+    def from_mujoco(cls, model: Any, data: Any, module_of_geom: Ints) -> DetectedContacts | None:
         """Return the contacts of a collision that was just computed; None if there are none.
 
         Args:
@@ -186,7 +183,7 @@ class Engine:
         self,
         state: State,
         loads: Loads,
-        locked: NDArray[np.bool_],
+        locked: Flags,
         contacts: DetectedContacts | None,
     ) -> Accelerations:
         """Return accelerations under contacts, some hinges locked."""

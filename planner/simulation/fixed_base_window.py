@@ -6,17 +6,13 @@ rigid lump.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.kernels.module import Lumps
 from planner.simulation.contact_finder import ContactFinder
 from planner.simulation.engine import SpringChain, build_chain_model
 from planner.simulation.mujoco_models import Material
 from planner.simulation.reduced_state import Acceleration, State
-
-Array = NDArray[np.float64]
 
 
 class FixedBaseWindow(SpringChain):

@@ -13,14 +13,12 @@ from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import Module
 from planner.chain.rotations import wxyz_from_matrix
 from planner.simulation.lazy_mujoco import mujoco
 
-Array = NDArray[np.float64]
 SEGMENT_MODULES: Final = 8
 """Number of modules of a segment: in MuJoCo's model, a long chain consists of short trees
 (segments) that are welded end to end. With 5 to 12 a simulation step costs about the same, with 32

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.simulation.lazy_mujoco import mujoco
 from planner.simulation.mujoco_models import STIFF_SOLREF_SOLIMP, Material, compiled, tree_spec
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 ROOT_DOFS: Final = 6
 """Number of degrees of freedom of the root of a simulated chain that floats freely: 3 translations
 and 3 rotations, the first 6 entries of MuJoCo's velocities."""

@@ -8,11 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.rotations import matrix_from_wxyz
-
-Array = NDArray[np.float64]
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

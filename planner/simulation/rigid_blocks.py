@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.chain.rotations import wxyz_from_matrix
 from planner.errors import InputError, SimulationError
@@ -31,8 +31,6 @@ from planner.simulation.mujoco_models import (
 )
 from planner.simulation.reduced_state import Acceleration, State
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 MAX_ACCELERATION: Final = 1e10
 """Maximum acceleration of a hinge, rad/s², or of the chain's root, pitches/s² or rad/s²; above it
 the simulation of a chain of rigid blocks ends as diverged. Larger values detect a failure later.

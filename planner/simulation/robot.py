@@ -15,8 +15,8 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
 from planner.errors import SimulationError
@@ -34,7 +34,6 @@ from planner.simulation.contact_finder import ContactFinder
 from planner.simulation.engine import DetectedContacts, Engine, build_chain_model
 from planner.simulation.reduced_state import State
 
-Array = NDArray[np.float64]
 MAX_SATURATION_ITERATIONS: Final = 8
 """Maximum number of times that the accelerations of one simulation step are computed to find the
 motors that reach their torque limit. With smaller values more motors may exceed it for a step;

@@ -15,8 +15,8 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.kernels.clearance import least_separation
@@ -33,7 +33,6 @@ from planner.simulation.mujoco_models import (
 )
 from planner.simulation.reduced_state import Acceleration, State
 
-Array = NDArray[np.float64]
 BIAS_STEP_S: Final = 1e-4
 """Step, s, of the finite difference for the acceleration of contact points at constant hinge rates
 (J Ṡ q̇: contact Jacobian J, map S from hinge rates to body velocities). A larger step is less
@@ -145,7 +144,7 @@ class Segments(SpringChain):
             self.data.qvel,
         )
 
-    def is_free(self, state: State, near: NDArray[np.int64]) -> bool:
+    def is_free(self, state: State, near: Ints) -> bool:
         """Return True if nothing touches in a placed state and no hinge is at its stop.
 
         Args:
@@ -165,9 +164,7 @@ class Segments(SpringChain):
         )
         return least >= MIN_FREE_GAP_PITCH
 
-    def lean_accelerations(
-        self, state: State, forces: Array, near: NDArray[np.int64]
-    ) -> Acceleration:
+    def lean_accelerations(self, state: State, forces: Array, near: Ints) -> Acceleration:
         """Return the acceleration of a state, by the articulated-body pass.
 
         MuJoCo only finds the contacts. ``place`` must have been called for the same state. It takes

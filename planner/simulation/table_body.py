@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.errors import SimulationError
 from planner.parameters.playback import TablePlaybackParameters
@@ -28,7 +28,6 @@ from planner.simulation.mujoco_models import (
     set_inertia,
 )
 
-Array = NDArray[np.float64]
 BAD_NUMBER_WARNINGS: Final = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
@@ -20,8 +21,6 @@ from planner.simulation.contact_finder import boxes_around, robot_contacts
 from planner.simulation.engine import DetectedContacts, Engine
 from planner.simulation.reduced_state import State
 from planner.simulation.robot import RobotErrors, ServoChain
-
-Array = NDArray[np.float64]
 
 
 class RigidEnds:

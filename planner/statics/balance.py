@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.chain.cantilever_statics import hinge_frames
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
@@ -28,8 +28,6 @@ from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
 from planner.statics.equilibrium_lp import Columns, Program
 from planner.statics.friction import Friction, rays, wider, with_estimated_drift
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 MIN_TORQUE_WP: Final = 0.01
 """Minimum torque of a hinge, in w·p (module weight × pitch), that differs from zero in the
 equilibrium of a chain on a table: the search for equilibria with smaller torques ends there, and

@@ -12,13 +12,11 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags, Ints
 from planner.chain.module import Module
 from planner.kernels.statics import FacetedHull, contact_points
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 FLOOR: Final = -1
 """Number that denotes the floor in a list of contacts, where other numbers are those of modules."""
 FLOOR_GAP: Final = 0.02
@@ -57,7 +55,7 @@ class Contacts:
         return len(self.first)
 
     @property
-    def on_floor(self) -> NDArray[np.bool_]:
+    def on_floor(self) -> Flags:
         """(C,) flags of contacts with the floor, which come before all others."""
         return self.second == FLOOR
 

@@ -15,10 +15,9 @@ import highspy
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.errors import PlannerError
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Columns = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 """A sparse matrix by columns: where each starts, rows and values."""
 MIN_RECIPROCAL_TORQUE: Final = 1e-9

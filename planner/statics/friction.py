@@ -17,12 +17,10 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Ints
 from planner.statics.contacts import Contacts
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 CONE_SIDES: Final = 8
 """Number of edges of the pyramid, inside the friction cone, that approximates the permitted contact
 forces of a module's corner that sticks to the table. Larger values allow nearly all forces of the

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array, Flags
 from planner.chain.module import Module
 
-Array = NDArray[np.float64]
 FACE_TOLERANCE: Final = 1e-9
 """Distance, as a fraction of a triangle's size, by which the centre of mass may lie outside of a
 face of the convex hull that still counts as a stable base: rounding. Chosen."""
@@ -75,7 +74,7 @@ def turn_down(normal: Array) -> Array:
     return np.eye(3) + cross + cross @ cross / (1.0 - z)
 
 
-def _inside(triangles: Array, points: Array) -> NDArray[np.bool_]:
+def _inside(triangles: Array, points: Array) -> Flags:
     """Return (S,) flags: (S, 3) points, each in the plane of an (S, 3, 3) triangle, lie in it."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     normals = np.cross(b - a, c - a)

@@ -10,14 +10,12 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.pathfinding.circuit_solver import CircuitSolver
 from planner.pathfinding.lattice import STEPS, neighbours
 from planner.pathfinding.sat_paths import SolverResult
 from planner.table_paths.rules import hairpins
-
-Ints = NDArray[np.int64]
 
 TABLE_SOLVER_EFFORT: Final = 1.0
 """Budget of one call of the solver that searches a path for a table, in deterministic time units of

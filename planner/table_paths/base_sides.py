@@ -8,11 +8,9 @@ from itertools import product
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-Ints = NDArray[np.int64]
-Array = NDArray[np.float64]
+from planner.arrays import Array, Ints
 
 MIN_BALANCE_MARGIN_PITCH: Final = 0.05
 """Minimum horizontal distance, in pitches, from a shape's centre of mass to the edge of the convex

@@ -12,9 +12,8 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Ints = NDArray[np.int64]
+from planner.arrays import Ints
 
 MAX_EXHAUSTIVE_CELLS: Final = 16
 """Maximum number of cells of a layer through which all paths are enumerated; larger layers are

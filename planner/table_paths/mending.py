@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.pathfinding import Cell
 from planner.pathfinding.lattice import colours, parts
 from planner.pathfinding.no_path_proofs import obstacles
 from planner.shapes.shape import Shape
 from planner.table_paths.table_paths import paths_or_reasons
-
-Ints = NDArray[np.int64]
 
 MAX_ADDED_CELLS: Final = 24
 """Maximum number of cells that a repair adds to a shape so that it has a path for a table. Larger

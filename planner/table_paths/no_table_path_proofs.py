@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
 from planner.pathfinding import Cell
 from planner.pathfinding.lattice import parts
 from planner.pathfinding.no_path_proofs import obstacles, tuples
@@ -15,7 +15,6 @@ from planner.table_paths.ascending_sat_paths import find_ascending_path
 from planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, Side, stands
 from planner.table_paths.rules import FALLS, rule_violations
 
-Ints = NDArray[np.int64]
 Code = Literal["overhang", "parts", "hairpins-only", "not-stable", "no-path"]
 
 REASON_RANKS: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}

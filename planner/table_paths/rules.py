@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from planner.arrays import Ints
 from planner.chain.path import Path
 from planner.pathfinding import Cell
 from planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, prefix_margins
-
-Ints = NDArray[np.int64]
 
 LAYERS: Final = "layers"
 FALLS: Final = "falls"

@@ -11,12 +11,10 @@ from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Flags, Ints
 from planner.table_paths.base_sides import prefix_margins
 from planner.table_paths.rules import FLAT_STEPS
-
-Ints = NDArray[np.int64]
 
 FRONT_WINDOW_CELLS: Final = 4
 """Number of consecutive cells of a path over which its horizontal position is averaged, to score
@@ -125,7 +123,7 @@ def levers(cells: Ints) -> Ints:
     return distances
 
 
-def _ways_out(order: Ints) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _ways_out(order: Ints) -> tuple[Flags, Flags]:
     """Return (n, 4) flags of steps without an earlier cell, (n,) flags of one above."""
     offset = order[:, None] - order[None]  # [earlier, cell] after the mask below
     earlier = np.tri(len(order), k=-1, dtype=np.bool_).T
@@ -148,7 +146,7 @@ def _rolls(links: Ints) -> int:
     return int((len(links) - after[turned]).sum())
 
 
-def _swing(free: NDArray[np.bool_]) -> float:
+def _swing(free: Flags) -> float:
     """Return the fewest quarter turns of the exit direction along the cells."""
     turns = np.array([[0, 2, 1, 1], [2, 0, 1, 1], [1, 1, 0, 2], [1, 1, 2, 0]], dtype=np.float64)
     cost = np.zeros(4)

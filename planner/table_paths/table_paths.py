@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from planner.arrays import Ints
 from planner.chain.path import MIN_CELLS
 from planner.errors import InputError
 from planner.shapes.shape import Shape
@@ -23,8 +24,6 @@ from planner.table_paths.no_table_path_proofs import (
 )
 from planner.table_paths.rules import FALLS, LAYERS, Rule
 from planner.table_paths.score import WEIGHTS, Parts, parts_of
-
-Ints = NDArray[np.int64]
 
 MAX_TABLE_PATHS: Final = 8
 """Maximum number of paths through a shape for folding on a table that a search returns, the best

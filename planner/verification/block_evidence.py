@@ -8,14 +8,13 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.motion.failure_schemas import BlockFigures
 from planner.plan.value_differences import Differences
 
-Array = NDArray[np.float64]
 MAX_BLOCKED_TURN_RAD: Final = float(np.deg2rad(5.0))
 """Maximum turn, in rad, by which the evidence of a jam may show that a hinge collides. A hinge that
 can turn further counts as free, so larger values accept weaker evidence. Chosen."""

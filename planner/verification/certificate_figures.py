@@ -18,6 +18,7 @@ from planner.plan.value_differences import (
     FIGURES_ATOL,
     FIGURES_RTOL,
     Differences,
+    figure_differences,
     value_differences,
 )
 from planner.playback.playback import Playback
@@ -84,12 +85,10 @@ class ReportedFigures:
                 "in_betweens were not compared."
             )
         names = [f.name for f in fields(Certificate) if f.name not in aside]
-        yield from value_differences(
+        yield from figure_differences(
             {name: mine.get(name) for name in names},
             {name: theirs.get(name) for name in names},
             "plan.npz certificate",
-            rtol=FIGURES_RTOL,
-            atol=FIGURES_ATOL,
         )
         for name in loose:
             if not self._passes(name, again):
@@ -143,12 +142,10 @@ class ReportedFigures:
         if playback is None or not playback.simulated or again.rms_position_error is None:
             return
         if playback.status in ("folded", "missed"):  # else it broke off between two frames
-            yield from value_differences(
+            yield from figure_differences(
                 playback.rms_position_error,
                 again.rms_position_error,
                 "plan.npz playback.rms_position_error",
-                rtol=FIGURES_RTOL,
-                atol=FIGURES_ATOL,
             )
 
 

@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.errors import UNREADABLE
 from planner.motion.failure_schemas import (
@@ -27,7 +27,6 @@ from planner.plan.value_differences import Differences
 from planner.verification.block_evidence import blocks_differ
 from planner.verification.knot_evidence import knot_differs
 
-Array = NDArray[np.float64]
 MAX_STRAIGHT_HINGE_RAD: Final = 0.1
 """Maximum bend, in rad, of a hinge that counts as straight in the report of a failed explosion; it
 must equal the value with which the report was made. Chosen."""

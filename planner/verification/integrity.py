@@ -12,14 +12,18 @@ import os
 import threading
 from collections.abc import Iterable, Iterator
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 from zipfile import ZipFile
 
 from planner.checked_zarr import check_chunks, is_sealed, read_group
 from planner.errors import UNREADABLE, DamagedError
-
-if TYPE_CHECKING:
-    from planner.pipeline.manifest import Digests
+from planner.pipeline.manifest import (
+    FILE,
+    MANIFEST_FORMAT,
+    Digests,
+    digests_of,
+    digests_of_texts,
+)
 
 MAX_RESULTS: Final = 4096
 """Maximum number of files whose integrity check (comparison with the manifest) is remembered, so
@@ -39,9 +43,6 @@ def check(directory: FilePath, *names: str) -> None:
     Raises:
         DamagedError: A file is missing, or was changed.
     """
-    # The manifest brings compiled kernels along, which no process loads when it starts.
-    from planner.pipeline.manifest import FILE
-
     for name in names:
         path = directory / name
         stamp = (_stamp(path), _stamp(directory / FILE))
@@ -93,8 +94,6 @@ def _reason_of_sealed(path: FilePath, known: Digests | None) -> str | None:
     identity = None if known is None else known[path.name].get("attributes.id")
     if identity is None:
         return None
-    from planner.pipeline.manifest import digests_of_texts
-
     text = json.dumps(read_group(path).attrs.asdict().get("id"))
     return (
         None
@@ -104,8 +103,6 @@ def _reason_of_sealed(path: FilePath, known: Digests | None) -> str | None:
 
 
 def _reason_by_digest(directory: FilePath, name: str, known: dict[str, str]) -> str | None:
-    from planner.pipeline.manifest import digests_of
-
     here = digests_of(directory, [name])[name]
     changed = [field for field in {**known, **here} if known.get(field) != here.get(field)]
     return f"these fields were changed: {', '.join(changed[:3])}" if changed else None
@@ -129,8 +126,6 @@ def _reason_by_itself(path: FilePath) -> str | None:
 
 def _manifest(directory: FilePath) -> Digests | None:
     """Return the digests of a manifest; None if there is none, as of a fold without a plan."""
-    from planner.pipeline.manifest import FILE, MANIFEST_FORMAT
-
     path = directory / FILE
     try:
         values: Any = json.loads(path.read_bytes())

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.motion.failure_schemas import KnotFigures
 from planner.plan.value_differences import Differences
 from planner.verification.knot_invariants import (
@@ -15,7 +15,6 @@ from planner.verification.knot_invariants import (
     invariants_of_crossings,
 )
 
-Array = NDArray[np.float64]
 POSITION_JITTER_PITCH: Final = 1e-3
 """Maximum random shift of modules along each axis, in pitches, so that no projection for the check
 of a knot is degenerate. Much larger values could change the knot. Chosen."""

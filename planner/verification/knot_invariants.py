@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from planner.arrays import Array
+
 MAX_CROSSINGS: Final = 200
 """Maximum number of crossings of a diagram for which knot invariants are computed, to check that a
 chain is knotted. Elimination takes time by their cube, so larger values check more chains, more

@@ -14,11 +14,10 @@ from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.parameters.playback import TablePlaybackParameters
 from planner.plan.plan import Plan
 from planner.plan.value_differences import (
-    FIGURES_ATOL,
-    FIGURES_RTOL,
     SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
+    figure_differences,
     value_differences,
 )
 from planner.playback.playback import Playback
@@ -114,10 +113,8 @@ def _kinematic_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
         none = np.full(len(plan.max_error_rad), np.nan)
         yield from array_difference(plan.max_error_rad, none, "plan.npz max_error_rad")
     told = playback.summary()
-    yield from value_differences(
+    yield from figure_differences(
         {name: told[name] for name in again},
         again,
         "plan.npz playback",
-        rtol=FIGURES_RTOL,
-        atol=FIGURES_ATOL,
     )

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.errors import InputError
 from planner.exports.mjcf import named_bodies
@@ -18,7 +18,6 @@ from planner.plan.plan import Plan
 from planner.plan.value_differences import Differences
 from planner.simulation.lazy_mujoco import mujoco
 
-Array = NDArray[np.float64]
 POSITION_TOLERANCE_PITCH: Final = 1e-6
 """Maximum distance, in pitches, between a module of the plan's MuJoCo model and its position in the
 plan: rounding. Larger values would accept an altered model."""

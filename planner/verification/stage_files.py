@@ -9,19 +9,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from planner import file_names as names
 from planner.errors import UNREADABLE, PlannerError
 from planner.explosion.published_explosion import FRAME_SPACING_RAD
-from planner.file_names import (
-    ATTEMPTS,
-    CANDIDATES,
-    CERTIFICATE,
-    CHAIN,
-    PLAYBACK,
-    RECORD,
-    RECORDED_PLAN,
-    START_CHAIN,
-    START_PLAN,
-)
 from planner.motion.angle_encoding import PLAN_STEP_RAD
 from planner.motion.motion import Motion
 from planner.motion.record import Record
@@ -47,41 +37,25 @@ def stage_files_differ(
     notes: list[str],
 ) -> Differences:
     """Yield the differences of the stages' files from the plan."""
+
+    def states(name: str, field: str, expected: Any) -> Callable[[], Differences]:
+        where = versus_plan(name, field)
+        return lambda: value_differences(_stated(directory / name), expected, where)
+
     chain = chain_attributes(plan.chain)
-    checks: dict[str, Callable[[], Differences]] = {
-        CHAIN: lambda: value_differences(
-            _json(directory / CHAIN), chain, versus_plan(CHAIN, "chain")
-        ),
-        CANDIDATES: lambda: _among(directory, plan),
-        ATTEMPTS: lambda: value_differences(
-            _json(directory / ATTEMPTS),
-            list(plan.attempts),
-            versus_plan(ATTEMPTS, "attempts"),
-        ),
-        CERTIFICATE: lambda: value_differences(
-            _json(directory / CERTIFICATE),
-            npz["certificate"],
-            versus_plan(CERTIFICATE, "certificate"),
-        ),
-        PLAYBACK: lambda: _same_playback(directory, plan, playback),
-        RECORD: lambda: _same_record(directory, plan, record),
+    checks = {
+        names.CHAIN: states(names.CHAIN, "chain", chain),
+        names.CANDIDATES: lambda: _among(directory, plan),
+        names.ATTEMPTS: states(names.ATTEMPTS, "attempts", list(plan.attempts)),
+        names.CERTIFICATE: states(names.CERTIFICATE, "certificate", npz["certificate"]),
+        names.PLAYBACK: lambda: _same_playback(directory, plan, playback),
+        names.RECORD: lambda: _same_record(directory, plan, record),
     }
     if plan.start is not None:
-        start = chain_attributes(plan.start)
-        checks[START_CHAIN] = lambda: value_differences(
-            _json(directory / START_CHAIN), start, versus_plan(START_CHAIN, "start")
-        )
-        checks[START_PLAN] = lambda: value_differences(
-            chain_attributes(Plan.load(directory / START_PLAN).chain),
-            start,
-            versus_plan(START_PLAN, "start"),
-        )
+        for name in (names.START_CHAIN, names.START_PLAN):
+            checks[name] = states(name, "start", chain_attributes(plan.start))
     if plan.smoothing is not None:
-        checks[RECORDED_PLAN] = lambda: value_differences(
-            chain_attributes(Plan.load(directory / RECORDED_PLAN).chain),
-            chain,
-            versus_plan(RECORDED_PLAN, "chain"),
-        )
+        checks[names.RECORDED_PLAN] = states(names.RECORDED_PLAN, "chain", chain)
     for name, differences in checks.items():
         if not (directory / name).exists():
             if not (name in _RESULT_FILES and getattr(plan, _RESULT_FILES[name]) is None):
@@ -93,7 +67,7 @@ def stage_files_differ(
             yield f"{name} cannot be read ({error})"
 
 
-_RESULT_FILES: Final = {PLAYBACK: "playback", RECORD: "explosion"}
+_RESULT_FILES: Final = {names.PLAYBACK: "playback", names.RECORD: "explosion"}
 
 
 def _among(directory: FilePath, plan: Plan) -> Differences:
@@ -105,20 +79,20 @@ def _among(directory: FilePath, plan: Plan) -> Differences:
             return
         if candidates.two_ended and chain_attributes(candidate.from_other_end()) == chain:
             return
-    yield f"{CANDIDATES}: no candidate is the chain of plan.npz"
+    yield f"{names.CANDIDATES}: no candidate is the chain of plan.npz"
 
 
 def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -> Differences:
     found = Workspace(directory).read_playback()
     assert found is not None
     told = {name: value for name, value in found.summary().items() if name in (plan.playback or {})}
-    yield from value_differences(told, plan.playback or {}, versus_plan(PLAYBACK, "playback"))
+    yield from value_differences(told, plan.playback or {}, versus_plan(names.PLAYBACK, "playback"))
     if playback is not None:
-        yield from _same_motion(found.frames, playback.frames, PLAYBACK)
+        yield from _same_motion(found.frames, playback.frames, names.PLAYBACK)
         yield from array_difference(
             found.reference.stored_angles_rad,
             playback.reference.stored_angles_rad,
-            versus_plan(PLAYBACK, "joint_angles_rad"),
+            versus_plan(names.PLAYBACK, "joint_angles_rad"),
         )
 
 
@@ -126,12 +100,12 @@ def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Diff
     found = Workspace(directory).read_record()
     assert found is not None
     yield from value_differences(
-        found.summary(), plan.explosion or {}, versus_plan(RECORD, "explosion")
+        found.summary(), plan.explosion or {}, versus_plan(names.RECORD, "explosion")
     )
     if record is not None:
         # A timeline holds one layout: that of a fold on a table is dense once it is played back.
         frames = found.frames.in_layout_of(record.frames, plan.chain)
-        yield from _same_motion(frames, record.frames, RECORD)
+        yield from _same_motion(frames, record.frames, names.RECORD)
     yield from _snapshots(found, plan)
 
 
@@ -176,5 +150,8 @@ def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:
         yield from array_difference(values, theirs[column], f"{both} {column}", atol=single)
 
 
-def _json(path: FilePath) -> Any:
+def _stated(path: FilePath) -> Any:
+    """Return the values of a JSON file, or the chain of another plan."""
+    if path.suffix == ".npz":
+        return chain_attributes(Plan.load(path).chain)
     return json.loads(path.read_bytes())

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 import foldback_check
+from planner.arrays import Array
 from planner.errors import InputError
 from planner.plan.value_differences import Differences
 
@@ -62,7 +63,6 @@ IPCTK_MISSING: Final = (
 )
 """Error if the optional package is missing."""
 
-Doubles = NDArray[np.float64]
 Indices = NDArray[np.int32]
 Pair = tuple[int, int]
 
@@ -129,7 +129,7 @@ class Mesh:
     exempt: Indices
 
 
-def mesh_of(corners: Doubles, count: int, apart: int) -> Mesh:
+def mesh_of(corners: Array, count: int, apart: int) -> Mesh:
     """Return the mesh of hulls of modules; pairs less than ``apart`` in the chain are exempt."""
     one = len(corners)
     hull = ConvexHull(corners).simplices
@@ -150,7 +150,7 @@ def mesh_of(corners: Doubles, count: int, apart: int) -> Mesh:
 class Division:
     """Interval in parts: vertices (parts + 1, V, 3) at their ends, and the deviation's bound."""
 
-    vertices: Doubles
+    vertices: Array
     deviation: float
 
 
@@ -161,7 +161,7 @@ class Vertices:
         self.plan = plan
         self.middle = plan.count // 2
 
-    def at(self, first: Doubles, last: Doubles, steps: int) -> Doubles:
+    def at(self, first: Array, last: Array, steps: int) -> Array:
         """Return vertices (steps + 1, V, 3) at equal steps from one configuration to another."""
         module = self.plan.module
         angles = first + np.linspace(0.0, 1.0, steps + 1)[:, None] * (last - first)
@@ -186,7 +186,7 @@ class Vertices:
             needed = math.sqrt(shown / (tolerance - rest / parts**5))
             parts = max(parts + 1, math.ceil(parts * needed * 1.01))
 
-    def _remainder(self, turned: Doubles) -> float:
+    def _remainder(self, turned: Array) -> float:
         """Return the interpolation's error if the whole interval is one part."""
         module, cut = self.plan.module, self.middle * len(self.plan.module.names)
         sides = ((turned[:cut].sum(), self.middle), (turned[cut:].sum(), self.plan.count))
@@ -196,7 +196,7 @@ class Vertices:
         )
 
 
-def largest_deviation(seen: Doubles) -> float:
+def largest_deviation(seen: Array) -> float:
     """Return how far vertices (4 n + 1, V, 3) are from straight motion in each four steps."""
     ends = seen[::STEPS_PER_PART]
     share = np.arange(1, STEPS_PER_PART)[:, None, None] / STEPS_PER_PART
@@ -231,11 +231,11 @@ class _Detector:
         table = dict.fromkeys(map(tuple, mesh.exempt.tolist()), False)
         self.mesh.can_collide = self.ipctk.make_sparse_filter(table, True)
 
-    def overlaps(self, vertices: Doubles) -> bool:
+    def overlaps(self, vertices: Array) -> bool:
         """True if modules overlap, which continuous detection takes for granted they do not."""
         return bool(self.ipctk.has_intersections(self.mesh, np.asfortranarray(vertices)))
 
-    def free(self, first: Doubles, last: Doubles) -> bool:
+    def free(self, first: Array, last: Array) -> bool:
         """True if all pairs keep the distance; ipctk's documentation says the opposite."""
         return bool(
             self.ipctk.is_step_collision_free(
@@ -243,14 +243,14 @@ class _Detector:
             )
         )
 
-    def contacts(self, ends: list[Doubles]) -> Iterator[tuple[float, Pair | None]]:
+    def contacts(self, ends: list[Array]) -> Iterator[tuple[float, Pair | None]]:
         """Yield the moments in [0, 1] of an interval at which modules come too close, and them."""
         for part, (first, last) in enumerate(pairwise(ends)):
             if not self.free(first, last):
                 share, modules = self._nearest(first, last)
                 yield (part + share) / (len(ends) - 1), modules
 
-    def _nearest(self, first: Doubles, last: Doubles) -> tuple[float, Pair | None]:
+    def _nearest(self, first: Array, last: Array) -> tuple[float, Pair | None]:
         """Return the share of a part until the first contact, and its modules."""
         near = self.ipctk.Candidates()
         near.build(self.mesh, first, last, self.distance)

@@ -329,7 +329,7 @@ def _check_manifest(directory: FilePath, found: _Findings, *, earlier: bool) -> 
             "every field of every file matches its digest in manifest.json (the plots in "
             "figures.zarr are checked in no other way)",
             (
-                field if field.endswith(" is missing") else f"{field} was changed"
+                field if field.endswith(manifest.MISSING) else f"{field} was changed"
                 for field in changed
             ),
         )

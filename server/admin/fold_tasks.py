@@ -8,7 +8,6 @@ from collections.abc import Generator, Sequence
 from typing import Any, Final
 
 import sqlalchemy as sa
-from sqlalchemy.orm import Session
 
 from planner.file_names import DESCRIBED
 from planner.verification.integrity import damaged_among
@@ -151,27 +150,25 @@ class AdminTasks:
             raise _no_input(fold_id)  # a sweep has just deleted its files
         self._check_inputs(row)
         size = self._strip(row)
-        with self._store.changing() as session:
-            session.execute(sa.delete(MovieRow).where(MovieRow.fold_id == fold_id))
-            self._set(
-                session,
-                fold_id,
-                status="queued",
-                stage=None,
-                started_at=None,
-                resumed_at=None,
-                ended_at=None,
-                cancel_requested=False,
-                pauses=0,
-                progress={},
-                summary={},
-                error=sa.null(),
-                kept=0,
-                bytes=size,
-                derived_bytes=0,
-                checkpoint=sa.null(),
-                losses=0,
-            )
+        self._store.change(sa.delete(MovieRow).where(MovieRow.fold_id == fold_id))
+        self._change(
+            fold_id,
+            status="queued",
+            stage=None,
+            started_at=None,
+            resumed_at=None,
+            ended_at=None,
+            cancel_requested=False,
+            pauses=0,
+            progress={},
+            summary={},
+            error=sa.null(),
+            kept=0,
+            bytes=size,
+            derived_bytes=0,
+            checkpoint=sa.null(),
+            losses=0,
+        )
 
     def _check_inputs(self, row: FoldRow) -> None:
         shown = self._store.folders.shown(row)
@@ -197,14 +194,9 @@ class AdminTasks:
             return size
 
     def _change(self, fold_id: str, **values: Any) -> None:
-        with self._store.changing() as session:
-            self._set(session, fold_id, **values)
-
-    @staticmethod
-    def _set(session: Session, fold_id: str, **values: Any) -> None:
-        if session.get(FoldRow, fold_id) is None:
+        changed = sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values)
+        if not self._store.change(changed):
             raise NoSuchFoldError(fold_id)
-        session.execute(sa.update(FoldRow).where(FoldRow.id == fold_id).values(**values))
 
 
 def _no_input(fold_id: str) -> AdminError:

@@ -18,7 +18,6 @@ from server.errors import TooMany
 from server.files.artifacts import Artifacts
 from server.files.pictures import Pictures
 from server.files.preview_reports import PreviewReports
-from server.files.preview_scenes import PreviewScenes
 from server.files.trajectories import Trajectories
 from server.files.uploads import Uploads
 from server.http.client_address import address_of
@@ -31,7 +30,7 @@ from server.limits.robot_rates import robot_rates
 from server.limits.single_flight import SingleFlight
 from server.limits.token_buckets import SharedBuckets, TokenBuckets
 from server.ops.metrics import Metrics
-from server.processes.children import Pool, Reader
+from server.processes.children import Pool
 from server.processes.fork_server import ForkServer
 from server.processes.limits import READER_PROCESSES, ChildLimits
 from server.processes.scratch import Scratch
@@ -53,11 +52,10 @@ class Context(Viewing):
 
     settings: Settings
     store: Store
-    fork_server: ForkServer | None
-    reader: Reader
+    fork_server: ForkServer
+    reader: Pool
     previews: Previews
     preview_reports: PreviewReports
-    preview_scenes: PreviewScenes
     pictures: Pictures
     movies: Movies
     gallery: Gallery
@@ -77,25 +75,27 @@ class Context(Viewing):
     secret: bytes
 
     @classmethod
-    def open(cls, settings: Settings, metrics: Metrics, shared: ForkServer | None) -> Context:
+    def open(cls, settings: Settings, metrics: Metrics) -> Context:
         """Open all that the application needs.
 
         Args:
             settings: The settings.
             metrics: Counters of the web process.
-            shared: Fork server that forks for other applications, too; its own if None.
         """
         store = Store(settings)
         previews = Previews(settings, store)
         leases = Leases.of(settings, store)
         awaited = ChildLimits.of(settings, awaited=True)
-        fork_server = shared or ForkServer.where_possible(
+        fork_server = ForkServer(
             ["reader", "preparer", "retimer"],
             warm=settings.prewarm and not settings.read_only,
             directory=settings.root,
         )
-        motions = Scratch(settings.motions_dir)
-        motions.sweep()
+        Scratch(settings.motions_dir).sweep()
+        motions = replace(awaited, folders=(str(settings.motions_dir),))
+        retimer = Pool("retimer", motions, wall_s=settings.retime_seconds, fork_server=fork_server)
+        # Started by itself: the fork server would have to load and compile what pictures need.
+        drawer = Pool("pictures", motions, wall_s=settings.preview_seconds)
         estimates = Estimates(store)
         remaining = EtaEstimator(store, leases, estimates)
         if not settings.read_only:
@@ -109,7 +109,7 @@ class Context(Viewing):
             robots=_quota("robots", settings.max_robots, settings.max_robots_of_visitor),
             robot_rates=robot_rates(),
             classes=LiveClasses(settings),
-            trajectories=_trajectories(settings, awaited, motions, fork_server),
+            trajectories=Trajectories(settings, retimer),
             answers=SingleFlight(
                 "answers",
                 at_once=2,
@@ -126,9 +126,8 @@ class Context(Viewing):
             preview_reports=PreviewReports(
                 settings, previews, _preparer(settings, awaited, fork_server)
             ),
-            preview_scenes=PreviewScenes(previews),
             artifacts=_artifacts(settings, store),
-            pictures=_pictures(settings, awaited, motions),
+            pictures=Pictures(settings, drawer),
             movies=Movies(settings, store),
             gallery=Gallery(),
             fold_states=FoldStates(store, remaining),
@@ -139,29 +138,23 @@ class Context(Viewing):
             secret=store.secret("visitors", secrets.token_bytes(32)),
         )
 
-    def close(self, *, shared: bool) -> None:
-        """Close what has been opened, first what uses the rest.
-
-        Args:
-            shared: True if the fork server goes on for other applications.
-        """
+    def close(self) -> None:
+        """Close what has been opened, first what uses the rest."""
         for part in (
             self.reader,
             self.preview_reports,
             self.previews,
             self.trajectories,
             self.pictures,
-            None if shared else self.fork_server,
+            self.fork_server,
             self.artifacts,
             self.answers,
             self.waits,
             self.fold_states,
-            self.preview_scenes,
             self.store,
             self.uploads,
         ):
-            if part is not None:
-                part.close()
+            part.close()
 
     def take_list(self, request: Request) -> None:
         """Count one list that a visitor asks for.
@@ -197,7 +190,6 @@ def _artifacts(settings: Settings, store: Store) -> Artifacts:
     return Artifacts(
         store,
         # With a storage they are among the copies, which have a bound of their own.
-        on_stored=store.add_derived if store.folders.storage is None else None,
         min_free_disk_bytes=settings.min_free_disk_bytes,
         total=settings.files_waiting,
         per_visitor=settings.files_waiting_of_visitor,
@@ -208,46 +200,21 @@ def _quota(what: str, total: int, per_visitor: int) -> Quota:
     return Quota(what, total=total, per_visitor=per_visitor)
 
 
-def _trajectories(
-    settings: Settings, awaited: ChildLimits, motions: Scratch, fork_server: ForkServer | None
-) -> Trajectories:
-    return Trajectories(
-        Pool(
-            "retimer",
-            replace(awaited, folders=(str(settings.motions_dir),)),
-            wall_s=settings.retime_seconds,
-            fork_server=fork_server,
-        ),
-        motions,
-        Scratch(settings.scratch_dir),
-        total=settings.answers_waiting,
-        per_visitor=settings.answers_waiting_of_visitor,
-    )
+def _reader(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Pool:
+    quota = _turns("uploads", settings.max_uploads, settings.max_uploads_of_visitor)
+    wall_s = settings.read_seconds
+    return Pool("reader", awaited, wall_s=wall_s, fork_server=fork_server, quota=quota)
 
 
-def _pictures(settings: Settings, awaited: ChildLimits, motions: Scratch) -> Pictures:
-    # Started by itself: the fork server would have to load and compile what pictures need.
-    pool = Pool(
-        "pictures",
-        replace(awaited, folders=(str(settings.motions_dir),)),
-        wall_s=settings.preview_seconds,
-    )
-    return Pictures(pool, motions)
-
-
-def _reader(settings: Settings, awaited: ChildLimits, fork_server: ForkServer | None) -> Reader:
-    pool = Pool("reader", awaited, wall_s=settings.read_seconds, fork_server=fork_server)
-    return _bounded(pool, "uploads", settings.max_uploads, settings.max_uploads_of_visitor)
-
-
-def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer | None) -> Reader:
-    pool = Pool("preparer", awaited, wall_s=settings.preview_seconds, fork_server=fork_server)
+def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Pool:
     total, per_visitor = settings.previews_waiting, settings.previews_waiting_of_visitor
-    return _bounded(pool, "previews", total, per_visitor)
+    quota, wall_s = _turns("previews", total, per_visitor), settings.preview_seconds
+    return Pool("preparer", awaited, wall_s=wall_s, fork_server=fork_server, quota=quota)
 
 
-def _bounded(pool: Pool, what: str, total: int, per_visitor: int) -> Reader:
-    quota = Quota(
+def _turns(what: str, total: int, per_visitor: int) -> Quota:
+    """Return the turns in which visitors use the children that read uploads."""
+    return Quota(
         what,
         at_once=READER_PROCESSES,
         at_once_per_visitor=1,
@@ -255,4 +222,3 @@ def _bounded(pool: Pool, what: str, total: int, per_visitor: int) -> Reader:
         per_visitor=per_visitor,
         timeout_s=UPLOAD_QUEUE_TIMEOUT_S,
     )
-    return Reader(pool, quota)

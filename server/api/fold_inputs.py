@@ -23,7 +23,7 @@ from planner.verification.integrity import check
 from server.api.context import Context
 from server.api.parent_folds import ParentFold, finished_parent, stored_parent
 from server.api.schemas import MAX_FOLD_NAME
-from server.errors import NotFound, Unusable, input_refusals
+from server.errors import NotFound, Unusable
 from server.files.preview_reports import read_report
 from server.store.previews import NoSuchPreviewError
 from server.store.tables import FoldRow
@@ -214,7 +214,7 @@ def _of_fold(context: Context, source: Source, fold_id: str, *, smooth: bool) ->
         method = "blocks" if mesh and options.method == "auto" else "auto"
         options = replace(options, as_voxels=True, method=method)
     request = replace(request, **{**asdict(options), "world": request.world})
-    validate(request)
+    request.check()
     if smooth and request.module_size is None:
         request = replace(request, module_size=row.module_size)
     repeats = None if smooth else row
@@ -240,16 +240,6 @@ def _derived(source: Source, parent: ParentFold, origin: Origin) -> Source:
         request = replace(request, module=parent.module, modules=modules)
     request = replace(request, refold=use == "refold", smooth=use == "smooth")
     return replace(source, request=request, parent=parent)
-
-
-def validate(request: PathOptions) -> None:
-    """Refuse an invalid request with the planner's error.
-
-    Raises:
-        Unusable: When it is invalid.
-    """
-    with input_refusals():
-        request.check()
 
 
 def clean_filename(name: str | None) -> str | None:

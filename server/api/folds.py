@@ -13,7 +13,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from planner.display_names import clean_name
 from planner.pipeline.request import FoldRequest
 from server.api.context import Context, context_of, in_list_rate
-from server.api.fold_inputs import Origin, validate
+from server.api.fold_inputs import Origin
 from server.api.forms import form_of
 from server.api.owner_tokens import AnyClaim, OptionalOwner, RequiredOwner, not_owner
 from server.api.schemas import (
@@ -91,7 +91,7 @@ def post_fold(
     options is folded once for everyone.
     """
     request = replace(asked, refold=origin.refold is not None, smooth=origin.smooth is not None)
-    validate(request)
+    request.check()
     receipt = fold_origin(
         context, origin, request, visitor=context.visitor(http), owner=claim.owner
     )

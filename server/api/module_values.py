@@ -13,7 +13,7 @@ from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, 
 from server.api.owner_tokens import RequiredOwner, not_owner
 from server.api.schemas import Body
 from server.api.tours import NOTHING_STORED, frames_of_own
-from server.errors import NotFound, input_refusals
+from server.errors import NotFound
 from server.store.fold_source import FoldSource, Found
 from server.store.folds import NoSuchFoldError
 from server.store.owned_items import write_beside
@@ -72,8 +72,7 @@ def put_values(
     Send one number per module for the whole fold, or one per module for each of several frames.
     """
     frames_of_own(fold, context, owner)
-    with input_refusals():
-        told = checked_values(body.model_dump(), fold.modules)
+    told = checked_values(body.model_dump(), fold.modules)
     if not write_beside(context.store, fold.id, owner, ValuesRow, told):
         raise not_owner(NOT_FOLD_OWNER)
     return ValuesBody.model_validate(told)

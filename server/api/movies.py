@@ -14,7 +14,7 @@ from server.api.folds import Here, file_or_problems, problems
 from server.api.owner_tokens import AnyClaim, OptionalOwner, not_owner
 from server.api.schemas import Body, Fault
 from server.api.tours import tour_of
-from server.errors import Conflict, input_refusals
+from server.errors import Conflict
 from server.http.downloads import download
 from server.store.tables import MovieRow
 from web.movies.movie import Movie
@@ -121,8 +121,7 @@ def post_movie(
     """
     found = context.store.find(fold_id) if options.tour else None
     tour = None if found is None else tour_of(context.store, found)
-    with input_refusals():
-        movie = Movie.of(options.model_dump(exclude={"tour"}), tour)
+    movie = Movie.of(options.model_dump(exclude={"tour"}), tour)
     of_owner = context.store.owns(fold_id, claim.owner)
     visitor = context.visitor(request)
     row, new = context.movies.ask(fold_id, movie, visitor, owner=claim.owner, of_owner=of_owner)

@@ -94,7 +94,7 @@ def _parent(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path]) ->
     except (OSError, ValueError) as error:
         raise Unusable(
             f"{use}-no-plan",
-            f"{name} has no plan, expected a fold with a plan; fold it again.",
+            f"{name} has no plan; fold it again.",
         ) from error
     return ParentFold(
         use=use,

@@ -24,8 +24,7 @@ from server.api.fold_lookup import found_fold, viewing_of
 from server.api.module_values import values_of
 from server.api.tours import tour_of
 from server.http.client_address import address_of
-from server.http.compression import Asset
-from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
+from server.http.downloads import BINARY_MEDIA_TYPE, Asset, revalidated
 from server.http.response_cache import mark
 from server.store.fold_source import FoldSource, Found
 from web.timeline.frame_batch import cached_batch

@@ -42,7 +42,6 @@ from server.api.robot_messages import (
 )
 from server.errors import (
     Conflict,
-    Damaged,
     ServiceError,
     TooLarge,
     TooMany,
@@ -50,12 +49,12 @@ from server.errors import (
     Unavailable,
     Unusable,
     WebsocketNeeded,
-    input_refusals,
+    refusal_of,
 )
 from server.files.trajectories import Acceleration, Form, MotorsWanted, Retimed, Speed, Wanted
 from server.http.client_address import address_of
 from server.http.limited_stream import LimitedStream
-from server.http.websockets import first_of, receive
+from server.http.websockets import close, first_of, receive
 from server.store.folds import FoldRow, NoSuchFoldError
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
@@ -137,7 +136,7 @@ async def get_trajectory(
 
     visitor = address_of(request)
     _, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
-    found = await _retimed(context, wanted, visitor)
+    found = await context.trajectories.of(wanted, visitor)
     trajectory = found.trajectory
     moments = len(trajectory.time_s) if rate is None else rate * trajectory.duration_s + 2
     numbers = 2.0 * moments * len(trajectory.joint_names)
@@ -148,18 +147,17 @@ async def get_trajectory(
             f"{MAX_TRAJECTORY_NUMBERS:.3g}; lower the rate, or use `foldback retime`.",
             where="query.rate",
         )
-    with input_refusals():
-        clear = None
-        if found.verified:
-            clear = await context.trajectories.clearance(wanted, rate, visitor)
-        parts = export(
-            trajectory,
-            form,
-            name=found.name,
-            plan_verified=found.verified,
-            clear=clear,
-            rate_hz=rate,
-        )
+    clear = None
+    if found.verified:
+        clear = await context.trajectories.clearance(wanted, rate, visitor)
+    parts = export(
+        trajectory,
+        form,
+        name=found.name,
+        plan_verified=found.verified,
+        clear=clear,
+        rate_hz=rate,
+    )
     return LimitedStream(
         parts,
         context.trajectories.stream(visitor),
@@ -194,8 +192,7 @@ async def get_motors(
             f"got {row.modules} modules, expected at most {MAX_MOTOR_MODULES}; use "
             "`foldback retime`.",
         )
-    with input_refusals():
-        data = await context.trajectories.motors(wanted, motors, address_of(request))
+    data = await context.trajectories.motors(wanted, motors, address_of(request))
     csv = motors.form == "csv"
     headers = {"Content-Disposition": 'attachment; filename="motors.csv"'} if csv else {}
     return Response(data, media_type=TRAJECTORY_MEDIA_TYPES[motors.form], headers=headers)
@@ -233,14 +230,14 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
         wanted = await asyncio.to_thread(_playable, context, fold_id, ask)
         await websocket.accept()
         try:
-            found = await _retimed(context, wanted, visitor)
+            found = await context.trajectories.of(wanted, visitor)
             if not found.verified:
                 raise _not_verified()
             charge = partial(context.robot_rates.charge, visitor)
             await _RobotSession(websocket, found, ask, fold_id, charge).play()
-            await _close(websocket, DONE)
-        except (ServiceError, DamagedError) as error:
-            refused = Damaged.of(error) if isinstance(error, DamagedError) else error
+            await close(websocket, DONE)
+        except (ServiceError, DamagedError, InputError) as error:
+            refused = refusal_of(error)
             code = TRY_LATER if isinstance(refused, TooMany | Unavailable) else REFUSED
             await _refuse(websocket, code, refused.code, refused.detail)
 
@@ -258,12 +255,6 @@ def _wanted(
     except OSError:
         pass
     raise not_there(row, "plan")
-
-
-async def _retimed(context: Context, wanted: Wanted, visitor: str) -> Retimed:
-    """Return the plan of a finished fold, retimed."""
-    with input_refusals():
-        return await context.trajectories.of(wanted, visitor)
 
 
 def _playable(context: Context, fold_id: str, ask: Ask) -> Wanted:
@@ -474,18 +465,4 @@ async def _refuse(websocket: WebSocket, code: int, word: str, detail: str) -> No
     """Send the error, and close."""
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await websocket.send_text(ENCODER.encode(Wrong(code=word, detail=detail)).decode())
-    await _close(websocket, code, word)
-
-
-async def _close(websocket: WebSocket, code: int, reason: str = "") -> None:
-    """Close a socket that may be closed already, without waiting for incoming messages."""
-
-    async def drain() -> None:
-        while (await websocket.receive())["type"] != "websocket.disconnect":
-            pass
-
-    draining = asyncio.ensure_future(drain())
-    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
-        await websocket.close(code, reason)
-    draining.cancel()
-    await asyncio.gather(draining, return_exceptions=True)
+    await close(websocket, code, word)

@@ -17,7 +17,7 @@ from fastapi.responses import Response
 from planner.parameters.option import options_of
 from planner.pipeline.request import FoldRequest, PreviewRequest
 from server.api.context import Context
-from server.api.fold_inputs import GalleryShape, Origin, Uploaded, id_field, open_source, validate
+from server.api.fold_inputs import GalleryShape, Origin, Uploaded, id_field, open_source
 from server.api.folds import Here, problems
 from server.api.forms import field, form_of
 from server.api.owner_tokens import OptionalOwner
@@ -141,7 +141,7 @@ def bounded(options: PreviewRequest, max_modules: int) -> None:
             "too-many-modules",
             f"got {options.modules} modules, expected at most {max_modules}.",
         )
-    validate(options)
+    options.check()
 
 
 def viewed(options: PreviewRequest, report: dict[str, Any]) -> dict[str, Any]:

@@ -18,9 +18,8 @@ from planner.pipeline.expected_cost import ExpectedCost
 from planner.pipeline.request import FoldRequest
 from server.api.context import Context
 from server.api.fold_inputs import Origin, Source, open_source
-from server.errors import Conflict, Unavailable, Unusable, not_stored
-from server.files.uploads import Upload
-from server.limits.concurrency_quota import BUSY_RETRY_S
+from server.errors import Conflict, Unusable, not_stored
+from server.files.uploads import Upload, not_read
 from server.limits.disk_space import check_space
 from server.limits.queue_room import Waiting, check_room
 from server.processes.children import ChildError
@@ -238,13 +237,13 @@ def _read(context: Context, directory: Path, source: Source, visitor: str) -> di
     """Check the input in a directory; return its name, and the kind and number of its modules."""
     parent = source.parent
     try:
-        found = context.reader.check(directory, visitor=visitor)
+        found = context.reader.call("check", directory, visitor=visitor)
     except InputError as error:
-        if parent is not None:
-            error = context.gallery.advised(error, parent.module, parent.modules)
-        raise Unusable.of(error) from None
+        if parent is None:
+            raise
+        raise context.gallery.advised(error, parent.module, parent.modules) from None
     except ChildError as error:
-        raise Unavailable(error.code, error.detail, retry_after_s=BUSY_RETRY_S) from None
+        raise not_read(error) from None
     modules = int(found["modules"])
     if modules > context.settings.max_modules:
         raise Unusable(

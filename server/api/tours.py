@@ -14,7 +14,7 @@ from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, 
 from server.api.owner_tokens import RequiredOwner, not_owner
 from server.api.results import not_there
 from server.api.schemas import Body
-from server.errors import Conflict, input_refusals
+from server.errors import Conflict
 from server.store.fold_files import frames_promised
 from server.store.fold_source import FoldSource, Found
 from server.store.folds import NoSuchFoldError
@@ -94,9 +94,8 @@ def get_tour(
 def put_tour(fold: ExistingFold, context: Here, owner: RequiredOwner, body: TourBody) -> TourBody:
     """Store a tour with the fold, in place of an earlier one. Gallery folds have drafts only."""
     frames = frames_of_own(fold, context, owner)
-    with input_refusals():
-        told = body.model_dump(by_alias=True, exclude_none=True)
-        tour = Tour.from_dict(told, frames=frames, modules=fold.modules).as_dict()
+    told = body.model_dump(by_alias=True, exclude_none=True)
+    tour = Tour.from_dict(told, frames=frames, modules=fold.modules).as_dict()
     if not write_beside(context.store, fold.id, owner, TourRow, tour):
         raise not_owner(NOT_FOLD_OWNER)
     return TourBody.model_validate(tour)

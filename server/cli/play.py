@@ -65,10 +65,6 @@ class FolderStore:
         """Return the facts of the fold."""
         return row_of(self._directory)
 
-    def directory(self, _fold_id: str) -> Path:
-        """Return the directory with its files."""
-        return self._directory
-
 
 def row_of(directory: Path) -> ShownFold:
     """Return the row of a fold's directory.
@@ -123,7 +119,7 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         # The directory is somebody's own: nothing is put into it.
         with TemporaryDirectory(prefix="foldback-") as place:
-            artifacts = Artifacts(store, folder=Path(place))
+            artifacts = Artifacts(None, folder=Path(place))
             waits = FrameWaits()
             app.state.context = Viewing(
                 store=store,

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     import uvicorn
 
     from server.api.context import Context
-    from server.processes.fork_server import ForkServer
     from server.settings import Settings
 
 
@@ -76,18 +75,12 @@ def _run(settings: Settings, first_shape: str | None) -> None:
         raise typer.Exit(1) from None
 
 
-def server_of(
-    settings: Settings,
-    first_shape: str | None = None,
-    *,
-    fork_server: ForkServer | None = None,
-) -> uvicorn.Server:
+def server_of(settings: Settings, first_shape: str | None = None) -> uvicorn.Server:
     """Return an HTTP server over a database of the newest schema; it has yet to be run.
 
     Args:
         settings: The settings.
         first_shape: A shape of the gallery to fold if it has not been yet.
-        fork_server: One that forks for others, too; the application has one of its own otherwise.
     """
     import asyncio
 
@@ -103,7 +96,7 @@ def server_of(
     with starting("service"):
         open_storage(settings)
         run_migration(settings)
-    app = create_app(settings, fork_server=fork_server)
+    app = create_app(settings)
 
     class Server(uvicorn.Server):
         """HTTP server that prints its address, and ends event streams before it stops."""
@@ -161,6 +154,7 @@ def _allow_files(count: int) -> None:
 
 
 def _fold_first(context: Context, name: str) -> str:
+    from planner.errors import InputError
     from planner.pipeline.request import FoldRequest
     from server.api.fold_inputs import Origin
     from server.api.shipped_folds import SERVICE_VISITOR
@@ -176,6 +170,6 @@ def _fold_first(context: Context, name: str) -> str:
             visitor=SERVICE_VISITOR,
             owner=Claim.new().owner,
         )
-    except Unusable as error:
+    except (InputError, Unusable) as error:
         raise typer.BadParameter(error.detail) from None
     return receipt.row.id

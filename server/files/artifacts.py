@@ -6,14 +6,14 @@ import asyncio
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final, Protocol, TypeVar
+from typing import Final, TypeVar
 
 from planner.files import write_whole
 from server.errors import not_stored
 from server.limits.disk_space import check_space
 from server.limits.single_flight import SingleFlight
 from server.store.fold_files import EXPORTS_DIR
-from server.store.folds import NoSuchFoldError
+from server.store.folds import NoSuchFoldError, Store
 
 FILES_AT_ONCE: Final = 2
 """Number of derived files (exports, JSON of motions) that are computed at the same time; others
@@ -24,18 +24,6 @@ it; further requests are refused. A larger value makes clients wait longer inste
 Thing = TypeVar("Thing")
 
 
-class Folds(Protocol):
-    """Store that derived files are computed from."""
-
-    def fold(self, fold_id: str, /) -> object:
-        """Return the row of a fold."""
-        ...
-
-    def directory(self, fold_id: str, /) -> Path:
-        """Return the directory with a fold's files."""
-        ...
-
-
 class Artifacts:
     """See the module's description. Belongs to one event loop.
 
@@ -43,9 +31,8 @@ class Artifacts:
         flight: Computations, with the limits of files.
 
     Args:
-        store: Store of the folds.
+        store: Store of the folds; None if one fold in a directory is shown.
         min_free_disk_bytes: Minimum of free disk space, bytes.
-        on_stored: Told how many bytes a file adds to those made of its fold.
         total: Maximum number of files that are computed or wait for it.
         per_visitor: Maximum number of one visitor's among them.
         folder: Directory for the files; one beside those of their fold if None.
@@ -53,18 +40,16 @@ class Artifacts:
 
     def __init__(
         self,
-        store: Folds,
+        store: Store | None,
         *,
         min_free_disk_bytes: int = 0,
         folder: Path | None = None,
-        on_stored: Callable[[str, int], None] | None = None,
         total: int = MAX_PENDING_FILES,
         per_visitor: int = MAX_PENDING_FILES,
     ) -> None:
         self._store = store
         self._min_free_disk_bytes = min_free_disk_bytes
         self._folder = folder
-        self._on_stored = on_stored
         self.flight = SingleFlight(
             "files", at_once=FILES_AT_ONCE, total=total, per_visitor=per_visitor
         )
@@ -76,6 +61,7 @@ class Artifacts:
     async def file(
         self,
         fold_id: str,
+        directory: Path,
         name: str,
         make: Callable[[], bytes],
         *,
@@ -87,6 +73,7 @@ class Artifacts:
 
         Args:
             fold_id: The fold.
+            directory: Directory with its files.
             name: Name of the file.
             make: Makes its bytes, in a thread.
             of: The fold's file that it is made of; it is made anew when that is newer.
@@ -97,28 +84,26 @@ class Artifacts:
             NoSuchFoldError: When there is no such fold.
             ServiceError: When too many wait, or the disk is full.
         """
-        directory = await asyncio.to_thread(self._store.directory, fold_id)
         plain = (self._folder or directory / EXPORTS_DIR) / name
         path = plain.with_stem(f"{plain.stem}-{edition}") if edition else plain
 
         def keep() -> None:
             data = make()
             before = _size(path)
-            self._keep(fold_id, path, data)
+            self._keep(fold_id, directory, path, data)
             if edition:
                 for other in plain.parent.glob(f"{plain.stem}-*{plain.suffix}"):
                     if other != path:
                         before += _size(other)
                         other.unlink(missing_ok=True)
-            if self._on_stored is not None:
-                self._on_stored(fold_id, len(data) - before)
+            if self._store is not None:
+                self._store.add_derived(fold_id, len(data) - before)
 
         if not await asyncio.to_thread(newer, path, directory / of):
             await self.flight.get_or_make(path, keep, visitor=visitor)
         return path
 
-    def _keep(self, fold_id: str, path: Path, data: bytes) -> None:
-        directory = self._store.directory(fold_id)
+    def _keep(self, fold_id: str, directory: Path, path: Path, data: bytes) -> None:
         try:
             place = path.parent if self._folder else directory
             check_space(place, self._min_free_disk_bytes, needed=len(data))
@@ -129,7 +114,8 @@ class Artifacts:
         except OSError as error:
             raise not_stored("file", error) from error
         try:
-            self._store.fold(fold_id)
+            if self._store is not None:
+                self._store.fold(fold_id)
         except NoSuchFoldError:  # just now; nothing of it may be left
             shutil.rmtree(directory, ignore_errors=True)
             raise

@@ -46,6 +46,7 @@ async def export_file(
         return kept  # the fold's own stages have written it
     return await artifacts.file(
         fold_id,
+        directory,
         export.filename,
         lambda: _written(directory / PLAN, export),
         of=PLAN,

@@ -16,6 +16,7 @@ import numpy as np
 from planner.file_names import CHAIN
 from server.processes.children import Pool
 from server.processes.scratch import MOMENT_FILE, PICTURE, Scratch
+from server.settings import Settings
 from web.timeline.cache import Cache
 from web.timeline.view import TimelineView
 
@@ -65,13 +66,13 @@ class Pictures:
     """Pictures that child processes draw. Thread-safe.
 
     Args:
+        settings: The directory in which they draw.
         pool: Children that draw.
-        scratch: Directories for one picture each.
     """
 
-    def __init__(self, pool: Pool, scratch: Scratch) -> None:
+    def __init__(self, settings: Settings, pool: Pool) -> None:
         self._pool = pool
-        self._scratch = scratch
+        self._scratch = Scratch(settings.motions_dir)
         self.recent = recent_pictures()
 
     def close(self) -> None:

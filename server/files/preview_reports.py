@@ -10,16 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from planner.errors import InputError
 from planner.file_names import REQUEST
 from planner.files import sealed_json_of
 from planner.parameters.option import OPTIONS_KEY_CHARS
 from planner.pipeline.request import PreviewRequest
-from server.errors import ServiceError, TooMany, TooSlow, Unavailable, Unusable
-from server.files.uploads import Upload
-from server.limits.concurrency_quota import BUSY_RETRY_S
+from server.errors import ServiceError, TooMany, TooSlow, Unavailable
+from server.files.uploads import Upload, not_read
 from server.limits.disk_space import check_space
-from server.processes.children import ChildError, Reader
+from server.processes.children import ChildError, Pool
 from server.settings import Settings
 from server.store.folds import new_id
 from server.store.owner import Owner
@@ -58,7 +56,7 @@ class PreviewReports:
         reader: Processes that compute reports.
     """
 
-    def __init__(self, settings: Settings, previews: Previews, reader: Reader) -> None:
+    def __init__(self, settings: Settings, previews: Previews, reader: Pool) -> None:
         self._settings = settings
         self._previews = previews
         self._reader = reader
@@ -167,8 +165,6 @@ class PreviewReports:
         """
         try:
             self._reader.call(task, place, visitor=asker.visitor, cancelled=asker.gone)
-        except InputError as error:
-            raise Unusable.of(error) from None
         except ChildError as error:
             raise _problem(error, self._settings.preview_seconds) from None
 
@@ -191,6 +187,4 @@ def _problem(error: ChildError, seconds: float) -> ServiceError:
             f"the preview took longer than its time limit of {seconds:g} s; use fewer modules, or "
             "the method 'blocks'.",
         )
-    if error.temporary:
-        return Unavailable(error.code, error.detail, retry_after_s=BUSY_RETRY_S)
-    return Unusable("unreadable", f"reading the file failed: {error.detail}")
+    return not_read(error)

@@ -23,6 +23,7 @@ from server.limits.concurrency_quota import Permit, Quota
 from server.limits.single_flight import SingleFlight
 from server.processes.children import ChildError, Pool
 from server.processes.scratch import MOTORS_FILE, Scratch
+from server.settings import Settings
 from web.timeline.cache import Cache
 
 if TYPE_CHECKING:
@@ -141,7 +142,7 @@ class MotorsWanted:
     ] = False
     motor_torque_nm: Annotated[
         float | None,
-        Query(alias="motor_torque", gt=0, le=1e9, description="Torque of a motor, N·m."),
+        Query(alias="motor_torque", gt=0, le=1e9, description="Largest torque of a motor, N·m."),
     ] = None
     form: Form = "json"
 
@@ -159,30 +160,29 @@ class Trajectories:
     """Cache of retimed plans. For one event loop; waiting requests hold no thread.
 
     Args:
+        settings: Limits, and the directories of the computing processes and of their results.
         pool: Children that retime.
-        motions: Directory that the computing processes write to.
-        scratch: Directory for their results, which they cannot access.
-        total: Maximum number of trajectories and tables that are computed or wait for it.
-        per_visitor: Maximum number of one visitor's among them.
         kept_bytes: Maximum size of cached trajectories that are not in use, bytes.
         used_bytes: Maximum size of all trajectories, with those in use, bytes.
     """
 
     def __init__(
         self,
+        settings: Settings,
         pool: Pool,
-        motions: Scratch,
-        scratch: Scratch,
         *,
-        total: int,
-        per_visitor: int,
         kept_bytes: int = MAX_IDLE_TRAJECTORY_BYTES,
         used_bytes: int = MAX_TRAJECTORY_BYTES,
     ) -> None:
         self._pool = pool
-        self._motions = motions
-        self._scratch = scratch
-        self._flight = SingleFlight("trajectories", at_once=1, total=total, per_visitor=per_visitor)
+        self._motions = Scratch(settings.motions_dir)
+        self._scratch = Scratch(settings.scratch_dir)
+        self._flight = SingleFlight(
+            "trajectories",
+            at_once=1,
+            total=settings.answers_waiting,
+            per_visitor=settings.answers_waiting_of_visitor,
+        )
         self._streams = Quota("motions", total=STREAMS, per_visitor=STREAMS_OF_ADDRESS)
         self._cache: Cache[Retimed] = Cache(kept_bytes, lambda kept: kept.trajectory.nbytes)
         self._clearances: Cache[dict[str, Any]] = Cache(MAX_CACHED_CLEARANCES, lambda _: 1)

@@ -16,8 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from server.errors import not_stored
+from server.errors import ServiceError, Unavailable, Unusable, not_stored
+from server.limits.concurrency_quota import BUSY_RETRY_S
 from server.limits.disk_space import check_space
+from server.processes.children import ChildError
 from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.folds import new_id
@@ -96,3 +98,10 @@ def _copied(source: BinaryIO, path: Path) -> str:
         file.flush()
         os.fsync(file.fileno())
     return digest.hexdigest()
+
+
+def not_read(error: ChildError) -> ServiceError:
+    """Return the refusal of an upload that a child could not read."""
+    if error.temporary:
+        return Unavailable(error.code, error.detail, retry_after_s=BUSY_RETRY_S)
+    return Unusable("unreadable", f"reading the file failed: {error.detail}")

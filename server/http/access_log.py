@@ -40,7 +40,7 @@ class Access:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle one request."""
         if scope["type"] == "websocket":
-            with self._metrics.websocket():
+            with self._metrics.websockets.track_inprogress():
                 await self._app(scope, receive, send)
             return
         if scope["type"] != "http":

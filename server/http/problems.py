@@ -38,6 +38,7 @@ from server.errors import (
     Unusable,
     no_room,
     read_only,
+    refusal_of,
 )
 from server.http.access_log import request_id_of
 from server.store.object_store import StorageError
@@ -74,7 +75,7 @@ STATUS_HEADERS: Final[Mapping[int, Mapping[str, str]]] = {
 """Header fields that an error response must have, by its HTTP status (RFC 9110, sections 15.5.2 and
 15.5.22)."""
 HANDLED_ERRORS: Final = (
-    *(ServiceError, DamagedError, StorageError, HTTPException),
+    *(ServiceError, InputError, DamagedError, StorageError, HTTPException),
     *(RequestValidationError, SQLAlchemyError, OSError),
 )
 """Errors that a route may end with; each other one is a fault of the service."""
@@ -230,11 +231,11 @@ def _problem_of(error: Exception, path: str) -> Problem:
         Exception: It is an error of the database or the disk that should not occur.
     """
     match error:
-        case ServiceError():
-            return Problem.of(error)
+        case ServiceError() | InputError():
+            return Problem.of(refusal_of(error))
         case DamagedError():
             log.error("%s: %s", path, error)
-            return Problem.of(errors.Damaged.of(error))
+            return Problem.of(refusal_of(error))
         case StorageError():
             log.error("%s", error)
             detail = "The storage of the service does not answer right now; try again in a moment."

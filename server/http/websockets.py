@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Coroutine
 from typing import Any
 
@@ -34,3 +35,17 @@ async def first_of(*works: Coroutine[Any, Any, object]) -> None:
     for error in ended:
         if isinstance(error, Exception) and not isinstance(error, gone):
             raise error
+
+
+async def close(websocket: WebSocket, code: int, reason: str = "") -> None:
+    """Close a socket that may be closed already, without waiting for incoming messages."""
+
+    async def drain() -> None:
+        while (await websocket.receive())["type"] != "websocket.disconnect":
+            pass
+
+    draining = asyncio.ensure_future(drain())
+    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+        await websocket.close(code, reason)
+    draining.cancel()
+    await asyncio.gather(draining, return_exceptions=True)

@@ -101,14 +101,6 @@ class Movies:
             raise NotFound(
                 "no-such-artifact", "This fold has no frames, so it cannot have a movie."
             )
-        try:
-            state = self.state(fold_id, movie.key)
-            if state.status != "failed":
-                if of_owner:
-                    self._take_over(fold_id, movie.key)
-                return state, False
-        except NoSuchMovieError:
-            pass
         wanted = MovieRow(
             fold_id=fold_id,
             id=movie.key,
@@ -123,7 +115,7 @@ class Movies:
         )
         try:
             self._add(wanted)
-        except IntegrityError:  # another was quicker, or the fold was deleted
+        except IntegrityError:  # it exists already, or the fold was deleted
             self._store.fold(fold_id)
             if of_owner:
                 self._take_over(fold_id, movie.key)
@@ -136,8 +128,6 @@ class Movies:
         Raises:
             NoSuchMovieError: When there is no such movie.
         """
-        if not (movie_id.isascii() and movie_id.isalnum() and len(movie_id) <= 32):
-            raise NoSuchMovieError(movie_id)
         row = self._store.get(MovieRow, (fold_id, movie_id))
         if row is None:
             raise NoSuchMovieError(movie_id)

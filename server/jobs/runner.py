@@ -20,24 +20,18 @@ class Runner:
     Args:
         settings: The settings.
         store: Rows and files.
-        fork_server: One that forks for others, too: it goes on when this ends.
     """
 
-    def __init__(
-        self, settings: Settings, store: Store, *, fork_server: ForkServer | None = None
-    ) -> None:
+    def __init__(self, settings: Settings, store: Store) -> None:
         self._settings = settings
         self._store = store
-        self._shared = fork_server is not None
-        self._fork_server = fork_server or ForkServer.where_possible(
-            ["stages"], warm=settings.prewarm, directory=settings.root
-        )
+        self._fork_server = ForkServer(["stages"], warm=settings.prewarm, directory=settings.root)
         self._children = Children("stages", ChildLimits.of(settings), self._fork_server)
         self._stopping = threading.Event()
 
     def prewarm(self) -> None:
         """Load what the first fold would wait for, unless the settings forbid it."""
-        if self._settings.prewarm and self._fork_server is not None:
+        if self._settings.prewarm:
             self._fork_server.start()
 
     def preparing(self) -> float | None:
@@ -45,8 +39,6 @@ class Runner:
 
         It is 0 while the fork server starts: only then it is known whether anything is to compile.
         """
-        if self._fork_server is None:
-            return None
         told = self._fork_server.told
         if told is None:
             return 0.0 if self._fork_server.starting else None
@@ -66,5 +58,4 @@ class Runner:
         """Stop all children; their folds continue elsewhere or after the next start."""
         self._stopping.set()
         self._children.close()
-        if self._fork_server is not None and not self._shared:
-            self._fork_server.close()
+        self._fork_server.close()

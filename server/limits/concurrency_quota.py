@@ -66,6 +66,7 @@ class Permit:
         self._quota = quota
         self.visitor = visitor
         self.groups = () if visitor is None else (*networks_of(visitor), visitor)
+        self.site = self.groups[0] if self.groups else None
         self.begin = begin
         self.end = end
         self.going = False
@@ -157,8 +158,8 @@ class Quota:
                 self._remove(victim)
             self._count += 1
             self._held.update(permit.groups)
-            site = permit.groups[0] if permit.groups else None
-            self._line.setdefault(site, OrderedDict()).setdefault(visitor, deque()).append(permit)
+            visitors = self._line.setdefault(permit.site, OrderedDict())
+            visitors.setdefault(visitor, deque()).append(permit)
             if end is not None and visitor is not None:
                 self._displaceable.setdefault(visitor, {})[permit] = None
             self._admit()
@@ -256,13 +257,7 @@ class Quota:
             self._going_count -= 1
             self._going.subtract(permit.groups)
         else:
-            site = permit.groups[0] if permit.groups else None
-            visitors = self._line[site]
-            visitors[permit.visitor].remove(permit)
-            if not visitors[permit.visitor]:
-                del visitors[permit.visitor]
-            if not visitors:
-                del self._line[site]
+            self._leave_line(permit)
         for counts in (self._held, self._going):
             for group in permit.groups:
                 if not counts[group]:
@@ -293,17 +288,21 @@ class Quota:
         """Take the permit whose turn has come out of the line."""
         for site, visitors in self._line.items():
             for visitor, waiting in visitors.items():
-                if not self._may_begin(waiting[0]):
-                    continue
-                permit = waiting.popleft()
-                visitors.move_to_end(visitor)
-                if not waiting:
-                    del visitors[visitor]
-                self._line.move_to_end(site)
-                if not visitors:
-                    del self._line[site]
-                return permit
+                permit = waiting[0]
+                if self._may_begin(permit):
+                    visitors.move_to_end(visitor)
+                    self._line.move_to_end(site)
+                    self._leave_line(permit)
+                    return permit
         return None
+
+    def _leave_line(self, permit: Permit) -> None:
+        visitors = self._line[permit.site]
+        visitors[permit.visitor].remove(permit)
+        if not visitors[permit.visitor]:
+            del visitors[permit.visitor]
+        if not visitors:
+            del self._line[permit.site]
 
     def _may_begin(self, permit: Permit) -> bool:
         most = self._at_once_per_visitor

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextvars import ContextVar
-from typing import Any, Final, ParamSpec, TypeVar
+from typing import Final, ParamSpec, TypeVar
 
 from server.limits.concurrency_quota import Permit, Quota
 
@@ -51,8 +51,12 @@ class FairThreads(ThreadPoolExecutor):
 
         def work(permit: Permit) -> None:
             with permit:
-                if made.set_running_or_notify_cancel():
-                    complete(made, lambda: fn(*args, **kwargs))
+                if not made.set_running_or_notify_cancel():
+                    return
+                try:
+                    made.set_result(fn(*args, **kwargs))
+                except BaseException as error:
+                    made.set_exception(error)
 
         def begin(permit: Permit) -> None:
             try:
@@ -62,11 +66,3 @@ class FairThreads(ThreadPoolExecutor):
 
         self._turns.enter(CURRENT_VISITOR.get(), begin)
         return made
-
-
-def complete(made: Future[Any], call: Callable[[], Any]) -> None:
-    """Give a future the result of a call, or its error."""
-    try:
-        made.set_result(call())
-    except BaseException as error:
-        made.set_exception(error)

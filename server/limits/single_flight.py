@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Hashable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, Final, TypeVar
 
 from server.errors import ServiceError, TooMany, Unavailable
 from server.limits.concurrency_quota import Holder, Permit, Quota
-from server.limits.fair_threads import complete
 from web.timeline.cache import Cache
 
 PENDING_RETRY_S: Final = 3
@@ -48,12 +47,12 @@ class SingleFlight:
             what, total=total, per_visitor=per_visitor, at_once=at_once, refuse=busy
         )
         self._threads = ThreadPoolExecutor(at_once, thread_name_prefix=what.replace(" ", "-"))
-        self._making: dict[Hashable, tuple[Future[Any], asyncio.Future[Any]]] = {}
+        self._making: dict[Hashable, asyncio.Future[Any]] = {}
 
     def close(self) -> None:
         """Start no further computation."""
-        for made, _ in self._making.values():
-            made.cancel()
+        for making in self._making.values():
+            making.cancel()
         self._threads.shutdown(wait=False, cancel_futures=True)
 
     async def get_or_make(
@@ -80,35 +79,24 @@ class SingleFlight:
                 return known
             make = partial(cache.get_or_make, key, make)
         if key not in self._making:
-            self._begin(key, make, visitor)
+            making = self._making[key] = asyncio.ensure_future(self._made(make, visitor))
+            making.add_done_callback(partial(self._forget, key))
         # Who goes away does not take it from the others that wait for it.
-        return await asyncio.shield(self._making[key][1])
+        return await asyncio.shield(self._making[key])
 
-    def _begin(self, key: Hashable, make: Callable[[], Thing], visitor: str | None) -> None:
-        made: Future[Thing] = Future()
-
-        def begin(permit: Permit) -> None:
-            if not made.cancelled():
-                self._threads.submit(work, permit)
-
-        def work(permit: Permit) -> None:
-            if made.set_running_or_notify_cancel():
-                complete(made, lambda: made_within(permit))
-
-        def made_within(permit: Permit) -> Thing:
-            with permit:
-                return make()
-
-        def done(making: asyncio.Future[Thing]) -> None:
-            del self._making[key]
-            if not making.cancelled():
-                making.exception()  # whoever waited was told; nobody may be left
+    async def _made(self, make: Callable[[], Thing], visitor: str | None) -> Thing:
+        """Wait for the visitor's turn, and make a result in a thread."""
+        loop = asyncio.get_running_loop()
+        turn: asyncio.Future[Permit] = loop.create_future()
 
         def displaced() -> None:
-            if made.set_running_or_notify_cancel():
-                made.set_exception(self._busy(len(self._quota), Holder.ALL))
+            turn.set_exception(self._busy(len(self._quota), Holder.ALL))
 
-        self._quota.enter(visitor, begin, end=displaced)
-        making = asyncio.wrap_future(made)
-        self._making[key] = made, making
-        making.add_done_callback(done)
+        with self._quota.enter(visitor, turn.set_result, end=displaced):
+            await turn
+            return await loop.run_in_executor(self._threads, make)
+
+    def _forget(self, key: Hashable, making: asyncio.Future[Any]) -> None:
+        del self._making[key]
+        if not making.cancelled():
+            making.exception()  # whoever waited was told; nobody may be left

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Callable
 from typing import Final
 
 import segno
@@ -15,7 +16,7 @@ from server.api.fold_lookup import ADDRESS_ID
 from server.http.base_path import BASE_PATH
 from server.http.client_address import address_of
 from server.http.live_classes import LiveClass, is_view
-from server.http.websockets import first_of, receive
+from server.http.websockets import close, first_of, receive
 from server.store.folds import NoSuchFoldError
 
 router = APIRouter(include_in_schema=False)
@@ -79,8 +80,8 @@ async def follow(websocket: WebSocket) -> None:
     shown = context.classes.find(websocket.query_params.get("code", ""))
     with context.classes.followers.enter(address_of(websocket)), shown.joined():
         await websocket.accept()
-        await first_of(_send_views(websocket, shown), receive(websocket))
-    await _close(websocket, *((DONE, OVER) if shown.over else (REFUSED, "")))
+        await first_of(_send_changes(websocket, shown, lambda: shown.view), receive(websocket))
+    await close(websocket, *((DONE, OVER) if shown.over else (REFUSED, "")))
 
 
 async def _lead(websocket: WebSocket, shown: LiveClass) -> None:
@@ -96,7 +97,7 @@ async def _lead(websocket: WebSocket, shown: LiveClass) -> None:
     finally:
         if shown.leader is websocket:
             shown.change(leader=None, lost_at=asyncio.get_running_loop().time())
-        await _close(websocket, DONE)
+        await close(websocket, DONE)
 
 
 async def _take_views(websocket: WebSocket, shown: LiveClass) -> None:
@@ -123,34 +124,21 @@ async def _report(websocket: WebSocket, shown: LiveClass) -> None:
     picture = segno.make_qr(link, error="m").svg_data_uri(scale=4, border=4, light="#fff")
     back = {"code": shown.code, "key": shown.key}
     await websocket.send_json({"link": link, "picture": picture, "back": back})
-    told = 0
-    while True:
-        changed = shown.changed
-        if shown.followers == told:
-            await changed.wait()
-            continue
-        told = shown.followers
-        await _send(websocket, f'{{"followers": {told}}}')
+    await _send_changes(
+        websocket, shown, lambda: f'{{"followers": {shown.followers}}}', sent='{"followers": 0}'
+    )
 
 
-async def _send_views(websocket: WebSocket, shown: LiveClass) -> None:
-    """Send views until the class is over; of those in quick succession the latest."""
-    sent: str | None = None
+async def _send_changes(
+    websocket: WebSocket, shown: LiveClass, text: Callable[[], str], *, sent: str | None = None
+) -> None:
+    """Send a text whenever it has changed, until the class is over; the latest of several."""
     while not shown.over:
         changed = shown.changed
-        if shown.view == sent:
+        if (now := text()) == sent:
             await changed.wait()
             continue
-        sent = shown.view
-        await _send(websocket, sent)
-
-
-async def _send(websocket: WebSocket, text: str) -> None:
-    async with asyncio.timeout(UNREAD_S):
-        await websocket.send_text(text)
-    await asyncio.sleep(VIEW_INTERVAL_S)
-
-
-async def _close(websocket: WebSocket, code: int, reason: str = "") -> None:
-    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
-        await websocket.close(code, reason)
+        sent = now
+        async with asyncio.timeout(UNREAD_S):
+            await websocket.send_text(now)
+        await asyncio.sleep(VIEW_INTERVAL_S)

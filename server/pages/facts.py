@@ -72,6 +72,12 @@ from words.verdict import (
 SHOWN_FILES: Final = (TIMELINE, CHAIN, CERTIFICATE, ATTEMPTS)
 """Files that the page of a fold needs; the page reports those that are damaged."""
 
+SCRIPT_FACTS: Final = (
+    *("id", "name", "running", "verdict", "failure", "choice", "again", "frames"),
+    *("compare", "refold", "embed", "movies"),
+)
+"""Facts that the scripts of pages use."""
+
 Form = dict[str, str | int | float]
 """Fields of a form that asks for a fold."""
 
@@ -135,6 +141,12 @@ class FoldFacts(TypedDict):
     properties: list[Properties]
     downloads: list[Download]
     downloads_hint: str
+    checkable: bool
+
+
+def script_facts(facts: FoldFacts) -> dict[str, object]:
+    """Return the facts that a page's scripts use; its HTML states all others."""
+    return {name: facts[name] for name in SCRIPT_FACTS}
 
 
 def takes_by_cost(row: FoldRow) -> str:
@@ -199,6 +211,7 @@ def fold_facts(
         "properties": properties(row, summary, certificate, directory),
         "downloads": _downloads(row, summary) if there else [],
         "downloads_hint": NO_DOWNLOADS_YET if running else NO_DOWNLOADS,
+        "checkable": bool(there) and row.status == "verified",
     }
     return _with_damage(facts, damaged) if damaged else facts
 
@@ -242,6 +255,7 @@ def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
         changed["movies"] = changed["robot"] = False
         changed["refoldable"] = changed["smoothable"] = changed["comparable"] = False
         changed["files"], changed["downloads"], changed["compare"] = [], [], []
+        changed["checkable"] = False
     return changed
 
 

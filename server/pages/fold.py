@@ -20,7 +20,7 @@ from planner.pipeline.fold_layout import result_path
 from planner.verification.integrity import damaged_among
 from server.api.fold_lookup import Viewing, find_now, viewing_of
 from server.http.response_cache import mark
-from server.pages.facts import FoldFacts, fold_facts, takes_by_cost
+from server.pages.facts import FoldFacts, fold_facts, script_facts, takes_by_cost
 from server.pages.page import origin_of, page, script_json
 from server.pages.privacy import visibility
 from server.pages.problem_page import no_such_page
@@ -58,7 +58,7 @@ def _fold_page(request: Request, fold_id: str) -> Response:
         "fold.html",
         listed=found.row.public,
         facts=facts,
-        facts_json=script_json(facts),
+        facts_json=script_json(script_facts(facts)),
         drawing=drawing_in(found.directory) if drawable else "",
         details=True,
         service=viewing_of(request).settings is not None,

@@ -7,12 +7,13 @@ import asyncio
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
+from planner.errors import InputError
 from planner.parameters.parameters import World
 from planner.pipeline.request import FoldRequest
 from server.api.context import context_of, in_list_rate
 from server.api.fold_inputs import Origin
 from server.api.folds import post_fold
-from server.errors import ServiceError
+from server.errors import ServiceError, refusal_of
 from server.http.problems import Problem
 from server.pages.cards import (
     FoldStatus,
@@ -67,8 +68,8 @@ def fold_shape(request: Request, name: str, world: World = "floating") -> Respon
             origin=Origin(shape=name),
             asked=FoldRequest(world=world),
         )
-    except ServiceError as error:
-        problem = Problem.of(error)
+    except (ServiceError, InputError) as error:
+        problem = Problem.of(refusal_of(error))
         detail = message_for_people(problem.detail)
         return not_found_page("This shape can't be folded", detail, status_code=problem.status)
     return RedirectResponse(accepted.links.page, status_code=303)

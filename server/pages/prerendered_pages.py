@@ -9,7 +9,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from server.api.context import context_of
 from server.http.base_path import BASE_PATH
-from server.http.compression import Asset
+from server.http.downloads import Asset
 from server.http.security import INDEXED_HEADERS
 from server.pages.page import policy_of_pages, rendered, script_json
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from functools import cache, lru_cache
-from pathlib import Path
-from typing import Final
+from functools import cache
+from typing import Any, Final
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
@@ -15,10 +14,11 @@ from server.api.context import context_of
 from server.files.preview_reports import OPTIONS_KEY, cells_of_repair, read_report
 from server.http.client_address import address_of
 from server.http.downloads import BINARY_MEDIA_TYPE
-from server.pages.page import drawing, page, script_addresses, script_json
+from server.pages.page import drawing, not_found, page, script_addresses, script_json
 from server.pages.problem_page import not_found_page
 from server.store.previews import NoSuchPreviewError, Previews
 from web.pictures.preview_drawing import preview_svg
+from web.viser.preview_scene import preview_scene_of
 from words.fold import shown_name
 from words.missing_pages import NO_PREVIEW
 
@@ -60,8 +60,15 @@ async def drawing_of_preview(
 ) -> Response:
     """Return the drawing of a preview for the options of ``key``, without any text from users."""
     previews = context_of(request).previews
-    svg = await asyncio.to_thread(_drawing, previews, preview_id, key, repair=repair)
-    return drawing(svg or "", SCENE_CACHE_CONTROL)
+
+    def drawn() -> str:
+        report = _report(previews, preview_id, key, repair=repair)
+        return preview_svg(report, report["added"] if repair else ()) or ""
+
+    try:
+        return drawing(await asyncio.to_thread(drawn), SCENE_CACHE_CONTROL)
+    except NoSuchPreviewError:
+        return not_found()
 
 
 @router.get("/previews/{preview_id}/scene/{key}")
@@ -69,26 +76,33 @@ async def scene_of_preview(
     request: Request, preview_id: str, key: str, repair: bool = False
 ) -> Response:
     """Return the 3D scene for viser's client (see ``web.viser.preview_scene``)."""
-    data = await context_of(request).preview_scenes.scene(
-        preview_id, key, visitor=address_of(request), repair=repair
+    context = context_of(request)
+    data = await context.answers.get_or_make(
+        ("scene", preview_id, key, repair),
+        lambda: preview_scene_of(_report(context.previews, preview_id, key, repair=repair)),
+        visitor=address_of(request),
     )
     return Response(
         data, media_type=BINARY_MEDIA_TYPE, headers={"Cache-Control": SCENE_CACHE_CONTROL}
     )
 
 
-def _drawing(previews: Previews, preview_id: str, key: str, *, repair: bool) -> str | None:
+def _report(previews: Previews, preview_id: str, key: str, *, repair: bool) -> dict[str, Any]:
+    """Return the report of a preview for the options of ``key``.
+
+    Args:
+        previews: The previews.
+        preview_id: The preview.
+        key: Key of the options.
+        repair: True to add the cells of the offered repair.
+
+    Raises:
+        NoSuchPreviewError: If there is none.
+    """
     if not OPTIONS_KEY.fullmatch(key):
-        return None
-    try:
-        return _drawing_at(previews.place(preview_id, key), repair=repair)
-    except (NoSuchPreviewError, LookupError, ValueError):
-        return None
-
-
-@lru_cache(maxsize=32)
-def _drawing_at(place: Path, *, repair: bool) -> str | None:
+        raise NoSuchPreviewError(preview_id)
+    place = previews.place(preview_id, key)
     report = read_report(place)
     if report is None:
-        raise LookupError(place)  # so that it is looked for again
-    return preview_svg(report, cells_of_repair(place) if repair else ())
+        raise NoSuchPreviewError(preview_id)
+    return {**report, "added": cells_of_repair(place)} if repair else report

@@ -26,9 +26,10 @@ from server.api.tours import tour_of
 from server.errors import Conflict
 from server.http.client_address import address_of
 from server.http.downloads import download
-from server.pages.facts import FoldFacts, fold_facts
+from server.pages.facts import FoldFacts, fold_facts, script_facts
 from server.pages.page import page, policy_of_pages, rendered, script_json
 from server.pages.problem_page import no_such_page
+from server.store.fold_files import NoSuchFoldError
 from server.store.fold_source import FoldSource, Found
 from server.store.object_store import TIMELINE_HEAD
 from web.pictures.table_top import TableTop
@@ -62,7 +63,9 @@ async def embedded(request: Request, fold_id: str) -> Response:
     else:
         # Who may see the one need not have the link of the other.
         facts = await asyncio.to_thread(fold_facts, replace(found, recorded=None))
-        answer = page("embed.html", facts=facts, facts_json=script_json(facts), details=False)
+        answer = page(
+            "embed.html", facts=facts, facts_json=script_json(script_facts(facts)), details=False
+        )
     policy = policy_of_pages().replace("frame-ancestors 'self'", _ancestors(request))
     answer.headers["Content-Security-Policy"] = policy
     return answer
@@ -80,7 +83,11 @@ async def compare(
         return no_such_page(request, NO_PAIR)
     facts = [await asyncio.to_thread(fold_facts, side) for side in sides if side is not None]
     return page(
-        "compare.html", sides=facts, facts_json=script_json(facts), details=False, comparing=True
+        "compare.html",
+        sides=facts,
+        facts_json=script_json([script_facts(side) for side in facts]),
+        details=False,
+        comparing=True,
     )
 
 
@@ -92,6 +99,7 @@ async def standalone(request: Request, fold_id: str) -> Response:
     kept = await asyncio.to_thread(_kept, viewing_of(request).store, found)
     path = await viewing_of(request).artifacts.file(
         fold_id,
+        found.directory,
         "standalone.html",
         _of_view(found, lambda timeline: standalone_page(found, timeline, facts, _page, kept=kept)),
         of=TIMELINE_HEAD,
@@ -107,6 +115,7 @@ async def recording(request: Request, fold_id: str) -> Response:
     found = await _finished(request, fold_id)
     path = await viewing_of(request).artifacts.file(
         fold_id,
+        found.directory,
         "recording.viser",
         _of_view(found, lambda timeline: recording_of(timeline, _table(found, timeline))),
         of=TIMELINE_HEAD,
@@ -179,6 +188,8 @@ def _page(**values: object) -> str:
 
 async def _finished(request: Request, fold_id: str) -> Found:
     found = await asyncio.to_thread(found_fold, request, fold_id)
+    if found.alternative_to is not None:
+        raise NoSuchFoldError(fold_id)
     if found.row.status not in RUNNING_STATUSES:
         await asyncio.to_thread(check, found.directory, TIMELINE, FIGURES)
     timelines = viewing_of(request).timelines

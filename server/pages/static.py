@@ -12,7 +12,7 @@ from typing import Final
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, Response
 
-from server.http.compression import Asset
+from server.http.downloads import Asset
 from server.http.security import INDEXED_HEADERS
 from server.pages.page import not_found
 from web.static_files import STATIC, VERSIONED, code_of, scripts_version

@@ -430,6 +430,13 @@ class Pool:
     """Children that do one task after the other, each replaced when a task was too much for it.
 
     There are as many as there are calls at once. Safe to use from many threads.
+
+    Args:
+        kind: Kind of their tasks.
+        limits: Resource limits of each.
+        wall_s: Limit of a task's wall time, s.
+        fork_server: Server that forks them.
+        quota: Turns of visitors; calls do not wait for each other if None.
     """
 
     def __init__(
@@ -439,20 +446,28 @@ class Pool:
         *,
         wall_s: float,
         fork_server: ForkServer | None = None,
+        quota: Quota | None = None,
     ) -> None:
+        self._quota = quota
         self._children = Children(kind, limits, fork_server)
         self._wall_s = wall_s
         self._lock = threading.Lock()
         self._idle: list[Child] = []
 
     def call(
-        self, task: str, directory: Path, *, cancelled: Callable[[], bool] | None = None
+        self,
+        task: str,
+        directory: Path,
+        *,
+        visitor: str = "",
+        cancelled: Callable[[], bool] | None = None,
     ) -> dict[str, Any]:
-        """Run one task.
+        """Run one task when it is the visitor's turn.
 
         Args:
             task: One that this kind of child knows.
             directory: Directory with the input.
+            visitor: Visitor that requests it.
             cancelled: Asked often; once True nobody wants the result, and the child is ended.
 
         Returns:
@@ -461,7 +476,16 @@ class Pool:
         Raises:
             InputError: When the input can't be used.
             ChildError: When the child crashed or went beyond a limit.
+            ServiceError: When too many of the visitor's wait, or of all.
         """
+        if self._quota is None:
+            return self._run(task, directory, cancelled)
+        with self._quota.turn(visitor, unwanted=cancelled):
+            return self._run(task, directory, cancelled)
+
+    def _run(
+        self, task: str, directory: Path, cancelled: Callable[[], bool] | None
+    ) -> dict[str, Any]:
         for left in reversed(range(MAX_LOST_ATTEMPTS)):
             child = self._take()
             try:
@@ -505,52 +529,3 @@ class Pool:
             return
         with self._lock:
             self._idle.append(child)
-
-
-class Reader:
-    """Children that read uploads; one visitor has one at a time.
-
-    Args:
-        pool: The children.
-        quota: Whose turn it is.
-    """
-
-    def __init__(self, pool: Pool, quota: Quota) -> None:
-        self._pool = pool
-        self._quota = quota
-
-    def check(self, directory: Path, *, visitor: str) -> dict[str, Any]:
-        """Return ``name``, ``module`` and ``modules`` of the input in a directory.
-
-        Raises:
-            InputError: When it can't be used.
-            ServiceError: When too many of the visitor's wait, or of all.
-        """
-        try:
-            return self.call("check", directory, visitor=visitor)
-        except ChildError as error:
-            if error.temporary:
-                raise
-            raise InputError("unreadable", f"reading the file failed: {error.detail}") from None
-
-    def call(
-        self,
-        task: str,
-        directory: Path,
-        *,
-        visitor: str,
-        cancelled: Callable[[], bool] | None = None,
-    ) -> dict[str, Any]:
-        """Run one task when it is the visitor's turn; otherwise like ``Pool.call``.
-
-        Raises:
-            InputError: When the input can't be used.
-            ChildError: When the child crashed or went beyond a limit.
-            ServiceError: When too many of the visitor's wait, or of all.
-        """
-        with self._quota.turn(visitor, unwanted=cancelled):
-            return self._pool.call(task, directory, cancelled=cancelled)
-
-    def close(self) -> None:
-        """End the children."""
-        self._pool.close()

@@ -274,14 +274,6 @@ class ForkServer:
         self._running: _Running | None = None
         self._closed = False
 
-    @classmethod
-    def where_possible(
-        cls, kinds: Sequence[Kind], *, warm: bool, directory: Path
-    ) -> ForkServer | None:
-        """Return one, or None on systems whose libraries don't outlast a fork."""
-        linux = sys.platform == "linux"
-        return cls(kinds, warm=warm, directory=directory) if linux else None
-
     @property
     def pid(self) -> int | None:
         """Process id; None before the start."""

@@ -440,8 +440,9 @@ class Store:
         return bool(self.change(gone))
 
     def add_derived(self, fold_id: str, size: int) -> None:
-        """Add to the size of a fold's derived files."""
-        self._change(fold_id, derived_bytes=FoldRow.derived_bytes + size)
+        """Add to the size of a fold's derived files; those in a cache do not count."""
+        if self.folders.storage is None:
+            self._change(fold_id, derived_bytes=FoldRow.derived_bytes + size)
 
     def set_derived(self, fold_id: str, size: int) -> None:
         """Store the size of a fold's derived files."""

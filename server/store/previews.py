@@ -152,8 +152,6 @@ class Previews:
         Raises:
             NoSuchPreviewError: When there is none.
         """
-        if not (preview_id.isascii() and preview_id.isalnum() and len(preview_id) <= 32):
-            raise NoSuchPreviewError(preview_id)
         row = self._store.get(PreviewRow, preview_id)
         if row is None:
             raise NoSuchPreviewError(preview_id)

@@ -83,6 +83,7 @@ def test_my_folds_is_accessible(visit: Visit, service: Service) -> None:
     assert findings(page) == {}
     page.get_by_role("button", name="Rename").first.click()
     assert findings(page) == {}
+    page.keyboard.press("Escape")
     page.get_by_role("button", name="Forget the keys").click()
     assert findings(page) == {}
 

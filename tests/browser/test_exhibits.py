@@ -28,7 +28,7 @@ def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
         assert finished.http.get("/kiosk", params={"folds": folds}).status_code == status
     page = visit(f"/kiosk?kiosk=10&folds={wrench},{other}", view=False, script=faster(SPEED))
     shown = page.frame_locator("iframe:not(.coming)")
-    expect(shown.locator(".tour-caption")).to_contain_text("The chain is straight")
+    expect(shown.locator("#tour-caption")).to_contain_text("The chain is straight")
     frame = "iframe[src='/embed/{}?kiosk=10']:not(.coming)"
     first, second = frame.format(wrench), frame.format(other)
     if page.locator(second).count():  # on a busy machine the first one may come too late
@@ -48,9 +48,9 @@ def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
     page.context.set_offline(False)
     expect(page.locator(second)).to_be_visible()
 
-    expect(shown.locator(".tour .primary")).to_have_text("Pause")
+    expect(shown.locator("#tour-run")).to_have_text("Pause")
     shown.locator("#sketch").click()
-    expect(shown.locator(".tour .primary")).to_have_text("Play tour")
+    expect(shown.locator("#tour-run")).to_have_text("Play tour")
     expect(page.locator(first)).to_be_visible()
     expect(page.locator("iframe")).to_have_count(1)
     third = count_objects(page)
@@ -69,8 +69,9 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     expect(leader.locator("#scrub")).to_be_enabled()
     leader.locator("#share").click()
     leader.locator("#lead").click()
-    link = leader.locator(".class-code input").input_value()
-    assert re.search(r"/c/[0-9A-Z]{12}$", link)
+    field = leader.locator(".class-code input")
+    expect(field).to_have_value(re.compile(r"/c/[0-9A-Z]{12}$"))
+    link = field.input_value()
 
     follower = visit(f"/c/{link.rpartition('/')[2]}", view=False)
     words, back = follower.locator(".class-ways span"), follower.locator(".class-ways .primary")

@@ -42,7 +42,7 @@ def test_impossible_module_size_fails_with_overlap(visit: Visit, service: Servic
     place = state["summary"]["certificate"]["min_clearance_at"]
     page = wait_for_view(visit(f"/folds/{fold}", **LAPTOP))
     expect(page.locator("#stuck-heading")).to_have_text("Modules overlap")
-    expect(page.locator("#stuck-text")).to_contain_text("At a module size of 1, modules")
+    expect(page.locator("#stuck-text")).to_contain_text("At a module size of 1 pitch, modules")
     assert show_stuck_modules(page) == sorted(place["modules"])
     explosion = state["summary"]["explosion"]["frames"]
     assert shown_frame(page) == pytest.approx(explosion + place["frame"], abs=1)
@@ -76,7 +76,7 @@ def test_knot_is_drawn_located_and_confirmed(
     page.locator("#stuck-attempts").click()
     tried = page.locator(".attempts li")
     expect(tried).to_have_count(1)  # there is one way to peel it
-    expect(tried).to_contain_text("the chain is knotted (its knot has the determinant 3")
+    expect(tried).to_contain_text("the determinant of its knot is 3; without a knot, it is 1")
     # Both files are offered, and suffice to confirm the reason.
     expect(page.locator("#attempts code")).to_contain_text("_refusals.py plan.npz record.npz")
     for name in ("plan.npz", "record.npz"):

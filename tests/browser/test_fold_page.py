@@ -96,7 +96,7 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
     expect(heading).to_contain_text("Module")
     index = int(re.findall(r"\d+", heading.inner_text())[0]) - 1
     cell = np.rint(chain.folded_poses.positions[index]).astype(int)
-    shown = page.locator("#panel-module dd").nth(1).inner_text().replace("−", "-")
+    shown = page.locator("#panel-module [data-of=cell]").inner_text().replace("−", "-")
     assert [int(c) for c in shown.split(", ")] == cell.tolist()
     seen = picture(page)
     assert (seen[..., 2] - seen[..., 0]).max() > 60  # it is blue

@@ -145,7 +145,7 @@ def test_plots_show_figures_and_seek(page: Page, figures: Figures) -> None:
     expect(plot).to_have_attribute("aria-valuetext", f"Frame 50, smallest clearance {least}")
     expect(plots.filter(has_text="Smallest clearance").locator("b")).to_have_text(least)
     with page.expect_download() as download:
-        page.get_by_role("link", name="Smallest clearance as CSV").click()
+        page.get_by_role("button", name="Smallest clearance as CSV").click()
     table = np.genfromtxt(download.value.path(), delimiter=",", names=True)
     np.testing.assert_allclose(table["min_clearance"], figures.min_clearance, rtol=1e-6)
 
@@ -158,7 +158,7 @@ def test_plots_show_figures_and_seek(page: Page, figures: Figures) -> None:
     assert shown_frame(page) > 0.5 * len(figures), "a reading moves nothing"
     larger = page.get_by_role("button", name="Larger view of smallest clearance")
     larger.click()
-    large = page.locator("dialog.plot-dialog .plot svg[role=slider]")
+    large = page.locator(".plot:popover-open svg[role=slider]")
     before = shown_frame(page)
     large.press("ArrowLeft")
     expect(large).to_have_attribute("aria-valuenow", str(before))

@@ -27,7 +27,7 @@ def test_element_shows_a_fold_and_obeys_its_messages(
     expect(small.content_frame.locator("html")).to_have_attribute("data-theme", "dark")
     expect(small.content_frame.locator("#bar")).to_be_hidden()
     expect(small.content_frame.locator("#flat")).to_contain_text("WebGL is missing")
-    expect(page.locator("#toured iframe").content_frame.locator(".tour-caption")).to_be_visible()
+    expect(page.locator("#toured iframe").content_frame.locator("#tour-caption")).to_be_visible()
     expect(driven).to_have_attribute("title", re.compile("wrench"))
     expect(driven).to_have_attribute("sandbox", re.compile("^allow-scripts "))
 
@@ -77,7 +77,7 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     keep_as_mine(page, folded)
     stops = page.locator(".tour-list li")
     page.locator("#tour").click()
-    expect(page.locator(".tour-caption")).to_contain_text("The chain is straight")
+    expect(page.locator("#tour-caption")).to_contain_text("The chain is straight")
     page.keyboard.press("PageDown")
     expect(page).to_have_url(re.compile("stop=2"))
 
@@ -93,7 +93,7 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     expect(page.get_by_text("Tour saved")).to_be_visible()
 
     other = visit(f"/embed/{folded['id']}#stop=2", view=False)
-    expect(other.locator(".tour-caption")).to_have_text("<b>Here</b> it begins.")
+    expect(other.locator("#tour-caption")).to_have_text("<b>Here</b> it begins.")
 
     # Numbers for the colours are the owner's to set as well.
     page.get_by_role("button", name="Close", exact=True).click()

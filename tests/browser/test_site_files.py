@@ -89,6 +89,6 @@ def test_site_plays_from_a_folder_without_a_server(site_dir: Path, browser: Brow
     page.locator(".headline .run-start").click()
     page.wait_for_function(MOVING, arg=[".headline .run-scrub", "0"])
     page.goto(f"{site_dir.as_uri()}/kiosk.html?folds=cube")
-    expect(page.frame_locator("iframe").locator(".tour-caption")).to_be_visible()
+    expect(page.frame_locator("iframe").locator("#tour-caption")).to_be_visible()
     assert wrong == []
     page.context.close()

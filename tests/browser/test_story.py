@@ -33,7 +33,8 @@ AT_LAST_FRAME = """() => {
 }"""
 
 
-FACTS = "**/facts"
+OUTCOME = re.compile(r"/folds/[a-z0-9]+(/facts)?$")
+"""Addresses from which a fold's page gets the outcome."""
 
 
 def test_running_fold_plays_from_its_start_to_the_finished_shape(visit: Visit) -> None:
@@ -50,13 +51,20 @@ def test_running_fold_plays_from_its_start_to_the_finished_shape(visit: Visit) -
     page.wait_for_function(f"() => ({FRAME})() !== {frame}")
 
     held: list[Route] = []
-    page.route(FACTS, lambda route: held.append(route))
+
+    def hold(route: Route) -> None:
+        if route.request.is_navigation_request():
+            route.continue_()
+        else:
+            held.append(route)
+
+    page.route(OUTCOME, hold)
     page.locator("#seed").evaluate("seed => { seed.value = 77; }")
     page.locator("[data-shape=wrench-24]").click()
     wait_for_fold(page)
     page.wait_for_function("() => window.foldback?.player.playhead.frame > 9")
     wait_until(page, lambda: bool(held))
-    page.unroute(FACTS)  # this lets the held requests continue
+    page.unroute(OUTCOME)  # this lets the held requests continue
     page.evaluate("foldback.player.send({ do: 'set', speed: 6 })")  # fewer frames to draw
     page.wait_for_function(AT_LAST_FRAME)
     noted = page.evaluate("noted")

@@ -16,7 +16,9 @@ import httpx
 import psutil
 import uvicorn
 
+from server.api import context
 from server.cli.serve import server_of
+from server.jobs import runner
 from server.ops.logs import TextLines
 from server.processes.fork_server import ForkServer
 from server.settings import VARIABLE_PREFIX, Settings
@@ -26,9 +28,19 @@ from tests.server.service_process import TIMEOUT_S, Service
 UNUSED_PREFIX = "NO_TEST_SETS_THIS_"
 """Prefix of variables for its settings, which no environment has: the machine's own are ignored."""
 LOGGER = logging.getLogger("foldback")
-FORKS = ForkServer(["reader", "preparer", "retimer", "stages"], warm=False)
-"""Fork server for all services of this process, and for tests, since it takes long to load."""
-atexit.register(FORKS.close)
+
+
+class SharedForks(ForkServer):
+    """Fork server for all services of this process, and for tests, since it takes long to load."""
+
+    def close(self) -> None:
+        """Do nothing: it ends with the process of the tests."""
+
+
+FORKS = SharedForks(["reader", "preparer", "retimer", "stages"], warm=False)
+atexit.register(ForkServer.close, FORKS)
+for module in (context, runner):
+    setattr(module, ForkServer.__name__, lambda *_, **__: FORKS)  # pyright: ignore
 
 
 EMPTY_DATABASE: list[bytes] = []
@@ -69,7 +81,7 @@ class ServiceThread(Service):
         self._handler.setFormatter(TextLines({}))
         LOGGER.addHandler(self._handler)
         LOGGER.setLevel(logging.INFO)
-        self._server = server_of(self.settings, *arguments[1:], fork_server=FORKS)
+        self._server = server_of(self.settings, *arguments[1:])
         # Connections before the server is ready wait until it answers.
         self._socket = socket.create_server((self.settings.host, 0))
         self._thread = threading.Thread(target=self._serve, args=(self._server, self._socket))
@@ -122,8 +134,8 @@ class ServiceThread(Service):
         app: Any = self._server.config.app
         context = app.state.context
         pools = (
-            context.reader._pool,
-            context.preview_reports._reader._pool,
+            context.reader,
+            context.preview_reports._reader,
             context.trajectories._pool,
         )
         mine = {child.pid for pool in pools for child in pool._children._all}

@@ -28,8 +28,7 @@ from web.palette import (
     instance_colours,
     ramp_colours,
 )
-from web.timeline.motion_source import MotionMoments
-from web.timeline.view import TimelineView
+from web.timeline.view import MotionMoments, TimelineView
 from web.viser import Live, Shown, show
 from web.viser.viewer import COLOUR_ALONG_CHAIN
 

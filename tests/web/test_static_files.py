@@ -48,6 +48,7 @@ def test_scripts_of_a_page_are_imported_at_once_or_later() -> None:
         "js/panels/failure.js",
         "js/lib/text.js",
         "js/viewer/viewpoint.js",
+        "js/viewer/camera.js",
     )
 
 

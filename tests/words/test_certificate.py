@@ -62,9 +62,11 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
         "independent_rad": {"value": 3.845e-5, "limited_by": place},
         "failure_probability": 0.05,
     }
-    limit = "limited by modules 1 and 159 near frame 43 of the plan"
+    limit = "modules 1 and 159 limit this near frame 43 of the plan"
     shown = dict(rows(SIMULATED | {"margins": margins}))
-    assert shown["Margin for the module size"] == f"up to 0.995 pitch; {limit}"
+    assert shown["Margin for the module size"] == (
+        f"modules may have up to 0.995 of their full width; {limit}"
+    )
     assert (
         shown["Margin for an error in one hinge"]
         == f"up to 0.17° if all other hinges are exact; {limit}"
@@ -84,14 +86,14 @@ def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:
 
 
 def test_torque_is_called_peak_only_if_every_step_was_simulated() -> None:
-    assert torque(SIMULATED) == ("Peak torque", "400 µN·m, simulated motors")
+    assert torque(SIMULATED) == ("Peak torque", "400 µN·m in the simulated motors")
     assert torque(FOLLOWED) == ("Largest torque found", "400 µN·m, checked at 1210 of 4036 frames")
 
 
 def test_text_about_linked_modules() -> None:
     """tests/server/contract compares the texts for known overlaps and for none."""
     text = linked({"exempt_pairs": EXEMPT | {"worst_overlap_bound": None}})
-    assert text is not None and "not checked against each other. Real modules need" in text
+    assert text is not None and "not checked against each other. Round the edges of real" in text
     assert linked({}) is None
 
 
@@ -111,9 +113,14 @@ def test_text_about_the_base_on_a_table() -> None:
     chain = line(7)
     motion = swing(chain, 1, -LIFTED)
     cases: tuple[tuple[float, Base, str, str], ...] = (
-        (0.0, "free", "frictionless", "the simulation pins the first module"),
-        (0.2, "free", "friction 0.2, free base", "free on the table; the chain may drift"),
-        (0.2, "clamped", "friction 0.2, clamped base", "the first module is clamped"),
+        (0.0, "free", "without friction", "the simulation pins the first module"),
+        (
+            0.2,
+            "free",
+            "with friction μ = 0.2 and a free base",
+            "free on the table; the chain may drift",
+        ),
+        (0.2, "clamped", "with friction μ = 0.2 and a clamped base", "the first module is clamped"),
     )
     for friction, base, words, held in cases:
         found = table_certificate(chain, motion, friction=friction, base=base)

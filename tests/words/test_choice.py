@@ -62,7 +62,7 @@ def test_text_has_gain_and_cost_of_the_chosen_plan(tmp_path: Path) -> None:
 def test_plans_have_labels_and_rows(tmp_path: Path) -> None:
     choice = choice_of(write_attempts(tmp_path, 3, *ATTEMPTS), "time")
     plans = {plan["label"]: plan["verified"] for plan in choice["plans"]}
-    labels = ("1. One part at a time", "3. All at once, path 2", "4. Smoothed 3, seed 1")
+    labels = ("1. One part at a time", "3. All at once, path 2", "4. Plan 3, smoothed, seed 1")
     assert plans == {**dict.fromkeys(labels, True), "5. All at once": False}
     assert choice["plans"][1]["cells"] == ["20", "1 mN·m", "40 µN·m", "0.0312", "3"]
     assert choice["plans"][1]["torque_mnm"] == pytest.approx(0.04)
@@ -81,7 +81,7 @@ def test_command_line_prints_the_choice(tmp_path: Path, capsys: pytest.CaptureFi
     show_choice(choice_of(write_attempts(tmp_path, 3, *ATTEMPTS), "time"))
     lines = capsys.readouterr().out.splitlines()
     (chosen,) = (line for line in lines if line.startswith("→"))
-    assert "4. Smoothed 3, seed 1" in chosen
+    assert "4. Plan 3, smoothed, seed 1" in chosen
     assert (
         lines[-1]
         == "The folding time is 10 s instead of 100 s. This took 11 s of further computing."

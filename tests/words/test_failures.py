@@ -92,11 +92,11 @@ def test_failure_by_a_limit_names_the_limit_and_the_progress() -> None:
     stuck = {"kind": "stopped", "modules": [3, 8], "words": "the chain was still unfolding"}
     error = {"code": "time-limit", "detail": "the stage 'explode' took long.", "where": "explode"}
     shown = failure(row(error=error), {"stuck": stuck})
-    assert shown["text"] == "Exploding took long. The chain was still unfolding."
+    assert shown["text"] == "The explosion took long. The chain was still unfolding."
     # Completed stages are not reported as running.
     detail = {"detail": "the stage 'certify' failed: KeyError: 'x'"}
     shown = failure(row(error=detail, stage="certify"), {"stuck": stuck})
-    assert shown is not None and shown["text"] == "Checking the clearance failed: KeyError: 'x'."
+    assert shown is not None and shown["text"] == "The clearance check failed: KeyError: 'x'."
     assert failure(row("cancelled"), {"stuck": stuck}) is None  # nothing stalled
 
 
@@ -107,7 +107,7 @@ def test_failure_by_an_overlap_has_its_frame() -> None:
     summary = {"certificate": certificate, "explosion": {"frames": 200}, "refold": None}
     shown = failure(row(), summary)
     assert shown is not None and shown["heading"] == "Modules overlap"
-    text = "At a module size of 1, modules 4 and 8 overlap by 1.19 % of a module width."
+    text = "At a module size of 1 pitch, modules 4 and 8 overlap by 1.19 % of a module width."
     assert shown["text"] == text
     assert (shown["modules"], shown["frame"]) == ([3, 7], 212.5)
     # Their timelines are those of their plans alone.

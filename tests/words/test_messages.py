@@ -8,9 +8,7 @@ from words.certificate import headline
 from words.messages import message_for_people, verdict_for_people
 
 MESSAGES = {
-    "got 0 angles, expected 1 angle for each joint.": (
-        "Type at least one angle, using the signs 0, + or −."
-    ),
+    "got 0 angles, expected at least 1.": ("Type at least one angle, using the signs 0, + or −."),
     "got a after 0 angles, expected 0, + or - for each hinge.": (
         '"a" isn\'t an angle. Use 0, + or − for each hinge.'
     ),
@@ -31,8 +29,12 @@ MESSAGES = {
     "The database does not answer.": "The database does not answer.",
 }
 VERDICTS = {
+    "rests on a table within 3.2 w·p in frame 4 (friction 0.2, free base)": (
+        "stays on the table; its hinges need at most 3.2 w·p in frame 4 (with friction μ = 0.2 and "
+        "a free base)"
+    ),
     "rests on a table within 3.2 w·p in frame 4 (without friction)": (
-        "stays on the table and needs at most 3.2 w·p in frame 4 (without friction)"
+        "stays on the table; its hinges need at most 3.2 w·p in frame 4 (without friction)"
     ),
     "failed: the playback missed: the chain ended 0.2 pitches (RMS) from its target.": (
         "failed: the chain ended 0.2 module widths on average (root mean square) from its target."
@@ -51,7 +53,7 @@ VERDICTS = {
     ),
     "the chain is knotted (determinant 3): drawn as it stalled, with its ends extended outwards, "
     "it has 3 crossings": (
-        "the chain is knotted (its knot has the determinant 3; without a knot it would be 1): a "
+        "the chain is knotted (the determinant of its knot is 3; without a knot, it is 1): a "
         "drawing of the stalled chain, with both ends extended outwards, has 3 crossings"
     ),
     "the chain is knotted (determinant 1): drawn as it stalled, with its ends extended outwards, "
@@ -75,21 +77,21 @@ VERDICTS = {
     "next, cannot move in any of the six directions: module 5 against 2": (
         "none of the 4 hinges bent by more than 6°, at modules 1, 2 and 3 more, can straighten by "
         "itself, because modules would overlap: modules 1 and 9, modules 2 and 8, and 1 more pair; "
-        "the next part, modules 5 to 7, cannot move in any of the six directions, because modules "
-        "would overlap: modules 5 and 2"
+        "the part that would unfold next, modules 5 to 7, cannot move in any of the six "
+        "directions, because modules would overlap: modules 5 and 2"
     ),
     "the hinge at module 4 cannot straighten: module 4 against 9": (
         "the hinge at module 4 cannot straighten, because modules would overlap: modules 4 and 9"
     ),
     "failed: the plan does not start folded as hairpin": (
-        "failed: the plan does not start in the folded shape hairpin"
+        "failed: the plan does not start in the folded shape of hairpin"
     ),
     "failed: the playback passes 0.2 pitch (RMS) from straight": (
         "failed: the playback misses the straight shape by 0.2 module widths on average "
         "(root mean square)"
     ),
     "failed: the plan has numbers that are not finite": (
-        "failed: the plan has infinite or undefined numbers"
+        "failed: the plan contains infinite or undefined numbers"
     ),
     "failed: in the plan, the clearance between two frames could not be bounded": (
         "failed: in the plan, it could not be proved that the modules stay apart from one frame to "
@@ -102,11 +104,15 @@ VERDICTS = {
     "failed: modules 2 and 9 overlap by 1 pitch, 5e-05 pitch before that": (
         "failed: modules 2 and 9 overlap by 1 module width, 0.005 % of a module width before that"
     ),
-    "failed: the playback missed: a robot lost its target: joint_4 is off by 0.3 rad": (
-        "failed: a robot could not follow the motion: joint_4 is off by 0.3 rad"
+    "failed: the playback missed: a robot lost its target: joint_4 is off by 0.3 rad, more than "
+    "its motor can correct, 40 % into the fold.": (
+        "failed: a robot could not follow the motion: 40 % through the motion, joint_4 is off by "
+        "0.3 rad, which is more than its motor can correct."
     ),
-    "failed: the playback missed: joint_4 yielded: it is off by 0.3 rad": (
-        "failed: joint_4 is too weak: it is off by 0.3 rad"
+    "failed: the playback missed: joint_4 yielded: it is off by 0.3 rad with motors of 8 w·p, "
+    "40 % into the fold.": (
+        "failed: the motor of joint_4 is too weak: it supplies at most 8 w·p (module weight × "
+        "pitch), and 40 % through the motion, the joint is off by 0.3 rad."
     ),
     "failed: the explosion stalled: ": "failed: the explosion stalled: ",
     "verified (simulated)": "verified (simulated)",

@@ -121,7 +121,7 @@ def test_draft_has_each_moment_in_order_with_the_figures_of_the_certificate() ->
     assert str(clearance(certificate)) in texts[1]
     assert texts[2].endswith("{}: {}.".format(*torque(certificate)))
     assert "modules 6 and 91 would overlap after 42 %" in texts[4]
-    assert "Folding time: 23.9 s at 1 rad/s" in texts[6]
+    assert "Folding time: 23.9 s at joint speeds of up to 1 rad/s" in texts[6]
     assert Tour.from_dict(drafted.as_dict()) == drafted
 
 

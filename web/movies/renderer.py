@@ -147,16 +147,7 @@ class MovieRenderer:
         return geom
 
     def _place_modules(self, shot: Shot, turns: Array) -> None:
-        middles = np.array([piece.middle for piece in self._pieces])
-        normals = np.array([piece.normal for piece in self._pieces])
-        left = share_left(
-            np.einsum("nij,fj->nfi", turns, middles) + shot.positions[:, None],
-            np.einsum("nij,fj->nfi", turns, normals),
-            shot.positions,
-            module=self._module,
-            view=shot.view,
-            theme=self._theme,
-        )
+        left = share_left(self._module, shot.positions, turns, view=shot.view, theme=self._theme)
         colours = (shot.colours / np.float32(255.0))[:, None] * left[..., None]
         count = len(self._pieces)
         at = np.einsum("nij,fj->nfi", turns, self._mesh_at[:count]) + shot.positions[:, None]

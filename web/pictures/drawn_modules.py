@@ -83,14 +83,7 @@ def module_triangles(
     drawn = drawn[ahead[drawn]]
     turns, centres, paint = rotations[drawn], positions[drawn], colours[drawn].astype(np.float64)
     at = centres[:, None]
-    left = share_left(
-        np.einsum("nij,fj->nfi", turns, np.array([p.middle for p in pieces])) + at,
-        np.einsum("nij,fj->nfi", turns, np.array([p.normal for p in pieces])),
-        centres,
-        module=module,
-        view=view,
-        theme=theme,
-    )
+    left = share_left(module, centres, turns, view=view, theme=theme)
     lights = (
         (key_light(view), theme.key_colour),
         (fill_light(view), theme.fill * np.ones(3)),

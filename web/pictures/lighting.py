@@ -12,6 +12,7 @@ from planner.chain.module import Module
 from web.palette import Rgb
 from web.pictures.camera import View
 from web.pictures.ground_shadow import GroundShadow
+from web.pictures.module_faces import module_faces
 from web.pictures.occlusion import face_light
 
 Array = NDArray[np.float64]
@@ -96,23 +97,25 @@ def fill_light(view: View) -> Array:
 
 
 def share_left(
-    middles: Array, normals: Array, positions: Array, *, module: Module, view: View, theme: Theme
+    module: Module, positions: Array, turns: Array, *, view: View, theme: Theme
 ) -> Array:
     """Return the fraction of each face's colour that other modules' shadows leave.
 
     Args:
-        middles: (n, F, 3) middles of the faces of the modules.
-        normals: (n, F, 3) their unit normals.
+        module: Kind of the modules.
         positions: (n, 3) centres of the modules.
-        module: Their kind.
+        turns: (n, 3, 3) their orientations.
         view: The camera, which the light goes with.
         theme: Theme with the darkest tone.
 
     Returns:
-        (n, F) shares, 0 to 1.
+        (n, F) shares, 0 to 1, in the order of ``module_faces``.
     """
+    pieces = module_faces(module)
+    middles = np.einsum("nij,fj->nfi", turns, np.array([piece.middle for piece in pieces]))
+    normals = np.einsum("nij,fj->nfi", turns, np.array([piece.normal for piece in pieces]))
     sky, lit = face_light(
-        middles,
+        middles + positions[:, None],
         normals,
         positions,
         radius=OCCLUDER_RADIUS_FACTOR * module.inner_radius,

@@ -48,7 +48,7 @@ def module_mesh(module: Module) -> Mesh:
     hull = ConvexHull(corners)
     planes = np.unique(np.round(hull.equations, 9), axis=0)
     points = [inset(_ring(corners[_on(corners, plane)])) for plane in planes]
-    return _outward(np.concatenate(points))
+    return hull_mesh(np.concatenate(points))
 
 
 def stud_mesh() -> Mesh:
@@ -57,7 +57,7 @@ def stud_mesh() -> Mesh:
     ring = np.column_stack([np.zeros(STUD_SIDES), np.cos(turn), np.sin(turn)])
     low = ring * STUD_RADIUS
     high = ring * STUD_RADIUS * 0.86 + np.array([STUD_HEIGHT, 0.0, 0.0])
-    return _outward(np.concatenate([low, high]))
+    return hull_mesh(np.concatenate([low, high]))
 
 
 def _on(points: Array, plane: Array) -> NDArray[np.bool_]:
@@ -83,7 +83,8 @@ def inset(ring: Array) -> Array:
     return ring + (before + after) * MODULE_BEVEL / sine
 
 
-def _outward(points: Array) -> Mesh:
+def hull_mesh(points: Array) -> Mesh:
+    """Return the convex hull of points, whose triangles turn outwards."""
     from scipy.spatial import ConvexHull  # as above
 
     hull = ConvexHull(points)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
-from web.pictures.meshes import Mesh
+from web.pictures.meshes import Mesh, hull_mesh
 
 Array = NDArray[np.float64]
 TABLE_RGB: Final = (206, 190, 166)
@@ -110,18 +110,9 @@ class TableTop:
             (ring, self.height - bevel),
             (ring, self.height - self.thickness),
         ]
-        k = len(ring)
-        rings = [np.column_stack([flat, np.full(k, z)]) for flat, z in levels]
-        # Each band and the top have corners of their own, so that edges between them stay sharp.
-        vertices = [rings[0], rings[0], rings[1], rings[1], rings[2], rings[2]]
-        here, after = np.arange(k), (np.arange(k) + 1) % k
-        faces = [np.column_stack([np.zeros(k - 2, int), here[1:-1], here[2:]])]
-        for upper, lower in ((1, 2), (3, 4)):
-            a, b = upper * k, lower * k
-            faces.append(np.column_stack([a + here, b + here, b + after]))
-            faces.append(np.column_stack([a + here, b + after, a + after]))
-        faces.append(5 * k + np.column_stack([np.zeros(k - 2, int), here[2:], here[1:-1]]))
-        return Mesh(vertices=np.concatenate(vertices), faces=np.concatenate(faces))
+        return hull_mesh(
+            np.concatenate([np.column_stack([flat, np.full(len(ring), z)]) for flat, z in levels])
+        )
 
 
 def disc_mesh() -> Mesh:

@@ -11,6 +11,7 @@ computes the poses of the one frame that is asked for.
 from __future__ import annotations
 
 import os
+import secrets
 import threading
 import time
 from collections.abc import Generator
@@ -191,7 +192,7 @@ class TimelineView:
         """
         with self._lock:
             if not self._summarised:
-                raise TimelineError(f"got no frame in {self.path} yet, expected at least one.")
+                raise TimelineError(f"{self.path} has no frames yet, expected at least one.")
             place = float(np.clip(frame, 0, self._summarised - 1))
             low = int(place)
             share = place - low
@@ -411,3 +412,30 @@ def largest_errors(errors: Array) -> Array:
     known = np.isfinite(errors)
     found = np.where(known, np.abs(errors), -np.inf).max(axis=-1)
     return np.where(known.any(axis=-1), found, np.nan)
+
+
+class MotionMoments:
+    """Motion in memory: poses by forward kinematics, computed on request."""
+
+    growing = False
+
+    def __init__(self, chain: Chain, motion: Motion, motion_id: str | None = None) -> None:
+        """Take a motion; ``motion_id`` is that of the timeline that it was read from, if any."""
+        self.id = motion_id or secrets.token_hex(8)
+        self.chain = chain
+        self._motion = motion
+        self.stretch = straight_stretch(chain) if motion.is_windowed else None
+        known = motion.largest_errors
+        self.error_scale_rad = error_scale(float(np.max(known, where=known > 0.0, initial=0.0)))
+
+    def __len__(self) -> int:
+        return len(self._motion)
+
+    def snapshot(self, frame: float) -> Snapshot:
+        """Return the recorded moment nearest to ``frame``."""
+        k = min(max(round(frame), 0), len(self) - 1)
+        return moment_of(self.chain, self._motion, k, frame=k, stretch=self.stretch)
+
+
+MotionSource = TimelineView | MotionMoments
+"""Motion that can be shown."""

@@ -12,9 +12,8 @@ from planner.motion.timeline import Timeline
 from planner.pipeline.fold_layout import result_path
 from planner.plan.plan import Plan
 from planner.progress import STAGES, Progress
-from web.timeline.motion_source import MotionMoments, MotionSource
 from web.timeline.shared_views import TimelineViews
-from web.timeline.view import TimelineView
+from web.timeline.view import MotionMoments, MotionSource, TimelineView
 from web.viser.viewer import Shown
 
 DEFAULT_HOST: Final = "127.0.0.1"

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.errors import InputError, TimelineError
 from web.palette import SELECTED_RGB, error_colours, ramp_colours
-from web.timeline.motion_source import MotionSource
-from web.timeline.view import Snapshot
+from web.timeline.view import MotionSource, Snapshot
 from web.viser.cameras import Cameras
 from web.viser.scene import Scene
 from web.viser.scene_bundle import quiet

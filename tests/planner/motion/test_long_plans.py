@@ -100,14 +100,14 @@ def test_timeline_takes_one_layout_only(tmp_path: FilePath) -> None:
     moving = peel(chain, width=8, step=2.0)
     with TimelineWriter.create(tmp_path / "a", chain, windowed=True) as writer:
         writer.append(moving[:4])
-        with pytest.raises(TimelineError, match="got a dense motion, expected a windowed one"):
+        with pytest.raises(TimelineError, match="got a dense motion, expected a windowed motion"):
             writer.append(moving.dense(chain))
         with pytest.raises(TimelineError, match="got frames of"):
             writer.append(replace(moving, first=moving.first + len(chain.folded_rad)))
         writer.flush()
         writer.append(moving[4:])
     with TimelineWriter.create(tmp_path / "b", chain) as writer:
-        with pytest.raises(TimelineError, match="got a windowed one, expected a dense motion"):
+        with pytest.raises(TimelineError, match="got a windowed motion, expected a dense motion"):
             writer.append(moving)
         writer.append(moving.dense(chain))
     a, b = Timeline.open(tmp_path / "a"), Timeline.open(tmp_path / "b")

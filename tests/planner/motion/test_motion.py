@@ -102,7 +102,7 @@ def test_layouts_are_not_mixed(chain: Chain) -> None:
     windows = dense.windowed(chain)
     with pytest.raises(TypeError, match="the same layout"):
         Motion.joined([dense, windows])
-    with pytest.raises(TypeError, match="expected a dense one"):
+    with pytest.raises(TypeError, match="expected a dense motion"):
         _ = windows.root_position
     assert not dense.passes_as(windows)
     assert windows.in_layout_of(dense, chain).layout == "frames"

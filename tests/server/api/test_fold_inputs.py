@@ -129,5 +129,5 @@ def test_origin_without_one_input_is_refused(context: Context) -> None:
 def test_bad_option_is_refused_before_the_input_is_looked_up() -> None:
     nothing = cast(Any, None)  # no context is needed
     request = FoldRequest(world="table", preset="paper")
-    with refused("unsuited-world", kind=Unusable):
+    with refused("unsuited-world"):
         post_fold(nothing, nothing, nothing, Origin(fold="no-such-fold"), request)

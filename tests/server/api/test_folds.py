@@ -10,7 +10,7 @@ import pytest
 
 from planner.motion.timeline import Timeline
 from server.limits.concurrency_quota import BUSY_RETRY_S
-from server.processes.children import BUSY, ChildError, Reader
+from server.processes.children import BUSY, ChildError, Pool
 from server.store.leases import Leases, Preparing
 from tests.planner.chains import chain_of
 from tests.server.rows import store_of
@@ -170,6 +170,6 @@ def test_busy_reader_says_when_to_try_again(idle: Service, monkeypatch: pytest.M
     def busy(*_: object, **__: object) -> None:
         raise ChildError(BUSY, "the machine is too busy; try again in a minute.")
 
-    monkeypatch.setattr(Reader, "check", busy)
+    monkeypatch.setattr(Pool, "call", busy)
     answer = idle.upload("path.json", json.dumps(STAIRS), seed="77")
     assert (answer.status_code, answer.headers["Retry-After"]) == (503, str(BUSY_RETRY_S))

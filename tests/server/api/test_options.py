@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from cli.options import AsJson, takes
 from docs import make_options
-from planner.parameters.option import Choice, Option, option, options_of
+from planner.parameters.option import Choice, option, options_of
 from planner.pipeline.request import FoldRequest
 from server.api.forms import form_of
 from server.pages.page import rendered
@@ -23,12 +23,10 @@ class Extended(FoldRequest):
 
     pace: str = option(
         "brisk",
-        Option(
-            title="Pace of the fold",
-            help="Pace: `brisk`, or `slow` for spectators.",
-            label="Pace",
-            choices={"brisk": Choice(label="Brisk"), "slow": Choice(label="Slow", note="a show")},
-        ),
+        title="Pace of the fold",
+        help="Pace: `brisk`, or `slow` for spectators.",
+        label="Pace",
+        choices={"brisk": Choice(label="Brisk"), "slow": Choice(label="Slow", note="a show")},
     )
 
 

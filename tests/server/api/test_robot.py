@@ -236,7 +236,7 @@ def test_motors_are_judged_by_their_torque(finished: FinishedFold) -> None:
     query = {"module_mass": 0.1, "pitch": 0.05, "motor_torque": 0.01}
     weak = finished.http.get(path, params=query).json()
     assert weak["would_do"] is False
-    assert weak["verdict"].startswith("No: joint_")
+    assert weak["verdict"].startswith("No, a motor torque of 0.01 N·m is not enough for ")
     assert finished.http.get(path, params={**query, "motor_torque": 100}).json()["would_do"] is True
     table = finished.http.get(path, params={**query, "format": "csv"}).text.splitlines()
     assert len(table) == 1 + len(weak["joints"])

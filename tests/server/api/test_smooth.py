@@ -8,7 +8,7 @@ import pytest
 from planner.plan.plan import Plan
 from planner.verification.verify import verify
 from server.admin.fold_tasks import AdminTasks
-from server.processes.children import Reader
+from server.processes.children import Pool
 from tests.server.cli.test_command_line import foldback
 from tests.server.rows import store_of
 from tests.server.service_process import FinishedFold, bearer
@@ -74,7 +74,7 @@ def test_smoothed_fold_outlives_the_original_and_starts_again_from_its_record(
 ) -> None:
     # No process that reads is started, as the input has been read before.
     read = {"name": "path", "module": "cube", "modules": 16}
-    monkeypatch.setattr(Reader, "check", lambda *_, **__: read)
+    monkeypatch.setattr(Pool, "call", lambda *_, **__: read)
     plain, shown = finished.id, smoothed.id
     assert plain in smoothed.http.get(smoothed.page).text
     # A page of the original does not reveal the link of the smoothed fold.

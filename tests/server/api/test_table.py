@@ -68,11 +68,13 @@ def test_fold_on_a_table_shows_its_torque_and_forces(service: Service) -> None:
     facts = service.http.get(f"{under}/facts").json()
     shown = facts["table"]
     assert shown["good"]
-    assert shown["text"].startswith("Stays on the table and needs at most ")
+    assert shown["text"].startswith("The chain stays on the table; its hinges need at most ")
     assert shown["assumptions"] == table["assumptions"]
-    assert ["Torque limit", "at most 9 w·p"] in shown["rows"]
-    assert "Frames undone while unfolding" in [label for label, _ in shown["rows"]]
-    assert "These suit a pitch of" in shown["servos"] and shown["named"]
+    assert ["Torque limit", "9 w·p"] in shown["rows"]
+    assert "How often the explosion went back to earlier frames" in [
+        label for label, _ in shown["rows"]
+    ]
+    assert " wide or a little wider, these servos suit them:" in shown["servos"] and shown["named"]
     (floating, other) = facts["compare"]
     assert floating["form"] == {"fold": resting["id"], "seed": 0, "settings": ""}
     assert (other["form"]["world"], other["form"]["settings"]) == ("table", "table_torque=9")

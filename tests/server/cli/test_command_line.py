@@ -50,7 +50,7 @@ def test_unordered_cells_are_read_as_voxels_on_request(tmp_path: Path) -> None:
     cells[1], cells[6] = cells[6], cells[1]
     file, out = tmp_path / "cells.json", str(tmp_path / "path.json")
     file.write_text(json.dumps(cells))
-    note = "The cells were read as voxels, not as a path: cells 0 and 1 are not neighbours."
+    note = "The cells were read as voxels, not as a path, because cells 0 and 1 are not neighbours."
     for options in ((), ("--as-voxels",)):
         report = foldback_json("shape", file, "--out", out, *options)
         assert (note in report["notes"]) == (not options)

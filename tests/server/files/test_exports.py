@@ -179,8 +179,15 @@ def test_only_the_last_edition_of_a_file_is_stored(store: Store, small_fold: Fol
             made.append(edition)
             return edition.encode()
 
-        shop = Artifacts(store, on_stored=store.add_derived)
-        return await shop.file(small_fold.id, "page.html", make, of="plan", edition=edition)
+        shop = Artifacts(store)
+        return await shop.file(
+            small_fold.id,
+            store.directory(small_fold.id),
+            "page.html",
+            make,
+            of="plan",
+            edition=edition,
+        )
 
     before = store.fold(small_fold.id)
     paths = [asyncio.run(ask(edition)) for edition in ("a1", "a1", "b02", "b02")]
@@ -195,8 +202,12 @@ def test_derived_files_do_not_count_as_the_fold_and_may_be_stored_elsewhere(
     store: Store, small_fold: FoldRow, tmp_path: Path
 ) -> None:
     def made(name: str, **where: Any) -> Path:
-        shop = Artifacts(store, on_stored=store.add_derived, **where)
-        return asyncio.run(shop.file(small_fold.id, name, lambda: b"made", of="plan"))
+        shop = Artifacts(store, **where)
+        return asyncio.run(
+            shop.file(
+                small_fold.id, store.directory(small_fold.id), name, lambda: b"made", of="plan"
+            )
+        )
 
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()

@@ -89,7 +89,7 @@ def test_path_starts_at_the_requested_cell_and_is_folded_so(idle: Service) -> No
     assert ask(idle, preview=found["id"], start="here").json()["code"] == "bad-start"
 
 
-def test_preview_is_drawn_and_shown_in_3d(idle: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_preview_is_drawn_and_shown_in_3d(idle: Service) -> None:
     found = report(idle, voxels(box(3, 2, 2), name="<script>"))
     where, key = f"/previews/{found['id']}", found["key"]
     answer = idle.http.get(f"{where}/drawing.svg", params={"key": key})
@@ -105,8 +105,6 @@ def test_preview_is_drawn_and_shown_in_3d(idle: Service, monkeypatch: pytest.Mon
     assert header["hull"]["modules"] == found["modules"]
     assert arrays["cells"].tolist() == found["cells"]
     assert {"/cells", "/path"} <= {m.get("name") for m in header["messages"]}
-    monkeypatch.setattr("server.files.preview_scenes.preview_scene_of", None)
-    assert idle.http.get(f"{where}/scene/{key}").content == answer.content  # made once
     for wrong in ("0" * 24, "upload.json", "..%2Fupload", key[:-1], key.upper()):
         assert idle.http.get(f"{where}/scene/{wrong}").status_code == 404
         assert idle.http.get(f"{where}/drawing.svg?key={wrong}").status_code == 404

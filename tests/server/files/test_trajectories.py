@@ -28,7 +28,7 @@ from server.files.trajectories import (
 )
 from server.processes.children import Pool
 from server.processes.retime_task import clearance, motors, retime
-from server.processes.scratch import Scratch
+from server.settings import Settings
 from tests.compiled_later import compiled_later
 from tests.server.files.test_damage import SMALL
 
@@ -79,9 +79,7 @@ class Motions:
 
     def trajectories(self, **more: int) -> Trajectories:
         """Return trajectories within bounds, of which none has been computed."""
-        bounds = {"total": 12, "per_visitor": 4, **more}
-        motions, scratch = Scratch(self.place / "motions"), Scratch(self.place / "scratch")
-        return Trajectories(cast("Pool", self.tasks), motions, scratch, **bounds)
+        return Trajectories(Settings(data_dir=self.place), cast("Pool", self.tasks), **more)
 
     def wanted(self, speed: float = 1.0) -> Wanted:
         return Wanted.of(self.plan, speed, 2.0)

@@ -24,7 +24,7 @@ from server.jobs.slices import Slice
 from server.processes.children import CRASHED, LOST, Child, ChildError
 from server.store.folds import Store
 from tests.server.service_process import SNAKE, STAIRS, Service, over
-from tests.server.service_thread import FORKS, ServiceThread, ServiceWith
+from tests.server.service_thread import ServiceThread, ServiceWith
 
 pytestmark = pytest.mark.slow
 
@@ -44,7 +44,7 @@ def check_finished(service: Service, fold_id: str) -> bytes:
 def running_fold(service: ServiceThread, claim: FoldClaim) -> Iterator[tuple[Store, Execution]]:
     """Yield the store and execution of a worker's fold; its stages run in a child, as usual."""
     with closing(Store(service.settings)) as store:
-        runner = Runner(service.settings, store, fork_server=FORKS)
+        runner = Runner(service.settings, store)
         try:
             yield store, runner.execution(claim)
         finally:

@@ -12,7 +12,7 @@ import pytest
 from fastapi import FastAPI
 
 from bench.reproduction.experiments import STATEMENTS
-from server.http.compression import Asset
+from server.http.downloads import Asset
 from server.pages import paper, prerendered_pages, static
 from server.pages.page import script_addresses
 from server.pages.static import IMMUTABLE_CACHE_CONTROL

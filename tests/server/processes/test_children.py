@@ -21,7 +21,7 @@ from planner.pipeline import stages
 from planner.progress import COMPILING, STAGES
 from server.limits.concurrency_quota import Quota
 from server.processes import children
-from server.processes.children import EVENTS, Child, ChildError, Pool, Reader
+from server.processes.children import EVENTS, Child, ChildError, Pool
 from server.processes.fork_server import ForkServer, Kind
 from server.processes.limits import ChildLimits
 from tests.refusal import refused
@@ -205,19 +205,19 @@ def pool() -> Iterator[Pool]:
 
 
 def test_reader_that_died_or_hangs_is_replaced(directory: Path, pool: Pool) -> None:
-    reader = Reader(pool, Quota("uploads", **ONE))
-    assert reader.check(directory, visitor="a")["modules"] == 16
+    pool._quota = Quota("uploads", **ONE)
+    assert pool.call("check", directory, visitor="a")["modules"] == 16
     (child,) = pool._idle
     os.kill(child.pid, signal.SIGKILL)
     child._process.wait()
-    assert reader.check(directory, visitor="a")["modules"] == 16
+    assert pool.call("check", directory, visitor="a")["modules"] == 16
     os.kill(pool._idle[0].pid, signal.SIGSTOP)
     pool._wall_s = 0.1
     with pytest.raises(ChildError, match="machine is too busy") as late:
-        reader.check(directory, visitor="a")
+        pool.call("check", directory, visitor="a")
     assert late.value.temporary
     pool._wall_s = 60
-    assert reader.check(directory, visitor="a")["modules"] == 16
+    assert pool.call("check", directory, visitor="a")["modules"] == 16
 
 
 @pytest.fixture(scope="module")
@@ -286,14 +286,14 @@ def test_failure_in_the_parent_leaves_no_child(directory: Path, pool: Pool) -> N
 
 
 def test_slow_upload_of_one_visitor_does_not_delay_others(directory: Path, pool: Pool) -> None:
-    reader = Reader(pool, Quota("uploads", **{**ONE, "at_once": 2}))
-    reader.check(directory, visitor="a")
+    pool._quota = Quota("uploads", **{**ONE, "at_once": 2})
+    pool.call("check", directory, visitor="a")
     (child,) = pool._idle
     os.kill(child.pid, signal.SIGSTOP)
     with ThreadPoolExecutor(2) as threads:
-        slow = threads.submit(reader.check, directory, visitor="a")
-        second = threads.submit(reader.check, directory, visitor="a")
-        assert reader.check(directory, visitor="b")["modules"] == 16
+        slow = threads.submit(pool.call, "check", directory, visitor="a")
+        second = threads.submit(pool.call, "check", directory, visitor="a")
+        assert pool.call("check", directory, visitor="b")["modules"] == 16
         assert not (slow.done() or second.done())
         os.kill(child.pid, signal.SIGCONT)
         assert (slow.result()["modules"], second.result()["modules"]) == (16, 16)

@@ -216,19 +216,10 @@ def test_movies_of_strangers_do_not_displace_those_of_the_owner(
     assert len(remaining_files(one)) == 3
 
 
-def test_movie_requested_by_stranger_and_owner_is_the_owners(
-    processes: Processes, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_movie_requested_by_stranger_and_owner_is_the_owners(processes: Processes) -> None:
     one, other = processes()
     stranger = new_owner()
-    state = one.movies.state
-
-    def hide_movie(fold_id: str, movie_id: str) -> MovieRow:
-        monkeypatch.setattr(one.movies, "state", state)
-        assert other.ask(MOVIES[0], "a stranger", owner=stranger)[1]
-        raise NoSuchMovieError(movie_id)
-
-    monkeypatch.setattr(one.movies, "state", hide_movie)
+    assert other.ask(MOVIES[0], "a stranger", owner=stranger)[1]
     found, new = one.ask(MOVIES[0], "the owner", of_owner=True)
     assert not new and one.row().of_owner
     assert not stranger.owns(found.token_hash)

@@ -18,7 +18,7 @@ from server.errors import TooMany, Unusable
 from server.files import preview_reports
 from server.files.preview_reports import Asker, PreviewReports, read_report
 from server.files.uploads import Uploads
-from server.processes.children import ChildError, Reader
+from server.processes.children import ChildError, Pool
 from server.settings import Settings
 from server.store import previews as previews_module
 from server.store.folds import Store
@@ -46,7 +46,7 @@ class Site:
         self.store = Store(settings)
         self.previews = Previews(settings, self.store)
         self.uploads = Uploads(settings)
-        reader = cast("Reader", SimpleNamespace(call=self._compute))
+        reader = cast("Pool", SimpleNamespace(call=self._compute))
         self.reports = PreviewReports(settings, self.previews, reader)
 
     def close(self) -> None:

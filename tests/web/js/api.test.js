@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { afterEach, beforeEach, test } from "node:test";
-import { Refusal, ask, bring, broughtKeys, dropKey, foldsApart, forgetKeys, formOf, isKey, keepToken, keysHere, newKey, ownKey, remove, replaceOwn, tokenOf, useKey } from "../../../web/static/js/lib/api.js";
+import { Refusal, ask, bring, broughtKeys, dropKey, forgetKeys, formOf, isKey, keepToken, keysHere, newKey, ownKey, remove, replaceOwn, tokenOf, useKey } from "../../../web/static/js/lib/api.js";
 import { FoldList } from "../../../web/static/js/lib/owned_items.js";
 import { span } from "../../../web/static/js/panels/owned_cards.js";
 
@@ -55,22 +55,13 @@ test("a new key replaces the browser's own key only", () => {
   assert.deepEqual([keysHere(), tokenOf("mine"), tokenOf("theirs")], [[made, OTHER], made, OTHER]);
 });
 
-test("folds with their own tokens are remembered", () => {
-  const own = ownKey();
-  bring(OTHER);
-  keepToken("early", "e".repeat(32));
-  keepToken("mine", own);
-  keepToken("brought", OTHER);
-  assert.deepEqual(foldsApart(), [["early", "e".repeat(32)]]);
-});
-
 test("invalid stored data, or no storage at all, does no harm", () => {
   for (const text of ["", "{", "7", '{"a":1}', '[1, "short", "<script>alert(1)</script>aaaaaaaaaa"]']) {
     localStorage.setItem("foldback:keys", text);
     assert.deepEqual(broughtKeys(), [], text);
   }
   globalThis.localStorage = new Proxy({}, { get() { throw new Error("refused"); } });
-  assert.deepEqual([ownKey(), keysHere(), bring(OTHER), foldsApart()], [null, [], false, []]);
+  assert.deepEqual([ownKey(), keysHere(), bring(OTHER)], [null, [], false]);
 });
 
 test("a text that cannot be sent in a header is refused as a key", () => {

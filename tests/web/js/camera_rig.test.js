@@ -30,7 +30,7 @@ async function shown(given = vectors.timeline, options = {}) {
 
 // Count the corners of modules outside the picture.
 function outside({ rig, shown: snapshot, timeline }) {
-  const { view } = rig.follower;
+  const { view } = rig;
   const { field, aspect } = rig.seeing();
   const [right, up, out] = axesOf(view.azimuth, view.elevation);
   const { header: { sketch, pitch } } = timeline.bundle;
@@ -73,30 +73,30 @@ for (const film of vectors.films) {
 
 test("a turned and zoomed camera stays so in other frames until it is reset", async () => {
   const { player, timeline } = await shown();
-  const usual = player.rig.follower.view;
+  const usual = player.rig.view;
   player.send({ do: "orbit", turn: [0.5, 0.2], zoom: 2 });
   draw(200);
-  const turned = player.rig.follower.view;
+  const turned = player.rig.view;
   close([turned.azimuth, turned.elevation], [usual.azimuth + 0.5, usual.elevation + 0.2]);
   assert.ok(turned.distance > 1.7 * usual.distance);
   player.send({ do: "seek", frame: timeline.last });
   draw(200);
-  close([player.rig.follower.view.azimuth], [turned.azimuth]);
+  close([player.rig.view.azimuth], [turned.azimuth]);
   player.send({ do: "seek", frame: 0 });
   player.send({ do: "camera", camera: null });
   draw(200);
-  close([player.rig.follower.view.azimuth, player.rig.follower.view.distance], [usual.azimuth, usual.distance]);
+  close([player.rig.view.azimuth, player.rig.view.distance], [usual.azimuth, usual.distance]);
 });
 
 test("zooming in ends where the chain would be cut off, and zooming out begins at once", async () => {
   const { player } = await shown();
   for (let k = 0; k < 20; k++) player.send({ do: "orbit", zoom: 0.7 });
   draw(200);
-  const near = player.rig.follower.view.distance;
+  const near = player.rig.view.distance;
   assert.equal(outside(player), 0);
   player.send({ do: "orbit", zoom: 1.1 });
   draw(200);
-  close([player.rig.follower.view.distance], [1.1 * near], { rtol: 1e-3 });
+  close([player.rig.view.distance], [1.1 * near], { rtol: 1e-3 });
 });
 
 test("moving the picture ends following, and Follow continues from that direction", async () => {
@@ -108,10 +108,10 @@ test("moving the picture ends following, and Follow continues from that directio
   player.send({ do: "seek", frame: timeline.last });
   draw(200);
   assert.deepEqual(player.rig.eye.position, position);
-  const { azimuth } = player.rig.follower.view;
+  const { azimuth } = player.rig.view;
   player.send({ do: "set", follow: true });
   draw(200);
-  close([player.rig.follower.view.azimuth], [azimuth]);
+  close([player.rig.view.azimuth], [azimuth]);
   assert.equal(outside(player), 0);
 });
 
@@ -127,8 +127,8 @@ test("a camera in an address shows the same view in another player", async () =>
     other.send({ do: "camera", camera });
     draw(200);
     // The direction and position of the camera are visible, the distance of its target is not.
-    close(other.rig.eye.position, one.rig.eye.position, { atol: 1e-6 * one.rig.follower.view.distance });
-    close([other.rig.follower.view.azimuth, other.rig.follower.view.elevation], [one.rig.follower.view.azimuth, one.rig.follower.view.elevation]);
+    close(other.rig.eye.position, one.rig.eye.position, { atol: 1e-6 * one.rig.view.distance });
+    close([other.rig.view.azimuth, other.rig.view.elevation], [one.rig.view.azimuth, one.rig.view.elevation]);
     assert.equal(cameraText(other.rig.at(other.shown)), cameraText(camera));
   }
 });

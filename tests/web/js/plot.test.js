@@ -32,7 +32,7 @@ test("a quicker plan is on the left, one with more torque or room higher, all in
 
 test("plans that lie close together share a label", () => {
   const at = (/** @type {number} */ x, /** @type {string} */ label) => ({ x, y: 50, plan: { ...plan(1, 1, 1), label } });
-  assert.deepEqual(labels([at(50, "1. All at once"), at(90, "2. Blocks first"), at(60, "4. Smoothed 1")]), [
+  assert.deepEqual(labels([at(50, "1. All at once"), at(90, "2. Blocks first"), at(60, "4. Plan 1, smoothed")]), [
     { x: 60, y: 50, text: "1, 4" },
     { x: 90, y: 50, text: "2" },
   ]);

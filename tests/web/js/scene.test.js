@@ -16,16 +16,15 @@ const page = new EventTarget();
 globalThis.addEventListener = page.addEventListener.bind(page);
 globalThis.document = { documentElement: { dataset: {} } };
 
-const POINTER = { kind: "pointermove", id: 1, x: 20, y: 30, by: 0, button: -1 };
+const POINTER = { kind: "pointermove", id: 1, x: 20, y: 30, by: 0, button: -1, touch: false };
 
 function listening() {
   const received = [];
   const keys = [];
   const frame = new EventTarget();
   frame.addEventListener("keydown", ({ key, shiftKey }) => keys.push([key, shiftKey]));
-  const scene = new Scene(frame, { touch: () => received.push("touch"), pointer: (pointer) => received.push(pointer) }, { keys: ["End"] });
+  const scene = new Scene(frame, { pointer: (pointer) => received.push(pointer) }, { keys: ["End"] });
   scene.bundle = {};
-  scene.tap = (x, y) => received.push({ x, y });
   return { scene, received, keys };
 }
 
@@ -39,7 +38,7 @@ test("invalid messages from the view are ignored", () => {
     scene.hear({ is: "camera", position: [0, 0, 1], target: vector });
   }
   for (const invalid of [
-    { is: "tap", x: 1.1, y: 0 }, { is: "tap", x: 0, y: NaN }, { is: "tap", x: "0", y: [] }, null, 1, "open", [], {}, { is: "constructor" }, { is: "done", id: "x" }, { is: "key", key: "F5" }, { is: "key", key: ["End"] },
+    null, 1, "open", [], {}, { is: "constructor" }, { is: "done", id: "x" }, { is: "key", key: "F5" }, { is: "key", key: ["End"] },
   ]) scene.hear(invalid);
   assert.deepEqual([received, keys], [[], []]);
 });
@@ -48,10 +47,8 @@ test("valid messages from the view are accepted", () => {
   const { scene, received, keys } = listening();
   scene.hear({ is: "pointer", pointer: POINTER });
   scene.hear({ is: "camera", position: [1, 2, 3], target: [0, 0, 0] });
-  scene.hear({ is: "tap", x: 0.25, y: 1 });
-  scene.hear({ is: "touch" });
   scene.hear({ is: "key", key: "End", shift: "yes" });
-  assert.deepEqual(received, [POINTER, { x: 0.25, y: 1 }, "touch"]);
+  assert.deepEqual(received, [POINTER]);
   assert.deepEqual(scene.camera, { position: [1, 2, 3], target: [0, 0, 0] });
   assert.deepEqual(keys, [["End", false]]);
 });
@@ -74,10 +71,10 @@ test("a tap sends a ray from the shown camera through that point of the picture"
   const rays = [];
   scene.pick = (...ray) => rays.push(ray);
   scene.bundle = { header: { camera: { field_of_view_rad: Math.PI / 2 } } };
-  scene.tap(0.5, 0.5); // the camera is still unknown
+  scene.tap(100, 50); // the camera is still unknown
   scene.hear({ is: "camera", position: [5, 0, 0], target: [0, 0, 0] });
-  scene.tap(0.5, 0.5);
-  scene.tap(1, 0); // seen from +x, +y is on the right and twice as far away as +z is up
+  scene.tap(100, 50);
+  scene.tap(200, 0); // seen from +x, +y is on the right and twice as far away as +z is up
   const [middle, corner] = rays.map(([, direction]) => direction.map((v) => Math.round(1e6 * v) / 1e6));
   assert.deepEqual(rays.map(([origin]) => origin), [[5, 0, 0], [5, 0, 0]]);
   assert.deepEqual(middle.map(Math.abs), [1, 0, 0]);

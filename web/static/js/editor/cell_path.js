@@ -83,7 +83,7 @@ export function told({ length, cells, gaps, repeats, missing, lost: apart, diffe
     return { text: `Cells ${first + 1} and ${second + 1} of the path are the same cell. A path visits each cell only once.`, tone: "bad" };
   }
   if (gaps.length) {
-    return { text: `Cells ${gaps[0] + 1} and ${gaps[0] + 2} do not touch. Add the cell between them, or cut the path there.`, tone: "bad" };
+    return { text: `Cells ${gaps[0] + 1} and ${gaps[0] + 2} do not touch. Add cells between them, or cut the path there.`, tone: "bad" };
   }
   if (whole) return { text: `The path visits all ${cells} cells.`, tone: "good" };
   if (length && !missing.length) return { text: `The path has only ${length} cells. It needs at least ${FEWEST}.`, tone: "" };

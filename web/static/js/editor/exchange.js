@@ -1,7 +1,6 @@
 // What the editor gives the service and gets from it: files, cells of files, and paths through cells.
 import { ask, formOf, ownKey } from "../lib/api.js";
 export { openFold } from "../lib/fold_request.js";
-import { element } from "../lib/text.js";
 import { neighbours, through } from "./cell_path.js";
 import { cellOf, cellsOf, keyOf, keysOf, parts } from "./painting.js";
 
@@ -25,17 +24,6 @@ export function voxelFile(name, { cells, size }, doubled = false) {
 export function pathFile(name, { path, size }) {
   const written = { format: "foldback-path/1", name, cells: cellsOf(path, size) };
   return new File([JSON.stringify(written)], "path.json", { type: "application/json" });
-}
-
-// Saves a file to the visitor's disk.
-/**
- * @param {File} file
- * @param {string} name
- */
-export function save(file, name) {
-  const href = URL.createObjectURL(file);
-  element("a", { href, download: name }).click();
-  setTimeout(() => URL.revokeObjectURL(href), 60_000);
 }
 
 // Ask the service about a shape. Throws a Refusal.

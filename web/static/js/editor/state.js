@@ -7,16 +7,6 @@ import { box, mirrored, moved, region, resized, symmetric } from "./shape_tools.
 
 /** @typedef {"paint" | "fill" | "box" | "move" | "path"} Tool */
 
-/** @type {Record<Tool, [hint: string, keys: string]>} */
-export const HINTS = {
-  paint: ["Click or drag to paint. Start on a painted cell to erase.", "Page Up and Page Down change the layer."],
-  fill: ["Click a connected region in this layer. Click empty cells to fill them, or painted cells to clear them.", ""],
-  box: ["Drag from corner to corner, or click two corners in any layers. Start on a painted cell to erase.", ""],
-  move: ["Drag the shape, or use the buttons.", "Arrow keys, Page Up and Page Down also move the shape."],
-  path: ["Drag from cell to cell, starting at either end. Drag back to undo. Possible next cells are framed. The Complete button finds the rest of the path.",
-    "You can also draw with Shift and the arrow keys, Page Up or Page Down. X cuts the path, and Backspace removes the last cell."],
-};
-
 /** Modules below which the service folds nothing. */
 export const MIN_MODULES = 8;
 const MODULES_PER_CELL = { no: 8, yes: 1, path: 1 };

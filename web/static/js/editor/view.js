@@ -4,18 +4,14 @@ import { element, get, svg } from "../lib/text.js";
 import { headOf, nextCells, touch } from "./cell_path.js";
 import { cellOf, keyOf } from "./painting.js";
 import { passed } from "./shape_tools.js";
-import { HINTS } from "./state.js";
 
 /** @type {Record<string, [x: number, y: number]>} */
 const ARROWS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
 
-/** @type {Record<string, string>} */
-const MODULES = {
-  no: "Each cell becomes 2×2×2 modules. A path always exists.",
-  yes: "Each cell becomes one module. The shape is exact, but there may be no path.",
-  path: "Each cell becomes one module, in the order you draw them.",
-};
+/** @typedef {import("./state.js").Editor} Editor */
+/** @typedef {import("./state.js").Tool} Tool */
 
+export const exact = /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll('[name="exact"]'));
 export const all = (/** @type {string} */ selector) => /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll(selector));
 
 // Writes a text with its tone where it is another one: screen readers read again what is written again.
@@ -31,10 +27,10 @@ export function say(id, text, tone = "") {
 
 // Shows what the controls around the sheet can do now, and what would be folded.
 /**
- * @param {import("./state.js").Editor} editor
+ * @param {Editor} editor
  * @param {import("./state.js").Standing} standing
  */
-export function showControls({ painting, layer, draft, refused, sending }, { cells, text, tone, limit, whole, completable, ready }) {
+export function showControls({ painting, layer, tool, draft, refused, sending }, { cells, text, tone, limit, whole, completable, ready }) {
   get("layer").textContent = `Layer ${layer + 1}`;
   const [bottom, pathless, idle] = [layer === 0, !painting.path.length, !ready || sending];
   const off = {
@@ -42,39 +38,28 @@ export function showControls({ painting, layer, draft, refused, sending }, { cel
     "save-cells": !cells, cut: pathless, turn: pathless, unpath: pathless, complete: !completable, preview: idle, fold: idle,
   };
   for (const [id, disabled] of Object.entries(off)) get(/** @type {keyof typeof off} */ (id)).disabled = disabled;
+  for (const button of all("[data-tool]")) button.ariaPressed = String(button.dataset.tool === tool);
+  for (const part of all("[data-for]")) part.hidden = !part.dataset.for?.split(" ").includes(tool);
   get("size").value = String(painting.size);
+  get("name").value = draft.name;
+  for (const input of exact) input.checked = input.value === draft.how;
   get("empty").hidden = cells > 0;
   get("most").textContent = limit;
-  get("how").textContent = MODULES[draft.how];
   get("save-path").hidden = !whole;
   say("count", text, tone);
   say("message", refused);
 }
 
-// Shows the stored name and choice; browsers fill in fields of their own after a reload.
-/** @param {import("./painting.js").Draft} draft */
-export function showDraft({ name, how }) {
-  get("name").value = name;
-  for (const input of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll('[name="exact"]'))) input.checked = input.value === how;
-}
-
-// Shows which tool is held, with its options and a hint.
-/** @param {import("./state.js").Tool} tool */
-export function showTool(tool) {
-  for (const button of all("[data-tool]")) button.ariaPressed = String(button.dataset.tool === tool);
-  for (const options of all("[data-for]")) options.hidden = !options.dataset.for?.split(" ").includes(tool);
-  const [hint, keys] = HINTS[tool];
-  get("hint").replaceChildren(`${hint} `, element("span", { class: "keys" }, keys));
-}
-
 export class Sheet {
   /**
    * @param {HTMLElement} grid
-   * @param {SheetHeard} heard
+   * @param {Editor} editor
+   * @param {(now: boolean) => void} changed shows what has changed, at once or with the next picture
    */
-  constructor(grid, heard) {
+  constructor(grid, editor, changed) {
     this.grid = grid;
-    this.heard = heard;
+    this.editor = editor;
+    this.changed = changed;
     this.size = 0;
     this.layer = 0;
     /** @type {HTMLButtonElement[][]} */
@@ -111,11 +96,8 @@ export class Sheet {
   }
 
   // Shows a layer. Attributes are set where they change: a grid has up to a thousand buttons.
-  /**
-   * @param {Painted} painted
-   * @param {SheetLook} look
-   */
-  show({ size, cells, path }, { layer, drawn, corner, axes }) {
+  show() {
+    const { painting: { size, cells, path }, layer, shownPath: drawn, corner, axes } = this.editor;
     this.build(size);
     this.layer = layer;
     const place = new Map(drawn ? path.map((key, index) => [key, index]) : []);
@@ -204,7 +186,8 @@ export class Sheet {
     this.stroke = this.at(event);
     this.grid.setPointerCapture(event.pointerId);
     this.focus(...this.stroke);
-    this.heard.press(this.focusedKey);
+    this.editor.press(this.focusedKey);
+    this.changed(false);
   }
 
   /** @param {PointerEvent} event */
@@ -215,8 +198,8 @@ export class Sheet {
     const from = this.stroke;
     this.stroke = to;
     this.focus(...to);
-    const keys = passed(from, to, this.heard.bySides()).slice(1).map(([x, y]) => keyOf(x, y, this.layer, this.size));
-    this.heard.drag(keys);
+    this.editor.drag(passed(from, to, this.editor.tool === "path").slice(1).map(([x, y]) => keyOf(x, y, this.layer, this.size)));
+    this.changed(false);
   }
 
   /** @param {boolean} kept */
@@ -224,21 +207,43 @@ export class Sheet {
     if (!this.stroke) return;
     this.stroke = null;
     this.squares[this.focused[0]][this.focused[1]].focus({ preventScroll: true });
-    this.heard.lift(kept);
+    this.editor.lift(kept);
+    this.changed(true);
   }
 
   /** @param {KeyboardEvent} event */
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const by = ARROWS[event.key];
-    if (by && this.heard.arrow([by[0], by[1], 0], event.shiftKey)) event.preventDefault();
-    else if (by) {
-      event.preventDefault();
-      this.focus(this.focused[0] + by[0], this.focused[1] + by[1]).focus();
-    } else if (event.key === " " || event.key === "Enter") {
-      event.preventDefault();
-      this.heard.press(this.focusedKey);
-      this.heard.lift(true);
-    }
+    if (by) this.arrow(by, event.shiftKey);
+    else if (event.key === " " || event.key === "Enter") {
+      this.editor.press(this.focusedKey);
+      this.editor.lift(true);
+      this.changed(true);
+    } else return;
+    event.preventDefault();
+  }
+
+  // An arrow key moves the shape, draws the path or goes to the next cell.
+  /**
+   * @param {[x: number, y: number]} by
+   * @param {boolean} shift
+   */
+  arrow([x, y], shift) {
+    const { tool } = this.editor;
+    if (tool === "move") {
+      this.editor.move(x ? 0 : 1, x || y);
+      this.changed(true);
+    } else if (tool === "path" && shift) this.drawOn([x, y, 0]);
+    else this.focus(this.focused[0] + x, this.focused[1] + y).focus();
+  }
+
+  // Draws from the head of the path in a direction, and goes where that leads.
+  /** @param {number[]} by */
+  drawOn(by) {
+    const head = this.editor.drawOn(by, this.focusedKey);
+    const [x, y] = head === null ? this.focused : cellOf(head, this.size);
+    this.focus(x, y).focus({ preventScroll: true });
+    this.changed(true);
   }
 }

@@ -91,6 +91,21 @@ export async function ask(path, { method, body = null, token = null, signal } = 
   return contentOf(status, text);
 }
 
+// Ask now and then, until `over` says that an answer is the last one, or until what is asked for is gone.
+/**
+ * @template Answer
+ * @param {string} path
+ * @param {number} pauseMs
+ * @param {(answer: Answer) => boolean} over
+ */
+export async function askUntil(path, pauseMs, over) {
+  for (;;) {
+    const answer = await ask(path).catch((error) => error);
+    if (answer instanceof Refusal ? answer.gone : over(answer)) return;
+    await new Promise((again) => { setTimeout(again, pauseMs); });
+  }
+}
+
 // Delete something that may be gone already.
 /**
  * @param {string} path
@@ -179,12 +194,6 @@ function ofFolds() {
   } catch {
     return [];
   }
-}
-
-// Folds with tokens of their own, as earlier versions gave them.
-export function foldsApart() {
-  const here = keysHere();
-  return ofFolds().filter(([, token]) => !here.includes(token));
 }
 
 // The token that proves that a fold is this browser's; null for others'.

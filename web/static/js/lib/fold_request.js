@@ -17,13 +17,20 @@ export async function requestFold(body, how = {}) {
   return { id };
 }
 
-// Request a fold and go to its page. Return the refusal in words; an empty text means that the page is left.
-/** @param {FormData | Form} body */
-export async function openFold(body) {
+// Request a fold and go to its page. Return whether the page is left; a refusal is said.
+/**
+ * @param {FormData | Form} body
+ * @param {(words: string) => void} say
+ * @param {...HTMLButtonElement} buttons that rest meanwhile
+ */
+export async function openFold(body, say, ...buttons) {
+  for (const button of buttons) button.disabled = true;
   try {
     location.href = at(`/folds/${(await requestFold(body)).id}`);
-    return "";
+    return true;
   } catch (error) {
-    return wordsOf(error);
+    say(wordsOf(error));
+    for (const button of buttons) button.disabled = false;
+    return false;
   }
 }

@@ -13,6 +13,8 @@ export class FoldList {
     this.ask = fetched;
     /** @type {{ key: string, address: string | null, folds: Api.Fold[], total: number }[]} */
     this.ways = keys.map((key) => ({ key, address: FOLDS, folds: [], total: 0 }));
+    /** @type {{ fold: Api.Fold, key: string }[]} */
+    this.found = []; // until they are returned: an answer that is missing loses none
   }
 
   // How many there are in all, once some were asked for.
@@ -25,21 +27,14 @@ export class FoldList {
    * @returns {Promise<{ fold: Api.Fold, key: string }[]>}
    */
   async more(count) {
-    /** @type {{ fold: Api.Fold, key: string }[]} */
-    const found = [];
-    while (found.length < count && !this.done) {
-      try {
-        await Promise.all(this.ways.filter(({ folds }) => !folds.length).map((way) => this.fill(way)));
-      } catch (error) {
-        for (const { fold, key } of found.reverse()) this.ways.find((way) => way.key === key)?.folds.unshift(fold);
-        throw error;
-      }
+    while (this.found.length < count && !this.done) {
+      await Promise.all(this.ways.filter(({ folds }) => !folds.length).map((way) => this.fill(way)));
       const newest = this.ways.filter(({ folds }) => folds.length)
         .sort((a, b) => Date.parse(b.folds[0].created_at) - Date.parse(a.folds[0].created_at))[0];
       const fold = newest?.folds.shift();
-      if (fold) found.push({ fold, key: newest.key });
+      if (fold) this.found.push({ fold, key: newest.key });
     }
-    return found;
+    return this.found.splice(0);
   }
 
   // One of a key's folds is gone.

@@ -157,10 +157,6 @@ export function store(name, value) {
   }
 }
 
-// Whether a fold has a plan whose clearance can be checked.
-/** @param {Facts} facts */
-export const checkable = ({ running, verdict, downloads }) => !running && verdict.tone === "good" && downloads.length > 0;
-
 export const UNREACHABLE = "The server cannot be reached. Check the connection and try again.";
 
 // Something that is loaded when it is first used; what is made of it comes back. Where that fails,
@@ -185,6 +181,33 @@ export function later(load, refused) {
     }
     return use(part);
   };
+}
+
+const KEPT_MS = 60_000; // what is being saved
+
+// Save a file to the visitor's disk.
+/**
+ * @param {Blob} file
+ * @param {string} name
+ */
+export function save(file, name) {
+  const href = URL.createObjectURL(file);
+  element("a", { href, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(href), KEPT_MS);
+}
+
+const TOAST_MS = 2600;
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let toastTimer;
+
+// Show a line for a moment.
+/** @param {string} text */
+export function toast(text) {
+  const line = get("toast");
+  line.textContent = text;
+  line.hidden = false;
+  clearTimeout(toastTimer);
+  toastTimer = setTimeout(() => { line.hidden = true; }, TOAST_MS);
 }
 
 /**

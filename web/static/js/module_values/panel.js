@@ -1,6 +1,6 @@
 // A visitor's own numbers as colours: from a file that is dropped or chosen, or kept with the fold.
 import { Refusal, ask, tokenOf } from "../lib/api.js";
-import { button, element, get, number, wordsOf } from "../lib/text.js";
+import { get, number, wordsOf } from "../lib/text.js";
 import { addStyle } from "../lib/lazy_styles.js";
 import { Colouring } from "../player/colours.js";
 import { MAX_FILE_BYTES, keptRows, packed, readValues, unpacked, valuesAt } from "./reading.js";
@@ -28,16 +28,14 @@ export class OwnPanel {
     this.own = null;
     this.asked = false;
     this.kept = false;
-    this.words = element("p", { class: "tour-caption" });
-    this.error = element("p", { class: "bad", role: "alert" });
-    this.file = element("input", { class: "visually-hidden", type: "file", accept: ".csv,.tsv,.txt,.json", "aria-label": "File with numbers" });
-    this.file.onchange = () => { if (this.file.files?.[0]) this.take(this.file.files[0]); this.file.value = ""; };
-    this.keep = button("button", "Save with this fold", () => this.change("PUT"));
-    this.remove = button("button quiet", "Remove", () => this.change("DELETE"));
-    this.box = element("section", { class: "tour own-values", "aria-label": "Your own numbers", hidden: true }, this.words, this.error,
-      element("div", { class: "tour-ways" }, button("button primary", "Choose a file", () => this.file.click()), this.file, this.keep, this.remove,
-        button("button quiet", "Close", () => this.close())));
-    get("main").append(this.box);
+    this.box = get("own-values");
+    this.error = get("own-error");
+    const file = get("own-file");
+    file.onchange = () => { if (file.files?.[0]) this.take(file.files[0]); file.value = ""; };
+    get("own-choose").onclick = () => file.click();
+    get("own-keep").onclick = () => this.change("PUT");
+    get("own-remove").onclick = () => this.change("DELETE");
+    get("own-close").onclick = () => this.close();
     addStyle(STYLE);
     player.on("begun", () => { if (player.colouring?.key === "own") this.colour(); });
   }
@@ -97,10 +95,10 @@ export class OwnPanel {
     const more = own && own.rows > 1 ? `${own.rows} rows with ${chain.modules} numbers each` : `${chain.modules} numbers`;
     const where = kept ? "Everyone with a link to this fold can see them." : "They stay in this browser.";
     const fewer = own && token && keptRows(own) < own.rows ? ` Only ${keptRows(own)} of these rows, evenly spaced, can be saved with the fold.` : "";
-    this.words.textContent = own ? `${own.name}${own.unit && ` (${own.unit})`}: ${more}. ${where}${fewer}`
+    get("own-words").textContent = own ? `${own.name}${own.unit && ` (${own.unit})`}: ${more}. ${where}${fewer}`
       : `Colour the modules by your own numbers: drop a CSV or JSON file here, or choose one. The file must contain ${chain.modules} numbers, one for each module${rows}. The file stays in this browser.`;
-    this.keep.hidden = !own || kept || !token;
-    this.remove.hidden = !own || (kept && !token);
+    get("own-keep").hidden = !own || kept || !token;
+    get("own-remove").hidden = !own || (kept && !token);
   }
 
   // Keeps the numbers with the fold, or removes them there and here.

@@ -7,7 +7,7 @@ import { Place, viewOf } from "../player/address.js";
 import { Pair } from "../player/paired_playback.js";
 import { offerSides, pathButton, playerOn, showScale } from "../viewer/controls.js";
 import { hasWebGL, load } from "../viewer/scene.js";
-import { at as hrefOf, checkable, copyText, element, get, later, radians } from "../lib/text.js";
+import { at as hrefOf, copyText, element, get, later, radians, toast } from "../lib/text.js";
 
 const LOOK_MS = 2000; // at what is said of a fold that is not over
 const START_MS = 600; // two 3D views at once would keep both drawings waiting
@@ -24,22 +24,17 @@ const webgl = new Promise((told) => { setTimeout(() => told(hasWebGL()), START_M
  * @param {import("../player/player.js").Player} player
  */
 async function follow(id, verdict, player) {
-  const { Refusal, ask } = await import("../lib/api.js");
-  for (let running = true; running;) {
-    await new Promise((done) => { setTimeout(done, LOOK_MS); });
-    /** @type {Facts | import("../lib/api.js").Refusal} */
-    const now = await ask(`/folds/${id}/facts`).catch((error) => error);
-    if (now instanceof Refusal && now.gone) return; // it is deleted
-    if (now instanceof Refusal) continue;
+  const { askUntil } = await import("../lib/api.js");
+  await askUntil(`/folds/${id}/facts`, LOOK_MS, (/** @type {Facts} */ now) => {
     verdict.textContent = now.verdict.text;
     verdict.dataset.tone = now.verdict.tone;
-    running = now.running;
-    if (!running && !now.frames) { pair.leave(player); return; }
-  }
+    if (!now.running && !now.frames) pair.leave(player);
+    return !now.running;
+  });
   player.timeline.finish();
 }
 
-const checking = later(() => import("../panels/plan_check.js"), (text) => say(text));
+const checking = later(() => import("../panels/plan_check.js"), toast);
 const sides = facts.map((fold, k) => {
   const { id, running } = fold;
   const side = get(`side-${k}`);
@@ -53,7 +48,6 @@ const sides = facts.map((fold, k) => {
   });
   if (running) follow(id, /** @type {HTMLElement} */ (side.querySelector(".verdict")), player);
   const check = /** @type {HTMLButtonElement} */ (side.querySelector(".check-here"));
-  check.hidden = !checkable(fold);
   check.onclick = () => checking(({ checkInDialog }) => checkInDialog(player, fold, (at) => { pair.send({ do: "seek", frame: pair.frameAt(player, at) }); }));
   webgl.then((there) => setTimeout(() => { if (there) load(frame, hrefOf("/view")); }, 1500 * k));
   return { player, stage };
@@ -90,6 +84,4 @@ const place = new Place({
   path: (on) => through.set(on),
 }, calm);
 through.changed = () => place.note();
-const toast = later(() => import("../panels/toast.js"), () => {});
-const say = (/** @type {string} */ text) => toast((part) => part.toast(text));
-get("share").onclick = () => copyText(location.origin + place.here(), () => say("Link copied"), () => say(location.href));
+get("share").onclick = () => copyText(location.origin + place.here(), () => toast("Link copied"), () => toast(location.href));

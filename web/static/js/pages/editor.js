@@ -2,8 +2,8 @@
 import { SIZES } from "../editor/painting.js";
 import { imported } from "../editor/shape_tools.js";
 import { Editor, MIN_MODULES } from "../editor/state.js";
-import { Sheet, all, say, showControls, showDraft, showTool } from "../editor/view.js";
-import { at, duration, element, get, later, whole, wholeTime, wordsOf } from "../lib/text.js";
+import { Sheet, all, exact, say, showControls } from "../editor/view.js";
+import { at, duration, element, get, later, save, whole, wholeTime, wordsOf } from "../lib/text.js";
 
 /** @typedef {import("../editor/state.js").Tool} Tool */
 /** @typedef {0 | 1 | 2} Axis */
@@ -13,23 +13,10 @@ const facts = JSON.parse(get("facts").textContent);
 const CHECK_MS = 600;
 const DRAW_MS = 150;
 const MESH_CELLS = 160; // about, that a mesh becomes unless another number is typed
-/** @type {Record<string, Tool>} */
-const KEYS = { p: "paint", f: "fill", b: "box", m: "move", d: "path" };
 
 const editor = new Editor(facts.most_modules);
 const { painting, draft } = editor;
-const sheet = new Sheet(get("grid"), {
-  press: (key) => { editor.press(key); soon(); },
-  drag: (keys) => { editor.drag(keys); soon(); },
-  lift: (kept) => { editor.lift(kept); show(); },
-  arrow: (by, shift) => {
-    if (editor.tool === "move") { by.forEach((v, axis) => { if (v) editor.move(/** @type {Axis} */ (axis), v); }); show(); return true; }
-    if (editor.tool !== "path" || !shift) return false;
-    drawOn(by);
-    return true;
-  },
-  bySides: () => editor.tool === "path",
-});
+const sheet = new Sheet(get("grid"), editor, (now) => { if (now) show(); else soon(); });
 
 // The drawing, what is sent, read and saved, and letters are loaded when they are used.
 const message = (/** @type {string} */ text) => say("message", text);
@@ -50,8 +37,8 @@ function soon() {
 function show(drawn = true) {
   due = false;
   editor.turn(editor.layer);
-  const { layer, shownPath, corner, axes, standing } = editor;
-  sheet.show(painting.state, { layer, drawn: shownPath, corner, axes });
+  const { layer, shownPath, standing } = editor;
+  sheet.show();
   if (drawn) {
     if (standing.cells) picturing(({ draw }) => draw(get("model"), painting, layer, shownPath));
     drawnAt = performance.now();
@@ -88,26 +75,12 @@ function check(ready) {
   }, CHECK_MS);
 }
 
-/** @param {Tool} tool */
-function take(tool) {
-  editor.take(tool);
-  showTool(tool);
-  showDraft(draft);
-  show();
-}
-
-/** @param {number[]} by */
-function drawOn(by) {
-  const head = editor.drawOn(by, sheet.focusedKey);
-  if (head !== null) sheet.focus(Math.floor(head / painting.size) % painting.size, head % painting.size).focus({ preventScroll: true });
-  show();
-}
-
 get("sheet").addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const key = event.key.toLowerCase();
   const drawing = editor.tool === "path";
-  if (KEYS[key]) take(KEYS[key]);
+  const tool = [...all("[data-tool]")].find(({ dataset }) => dataset.key === key);
+  if (tool) editor.take(/** @type {Tool} */ (tool.dataset.tool));
   else if (key === "escape" && editor.corner !== null) editor.corner = null;
   else if (drawing && key === "x") editor.cutAt(sheet.focusedKey);
   else if (drawing && (key === "backspace" || key === "delete")) editor.takeBack();
@@ -119,7 +92,7 @@ addEventListener("keydown", (event) => {
   if (event.target instanceof Element && event.target.closest("input:not([type=radio]), select")) return;
   const command = event.ctrlKey || event.metaKey ? event.key.toLowerCase() : "";
   const by = Number(event.key === "PageUp") - Number(event.key === "PageDown");
-  if (by && editor.tool === "path" && event.shiftKey) drawOn([0, 0, by]);
+  if (by && editor.tool === "path" && event.shiftKey) sheet.drawOn([0, 0, by]);
   else if (by) {
     if (editor.tool === "move") editor.move(2, by);
     editor.turn(editor.layer + by);
@@ -134,9 +107,9 @@ get("up").onclick = doing(() => editor.turn(editor.layer + 1));
 get("down").onclick = doing(() => editor.turn(editor.layer - 1));
 get("undo").onclick = doing(() => painting.undo());
 get("redo").onclick = doing(() => painting.redo());
-get("clear").onclick = doing(() => { editor.clear(); showDraft(draft); });
+get("clear").onclick = doing(() => editor.clear());
 get("repeat").onclick = doing(() => editor.repeat());
-for (const button of all("[data-tool]")) button.onclick = () => take(/** @type {Tool} */ (button.dataset.tool));
+for (const button of all("[data-tool]")) button.onclick = doing(() => editor.take(/** @type {Tool} */ (button.dataset.tool)));
 for (const button of all("[data-both]")) {
   const axis = /** @type {Axis} */ (Number(button.dataset.both));
   button.onclick = doing(() => {
@@ -149,8 +122,8 @@ for (const button of all("[data-move]")) {
   const [axis, by] = (button.dataset.move ?? "").split(" ").map(Number);
   button.onclick = doing(() => editor.move(/** @type {Axis} */ (axis), by));
 }
-get("higher").onclick = () => drawOn([0, 0, 1]);
-get("lower").onclick = () => drawOn([0, 0, -1]);
+get("higher").onclick = () => sheet.drawOn([0, 0, 1]);
+get("lower").onclick = () => sheet.drawOn([0, 0, -1]);
 get("cut").onclick = doing(() => editor.cutAt(sheet.focusedKey));
 get("turn").onclick = doing(() => editor.reverse());
 get("unpath").onclick = doing(() => editor.step(() => { painting.path = []; }));
@@ -160,32 +133,22 @@ get("complete").onclick = async () => {
   button.textContent = "Searching…";
   message("");
   const [state, drawn] = [{ ...painting.state, cells: painting.cells.slice() }, editor.drawn];
-  let refused = "";
-  try {
-    const completed = await exchanging((exchange) => exchange.completed(state, drawn));
-    if (completed === undefined) return;
-    // What was drawn meanwhile is not drawn over.
-    if (painting.path !== drawn.path) return;
-    if (completed) editor.step(() => editor.follow(completed));
-    else refused = "No path was found from here through the remaining cells. Draw from the other end, or cut the path and try again.";
-  } catch (error) {
-    refused = wordsOf(error);
-  } finally {
-    button.ariaBusy = null;
-    button.textContent = "Complete";
-  }
-  editor.refused = refused;
+  const completed = await exchanging((exchange) => exchange.completed(state, drawn).catch((error) => new Error(wordsOf(error))));
+  button.ariaBusy = null;
+  button.textContent = "Complete";
+  // What was drawn meanwhile is not drawn over.
+  if (completed === undefined || painting.path !== drawn.path) return;
+  if (completed instanceof Error) editor.refused = completed.message;
+  else if (completed) editor.step(() => editor.follow(completed));
+  else editor.refused = "No path was found from here through the remaining cells. Draw from the other end, or cut the path and try again.";
   show();
 };
-for (const input of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll('[name="exact"]'))) {
-  input.addEventListener("change", doing(() => draft.note({ how: /** @type {typeof draft.how} */ (input.value) })));
-}
+for (const input of exact) input.addEventListener("change", doing(() => draft.note({ how: /** @type {typeof draft.how} */ (input.value) })));
 get("name").addEventListener("input", () => draft.note({ name: get("name").value }));
 for (const button of /** @type {NodeListOf<HTMLElement>} */ (get("letters").querySelectorAll("button"))) {
   const letter = button.textContent;
   button.onclick = () => writing(({ letterCells }) => {
     editor.write(letter, letterCells(letter));
-    showDraft(draft);
     show();
   });
 }
@@ -211,7 +174,7 @@ async function open(source) {
     editor.open(imported(report.cells, { ordered, least: SIZES[0] }), report.name, ordered);
     mesh = report.kind === "mesh" ? { id: report.id, name } : null;
     get("mesh-part").hidden = !mesh;
-    if (ordered) take("path"); else showDraft(draft);
+    if (ordered) editor.take("path");
     say("reading", `${name}: ${whole(report.cells.length)} cells${ordered ? " along their path" : ""}.`);
   } catch (error) {
     if (turnOf === reading) say("reading", `${name}: ${wordsOf(error)}`, "bad");
@@ -225,34 +188,33 @@ get("file").addEventListener("change", () => { openFirst(get("file").files); get
 get("mesh-cells").addEventListener("change", () => { if (mesh) open({ preview: mesh.id }); });
 addEventListener("dragover", (event) => event.preventDefault());
 addEventListener("drop", (event) => { event.preventDefault(); openFirst(event.dataTransfer?.files); });
-get("save-cells").onclick = () => exchanging(({ save, voxelFile }) => save(voxelFile(editor.name, painting.state), editor.fileName("voxels.json")));
-get("save-path").onclick = () => exchanging(({ save, pathFile }) => save(pathFile(editor.name, painting.state), editor.fileName("path.json")));
+get("save-cells").onclick = () => exchanging(({ voxelFile }) => save(voxelFile(editor.name, painting.state), editor.fileName("voxels.json")));
+get("save-path").onclick = () => exchanging(({ pathFile }) => save(pathFile(editor.name, painting.state), editor.fileName("path.json")));
 
-// Sends the shape. `ask` sends the file and returns the refusal in words, or nothing.
-/** @param {(form: { file: File }, exchange: typeof import("../editor/exchange.js")) => Promise<string>} ask */
+// Sends the shape. `ask` sends the file, tells why not, and returns whether the page is left.
+/** @param {(form: { file: File }, exchange: typeof import("../editor/exchange.js")) => Promise<boolean>} ask */
 async function send(ask) {
   const { name, draft: { how } } = editor;
   editor.sending = true;
   show();
-  const refused = await exchanging((exchange) => ask({
+  const left = await exchanging((exchange) => ask({
     file: how === "path" ? exchange.pathFile(name, painting.state) : exchange.voxelFile(name, painting.state, how === "no"),
   }, exchange));
-  if (refused === "") return; // the page is being left
-  if (refused) editor.refused = refused;
+  if (left) return;
   editor.sending = false;
   show();
 }
 get("preview").onclick = () => send(async (form, { report }) => {
   try {
     location.href = at((await report(form)).links.page);
-    return "";
+    return true;
   } catch (error) {
-    return wordsOf(error);
+    editor.refused = wordsOf(error);
+    return false;
   }
 });
-get("fold").onclick = () => send((form, { openFold }) => openFold(form));
+get("fold").onclick = () => send((form, { openFold }) => openFold(form, (words) => { editor.refused = words; }));
 
 get("mesh-cells").max = String(facts.most_modules);
 sheet.build(painting.size);
-take("paint");
-addEventListener("pageshow", () => { editor.sending = false; showDraft(draft); show(); });
+addEventListener("pageshow", () => { editor.sending = false; show(); });

@@ -4,25 +4,23 @@ import { Source } from "../player/timeline.js";
 import { ask } from "../lib/api.js";
 import { view } from "../viewer/fold_view.js";
 import { load } from "../viewer/scene.js";
-import { at, checkable, get, later } from "../lib/text.js";
+import { at, get, later, toast } from "../lib/text.js";
 
 /** @type {Facts} */
 const facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
-const toast = later(() => import("../panels/toast.js"), () => {});
 const zoomKey = /Mac|iPhone|iPad/.test(navigator.platform) ? "⌘" : "Ctrl";
 const { stage, player } = view({
   over: !facts.running, source: new Source(at(`/folds/${facts.id}`)), figures, load: (frame) => load(frame, at("/embed/view")),
   kept: {
-    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), id: null, toast: (text) => toast((part) => part.toast(text)),
+    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), id: null, toast,
   },
-  onScroll: () => toast((part) => part.toast(`Click to zoom, or hold ${zoomKey}`)),
+  onScroll: () => toast(`Click to zoom, or hold ${zoomKey}`),
 });
 // Full screen leaves nothing around it to scroll.
 const yieldScrolling = () => stage.yieldScrolling(window.parent !== window && !document.fullscreenElement);
 document.addEventListener("fullscreenchange", yieldScrolling);
 yieldScrolling();
 if (!facts.running) figures.begin();
-const checking = later(() => import("../panels/plan_check.js"), (text) => toast((part) => part.toast(text)));
-get("check-here").hidden = !checkable(facts);
+const checking = later(() => import("../panels/plan_check.js"), toast);
 get("check-here").onclick = () => checking(({ checkInDialog }) => checkInDialog(player, facts));

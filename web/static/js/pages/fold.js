@@ -4,12 +4,12 @@ import { Figures } from "../player/figures.js";
 import { ModulePanel } from "../panels/module_panel.js";
 import { Plots } from "../panels/plots.js";
 import { Source } from "../player/timeline.js";
-import { ask } from "../lib/api.js";
-import { toast } from "../panels/toast.js";
+import { ask, tokenOf } from "../lib/api.js";
 import { view } from "../viewer/fold_view.js";
 import { load } from "../viewer/scene.js";
-import { at, checkable, get, later, wordsOf } from "../lib/text.js";
+import { at, get, later, toast, wordsOf } from "../lib/text.js";
 
+const formOf = (/** @type {EventTarget | null} */ field) => /** @type {HTMLFormElement} */ (/** @type {HTMLElement} */ (field).closest("form"));
 /** @type {Facts} */
 let facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
@@ -25,91 +25,77 @@ const { timeline, player, place, bar } = view({
 
 // Parts that most visitors do not use.
 const asking = later(() => import("../lib/fold_request.js"), toast);
-const checking = later(() => import("../panels/plan_check.js").then(({ Checking, planOf }) => new Checking(drawer.check, player, planOf(facts.id))), toast);
+const checking = later(() => import("../panels/plan_check.js").then(({ Checking, planOf }) => new Checking(player, planOf(facts.id))), toast);
 const choosing = later(() => import("../panels/plan_choice.js"), toast);
 const companions = later(() => import("../panels/compare_refold.js"), toast);
 const downloads = later(() => import("../panels/downloads.js"), toast);
 const failing = later(() => import("../panels/failure.js").then(({ Failure }) => new Failure({ player, bar, drawer })), toast);
-const renaming = later(() => import("../panels/renaming.js").then(({ offerRenaming }) => offerRenaming(facts.id,
-  (name) => { show({ ...facts, name }); document.title = `${name} · foldback`; })), toast);
+const dialogs = later(() => import("../panels/dialogs.js"), toast);
 const share = later(() => import("../panels/share.js").then(({ sharing }) => sharing(facts, { place, player })), toast);
 const progress = later(() => Promise.all([import("../panels/progress.js"), import("../panels/outcome.js")]), toast);
-let listing = false; // what can be downloaded, which is looked at
 
-document.getElementById("ways-list")?.addEventListener("beforetoggle", () => renaming(() => {}));
-get("share").onclick = () => share((open) => open(facts));
-const beside = (/** @type {"compare" | "refold" | "smooth"} */ way) => companions((it) => it[way](facts));
-for (const way of /** @type {const} */ (["compare", "refold", "smooth"])) get(way).onclick = () => beside(way);
-drawer.onCheck = () => checking((it) => it.begin("claim"));
-drawer.onChosen = (tab) => {
-  listing ||= tab === "downloads";
-  if (tab === "downloads") downloads(({ listDownloads }) => listDownloads(facts));
-};
-
-/**
- * @param {string} text
- * @param {string} more
- * @param {{ text: string, press: () => void } | null} button
- */
-function cover(text, more = "", button = null) {
-  get("cover-other").hidden = !button;
-  get("cover").classList.remove("gone");
-  get("cover-text").textContent = text;
-  get("cover-more").textContent = more;
-  get("cover-button").hidden = button === null;
-  if (button) { get("cover-button").textContent = button.text; get("cover-button").onclick = button.press; }
+const token = tokenOf(facts.id);
+const rename = document.getElementById("rename"); // not without a service
+if (rename) {
+  rename.hidden = !token;
+  rename.onclick = () => {
+    get("ways-list").hidePopover(); // first, so that the dialog gives the focus back to the menu's button
+    dialogs(({ renamed }) => renamed(get("name").textContent, async (name) => {
+      /** @type {Api.Fold} */
+      const { title } = await ask(`/api/folds/${facts.id}`, { method: "PATCH", token, body: { name } });
+      facts = { ...facts, name: title };
+      get("name").textContent = title;
+      document.title = `${title} · foldback`;
+    }));
+  };
 }
+get("share").onclick = () => share((open) => open());
+get("compare").onclick = () => companions(({ compare }) => compare(facts));
+get("refold").onclick = () => companions(({ refold }) => refold(facts));
+get("smooth").onclick = () => asking(({ openFold }) => openFold({ smooth: facts.id }, toast, get("smooth")));
+get("again").onclick = tryAgain;
+get("properties").onclick = ({ target }) => { if (target === get("check-plan")) checking((it) => it.begin("claim")); };
+get("rests").onclick = () => {
+  drawer.openAt("properties");
+  /** @type {HTMLDetailsElement} */ (get("on-table").querySelector("details")).open = true;
+};
+get("downloads")?.addEventListener("input", ({ target }) => downloads((it) => it.choose(formOf(target))));
+get("downloads")?.addEventListener("submit", (event) => {
+  event.preventDefault();
+  const form = formOf(event.target);
+  downloads((it) => (form.id === "movie" ? it.createMovie(facts.id, form) : it.checkMotors(facts.id, form)));
+});
 
+// Show what has come of the fold beyond what the page says.
 /** @param {Facts} now */
 function show(now) {
   facts = now;
-  get("name").textContent = now.name;
-  get("verdict").textContent = now.verdict.text;
-  get("verdict").dataset.tone = now.verdict.tone;
-  drawer.facts(now);
-  drawer.check.hidden = !checkable(now);
-  get("compare").hidden = !now.comparable;
-  get("refold").hidden = !now.refoldable;
-  get("smooth").hidden = !now.smoothable;
-  if (listing) downloads(({ listDownloads }) => listDownloads(now));
-  if (now.failure || now.attempts.length > 1) failing((it) => it.facts(now));
   const { choice } = now;
-  if (choice) choosing(({ showChoice }) => showChoice({ id: now.id, choice }, drawer, player));
-  get("rests").hidden = !now.table;
-  if (now.table) {
-    get("rests").dataset.tone = now.table.good ? "good" : "bad";
-    get("rests-text").textContent = now.table.text;
-    get("rests").onclick = () => {
-      drawer.openAt("properties");
-      const assumed = get("on-table").querySelector("details");
-      if (assumed) assumed.open = true;
-    };
-  }
+  if (now.failure) failing((it) => it.facts(now));
+  if (choice) choosing(({ showChoice }) => showChoice(choice, drawer, player));
   if (!now.running) { timeline.finish(); figures.begin(); }
-  const { again, problem } = now;
-  get("again").hidden = !again;
-  if (again) {
-    const [shown] = get("again").children;
-    shown.textContent = get("again").title = again.text;
-    get("again").setAttribute("aria-label", again.text);
-    get("again").onclick = () => tryAgain(again);
+  get("cover-button").onclick = tryAgain;
+}
+
+// Take all that the page says of the fold as the service has it now.
+/** @returns {Promise<Facts | null>} */
+async function renewed() {
+  const answer = await fetch(location.pathname).catch(() => null);
+  if (!answer?.ok) return null;
+  const page = new DOMParser().parseFromString(await answer.text(), "text/html");
+  for (const part of document.querySelectorAll("[data-renewed]")) {
+    const now = /** @type {HTMLElement} */ (page.getElementById(part.id));
+    part.replaceChildren(...now.childNodes);
+    for (const { name, value } of now.attributes) part.setAttribute(name, value);
+    part.toggleAttribute("hidden", now.hasAttribute("hidden"));
   }
-  if (problem && !now.frames && !bar.outline) {
-    cover(problem.heading, problem.text, again && { text: again.text, press: () => tryAgain(again) });
-    get("cover-other").hidden = false;
-    get("again").hidden = true; // it is on the cover
-  }
+  return JSON.parse(page.getElementById("facts")?.textContent ?? "");
 }
 
 // The same input once more, in the way that may do better.
-/** @param {Again} again */
-async function tryAgain({ form }) {
-  const buttons = [get("again"), get("cover-button")];
-  for (const button of buttons) button.disabled = true;
-  const refused = await asking(({ openFold }) => openFold(form));
-  if (refused === "") return;
-  if (refused) toast(refused);
-  for (const button of buttons) button.disabled = false;
+function tryAgain() {
+  const { again } = facts;
+  if (again) asking(({ openFold }) => openFold(again.form, toast, get("again"), get("cover-button")));
 }
 
 show(facts);
@@ -119,7 +105,12 @@ if (facts.running) {
     const end = awaitOutcome(toast);
     return new Progress(facts, {
       onProgress: (now, stage, verdict) => { document.title = verdict ? headingOf({ name: facts.name, verdict }) : titleOf(now, facts.name, stage); },
-      onDone: (now) => { show(now); end(now); },
+      onDone: async () => {
+        const now = await renewed();
+        if (!now) return;
+        show(now);
+        end(now);
+      },
     });
   });
 }

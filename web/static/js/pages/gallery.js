@@ -3,38 +3,26 @@ import { get, later } from "../lib/text.js";
 
 const sieve = get("sieve");
 const cards = /** @type {HTMLElement[]} */ ([...get("cards").children]);
-const DEBOUNCE_MS = 250;
 const say = (/** @type {string} */ text) => { get("message").textContent = text; };
 const asking = later(() => import("../lib/fold_request.js"), say);
 
-function wanted() {
-  const form = new FormData(sieve);
-  const text = (/** @type {string} */ name) => String(form.get(name) ?? "");
-  const number = (/** @type {string} */ name) => (text(name) === "" ? null : Math.max(0, Math.floor(Number(text(name)))));
-  return {
-    type: text("type"),
-    kind: text("kind"),
-    status: text("status"),
-    world: text("world"),
-    q: text("q").trim().replace(/\s+/g, " "),
-    least: number("least"),
-    most: number("most"),
-  };
-}
+// What is filled in, by its name, as the query of the page's address has it.
+/** @returns {Record<string, string>} */
+const wanted = () => Object.fromEntries(Array.from(new FormData(sieve), ([name, value]) => [name, String(value).trim()]).filter(([, value]) => value));
 
 /**
- * @param {ReturnType<typeof wanted>} filter
+ * @param {Record<string, string>} filter
  * @param {HTMLElement} card
  */
-function lets({ type, kind, status, world, q, least, most }, { dataset }) {
+function lets({ type, kind, status, world, q = "", least, most }, { dataset }) {
   const modules = Number(dataset.modules);
   return (!type || dataset.type === type)
     && (!kind || (dataset.kinds ?? "").split(" ").includes(kind))
     && (!status || dataset.status === status)
     && (!world || dataset.world === world)
-    && (least === null || modules >= least)
-    && (most === null || modules <= most)
-    && q.toLowerCase().split(" ").every((word) => ` ${dataset.words}`.includes(` ${word}`));
+    && (!least || modules >= Number(least))
+    && (!most || modules <= Number(most))
+    && q.toLowerCase().split(/\s+/).every((word) => ` ${dataset.words}`.includes(` ${word}`));
 }
 
 function sift() {
@@ -44,27 +32,13 @@ function sift() {
   const found = count === cards.length ? `${count} shapes` : `${count} of ${cards.length} shapes`;
   if (get("found").textContent !== found) get("found").textContent = found;
   get("nothing").hidden = count > 0;
-  const kept = new URLSearchParams();
-  for (const key of /** @type {const} */ (["type", "kind", "status", "world", "q"])) if (filter[key]) kept.set(key, filter[key]);
-  if (filter.least !== null || filter.most !== null) kept.set("modules", `${filter.least ?? ""}-${filter.most ?? ""}`);
-  history.replaceState(null, "", `${location.pathname}${kept.size ? `?${kept}` : ""}`);
+  const query = String(new URLSearchParams(filter));
+  history.replaceState(null, "", location.pathname + (query && `?${query}`));
 }
 
 if (sieve) {
-  /** @type {ReturnType<typeof setTimeout> | undefined} */
-  let timer;
-  const soon = () => { clearTimeout(timer); timer = setTimeout(sift, DEBOUNCE_MS); };
-  sieve.addEventListener("input", (event) => { if (event.target instanceof HTMLInputElement && event.target.type === "radio") sift(); else soon(); });
-  sieve.addEventListener("submit", (event) => { event.preventDefault(); clearTimeout(timer); sift(); });
-  get("all").onclick = (event) => {
-    event.preventDefault();
-    for (const input of /** @type {Iterable<HTMLInputElement>} */ (sieve.elements)) {
-      if (input.type === "radio") input.checked = !input.value;
-      else input.value = "";
-    }
-    sift();
-    /** @type {HTMLInputElement} */ (sieve.elements.namedItem("q")).focus();
-  };
+  sieve.addEventListener("input", sift);
+  sieve.addEventListener("submit", (event) => event.preventDefault());
   // A browser that comes back fills the fields in again as they were left.
   addEventListener("pageshow", sift);
 }
@@ -77,8 +51,7 @@ for (const card of /** @type {NodeListOf<HTMLElement>} */ (document.querySelecto
     if (card.getAttribute("aria-busy")) return;
     card.setAttribute("aria-busy", "true");
     say("");
-    const refused = await asking(({ openFold }) => openFold({ shape: card.dataset.shape ?? "", ...(world ? { world } : {}) }));
-    if (refused) say(refused);
+    await asking(({ openFold }) => openFold({ shape: card.dataset.shape ?? "", ...(world ? { world } : {}) }, say));
     card.removeAttribute("aria-busy");
     if (get("message").textContent) get("message").scrollIntoView({ block: "center" });
   };

@@ -35,10 +35,8 @@ async function start(fields, label) {
   const resting = player.is.playing && player.send({ do: "pause" });
   const preset = get("preset").value;
   const settings = preset === "paper" ? changed() : {};
-  const problem = await asking(({ openFold }) => openFold({ ...fields, preset, ...settings, seed: get("seed").value || "0" }));
-  if (problem === "") return;
-  if (problem) say(refused(problem), "bad");
-  if (resting) player.send({ do: "play" });
+  const left = await asking(({ openFold }) => openFold({ ...fields, preset, ...settings, seed: get("seed").value || "0" }, (problem) => say(refused(problem), "bad")));
+  if (resting && !left) player.send({ do: "play" });
 }
 
 // A path or a chain is folded at once, unless it is knotted; all else is looked at first.
@@ -88,13 +86,10 @@ get("file").addEventListener("change", () => {
   if (file) send(file);
   get("file").value = "";
 });
-let depth = 0;
-addEventListener("dragenter", (event) => { event.preventDefault(); depth++; drop.classList.add("over"); });
-addEventListener("dragleave", () => { if (--depth <= 0) { depth = 0; drop.classList.remove("over"); } });
-addEventListener("dragover", (event) => event.preventDefault());
+addEventListener("dragover", (event) => { event.preventDefault(); drop.classList.add("over"); });
+addEventListener("pointermove", () => drop.classList.remove("over")); // none comes while something is dragged
 addEventListener("drop", (event) => {
   event.preventDefault();
-  depth = 0;
   drop.classList.remove("over");
   const files = event.dataTransfer?.files ?? [];
   if (files.length > 1) say("One file at a time, please.", "bad");

@@ -1,12 +1,11 @@
 // My folds: what was made with the keys of this browser.
-import { Refusal, ask, foldsApart, keepToken, keysHere, ownKey } from "../lib/api.js";
+import { ask, keepToken, keysHere } from "../lib/api.js";
 import { FoldList } from "../lib/owned_items.js";
 import { get, wordsOf } from "../lib/text.js";
 import { KeyPanel } from "../panels/key_panel.js";
 import { FoldCard, MovieLine, PreviewCard } from "../panels/owned_cards.js";
 
 const PAGE = 24;
-const MOST_APART = 100;
 const LOOK_MS = 3000;
 
 let list = new FoldList([]);
@@ -54,26 +53,10 @@ async function more() {
   get("more").disabled = false;
 }
 
-// Folds of earlier versions have tokens of their own; they get the browser's key.
-async function carryOver() {
-  for (const [id, token] of foldsApart().slice(0, MOST_APART)) {
-    const own = ownKey();
-    if (!own) return;
-    try {
-      await ask(`/api/folds/${encodeURIComponent(id)}`, { method: "PATCH", token, body: { owner_token: own } });
-      keepToken(id, own);
-    } catch (error) {
-      if (!(error instanceof Refusal) || !error.final) return;
-      keepToken(id, null);
-    }
-  }
-}
-
 async function load() {
   const mine = ++turn;
   clearTimeout(timer);
   get("found").textContent = "Searching…";
-  await carryOver();
   const keys = keysHere();
   try {
     /** @type {Api.PreviewsMade[]} */

@@ -134,15 +134,13 @@ get("fold").onclick = async () => {
   const settings = preview.onTable ? settingsOf(get("table-settings")) : preset === "paper" ? settingsOf(get("paper-settings")) : "";
   const opened = requesting(({ openFold }) => openFold({
     ...fieldsOf(get("more-options")), ...preview.fields, prefer, ...(settings && { settings }), ...(report.as_voxels && { as_voxels: true }),
-  }));
-  loadAhead();
-  const words = await opened;
-  if (words === "") return;
-  picture.release();
-  if (words) {
+  }, (words) => {
     showProblem(words); // takes its room first, so that the field is seen beside it
     showProblem(refused(words));
-  }
+  }));
+  loadAhead();
+  if (await opened) return;
+  picture.release();
   button.disabled = false;
   button.textContent = foldWords(report);
 };

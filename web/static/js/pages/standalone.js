@@ -7,11 +7,10 @@ import { Plan } from "../check/plan.js";
 import { Plots } from "../panels/plots.js";
 import { Figures } from "../player/figures.js";
 import { Sketch } from "../viewer/sketch.js";
-import { toast } from "../panels/toast.js";
 import { thereAndBack } from "../player/frames.js";
 import { view } from "../viewer/fold_view.js";
 import { load } from "../viewer/scene.js";
-import { get } from "../lib/text.js";
+import { get, toast } from "../lib/text.js";
 
 /**
  * What the page holds: texts of messages, and pages and scripts of others.
@@ -25,7 +24,6 @@ import { get } from "../lib/text.js";
  * @property {string | null} view address of the client, where pages share it
  * @property {Tour | null} tour
  * @property {KeptValues | null} values
- * @property {Facts} facts
  */
 
 /** @type {Parts} */
@@ -87,14 +85,12 @@ function loadView(frame) {
 }
 const figures = new StoredFigures("");
 const drawer = new Drawer();
-drawer.facts(parts.facts);
 const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: loadView, kept: { tour: async () => parts.tour, values: async () => parts.values, id: null, toast } });
 figures.begin();
 if (parts.plan) {
   const checker = await (await fetch(import.meta.resolve("foldback/checker"))).text();
   Checking.worker = () => new Worker(URL.createObjectURL(new Blob([checker], { type: "text/javascript" })));
-  const checking = new Checking(drawer.check, player, `data:;base64,${parts.plan}`);
-  drawer.onCheck = () => checking.begin("claim");
-  drawer.check.querySelector("a")?.remove(); // leads to the service
-  drawer.check.hidden = false;
+  const checking = new Checking(player, `data:;base64,${parts.plan}`);
+  get("check-plan").onclick = () => checking.begin("claim");
+  get("check").hidden = false;
 }

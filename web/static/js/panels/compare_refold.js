@@ -1,11 +1,10 @@
 // Where one goes from a fold: beside another one, or on into another shape.
 import { ask } from "../lib/api.js";
-import { openFold, requestFold } from "../lib/fold_request.js";
+import { requestFold } from "../lib/fold_request.js";
 import { changed, open, refused } from "./paper_settings.js";
 import { Sending } from "./upload_progress.js";
 import { addStyle } from "../lib/lazy_styles.js";
-import { at, element, get, wordsOf } from "../lib/text.js";
-import { toast } from "./toast.js";
+import { at, element, get, toast, wordsOf } from "../lib/text.js";
 
 const sending = new Sending(get("refold-sending"));
 let listed = false; // the shapes of the gallery
@@ -79,14 +78,6 @@ async function refoldInto(form) {
   } catch (error) {
     get("refold-message").textContent = wordsOf(error);
   }
-}
-
-/** @param {Facts} facts */
-export async function smooth({ id }) {
-  get("smooth").disabled = true;
-  const problem = await openFold({ smooth: id });
-  if (problem) toast(problem);
-  get("smooth").disabled = false;
 }
 
 // A button that leads to another page; `go` says true when this page stays after all.

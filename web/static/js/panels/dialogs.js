@@ -1,58 +1,47 @@
 // Dialogs: a question before something that cannot be undone, and one for a new name.
-import { element, get, wordsOf } from "../lib/text.js";
-import { toast } from "./toast.js";
+import { get, toast, wordsOf } from "../lib/text.js";
+
+// Open a dialog. Return whether it is closed with its button "yes".
+/**
+ * @param {HTMLDialogElement} dialog
+ * @returns {Promise<boolean>}
+ */
+function answered(dialog) {
+  dialog.returnValue = "";
+  dialog.showModal();
+  return new Promise((answer) => {
+    dialog.addEventListener("close", () => answer(dialog.returnValue === "yes"), { once: true });
+  });
+}
 
 /**
  * @param {string} heading
  * @param {string} text
  * @param {string} action what the button says that does it
- * @returns {Promise<boolean>}
  */
 export function confirmed(heading, text, action) {
-  const dialog = get("confirm");
   get("confirm-heading").textContent = heading;
   get("confirm-text").textContent = text;
   get("confirm-yes").textContent = action;
-  dialog.returnValue = "";
-  dialog.showModal();
-  get("confirm-no").focus();
-  return new Promise((answered) => {
-    dialog.addEventListener("close", () => answered(dialog.returnValue === "yes"), { once: true });
-  });
+  return answered(get("confirm"));
 }
 
-const MAX_NAME_CHARACTERS = 200;
-
-// Show a field for a new name in place of a heading. Return what closes it.
+// Ask for another name and save it. Return whether that is done.
 /**
- * @param {HTMLElement} heading
  * @param {string} name
- * @param {{ save: (name: string) => Promise<void>, back: () => void }} done
+ * @param {(name: string) => Promise<void>} save
  */
-export function renameForm(heading, name, { save, back }) {
-  const input = element("input", { type: "text", maxlength: MAX_NAME_CHARACTERS, value: name, "aria-label": "New name", required: true, autocomplete: "off" });
-  const form = element("form", { class: "renaming" }, input, element("button", { class: "button primary", type: "submit" }, "Save"));
-  const close = () => {
-    form.remove();
-    heading.hidden = false;
-    back();
-  };
-  input.onkeydown = (event) => {
-    event.stopPropagation(); // the player's keys are letters
-    if (event.key === "Escape") close();
-  };
-  form.onsubmit = async (event) => {
-    event.preventDefault();
-    try {
-      await save(input.value);
-      close();
-    } catch (error) {
-      toast(wordsOf(error));
-      input.focus();
-    }
-  };
-  heading.hidden = true;
-  heading.after(form);
-  input.select();
-  return close;
+export async function renamed(name, save) {
+  const field = get("new-name");
+  field.value = name;
+  const answer = answered(get("renaming"));
+  field.select();
+  if (!await answer || field.value === name) return false;
+  try {
+    await save(field.value);
+    return true;
+  } catch (error) {
+    toast(wordsOf(error));
+    return false;
+  }
 }

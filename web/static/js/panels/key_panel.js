@@ -1,9 +1,8 @@
 // The key of this browser: shown when asked for, taken elsewhere, and keys that were brought here.
 import { MOST_KEYS, Refusal, ask, bring, broughtKeys, dropKey, forgetKeys, isKey, keysHere, newKey, ownKey, replaceOwn, useKey } from "../lib/api.js";
 import { deleteMade } from "../lib/owned_items.js";
-import { button, copyText, element, get, wordsOf } from "../lib/text.js";
+import { button, copyText, element, get, toast, wordsOf } from "../lib/text.js";
 import { confirmed } from "./dialogs.js";
-import { toast } from "./toast.js";
 
 const SHOWN = 6;
 const LISTS = ["folds?limit=1", "previews", "movies"];

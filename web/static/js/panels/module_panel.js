@@ -1,5 +1,5 @@
 // The selected module: chosen by its number, where it belongs, its joint now, what is near it.
-import { button, element, newtonMetres, number, pitches, radians, si } from "../lib/text.js";
+import { element, get, newtonMetres, number, pitches, radians, si } from "../lib/text.js";
 import { frameIn, refuse } from "../player/bar.js";
 import { table } from "./drawer.js";
 
@@ -35,24 +35,19 @@ export class ModulePanel {
     this.shown = null;
     /** @type {JointTold[]} */
     this.joints = [];
-    this.near = element("dd");
-    this.off = element("dd");
-    this.pressing = element("dt", { hidden: true }, "Force on the table");
-    this.presses = element("dd", { "data-of": "pressed", hidden: true });
     this.modules = 0;
-    this.field = element("input", { id: "module-number", type: "text", inputmode: "numeric", enterkeyhint: "go", autocomplete: "off", maxlength: 9 });
-    this.before = button("icon-button", "‹", () => this.step(-1), { "aria-label": "Previous module", title: "Previous module (↓)" });
-    this.after = button("icon-button", "›", () => this.step(1), { "aria-label": "Next module", title: "Next module (↑)" });
-    this.clear = button("button quiet", "Clear", () => { this.field.focus(); player.send({ do: "select", module: null }); }, { hidden: true });
-    this.told = element("div");
-    this.line = element("p", { class: "visually-hidden", role: "status" });
-    const form = element("form", { class: "module-choice", novalidate: true }, element("label", { for: "module-number" }, "Number"), this.field, this.before, this.after, this.clear);
-    form.onsubmit = (event) => { event.preventDefault(); this.choose(true); };
+    this.field = get("module-number");
     this.field.onchange = () => this.choose(false);
     this.field.oninput = () => refuse(this.field, "");
-    panel.tabIndex = -1; // a click in it is enough for its keys
+    get("module-form").onsubmit = (event) => { event.preventDefault(); this.choose(true); };
+    get("module-before").onclick = () => this.step(-1);
+    get("module-after").onclick = () => this.step(1);
+    get("module-clear").onclick = () => { this.field.focus(); player.send({ do: "select", module: null }); };
+    panel.addEventListener("click", ({ target }) => {
+      const { module } = /** @type {HTMLElement} */ (target).dataset; // of a link to a module
+      if (module !== undefined) player.send({ do: "select", module: Number(module) });
+    });
     panel.addEventListener("keydown", (event) => this.key(event));
-    panel.replaceChildren(form, this.told, this.line);
     player.on("outline", (/** @type {{ modules: number }} */ { modules }) => this.count(modules));
     player.on("module", (/** @type {Told} */ module) => this.show(module));
     figures.on("loaded", () => this.measure());
@@ -65,17 +60,14 @@ export class ModulePanel {
     const before = this.index;
     this.index = module.index;
     if (before !== module.index || module.index === null) this.number();
-    if (module.index === null) {
-      // The ends of the chain, and how the view marks them.
-      this.told.replaceChildren(element("p", { class: "hint" }, "Click a module, or type its number, to see its joint. Module numbers start at 1."),
-        element("p", { class: "hint" }, "A white stud marks the ", this.link("first module", () => 0), " of the chain. A dark stud marks the ", this.link("last module", () => this.modules - 1), "."));
-      return;
-    }
+    get("no-module").hidden = module.index !== null;
+    get("module").hidden = module.index === null;
+    if (module.index === null) return;
     if (before !== module.index) {
       this.build(module);
       this.opened();
       const turned = module.joints.map(({ name, angle_rad: angle }) => `${hingeOf(name)} ${degrees(angle)}`);
-      this.line.textContent = [`Module ${module.index + 1} of ${module.modules}`, ...turned].join(", ");
+      get("module-said").textContent = [`Module ${module.index + 1} of ${module.modules}`, ...turned].join(", ");
     }
     this.fill(module);
     this.measure();
@@ -86,6 +78,7 @@ export class ModulePanel {
   count(modules) {
     this.modules = modules;
     this.field.placeholder = `1–${modules}`;
+    get("last-module").dataset.module = String(modules - 1);
     this.number();
   }
 
@@ -94,9 +87,9 @@ export class ModulePanel {
     const { index, modules } = this;
     this.field.value = index === null ? "" : String(index + 1);
     refuse(this.field, "");
-    this.before.disabled = index === null || index === 0;
-    this.after.disabled = !modules || index === modules - 1;
-    this.clear.hidden = index === null;
+    get("module-before").disabled = index === null || index === 0;
+    get("module-after").disabled = !modules || index === modules - 1;
+    get("module-clear").hidden = index === null;
   }
 
   // The module whose number was typed; `asked` says that a wrong one is to be told.
@@ -122,13 +115,6 @@ export class ModulePanel {
     if (next >= 0 && next < this.modules) this.player.send({ do: "select", module: next });
   }
 
-  // Leads to a module.
-  /**
-   * @param {string} text
-   * @param {() => number} module
-   */
-  link(text, module) { return button("inline", text, () => this.player.send({ do: "select", module: module() })); }
-
   // To type a number.
   begin() {
     this.opened();
@@ -137,29 +123,31 @@ export class ModulePanel {
   }
 
   /** @param {ModuleTold} module */
-  build(module) {
+  build({ index, modules, cell, joints }) {
     const column = (/** @type {string} */ of) => element("td", { "data-of": of });
-    const rows = (/** @type {string} */ key, /** @type {string[]} */ of) => module.joints.map(({ name }) => element("tr", { [key]: name }, element("th", { scope: "row" }, hingeOf(name)), ...of.map(column)));
-    const joint = module.joints.length
-      ? element("div", {}, table(["Hinge", "Now", "Folded", "Error"], rows("data-joint", ["now", "target", "error"])), table(["Hinge", "Speed", "Torque"], rows("data-motion", ["speed", "torque"])))
-      : element("p", { class: "hint no-joint" }, "This module has no joint.");
-    /** @type {Record<number, string>} */
-    const ends = { 0: "first module of the chain", [module.modules - 1]: "last module of the chain" };
-    const end = ends[module.index];
-    this.near = element("dd", { "data-of": "nearest" }, "–");
-    this.off = element("dd", { "data-of": "position" }, "–");
-    this.presses.textContent = "–";
-    this.told.replaceChildren(
-      element("h2", {}, element("i", { class: "swatch", "aria-hidden": "true" }), `Module ${module.index + 1} of ${module.modules}`),
-      element("dl", { class: "rows" },
-        ...(end ? [element("dt", {}, "End"), element("dd", {}, end)] : []),
-        element("dt", {}, "Index in files (from 0)"), element("dd", { "data-of": "index" }, String(module.index)),
-        ...(module.cell ? [element("dt", {}, "Cell when folded"), element("dd", {}, module.cell.join(", ").replaceAll("-", "−"))] : []),
-        element("dt", {}, "Nearest module"), this.near,
-        element("dt", {}, "Position error"), this.off,
-        this.pressing, this.presses),
-      element("h3", {}, "Joint"),
-      joint);
+    const rows = (/** @type {string} */ key, /** @type {string[]} */ of) => joints.map(({ name }) => element("tr", { [key]: name }, element("th", { scope: "row" }, hingeOf(name)), ...of.map(column)));
+    get("module-joint").replaceChildren(...(joints.length
+      ? [table(["Hinge", "Now", "Folded", "Error"], rows("data-joint", ["now", "target", "error"])), table(["Hinge", "Speed", "Torque"], rows("data-motion", ["speed", "torque"]))]
+      : [element("p", { class: "hint" }, "This module has no joint.")]));
+    get("module-heading").textContent = `Module ${index + 1} of ${modules}`;
+    this.write("end", index === 0 ? "first module of the chain" : index === modules - 1 ? "last module of the chain" : null);
+    this.write("index", String(index));
+    this.write("cell", cell && cell.join(", ").replaceAll("-", "−"));
+    this.write("nearest", "–");
+    this.write("position", "–");
+    this.write("pressed", null);
+  }
+
+  // Writes a row on the module; null hides it.
+  /**
+   * @param {string} of
+   * @param {string | null} text
+   */
+  write(of, text) {
+    const value = /** @type {HTMLElement} */ (this.panel.querySelector(`dd[data-of=${of}]`));
+    value.textContent = text;
+    for (const part of [value, /** @type {HTMLElement} */ (value.previousElementSibling)]) part.hidden = text === null;
+    return value;
   }
 
   /** @param {ModuleTold} module */
@@ -186,11 +174,9 @@ export class ModulePanel {
       this.put(`[data-motion="${name}"]`, "torque", Number.isFinite(torque) ? newtonMetres(torque) : "–");
     }
     if (row.nearest && row.clearance) this.showNearest(row.nearest[this.index], row.clearance[this.index]);
-    const pressed = row.pressed?.[this.index];
-    for (const part of [this.presses, this.pressing]) part.hidden = pressed === undefined;
-    this.presses.textContent = pressed !== undefined && Number.isFinite(pressed) ? `${number(pressed)} × its weight` : "–";
-    const off = row.position_error?.[this.index] ?? NaN;
-    this.off.textContent = Number.isFinite(off) ? pitches(off) : "–";
+    const [pressed, off] = [row.pressed?.[this.index] ?? null, row.position_error?.[this.index] ?? NaN];
+    this.write("pressed", pressed === null ? null : Number.isFinite(pressed) ? `${number(pressed)} × its weight` : "–");
+    this.write("position", Number.isFinite(off) ? pitches(off) : "–");
   }
 
   /**
@@ -198,8 +184,10 @@ export class ModulePanel {
    * @param {number} clearance
    */
   showNearest(nearest, clearance) {
-    if (nearest < 0) { this.near.replaceChildren("none within a module width"); return; }
-    this.near.replaceChildren(this.link(`Module ${nearest + 1}`, () => nearest), clearance < 0 ? `, overlaps by ${pitches(-clearance)}` : `, ${pitches(clearance)} away`);
+    const value = this.write("nearest", "none within a module width");
+    if (nearest < 0) return;
+    value.replaceChildren(element("button", { class: "inline", type: "button", "data-module": nearest }, `Module ${nearest + 1}`),
+      clearance < 0 ? `, overlaps by ${pitches(-clearance)}` : `, ${pitches(clearance)} away`);
   }
 
   /**

@@ -1,8 +1,7 @@
 // Cards of what this browser has made: folds, shapes that were looked at, movies.
 import { Refusal, ask, remove } from "../lib/api.js";
-import { STAGES, at, button, copyText, element, sentence, whole, wordsOf } from "../lib/text.js";
-import { confirmed, renameForm } from "./dialogs.js";
-import { toast } from "./toast.js";
+import { at, button, copyText, element, sentence, STAGES, toast, whole, wordsOf } from "../lib/text.js";
+import { confirmed, renamed } from "./dialogs.js";
 
 const S = 1000;
 /** @type {Record<string, string>} */
@@ -134,6 +133,7 @@ export class FoldCard extends Card {
     this.ways = element("div", { class: "ways" });
     this.item.append(art(fold.links.page, fold.links.drawing, `${fold.links.page}/picture.png`), this.title, this.verdict, this.facts, this.ways);
     this.show();
+    this.offer();
   }
 
   get running() { return this.fold.status === "queued" || this.fold.status === "running"; }
@@ -146,6 +146,10 @@ export class FoldCard extends Card {
     this.verdict.dataset.status = tone;
     const kept = fold.public ? "in the gallery" : fold.expires_at && expiryOf(fold.expires_at);
     this.facts.textContent = [`${whole(fold.modules)} ${PLURALS[fold.module] ?? "modules"}`, methodWords(fold), ago(fold.created_at), kept].filter(Boolean).join(" · ");
+  }
+
+  offer() {
+    const { fold } = this;
     this.ways.replaceChildren(
       way("Copy link", fold.title, () => this.copy()),
       ...(fold.public ? [] : [way("Rename", fold.title, () => this.rename()),
@@ -155,7 +159,7 @@ export class FoldCard extends Card {
   refresh() {
     return this.fetch(this.fold.links.self, (/** @type {Api.Fold} */ fold) => {
       this.fold = fold;
-      if (!this.title.hidden) this.show();
+      this.show();
     });
   }
 
@@ -164,16 +168,13 @@ export class FoldCard extends Card {
     copyText(link, () => toast("Link copied"), () => toast(link));
   }
 
-  rename() {
+  async rename() {
     const { title, links } = this.fold;
-    const back = () => {
-      this.show();
-      /** @type {HTMLElement | null} */ (this.ways.children[1])?.focus();
-    };
-    const close = renameForm(this.title, title, {
-      back, save: async (name) => { if (name !== title) this.fold = await ask(links.self, { method: "PATCH", token: this.key, body: { name } }); },
-    });
-    this.ways.replaceChildren(button("way", "Cancel", close));
+    const done = await renamed(title, async (name) => { this.fold = await ask(links.self, { method: "PATCH", token: this.key, body: { name } }); });
+    if (!done) return;
+    this.show();
+    this.offer();
+    /** @type {HTMLElement} */ (this.ways.children[1]).focus();
   }
 }
 

@@ -1,17 +1,11 @@
 // Plan check: a worker of this browser goes through the motion, and the page says how far it is and what came out.
-import { at as hrefOf, button, element, number, svg, whole } from "../lib/text.js";
+import { at as hrefOf, get, number, whole } from "../lib/text.js";
 
 /** @typedef {import("../check/worker.js").Asked} Asked */
 /** @typedef {import("../check/worker.js").Progress} Progress */
 /** @typedef {import("../check/worker.js").Proved} Proved */
 /** @typedef {import("../check/worker.js").Refused} Refused */
 /** @typedef {import("../check/plan.js").Place} Place */
-
-const NOT_CLAIMED = [
-  "Real joints are slightly loose, and real modules bend. The check assumes rigid modules and exact hinges.",
-  "The check does not compare modules that share a joint. They overlap at the joint by design.",
-  "Only a few robots were simulated. Other robots may behave differently.",
-];
 
 const TOUCHING = 1e-3; // widths of a cell that are not worth a number
 const FULL = 1 - 1e-4; // cells' widths: larger modules fill theirs
@@ -64,56 +58,48 @@ export class Checking {
   static worker = () => new Worker(new URL("../check/worker.js", import.meta.url), { type: "module" });
 
   /**
-   * @param {HTMLElement} place
    * @param {import("../player/player.js").Player} player
    * @param {string} href of the plan
    * @param {(frame: number) => void} [seek] shows a frame of its timeline
    */
-  constructor(place, player, href, seek = (frame) => { player.send({ do: "seek", frame }); }) {
+  constructor(player, href, seek = (frame) => { player.send({ do: "seek", frame }); }) {
     this.player = player;
     this.seek = seek;
     this.href = href;
     this.onGo = () => {};
     /** @type {Worker | null} */
     this.worker = null;
-    this.bar = element("progress", { max: "1", value: "0", "aria-label": "Progress of the check" });
-    this.line = element("p", { role: "status" });
-    this.where = button("inline", "", () => this.go());
-    this.stop = button("button quiet", "Stop", () => this.end());
-    this.running = element("div", { class: "checking", hidden: true }, this.bar, this.stop);
     /** @type {{ at: Place, frames: number } | null} */
     this.seen = null;
-    this.tries = element("div", { hidden: true }, element("h4", {}, "Try to break it"),
-      element("p", { class: "line" }, button("button", "Larger modules", () => this.begin("size")), button("button", "Turn a hinge by 1°", () => this.begin("hinge"))),
-      element("p", { class: "hint" }, "Make all modules larger until two of them touch, or keep one hinge 1° away from its planned angle. To choose the hinge, select its module. If no module is selected, the hinge is chosen at random."));
-    this.open = element("details", { class: "assumptions", hidden: true }, element("summary", {}, "What this check does not show"), element("ul", {}, ...NOT_CLAIMED.map((said) => element("li", {}, said))));
-    this.all = element("div", {}, this.running, this.line, element("p", {}, this.where), this.open, this.tries);
-    place.append(this.all);
-    this.where.hidden = true;
+    get("check-where").onclick = () => this.go();
+    get("check-stop").onclick = () => this.end();
+    get("check-size").onclick = () => this.begin("size");
+    get("check-hinge").onclick = () => this.begin("hinge");
+    for (const part of /** @type {const} */ (["check-where", "check-limits", "check-tries"])) get(part).hidden = true;
   }
 
   /** @param {Asked["way"]} way */
   begin(way) {
     this.end();
-    this.line.textContent = "";
-    this.running.hidden = false;
+    get("check-said").textContent = "";
+    get("check-running").hidden = false;
     this.reveal();
-    this.bar.value = 0;
+    get("check-bar").value = 0;
     this.worker = Checking.worker();
     this.worker.onmessage = (/** @type {MessageEvent<Progress | Proved | Refused>} */ { data }) => this.heard(way, data);
-    this.worker.onerror = () => { this.end(); this.line.textContent = "This browser cannot run the check. Try another browser."; };
+    this.worker.onerror = () => { this.end(); get("check-said").textContent = "This browser cannot run the check. Try another browser."; };
     this.worker.postMessage({ href: new URL(this.href, location.href).href, way, module: this.player.selected });
   }
 
   // Scrolls no further than it takes to show all, or where that is too much, its beginning.
   reveal() {
-    this.all.scrollIntoView({ block: "nearest", behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "instant" : "smooth" });
+    get("checking").scrollIntoView({ block: "nearest", behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "instant" : "smooth" });
   }
 
   end() {
     this.worker?.terminate();
     this.worker = null;
-    this.running.hidden = true;
+    get("check-running").hidden = true;
   }
 
   /**
@@ -122,17 +108,17 @@ export class Checking {
    */
   heard(way, said) {
     if (said.is === "progress") {
-      this.bar.value = said.frame / said.frames;
+      get("check-bar").value = said.frame / said.frames;
       if (said.tightest) this.show(said.tightest, said.frames, "Tightest place so far");
       return;
     }
     this.end();
-    this.line.textContent = outcome(way, said);
-    this.line.className = said.is === "proved" ? "" : "bad";
+    get("check-said").textContent = outcome(way, said);
+    get("check-said").className = said.is === "proved" ? "" : "bad";
     const at = said.is === "refused" ? said.place : said.touch ?? said.tightest;
-    this.where.hidden = !at;
+    get("check-where").hidden = !at;
     if (at) this.show(at, said.is === "refused" ? said.frames : said.plan.frames, said.is === "refused" || said.touch ? "Show where" : "Tightest place");
-    this.open.hidden = this.tries.hidden = false;
+    get("check-limits").hidden = get("check-tries").hidden = false;
     this.reveal();
   }
 
@@ -143,8 +129,8 @@ export class Checking {
    */
   show(at, frames, label) {
     this.seen = { at, frames };
-    this.where.hidden = false;
-    this.where.textContent = `${label}: ${pair(at)}${at.gap < TOUCHING ? "" : `, ${percent(at.gap)} apart`}`;
+    get("check-where").hidden = false;
+    get("check-where").textContent = `${label}: ${pair(at)}${at.gap < TOUCHING ? "" : `, ${percent(at.gap)} apart`}`;
   }
 
   // To the frame and the modules that are told; the plan's frames are the timeline's last.
@@ -166,14 +152,11 @@ export class Checking {
  * @param {(frame: number) => void} [seek]
  */
 export function checkInDialog(player, { id, name }, seek) {
-  const place = element("div", { id: "check" });
-  const close = button("icon-button dialog-close", "", () => dialog.close(), { "aria-label": "Close", title: "Close" });
-  close.append(svg("svg", { class: "icon" }, svg("use", { href: "#i-close" })));
-  const dialog = element("dialog", { class: "dialog", "aria-labelledby": "check-title" }, close, element("h2", { id: "check-title" }, `Check ${name}`), place);
-  const checking = new Checking(place, player, planOf(id), seek);
+  const dialog = get("check-dialog");
+  get("check-title").textContent = `Check ${name}`;
+  const checking = new Checking(player, planOf(id), seek);
   checking.onGo = () => dialog.close();
-  dialog.onclose = () => { checking.end(); dialog.remove(); };
-  document.body.append(dialog);
+  dialog.onclose = () => checking.end();
   dialog.showModal();
   checking.begin("claim");
 }

@@ -1,7 +1,6 @@
-// Plan choice: the plans of a fold that was asked for the best of several, as a scatter plot and as a table.
+// Plan choice: the plans of a fold that was asked for the best of several, as a scatter plot.
 import { round, rule, scaleOf, ticks } from "../lib/plot.js";
 import { button, element, get, newtonMetres, svg } from "../lib/text.js";
-import { table } from "./drawer.js";
 
 const WIDE = 336;
 const HIGH = 220;
@@ -92,49 +91,24 @@ function picture({ plans, seconds }, axis) {
   return [element("p", { class: "choice-axis" }, AXES[axis].label(seconds)), drawn];
 }
 
-// How a plan can be watched: the chosen one here, one that is stored on a page of its own or beside the chosen one.
-/**
- * @param {PlanDot} plan
- * @param {{ id: string, play: () => void }} fold
- */
-function watching({ label, chosen, stored }, { id, play }) {
-  if (chosen) return [button("inline", "Play", play, { "aria-label": `Play ${label}` })];
-  if (stored === null) return [];
-  return [
-    element("a", { href: `/folds/${id}-${stored}`, "aria-label": `Play ${label}` }, "Play"),
-    element("a", { href: `/compare?a=${id}&b=${id}-${stored}`, "aria-label": `Compare ${label} with the chosen plan` }, "Compare"),
-  ];
-}
-
+// Draws the plans above their table, which the page has, and shows their tab first.
 /**
  * @param {Choice} choice
- * @param {{ id: string, play: () => void }} fold
- */
-function planTable({ plans, columns }, fold) {
-  return element("div", { class: "choice-table" }, table(columns, plans.map((plan) => element("tr", { "data-end": endOf(plan) },
-    element("th", { scope: "row" }, plan.label, element("small", {}, endOf(plan)), element("div", { class: "choice-play" }, ...watching(plan, fold))),
-    ...plan.cells.map((text) => element("td", {}, text))))));
-}
-
-// Shows it in its tab, which is then the first to be seen.
-/**
- * @param {{ id: string, choice: Choice }} fold
  * @param {import("./drawer.js").Drawer} drawer
  * @param {Pick<Playing, "send">} player
  */
-export function showChoice({ id, choice }, drawer, player) {
-  const plot = element("figure", { class: "choice-plot" });
+export function showChoice(choice, drawer, player) {
+  const [chips, plot] = ["axes", "plot"].map((part) => /** @type {HTMLElement} */ (get("choice").querySelector(`.choice-${part}`)));
   const buttons = /** @type {Axis[]} */ (Object.keys(AXES)).map((axis) => ({ axis, chip: button("chip", AXES[axis].name, () => show(axis)) }));
   const show = (/** @type {Axis} */ axis) => {
     plot.replaceChildren(...picture(choice, axis));
     for (const each of buttons) each.chip.setAttribute("aria-pressed", String(each.axis === axis));
   };
+  chips.append(...buttons.map(({ chip }) => chip));
   show(choice.prefer === "clearance" ? "room" : "torque_mnm");
-  get("choice").replaceChildren(element("h2", {}, `${choice.wish}: ${choice.plans.length} plans`),
-    element("p", {}, choice.text),
-    element("div", { class: "choice-axes", role: "group", "aria-label": "Vertical axis" }, ...buttons.map(({ chip }) => chip)),
-    plot, planTable(choice, { id, play: () => { player.send({ do: "seek", frame: 0 }); player.send({ do: "play" }); } }),
-    ...(choice.plans.some(({ verified, chosen, stored }) => verified && !chosen && stored === null)
-      ? [element("p", { class: "hint" }, "Verified plans without a link were not stored and cannot be played.")] : []));
+  /** @type {HTMLElement} */ (get("choice").querySelector("[data-play]")).onclick = () => {
+    player.send({ do: "seek", frame: 0 });
+    player.send({ do: "play" });
+  };
   drawer.choose("attempts");
 }

@@ -1,6 +1,6 @@
 // Figures along the whole fold, with the playhead in them; a click goes there, and keys move it.
 import { linePath, moveRule, rule, scaleOf, ticks } from "../lib/plot.js";
-import { button, element, newtonMetres, number, pitches, radians, seconds, svg, whole } from "../lib/text.js";
+import { button, element, newtonMetres, number, pitches, radians, save, seconds, svg, whole } from "../lib/text.js";
 import { shareAt } from "../player/bar.js";
 
 const COLUMNS = 360;
@@ -9,7 +9,6 @@ const HIGH = 100;
 const TICKS = { up: 3, across: 4 }; // about so many
 const HEADROOM = 1.06; // of a plot above its highest bound
 const FAR = 10; // frames
-const KEPT_MS = 60_000; // what is being downloaded
 /**
  * @typedef {object} Plot
  * @property {PlotName} name
@@ -80,21 +79,6 @@ export function axes({ low, high, frames, text }) {
  * @param {Floats} values
  */
 export const csv = (name, values) => [`frame,${name}`, ...Array.from(values, (v, k) => `${k + 1},${Number.isFinite(v) ? v : ""}`)].join("\n");
-
-/**
- * @param {string} name
- * @param {string} label
- * @param {Floats} values
- */
-function link(name, label, values) {
-  const made = element("a", { href: "#", download: `${name}.csv`, "aria-label": `${label} as CSV`, title: "Every frame and its value" }, "CSV");
-  made.onclick = () => {
-    const address = URL.createObjectURL(new Blob([csv(name, values)], { type: "text/csv" }));
-    made.href = address;
-    setTimeout(() => URL.revokeObjectURL(address), KEPT_MS);
-  };
-  return made;
-}
 
 // Return a picture with its axes: values at the left, frames below.
 /**
@@ -168,8 +152,9 @@ export class Plots {
       ...bounds.map(({ at }) => rule("plot-bound", { y: y(at) }, [0, WIDE])), hair);
     const [now, where] = [element("b"), element("small", { class: "plot-where" })];
     const larger = button("inline", "Larger", () => this.enlarge(box, larger), { "aria-label": `Larger view of ${label.toLowerCase()}` });
+    const sheet = button("inline", "CSV", () => save(new Blob([csv(plot.name, values)], { type: "text/csv" }), `${plot.name}.csv`), { "aria-label": `${label} as CSV`, title: "Every frame and its value" });
     const box = element("figure", { class: "plot" }, element("figcaption", {}, element("span", {}, label), now, where), framed(picture, marks),
-      element("div", { class: "plot-foot" }, element("small", {}, this.scaleWords(plot, known)), larger, link(plot.name, label, values)),
+      element("div", { class: "plot-foot" }, element("small", {}, this.scaleWords(plot, known)), larger, sheet),
       bounds.length ? element("small", { class: "plot-bounds" }, element("i", { "aria-hidden": "true" }), bounds.map(({ what }) => what).join("; ")) : null);
     const made = { box, values, text, now, where, line, hair, label, picture };
     this.listen(made);
@@ -223,26 +208,22 @@ export class Plots {
     where.textContent = [`frame ${whole(frame + 1)}`, time === undefined ? null : seconds(time)].filter(Boolean).join(", ");
   }
 
-  // Shows a plot in a dialog as wide as the page; it goes back to its place when that closes.
+  // Shows a plot over the page, nearly as wide as it, or puts it back.
   /**
    * @param {HTMLElement} box
    * @param {HTMLElement} larger the button
    */
   enlarge(box, larger) {
-    const place = document.createComment("");
-    const close = button("icon-button dialog-close", "✕", () => dialog.close(), { "aria-label": "Close" });
-    const dialog = element("dialog", { class: "dialog plot-dialog", "aria-label": larger.getAttribute("aria-label") }, close);
-    dialog.onclose = () => {
-      place.replaceWith(box);
-      dialog.remove();
-      larger.hidden = false;
+    if (box.popover) { box.hidePopover(); return; }
+    box.popover = "auto";
+    box.ontoggle = ({ newState }) => {
+      larger.textContent = newState === "open" ? "Close" : "Larger";
+      box.classList.toggle("dialog", newState === "open");
+      if (newState === "open") return;
+      box.popover = null;
       larger.focus();
     };
-    box.replaceWith(place);
-    larger.hidden = true;
-    dialog.append(box);
-    document.body.append(dialog);
-    dialog.showModal();
+    box.showPopover();
   }
 
   /** @param {{ frame: number }} state */
@@ -262,13 +243,10 @@ export class Plots {
     }
   }
 
-  // The keys of the page move a playhead by frames, and to either end; these by ten. In a dialog the
-  // page's keys rest, so that arrows are here, too.
+  // The keys of the page move a playhead by frames, and to either end; these by ten.
   /** @param {KeyboardEvent} event */
   key(event) {
-    const inDialog = event.currentTarget instanceof Element && event.currentTarget.closest("dialog") !== null;
-    const arrow = inDialog ? Number(event.key === "ArrowRight") - Number(event.key === "ArrowLeft") : 0;
-    const by = event.key === "PageUp" ? FAR : event.key === "PageDown" ? -FAR : arrow;
+    const by = event.key === "PageUp" ? FAR : event.key === "PageDown" ? -FAR : 0;
     if (!by || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     this.player.send({ do: "step", by });

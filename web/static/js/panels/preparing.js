@@ -1,5 +1,5 @@
 // How far the solvers are compiled, which happens once on a machine: words and a bar.
-import { ask } from "../lib/api.js";
+import { askUntil } from "../lib/api.js";
 import { duration, get } from "../lib/text.js";
 
 const FEW_S = 5;
@@ -34,15 +34,10 @@ export function showPreparing(preparing) {
 
 // Shows it until it is over, on a page that came with it.
 /** @param {(preparing: Api.PreparingBody | null) => void} tell */
-export async function followPreparing(tell = () => {}) {
-  for (;;) {
-    try {
-      /** @type {Api.PreparingState} */
-      const { preparing } = await ask("/api/preparing");
-      showPreparing(preparing);
-      tell(preparing);
-      if (!preparing) return;
-    } catch { /* asked again */ }
-    await new Promise((again) => { setTimeout(again, ASK_MS); });
-  }
+export function followPreparing(tell = () => {}) {
+  return askUntil("/api/preparing", ASK_MS, (/** @type {Api.PreparingState} */ { preparing }) => {
+    showPreparing(preparing);
+    tell(preparing);
+    return !preparing;
+  });
 }

@@ -2,8 +2,7 @@
 import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { OverallProgress, queueWords } from "./overall_progress.js";
 import { preparingWords, remaining, showPreparing } from "./preparing.js";
-import { at, get, whole } from "../lib/text.js";
-import { toast } from "./toast.js";
+import { at, get, toast, whole } from "../lib/text.js";
 
 const ASK_MS = 1000; // between two questions where no stream tells, at first
 const LONGEST_ASK_MS = 10000;
@@ -19,7 +18,7 @@ const OVER = ["verified", "failed", "cancelled"];
 export class Progress {
   /**
    * @param {Facts} facts
-   * @param {{ onDone: (facts: Facts) => void, onProgress: (now: Api.Progress, stage: string, verdict: Facts["verdict"] | null) => void }} around
+   * @param {{ onDone: () => void, onProgress: (now: Api.Progress, stage: string, verdict: Facts["verdict"] | null) => void }} around
    */
   constructor(facts, { onDone, onProgress }) {
     this.facts = facts;
@@ -120,15 +119,13 @@ export class Progress {
   async checked() {
     if (this.verdict || this.asking) return;
     this.asking = true;
-    const facts = await this.fetched();
+    /** @type {Facts | null} */
+    const facts = await ask(`/folds/${this.facts.id}/facts`).catch(() => null);
     this.asking = false;
     if (!facts?.running || facts.verdict.tone !== "good" || get("progress").hidden) return;
     this.verdict = facts.verdict;
     if (this.now) this.show(this.now);
   }
-
-  /** @returns {Promise<Facts | null>} */
-  fetched() { return ask(`/folds/${this.facts.id}/facts`).catch(() => null); }
 
   /** @param {string} text */
   say(text) {
@@ -138,14 +135,13 @@ export class Progress {
     if (!get("cover").classList.contains("gone")) get("cover-text").textContent = text;
   }
 
-  async end() {
+  end() {
     this.events?.close();
     this.pollNoMore();
     get("progress").hidden = true;
     get("cancel").hidden = true;
     showPreparing(null);
-    const facts = await this.fetched();
-    if (facts) this.onDone(facts);
+    this.onDone();
   }
 
   async cancel() {

@@ -1,15 +1,12 @@
 // Sharing: a link to what is seen now, a frame for other pages, one file that plays by itself.
-import { file } from "./downloads.js";
-import { offerPicture } from "./screenshot.js";
-import { toast } from "./toast.js";
 import { tokenOf } from "../lib/api.js";
-import { at, copyText, element, get } from "../lib/text.js";
+import { at, copyText, get, save, toast } from "../lib/text.js";
 
 // Return what opens the dialog, with what there is without a server, once there is something.
 /**
  * @param {Facts} facts
  * @param {{ place: import("../player/address.js").Place, player: import("../player/player.js").Player }} view
- * @returns {(facts: Facts) => void}
+ * @returns {() => void}
  */
 export function sharing({ id, embed }, { place, player }) {
   const dialog = get("sharing");
@@ -31,14 +28,33 @@ export function sharing({ id, embed }, { place, player }) {
   get("share-send").onclick = () => navigator.share({ title: document.title, url: get("share-link").value }).catch(() => {}); // closed again
   get("share-mine").hidden = !tokenOf(id);
   const lead = document.getElementById("lead"); // not without a service
-  if (lead) lead.onclick = async () => { dialog.close(); (await import("../tour/leader.js")).lead(id, { place, toast }); };
-  get("share-files").append(element("p", { class: "hint" }, "To show the HTML file in your own web page, put ",
-    element("a", { href: "/static/foldback-fold.js", download: true }, "foldback-fold.js"), " in the same folder and add ", element("code", {}, '<foldback-fold src="FILE.html"></foldback-fold>'), " to the page."));
-  return ({ files }) => {
-    get("share-files").hidden = !files.length;
-    get("share-list").replaceChildren(...files.map(file));
+  if (lead) lead.onclick = async () => { dialog.close(); (await import("../tour/leader.js")).lead(id, place); };
+  return () => {
     fill();
     dialog.showModal();
     get("share-link").select();
+  };
+}
+
+// A picture of the view to save or to copy, drawn by the page itself.
+/** @param {import("../player/player.js").Player} player */
+function offerPicture(player) {
+  const png = async () => {
+    const { shown, sketch, stage, rig: { eye } } = player;
+    if (!shown || !sketch || !eye) throw new Error("There is no picture to save yet");
+    const options = { scale: Number(get("picture-scale").value), transparent: get("picture-clear").checked };
+    return sketch.picture([shown, player.colours(), eye, stage?.ground ?? null], options);
+  };
+  get("picture").hidden = !player.sketch?.worker;
+  get("picture-copy").hidden = !("ClipboardItem" in window && navigator.clipboard?.write);
+  get("picture-save").onclick = async () => save(await png(), `${get("name").textContent} ${Math.round(player.playhead.frame) + 1}.png`);
+  // Safari wants the promise, not what comes of it.
+  get("picture-copy").onclick = async () => {
+    try {
+      await navigator.clipboard.write([new ClipboardItem({ "image/png": png() })]);
+      toast("Picture copied");
+    } catch {
+      toast("This browser does not let pages copy pictures");
+    }
   };
 }

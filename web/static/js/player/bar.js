@@ -36,7 +36,6 @@ export class Bar {
     /** @type {State | null} */
     this.state = null;
     this.onStuck = () => {};
-    this.scrubbing = false;
     this.scrub = get("scrub");
     this.frame = new FrameField(player);
     this.range = new LoopRange(player);
@@ -51,10 +50,6 @@ export class Bar {
     };
     for (const option of get("speed").options) if (option.value === REAL) option.hidden = !("timeline" in player);
     this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
-    this.scrub.addEventListener("pointerdown", () => { this.scrubbing = true; });
-    for (const name of ["pointerup", "pointercancel", "change"]) {
-      this.scrub.addEventListener(name, () => { this.scrubbing = false; });
-    }
     get("folded").addEventListener("input", () => this.fold(Number(get("folded").value)));
     get("jump").onchange = () => {
       const where = get("jump").value;
@@ -138,7 +133,7 @@ export class Bar {
   /** @param {State} state */
   show(state) {
     this.state = state;
-    if (!this.scrubbing) this.place(state.frame);
+    this.place(state.frame);
     for (const name of PRESSED) get(name).setAttribute("aria-pressed", String(state[name]));
     get("live").hidden = !state.growing;
     const slider = get("folded");

@@ -1,6 +1,6 @@
 // Camera of a player. It follows the chain from a direction and at a distance that the visitor chooses,
 // and cuts nothing off; with Follow off it stays where the visitor puts it.
-import { Follower, axesOf, blended, distanceNeeded, fewPoints, framing, outward, positionOf } from "../viewer/camera.js";
+import { axesOf, blended, distanceNeeded, fewPoints, framing, glided, positionOf } from "../viewer/camera.js";
 
 const GOAL_EVERY = 12; // frames between the views that are blended
 const GOAL_EVERY_S = 0.2; // the same in seconds of playback; the larger of both counts
@@ -46,9 +46,11 @@ export class CameraRig {
     this.playhead = playhead;
     this.aspectNow = aspect;
     this.calm = calm; // whether a frame that is sought is shown without a glide
-    /** @type {number | undefined} */
-    this.aspect = undefined;
-    this.follower = new Follower();
+    this.aspect = USUAL_ASPECT;
+    /** @type {View | null} */
+    this.view = null;
+    /** @type {View | null} */
+    this.goal = null; // to which the view glides
     /** @type {CameraAt} */
     this.choice = USUAL; // direction and distance while following
     this.minZoom = 1; // at which nothing is cut off
@@ -68,13 +70,13 @@ export class CameraRig {
   get pitch() { return this.timeline.bundle.header.pitch; }
 
   get eye() {
-    const { view } = this.follower;
+    const { view } = this;
     return view && { position: positionOf(view), target: view.target };
   }
 
   // Starts anew with another timeline; the visitor's direction and distance stay.
   begin() {
-    this.follower = new Follower();
+    this.view = this.goal = null;
     this.goals.clear();
   }
 
@@ -102,7 +104,7 @@ export class CameraRig {
   turnToGroup(shown) {
     if (!this.sight) return;
     const { azimuth_rad: home, elevation_rad: rise } = this.timeline.bundle.header.camera;
-    const [azimuth, elevation] = this.sight(shown.positions, this.group ?? [], [home, rise], outward);
+    const [azimuth, elevation] = this.sight(shown.positions, this.group ?? [], [home, rise]);
     if (shown.exact) this.sight = null;
     this.choose({ ...USUAL, azimuth, elevation });
   }
@@ -110,10 +112,10 @@ export class CameraRig {
   // Follow goes on from the direction that the camera has, and off where it is.
   /** @param {boolean} on */
   follow(on) {
-    const { follower } = this;
-    if (!follower.view) return;
-    if (on) this.choose({ ...USUAL, azimuth: follower.view.azimuth, elevation: follower.view.elevation });
-    else follower.goal = follower.view;
+    const { view } = this;
+    if (!view) return;
+    if (on) this.choose({ ...USUAL, azimuth: view.azimuth, elevation: view.elevation });
+    else this.goal = view;
   }
 
   // What the visitor's hand and keys do.
@@ -123,12 +125,12 @@ export class CameraRig {
    * @param {Snapshot | null} shown
    */
   orbit({ turn, zoom, move, gently = false }, shown) {
-    const { follower } = this;
-    if (!follower.view || !shown) return;
+    const { view: now } = this;
+    if (!now || !shown) return;
     this.sight = null;
     this.pending = null;
     if (turn) {
-      const from = (gently ? follower.goal : null) ?? follower.view;
+      const from = (gently ? this.goal : null) ?? now;
       const [azimuth, elevation] = [from.azimuth + turn[0], steep(from.elevation + turn[1])];
       if (this.is.follow) this.choose({ ...this.choice, azimuth, elevation });
       // A camera that follows glides there by itself.
@@ -148,11 +150,10 @@ export class CameraRig {
    * @param {(view: View) => View} change
    */
   moved(gently, change) {
-    const { follower } = this;
-    if (!follower.view) return;
-    const before = follower.view;
-    follower.goal = change(gently ? follower.goal ?? before : before);
-    if (!gently) follower.view = follower.goal;
+    const { view, goal } = this;
+    if (!view) return;
+    this.goal = change(gently ? goal ?? view : view);
+    if (!gently) this.view = this.goal;
   }
 
   // What an address says.
@@ -169,7 +170,7 @@ export class CameraRig {
   at(shown) {
     if (this.pending) return this.pending;
     if (this.follows) return this.choice;
-    const view = this.follower.goal ?? this.follower.view;
+    const view = this.goal ?? this.view;
     if (!view || !shown) return USUAL;
     const base = this.whole(shown, view);
     const [right, up, out] = axesOf(view.azimuth, view.elevation);
@@ -189,13 +190,13 @@ export class CameraRig {
   go(camera, shown, gently = false) {
     this.group = this.sight = null;
     this.choose({ ...camera, elevation: camera.elevation === null ? null : steep(camera.elevation), aside: null });
-    const { view } = this.follower;
-    if (!gently) this.follower.view = null;
+    const { view } = this;
+    if (!gently) this.view = null;
     if (this.is.follow) return;
     this.pending = shown?.exact ? null : camera;
     if (!shown) return;
-    this.follower.goal = this.placed(camera, shown);
-    this.follower.view = gently && view ? view : this.follower.goal;
+    this.goal = this.placed(camera, shown);
+    this.view = gently && view ? view : this.goal;
   }
 
   /**
@@ -235,7 +236,7 @@ export class CameraRig {
   seeing(group = this.group) {
     const { camera, chain } = this.timeline.bundle.header;
     const radius = group ? AROUND_PITCH : chain.radius;
-    return { radius: radius * this.pitch, aspect: this.aspect ?? USUAL_ASPECT, field: camera.field_of_view_rad, home: camera.azimuth_rad };
+    return { radius: radius * this.pitch, aspect: this.aspect, field: camera.field_of_view_rad, home: camera.azimuth_rad };
   }
 
   /**
@@ -252,7 +253,7 @@ export class CameraRig {
 
   // The view around a frame, computed once.
   /** @param {number} index */
-  goal(index) {
+  goalAt(index) {
     let view = this.goals.get(index);
     if (!view) {
       const snapshot = this.timeline.peek(index * this.goalEvery);
@@ -265,32 +266,30 @@ export class CameraRig {
     return view;
   }
 
-  // True when the shape of the window is another one.
+  // Takes the shape of the window.
   fit() {
     const aspect = this.aspectNow();
-    this.aspect ??= USUAL_ASPECT;
-    if (!(aspect > 0) || aspect === this.aspect) return false;
+    if (!(aspect > 0) || aspect === this.aspect) return;
     this.aspect = aspect;
     this.goals.clear();
-    return true;
   }
 
-  // Sets the view to glide to; true while following.
+  // Sets the view to glide to, while following.
   /** @param {Snapshot} shown */
   aim(shown) {
-    const { is, follower, choice } = this;
-    if (this.pending) { this.go(this.pending, shown); return false; }
-    if (!is.follow) return false;
+    const { is, view, choice } = this;
+    if (this.pending) { this.go(this.pending, shown); return; }
+    if (!is.follow) return;
     this.fit();
     const still = !(is.playing || is.live || is.turn);
-    const nearest = this.framed(shown, is.turn && follower.view ? follower.view.azimuth : null);
+    const nearest = this.framed(shown, is.turn && view ? view.azimuth : null);
     // Of a long timeline only what is around the playhead is loaded: at rest that would show.
     const goal = is.turn || (still && this.timeline.windowed) ? nearest : this.among(shown, nearest);
     const least = ROOM * this.needed(shown, goal);
     this.minZoom = (this.group ? NEAREST_PITCH * this.pitch : least) / goal.distance;
     const distance = this.group && choice.zoom < 1 ? goal.distance * choice.zoom : Math.max(goal.distance * choice.zoom, least);
-    follower.aim({ ...goal, distance }, !follower.view || (this.calm && still));
-    return true;
+    this.goal = { ...goal, distance };
+    if (!view || (this.calm && still)) this.view = this.goal;
   }
 
   // Looks ahead and back along the timeline, so that the camera moves evenly and in time.
@@ -310,7 +309,7 @@ export class CameraRig {
     const weights = [1];
     const middle = Math.round(here);
     for (let k = Math.max(middle - GOALS_ASIDE, 0); k <= Math.min(middle + GOALS_ASIDE, Math.floor(end)); k++) {
-      const view = this.goal(k);
+      const view = this.goalAt(k);
       if (!view) continue;
       views.push(view);
       weights.push(Math.exp(-((((k - here) / reach) * GOAL_SPREAD) ** 2)));
@@ -331,18 +330,20 @@ export class CameraRig {
    * @param {Snapshot} shown
    */
   glide(passed, shown) {
-    const { is, follower } = this;
-    if (!is.follow) return follower.move(passed);
-    if (this.aspectNow() !== this.aspect) { follower.view = null; this.aim(shown); }
-    if (is.turn && follower.view) {
-      follower.view = { ...follower.view, azimuth: follower.view.azimuth + this.timeline.bundle.header.camera.turn_rad_s * passed };
+    const { is } = this;
+    if (is.follow && this.aspectNow() !== this.aspect) { this.view = null; this.aim(shown); }
+    if (is.follow && is.turn && this.view) {
+      this.view = { ...this.view, azimuth: this.view.azimuth + this.timeline.bundle.header.camera.turn_rad_s * passed };
       this.aim(shown);
     }
-    const moved = follower.move(passed) || is.turn;
-    if (moved && follower.view && !(this.group && this.choice.zoom < 1)) {
-      const least = this.needed(shown, follower.view);
-      if (follower.view.distance < least) follower.view = { ...follower.view, distance: least };
+    const { view, goal } = this;
+    if (!view || !goal) return false;
+    const moves = view !== goal || (is.follow && is.turn);
+    if (view !== goal) this.view = glided(view, goal, passed);
+    if (moves && this.view && is.follow && !(this.group && this.choice.zoom < 1)) {
+      const least = this.needed(shown, this.view);
+      if (this.view.distance < least) this.view = { ...this.view, distance: least };
     }
-    return moved;
+    return moves;
   }
 }

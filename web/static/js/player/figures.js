@@ -1,6 +1,5 @@
 // Figures of a fold, frame by frame, that are worked out after it: clearances, torques, position errors.
-import { decode } from "../lib/columns.js";
-import { Emitter } from "./timeline.js";
+import { Emitter, Source } from "./timeline.js";
 import { at } from "../lib/text.js";
 
 const KEPT = 24; // stretches
@@ -11,7 +10,7 @@ export class Figures extends Emitter {
   /** @param {string} id */
   constructor(id) {
     super();
-    this.under = at(`/folds/${id}/figures`);
+    this.source = new Source(at(`/folds/${id}`));
     /** @type {string | null} why nothing is known of single modules, where that is so */
     this.lacking = null;
     /** @type {Curves | null} */
@@ -27,10 +26,7 @@ export class Figures extends Emitter {
    * @param {string} query
    * @returns {Promise<Told | null>}
    */
-  async get(query) {
-    const answer = await fetch(`${this.under}${query}`);
-    return answer.status === 200 ? /** @type {Promise<Told>} */ (decode(await answer.arrayBuffer())) : null;
-  }
+  get(query) { return this.source.get(`figures${query}`); }
 
   // Looks whether they are there; what a plot draws comes with them.
   async begin() {

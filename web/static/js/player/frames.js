@@ -73,13 +73,13 @@ const STEP = 2 ** -20;
 export class Rows {
   /**
    * @param {Pick<Batch, "arrays">} batch
-   * @param {{ foldedRad: Floats, noErrors: Floats }} timeline
+   * @param {Floats} foldedRad
    */
-  constructor({ arrays }, { foldedRad, noErrors }) {
+  constructor({ arrays }, foldedRad) {
     const { counts, steps, ...kept } = "first" in arrays ? arrays : asWindows(arrays, foldedRad.length);
     this.rows = arrays.time_s.length;
     this.foldedRad = foldedRad;
-    this.noErrors = noErrors;
+    this.noErrors = new Float32Array(foldedRad.length).fill(NaN);
     let end = 0;
     const ends = Uint32Array.from(counts, (count) => (end += count));
     this.arrays = { ...kept, ends, angles: kept.angles ?? this.unpack(kept.first, counts, steps) };
@@ -162,13 +162,11 @@ const FEWEST_CHUNKS = 4; // that are stored in any case
 const AHEAD = 6; // chunks of a long timeline that are fetched before they are needed
 const BEHIND = 1;
 
-/** @typedef {{ count: number, batches: (Rows | null)[], at: Uint32Array }} Chunk where each frame of a stretch is */
-
 export class FrameStore {
   total = 0; // frames of the timeline
   focus = 0; // frame around which frames are wanted
-  /** @type {Map<number, Chunk>} */
-  chunks = new Map();
+  /** @type {Map<number, { batch: Rows, k: number }>} the batch that has each frame, and the row there */
+  frames = new Map();
   /** @type {Set<number>} chunks that are being fetched */
   loading = new Set();
 
@@ -194,19 +192,11 @@ export class FrameStore {
 
   // Stores the rows of a batch.
   /**
-   * @param {Rows} found
+   * @param {Rows} batch
    * @param {Pick<BatchHeader, "start" | "stride">} header
    */
-  put(found, { start, stride }) {
-    for (let row = 0, frame = start; row < found.rows; row++, frame += stride) {
-      const index = this.indexOf(frame);
-      const chunk = this.chunks.get(index) ?? { count: 0, batches: Array.from({ length: this.rows }, () => null), at: new Uint32Array(this.rows) };
-      this.chunks.set(index, chunk);
-      const k = frame % this.rows;
-      if (!chunk.batches[k]) chunk.count++;
-      chunk.batches[k] = found;
-      chunk.at[k] = row;
-    }
+  put(batch, { start, stride }) {
+    for (let k = 0; k < batch.rows; k++) this.frames.set(start + k * stride, { batch, k });
   }
 
   /**
@@ -214,9 +204,8 @@ export class FrameStore {
    * @returns {Row | null}
    */
   row(frame) {
-    const chunk = this.chunks.get(this.indexOf(frame));
-    const k = frame % this.rows;
-    return chunk ? chunk.batches[k]?.row(chunk.at[k]) ?? null : null;
+    const found = this.frames.get(frame);
+    return found ? found.batch.row(found.k) : null;
   }
 
   // The nearest frame that is here.
@@ -224,7 +213,7 @@ export class FrameStore {
   nearest(frame) {
     for (let away = 0; away <= this.last; away++) {
       for (const k of [frame - away, frame + away]) {
-        if (k >= 0 && k <= this.last && this.chunks.get(this.indexOf(k))?.batches[k % this.rows]) return k;
+        if (k >= 0 && k <= this.last && this.frames.has(k)) return k;
       }
     }
     return null;
@@ -236,12 +225,17 @@ export class FrameStore {
    * @returns {{ from: number, to: number }}
    */
   missing(index) {
-    const first = Math.max(0, this.chunks.get(index)?.batches.indexOf(null) ?? 0);
-    return { from: index * this.rows + first, to: Math.min(this.total, (index + 1) * this.rows) };
+    const to = Math.min(this.total, (index + 1) * this.rows);
+    let from = index * this.rows;
+    while (from < to && this.frames.has(from)) from++;
+    return { from, to };
   }
 
   /** @param {number} index */
-  full(index) { return (this.chunks.get(index)?.count ?? 0) >= Math.min(this.rows, this.total - index * this.rows); }
+  full(index) {
+    const { from, to } = this.missing(index);
+    return from >= to;
+  }
 
   // The chunk to fetch next: those around the focus first; null when all that is wanted is here.
   /** @param {boolean} end whether the last frame of a long timeline is wanted as well */
@@ -269,14 +263,16 @@ export class FrameStore {
   spare() {
     const { here, count, windowed } = this;
     const away = (/** @type {number} */ index) => (windowed ? Math.abs(index - here) : (index - here + count) % count);
-    while (this.chunks.size > FEWEST_CHUNKS && this.bytes > (windowed ? MAX_WINDOW_BYTES : MAX_BYTES)) {
-      this.chunks.delete([...this.chunks.keys()].reduce((a, b) => (away(a) > away(b) ? a : b)));
+    while (this.bytes > (windowed ? MAX_WINDOW_BYTES : MAX_BYTES)) {
+      const chunks = new Set([...this.frames.keys()].map((frame) => this.indexOf(frame)));
+      if (chunks.size <= FEWEST_CHUNKS) return;
+      const farthest = [...chunks].reduce((a, b) => (away(a) > away(b) ? a : b));
+      for (const frame of this.frames.keys()) if (this.indexOf(frame) === farthest) this.frames.delete(frame);
     }
   }
 
   get bytes() {
-    /** @type {Set<Rows | null>} */
-    const batches = new Set([...this.chunks.values()].flatMap((chunk) => chunk.batches));
-    return [...batches].reduce((sum, rows) => sum + (rows?.bytes ?? 0), 0);
+    const batches = new Set([...this.frames.values()].map(({ batch }) => batch));
+    return [...batches].reduce((sum, { bytes }) => sum + bytes, 0);
   }
 }

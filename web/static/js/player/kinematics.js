@@ -59,19 +59,8 @@ export class Kinematics {
    * @returns {Poses}
    */
   poses(angles, position, wxyz) {
-    const { modules, root, anchor, offset } = this.chain;
     const found = this.room(Float32Array);
-    const angle = (/** @type {number} */ j) => angles[j];
-    this.ahead(angle, root, modules, position, wxyz, found);
-    let p = vectorOf(position);
-    let q = quaternionOf(wxyz);
-    for (let i = root - 1; i >= 0; i--) {
-      const b = turned(q, offset);
-      q = times(q, back(this.step(angle, i)));
-      const a = turned(q, anchor);
-      p = [p[0] - a[0] - b[0], p[1] - a[1] - b[1], p[2] - a[2] - b[2]];
-      put(i, p, q, found);
-    }
+    moved(this.table((j) => angles[j]), this.chain.root, [0, this.chain.modules], vectorOf(position), quaternionOf(wxyz), found);
     return found;
   }
 
@@ -89,7 +78,7 @@ export class Kinematics {
     found.positions.set(folded.positions.subarray(0, 3 * core));
     found.wxyzs.set(folded.wxyzs.subarray(0, 4 * core));
     const [p, q] = this.ahead((j) => angleIn(row, j), core - 1, rod + 1, vectorOf(folded.positions, core - 1), quaternionOf(folded.wxyzs, core - 1), found);
-    moved(this.straight, rod, n, p, q, found);
+    moved(this.straight, rod, [rod, n], p, q, found);
     return { ...found, core, rod };
   }
 
@@ -129,7 +118,7 @@ export class Kinematics {
     if (this.resting?.key !== key) {
       const length = Math.hypot(...Array.from(wxyz));
       this.resting = { key, ...this.room(Float64Array) };
-      moved(this.folded, 0, this.chain.modules, vectorOf(position), quaternionOf(Array.from(wxyz, (v) => v / length)), this.resting);
+      moved(this.folded, 0, [0, this.chain.modules], vectorOf(position), quaternionOf(Array.from(wxyz, (v) => v / length)), this.resting);
     }
     return this.resting;
   }
@@ -169,32 +158,22 @@ function put(i, p, q, { positions, wxyzs }) {
   for (let k = 0; k < 4; k++) wxyzs[4 * i + k] = q[k] /= l;
 }
 
-// Puts the modules from `begin` to `end` - 1 of a chain that keeps the shape of `table`, when the pose
-// of `begin` is p, q.
+// Puts the modules from `begin` to `end` - 1 of a chain that keeps the shape of `table`, when the pose of
+// module `known` is p, q.
 /**
  * @param {Poses} table
- * @param {number} begin
- * @param {number} end
+ * @param {number} known
+ * @param {[begin: number, end: number]} span
  * @param {Vector} p
  * @param {Quaternion} q
  * @param {Poses} found
  */
-function moved({ positions: from, wxyzs: turns }, begin, end, p, q, { positions, wxyzs }) {
-  const [w, x, y, z] = times(q, back(quaternionOf(turns, begin)));
-  const r = [
-    1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-    2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-    2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
-  ];
-  const [u, v, o] = vectorOf(from, begin);
+function moved({ positions: from, wxyzs: turns }, known, [begin, end], p, q, found) {
+  const turn = times(q, back(quaternionOf(turns, known)));
+  const [u, v, o] = vectorOf(from, known);
   for (let i = begin; i < end; i++) {
-    const [a, b, c] = [from[3 * i] - u, from[3 * i + 1] - v, from[3 * i + 2] - o];
-    for (let k = 0; k < 3; k++) positions[3 * i + k] = p[k] + r[3 * k] * a + r[3 * k + 1] * b + r[3 * k + 2] * c;
-    const k = 4 * i;
-    wxyzs[k] = w * turns[k] - x * turns[k + 1] - y * turns[k + 2] - z * turns[k + 3];
-    wxyzs[k + 1] = w * turns[k + 1] + x * turns[k] + y * turns[k + 3] - z * turns[k + 2];
-    wxyzs[k + 2] = w * turns[k + 2] - x * turns[k + 3] + y * turns[k] + z * turns[k + 1];
-    wxyzs[k + 3] = w * turns[k + 3] + x * turns[k + 2] - y * turns[k + 1] + z * turns[k];
+    const off = turned(turn, [from[3 * i] - u, from[3 * i + 1] - v, from[3 * i + 2] - o]);
+    put(i, [p[0] + off[0], p[1] + off[1], p[2] + off[2]], times(turn, quaternionOf(turns, i)), found);
   }
 }
 

@@ -153,7 +153,7 @@ export class Pair extends Emitter {
   sync() {
     if (this.syncing || !this.phases.length) return;
     this.syncing = true;
-    const frame = this.playhead.shown;
+    const { frame } = this.playhead;
     for (const player of this.players) player.send({ do: "seek", frame: this.frameOf(player, frame) });
     this.syncing = false;
     const at = this.phaseAt(frame);

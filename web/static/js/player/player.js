@@ -90,7 +90,6 @@ export class Player extends PlayerState {
     timeline.on("grew", () => this.grew());
     timeline.on("settled", () => { this.story.settled(); this.show(); });
     timeline.on("loaded", () => {
-      if (this.searchOn()) this.show();
       if (this.shown && (!this.shown.exact || this.rig.approximate)) this.show(true);
     });
     if (timeline.chain) queueMicrotask(() => this.begin());
@@ -194,7 +193,7 @@ export class Player extends PlayerState {
 
   begin() {
     const { timeline } = this;
-    this.shown = this.search = null;
+    this.shown = null;
     this.colourBy(colouring(this.colouring?.key ?? "error", timeline, this.colouring?.figures));
     this.rig.begin();
     this.stage?.set(timeline.bundle);
@@ -239,7 +238,7 @@ export class Player extends PlayerState {
   show(again = false) {
     const { timeline } = this;
     if (!timeline.chain || !this.colouring) return;
-    const frame = this.playhead.shown;
+    const { frame } = this.playhead;
     const moved = !this.shown || this.shown.frame !== frame || !this.shown.exact;
     if (moved || again) {
       const shown = timeline.snapshot(frame);

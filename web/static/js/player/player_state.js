@@ -34,8 +34,6 @@ export class PlayerState extends Emitter {
   marked = [];
   /** @type {"stuck" | "selected"} */
   markedAs = "stuck";
-  /** @type {{ way: number, from: Row } | null} of a change that may lie in frames that are not here yet */
-  search = null;
   /** @type {Snapshot | null} */
   shown = null;
 
@@ -65,31 +63,11 @@ export class PlayerState extends Emitter {
    * @returns {Command}
    */
   sought(message) {
-    const { timeline, search, playhead: { frame } } = this;
-    this.search = null;
+    const { timeline, playhead: { frame } } = this;
     if (message.do === "pass") return { do: "seek", frame: after(timeline, frame, message.seconds) };
     if (message.do === "fold") return { do: "seek", frame: frameFolded(timeline, message.percent / 100) ?? frame };
-    if (message.do !== "change") return message;
-    if (search?.way === message.way && !timeline.row(frame)) { this.search = search; return { do: "seek", frame }; }
-    return { do: "seek", frame: this.changeFrom(frame, message.way) };
-  }
-
-  /**
-   * @param {number} frame
-   * @param {number} way
-   * @param {Row | null} start of a search that goes on
-   */
-  changeFrom(frame, way, start = null) {
-    const { frame: found, from } = nextChange(this.timeline, frame, way, start);
-    this.search = from && { way, from };
-    return found;
-  }
-
-  // Goes on with a search whose frame is here now; true where it did.
-  searchOn() {
-    const { search, timeline, playhead: { frame } } = this;
-    if (!search || !timeline.row(frame)) return false;
-    return this.playhead.do({ do: "seek", frame: this.changeFrom(frame, search.way, search.from) });
+    if (message.do === "change") return { do: "seek", frame: nextChange(timeline, frame, message.way) };
+    return message;
   }
 
   /** @param {number | null} module */
@@ -126,8 +104,7 @@ export class PlayerState extends Emitter {
 
   get outline() {
     const { timeline } = this;
-    const { modules, rigid_links: rigid } = timeline.chain;
-    return { ...timeline.outline, frames: timeline.total, growing: timeline.growing, modules, joints: modules - 1 - rigid };
+    return { ...timeline.outline, frames: timeline.total, growing: timeline.growing, modules: timeline.chain.modules };
   }
 
   // The selected module and its joint at the moment that is shown.

@@ -23,7 +23,6 @@ export class Playhead {
   constructor(timeline) {
     this.timeline = timeline;
     this.frame = 0;
-    this.coarse = false;
     this.hold = 0;
     /** @type {{ framesPerSecond: number | null } | null} sets the pace while it has one */
     this.story = null;
@@ -122,8 +121,6 @@ export class Playhead {
     const frame = this.frame + (is.reverse ? -by : by);
     const [first, last] = this.range;
     if (frame >= first && frame <= last) {
-      // Frames that pass faster than they can be shown need no in-betweens.
-      this.coarse = by >= 1;
       this.frame = frame;
       return;
     }
@@ -138,9 +135,6 @@ export class Playhead {
       this.frame = first + last - end;
     }
   }
-
-  // The frame to show: a whole one where in-betweens would not be seen.
-  get shown() { return this.coarse && this.is.playing ? Math.round(this.frame) : this.frame; }
 }
 
 // Steps that are not told in frames.
@@ -172,28 +166,24 @@ export function after(timeline, frame, seconds) {
 }
 
 // The next frame, `way` 1 on or -1 back, at which some hinge has turned by what one sees since this one,
-// or another phase goes on; the end when none is found before. A search that meets a frame that is not
-// here stops there: it goes on from that frame with the row that it told as `from`.
+// or another phase goes on, or that is not here; the end when none is found before.
 /**
  * @param {Timeline} timeline
  * @param {number} frame
  * @param {number} way
- * @param {Row | null} from
- * @returns {{ frame: number, from: Row | null }}
  */
-export function nextChange(timeline, frame, way, from = null) {
+export function nextChange(timeline, frame, way) {
   const { last } = timeline;
   const begin = way > 0 ? Math.floor(frame) : Math.ceil(frame);
-  const start = from ?? timeline.row(begin);
-  let k = from ? begin : begin + way;
+  const start = timeline.row(begin);
+  let k = begin + way;
   for (; start && k > 0 && k < last; k += way) {
     const row = timeline.row(k);
-    if (!row) return { frame: k, from: start };
-    if (row.phase !== start.phase) break;
+    if (!row || row.phase !== start.phase) break;
     const [first, end] = differing(start, row);
     let turned = 0;
     for (let j = first; j < end && turned <= SEEN_RAD; j++) turned = Math.abs(angleIn(row, j) - angleIn(start, j));
     if (turned > SEEN_RAD) break;
   }
-  return { frame: Math.min(Math.max(k, 0), last), from: null };
+  return Math.min(Math.max(k, 0), last);
 }

@@ -108,8 +108,6 @@ export class Timeline extends Emitter {
   /** @type {Floats | null} angles at the first frame */
   startRad = null;
   standing = new Standing();
-  /** @type {Float32Array<ArrayBuffer>} */
-  noErrors;
   /** @type {number | undefined} */
   sharedScale;
   /** @type {string | null} */
@@ -251,7 +249,6 @@ export class Timeline extends Emitter {
     this.chain = header.chain;
     this.kinematics = new Kinematics(header.chain, this.foldedRad);
     if (this.windowed) bundle.neighbours = touching(header, this.kinematics.folded);
-    this.noErrors = new Float32Array(this.joints).fill(NaN);
     this.store = new FrameStore(this.joints, this.windowed);
     this.id = first.header.id;
     this.take(first);
@@ -267,7 +264,7 @@ export class Timeline extends Emitter {
   take(batch) {
     const { header } = batch;
     const { store } = this;
-    store.put(new Rows(batch, this), header);
+    store.put(new Rows(batch, this.foldedRad), header);
     // A timeline that grows may have more than this batch; what is missing is asked for next.
     store.total = this.growing && header.status === "growing" && !this.windowed ? Math.max(store.total, header.stop) : header.total;
     this.status = header.status;

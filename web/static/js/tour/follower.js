@@ -1,8 +1,8 @@
 // A follower of a class: shows what the leader looks at, until the visitor looks around.
-import { button, element } from "../lib/text.js";
+import { get } from "../lib/text.js";
 import { viewIn } from "../player/address.js";
 import { frameBetween } from "./state.js";
-import { MAX_TRIES, RETRY_MS, panelOf, socketAt } from "./leader.js";
+import { MAX_TRIES, RETRY_MS, openPanel, socketAt } from "./leader.js";
 
 const GLIDE_MS = 120; // to a new frame, while the next is on its way
 const ENDED = "The class has ended. The view stays as it is.";
@@ -27,9 +27,10 @@ export class Follower {
     this.looked = ""; // the camera of the leader that is shown
     /** @type {string | null} */
     this.latest = null;
-    this.words = element("span", { role: "status" }, "Connecting to the class");
-    this.back = button("button primary", "Return to the leader", () => this.return(), { hidden: true });
-    panelOf(element("div", { class: "class-ways" }, this.words, this.back));
+    this.words = openPanel();
+    this.words.textContent = "Connecting to the class";
+    this.back = get("class-back");
+    this.back.onclick = () => this.return();
     player.on("asked", () => { if (this.ready && !this.own && this.follows) this.leave(); });
     const begin = () => { this.ready = true; this.show(); };
     if (player.shown) begin(); else player.on("begun", () => queueMicrotask(begin));

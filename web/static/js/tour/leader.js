@@ -1,5 +1,5 @@
 // The leader of a class: others see live what this page shows. See server/pages/class_connections.py.
-import { at, button, copyText, element, get } from "../lib/text.js";
+import { at, copyText, get, toast } from "../lib/text.js";
 import { addStyle } from "../lib/lazy_styles.js";
 import { hashOf } from "../player/address.js";
 
@@ -17,35 +17,30 @@ export const wordsOfView = (view) => hashOf({ ...view, from: null, to: null, loo
 /** @param {string} path */
 export const socketAt = (path) => `${location.origin.replace(/^http/, "ws")}${at(path)}`;
 
-// Return a panel over the view, with its style.
-/** @param {(Node | string)[]} children */
-export function panelOf(...children) {
+// Show the panel of a class over the view, with its style; return the element that says how the class goes.
+export function openPanel() {
   addStyle(STYLE);
-  const box = element("section", { class: "class-panel", "aria-label": "Class" }, ...children);
-  get("main").append(box);
-  return box;
+  get("class-panel").hidden = false;
+  return get("class-said");
 }
 
 let leading = false;
 
 /**
  * @param {string} id of the fold
- * @param {{ place: import("../player/address.js").Place, toast: (text: string) => void }} page
+ * @param {import("../player/address.js").Place} place
  */
-export function lead(id, { place, toast }) {
+export function lead(id, place) {
   if (leading) return;
   leading = true;
   /** @type {WebSocket | null} */
   let socket = null;
-  /** @type {HTMLElement | null} */
-  let box = null;
   let back = ""; // words of the address with which the leader comes back
   let tries = 0;
   let ended = false;
   /** @type {ReturnType<typeof setInterval> | undefined} */
-  let looks = undefined;
+  let looks = undefined; // once the class has begun
   let sent = "";
-  const count = element("span", { role: "status" }, "Nobody is following yet");
   const send = () => {
     const view = place.page.view();
     const words = view && wordsOfView(view);
@@ -62,15 +57,15 @@ export function lead(id, { place, toast }) {
         back = `&${new URLSearchParams(words)}`;
         sent = "";
         tries = 0;
-        box ??= show({ link, picture }, count, end);
+        if (!looks) show(link, picture);
         looks ??= setInterval(send, SEND_MS);
       }
-      count.textContent = followers ? `${followers} ${followers === 1 ? "person is following" : "people are following"}` : "Nobody is following yet";
+      get("class-said").textContent = followers ? `${followers} ${followers === 1 ? "person is following" : "people are following"}` : "Nobody is following yet";
     };
     socket.onclose = ({ code }) => {
       if (ended) return;
-      if (!box || ENDED.includes(code) || tries === MAX_TRIES) { end(); return; }
-      count.textContent = "The connection is lost. Trying again";
+      if (!looks || ENDED.includes(code) || tries === MAX_TRIES) { end(); return; }
+      get("class-said").textContent = "The connection is lost. Trying again";
       setTimeout(connect, RETRY_MS * 2 ** tries++);
     };
   };
@@ -78,26 +73,23 @@ export function lead(id, { place, toast }) {
     ended = true;
     leading = false;
     clearInterval(looks);
-    toast(box ? "The class has ended." : "The class could not be started. Try again later.");
-    box?.remove();
+    toast(looks ? "The class has ended." : "The class could not be started. Try again later.");
+    get("class-panel").hidden = true;
     socket?.close(1000); // the server ends the class for no other code
   };
+  get("class-end").onclick = end;
   connect();
+}
 
-  /**
-   * @param {{ link: string, picture: string }} told
-   * @param {HTMLElement} counted
-   * @param {() => void} stop
-   */
-  function show({ link, picture }, counted, stop) {
-    const field = element("input", { type: "text", readonly: true, "aria-label": "Link to the class" });
-    field.value = link;
-    const more = element("div", { class: "class-code" }, element("img", { src: picture, alt: "QR code with the link", width: 180, height: 180 }), field,
-      button("button quiet", "Copy link", () => copyText(link, () => toast("Copied"), () => field.select())));
-    const fold = button("button quiet", "Hide code", () => {
-      more.hidden = !more.hidden;
-      fold.textContent = more.hidden ? "Show code" : "Hide code";
-    });
-    return panelOf(more, element("div", { class: "class-ways" }, counted, fold, button("button", "End class", stop)));
-  }
+/**
+ * @param {string} link
+ * @param {string} picture of a QR code
+ */
+function show(link, picture) {
+  const field = get("class-link");
+  field.value = link;
+  get("class-picture").src = picture;
+  get("class-copy").onclick = () => copyText(link, () => toast("Copied"), () => field.select());
+  get("class-code").hidden = get("class-end").hidden = false;
+  openPanel();
 }

@@ -1,6 +1,6 @@
 // The tour of a fold over its view: captions with previous, play and next, and the list for editing.
 import { Refusal, ask, tokenOf } from "../lib/api.js";
-import { button, element, get, wordsOf } from "../lib/text.js";
+import { button, element, get, save, wordsOf } from "../lib/text.js";
 import { addStyle } from "../lib/lazy_styles.js";
 import { cameraText } from "../player/address.js";
 import { Flight } from "./flight.js";
@@ -32,29 +32,16 @@ export class TourPanel {
     this.flight = new Flight(player, { calm, page: place.page, over: () => this.next() });
     this.playing = false;
     this.onEnd = () => {}; // called when the last caption has been read
-    this.caption = element("p", { class: "tour-caption", "aria-live": "polite" });
-    this.count = element("span", { class: "tour-count" });
-    this.before = button("button quiet", "Previous", () => this.step(-1), { title: "Previous stop (Page Up)" });
-    this.after = button("button quiet", "Next", () => this.step(1), { title: "Next stop (Page Down)" });
-    this.run = button("button primary", "Play tour", () => this.toggle());
-    this.edit = button("button quiet", "Edit", () => this.fold(Boolean(this.editor.hidden)), { "aria-expanded": "false", hidden: !id });
-    this.list = element("ol", { class: "tour-list" });
-    this.editor = element("div", { class: "tour-editor", hidden: true });
-    this.box = element("section", { class: "tour", "aria-label": "Tour", hidden: true }, this.caption,
-      element("div", { class: "tour-ways" }, this.before, this.run, this.after, this.count, this.edit,
-        button("button quiet", "Close", () => this.close())), this.editor);
-    if (id) this.fillEditor();
-    get("main").append(this.box);
+    this.box = get("tour-panel");
+    get("tour-edit").hidden = !id;
+    /** @type {Record<string, () => void>} */
+    const ways = {
+      before: () => this.step(-1), after: () => this.step(1), run: () => this.toggle(), close: () => this.close(), edit: () => this.fold(Boolean(get("tour-editor").hidden)),
+      add: () => this.add(), undo: () => { this.state?.undo(); this.show(); }, draft: () => this.draft(), save: () => this.keep(), download: () => this.download(),
+    };
+    for (const [name, press] of Object.entries(ways)) get(`tour-${name}`).onclick = press;
     addStyle(STYLE);
     addEventListener("keydown", (event) => this.key(event));
-  }
-
-  fillEditor() {
-    this.undo = button("button", "Undo", () => { this.state?.undo(); this.show(); });
-    this.save = button("button primary", "Save", () => this.keep());
-    this.editor.append(this.list, element("div", { class: "tour-ways" },
-      button("button", "Add a stop here", () => this.add()), this.undo, button("button", "New draft", () => this.draft()),
-      this.save, button("button quiet", "Download", () => this.download())));
   }
 
   // Opens the tour at a stop, counted from 1; with `view` false, the view is as the address says.
@@ -125,11 +112,11 @@ export class TourPanel {
     const { state } = this;
     if (!state) return;
     const { stops, stop } = state;
-    if (this.caption.textContent !== stop.caption) this.caption.textContent = stop.caption;
-    this.count.textContent = `${state.at + 1} of ${stops.length}`;
-    this.before.disabled = state.at === 0;
-    this.after.disabled = state.at === stops.length - 1;
-    this.run.textContent = this.playing ? "Pause" : "Play tour";
+    if (get("tour-caption").textContent !== stop.caption) get("tour-caption").textContent = stop.caption;
+    get("tour-count").textContent = `${state.at + 1} of ${stops.length}`;
+    get("tour-before").disabled = state.at === 0;
+    get("tour-after").disabled = state.at === stops.length - 1;
+    get("tour-run").textContent = this.playing ? "Pause" : "Play tour";
     this.place.stop = state.at;
     this.place.note();
   }
@@ -137,16 +124,16 @@ export class TourPanel {
   show() {
     this.say();
     const { state } = this;
-    if (!state || this.editor.hidden) return;
-    this.list.replaceChildren(...state.stops.map((stop, k) => this.row(stop, k)));
+    if (!state || get("tour-editor").hidden) return;
+    get("tour-list").replaceChildren(...state.stops.map((stop, k) => this.row(stop, k)));
     this.offer();
   }
 
   // Writes what can be done now.
   offer() {
     this.say();
-    if (this.undo) this.undo.disabled = !this.state?.undone.length;
-    if (this.save) this.save.disabled = !this.state?.changed;
+    get("tour-undo").disabled = !this.state?.undone.length;
+    get("tour-save").disabled = !this.state?.changed;
   }
 
   /**
@@ -160,7 +147,7 @@ export class TourPanel {
     // The list stays as it is: the click that ended the editing is meant for a button in it.
     field.onchange = () => { state?.edit(k, field.value); this.offer(); };
     const act = (/** @type {string} */ sign, /** @type {string} */ words, /** @type {() => void} */ press, off = false) =>
-      button("icon-button", sign, () => { press(); this.show(); this.list.children[state?.at ?? 0]?.querySelector("textarea")?.focus(); }, { "aria-label": `${words} stop ${k + 1}`, title: words, disabled: off });
+      button("icon-button", sign, () => { press(); this.show(); get("tour-list").children[state?.at ?? 0]?.querySelector("textarea")?.focus(); }, { "aria-label": `${words} stop ${k + 1}`, title: words, disabled: off });
     return element("li", { "aria-current": k === state?.at ? "step" : null },
       button("button quiet", `Frame ${stop.frame}`, () => { state?.go(k); this.playing = false; this.go(); }), field,
       act("↑", "Move up", () => state?.move(k, -1), k === 0), act("↓", "Move down", () => state?.move(k, 1), k === (state?.stops.length ?? 0) - 1),
@@ -169,8 +156,8 @@ export class TourPanel {
 
   /** @param {boolean} open */
   fold(open) {
-    this.editor.hidden = !open;
-    this.edit.setAttribute("aria-expanded", String(open));
+    get("tour-editor").hidden = !open;
+    get("tour-edit").setAttribute("aria-expanded", String(open));
     this.show();
   }
 
@@ -189,7 +176,7 @@ export class TourPanel {
     if (path) stop.path = true;
     if (!this.state.add(stop)) { this.toast("A tour has at most 50 stops."); return; }
     this.show();
-    const field = this.list.children[this.state.at]?.querySelector("textarea");
+    const field = get("tour-list").children[this.state.at]?.querySelector("textarea");
     field?.focus();
     field?.select();
   }
@@ -217,9 +204,7 @@ export class TourPanel {
 
   download() {
     if (!this.state) return;
-    const address = URL.createObjectURL(new Blob([JSON.stringify(this.state.tour, null, 2)], { type: "application/json" }));
-    element("a", { href: address, download: "tour.json" }).click();
-    setTimeout(() => URL.revokeObjectURL(address), 1000);
+    save(new Blob([JSON.stringify(this.state.tour, null, 2)], { type: "application/json" }), "tour.json");
   }
 
   /** @param {KeyboardEvent} event */

@@ -39,7 +39,6 @@
   }
   for (const name of NOTICED) addEventListener(name, notice, { capture: true, passive: true });
 
-  const MAX_TAP_PX = { mouse: 4, touch: 10 }; // how far a press may move and still be a tap; chosen
   const PICTURES = 2; // it is told in the first, and there in the second
   const SHOWN = new Set([
     "BackgroundImageMessage", "BatchedMeshesMessage", "DirectionalLightMessage", "EnableLightsMessage", "EnvironmentMapMessage",
@@ -211,7 +210,7 @@
     if (!holds) say({ is: "camera", position: [...message.position], target: [...message.look_at] });
   }
 
-  class Wire extends EventTarget {
+  class Wire {
     /** @type {((event: MessageEvent) => void) | null} */
     onmessage = null;
 
@@ -222,11 +221,7 @@
     }
 
     /** @param {unknown} data */
-    tell(data) {
-      const event = new MessageEvent("message", { data });
-      this.onmessage?.(event);
-      this.dispatchEvent(event);
-    }
+    tell(data) { this.onmessage?.(new MessageEvent("message", { data })); }
 
     terminate() {}
   }
@@ -238,54 +233,33 @@
     event.stopImmediatePropagation();
     say({ is: "key", key, shift });
   }, { capture: true });
-  // A press that hardly moves is a tap. The page, which knows the camera, finds the module under it: the
-  // client's own clicks leave out touch, and its camera rests while the page's drawing covers it.
-  /** @type {[x: number, y: number] | null} */
-  let start = null;
-  let single = false; // whether the press is of one finger, or of the main button
-  const forget = () => { start = null; };
-  addEventListener("pointerdown", (event) => {
-    start = [event.clientX, event.clientY];
-    single = event.isPrimary && event.button === 0;
-    clicked = true;
-  }, { capture: true });
-  addEventListener("pointerup", (event) => {
-    if (start && single && event.isPrimary && event.target instanceof HTMLCanvasElement) {
-      say({ is: "tap", x: event.clientX / innerWidth, y: event.clientY / innerHeight });
-    }
-    forget();
-  }, { capture: true });
-  addEventListener("pointercancel", forget, { capture: true });
-  addEventListener("pointermove", (event) => {
-    if (!start || !event.buttons) return;
-    const most = event.pointerType === "touch" ? MAX_TAP_PX.touch : MAX_TAP_PX.mouse;
-    if (Math.hypot(event.clientX - start[0], event.clientY - start[1]) > most) { forget(); say({ is: "touch" }); }
-  }, { capture: true });
+  // The page moves the camera, and finds the module under a tap: the client's own clicks leave out touch, and
+  // its camera rests while the page's drawing covers it.
+  const LINE_PX = 33; // a wheel that counts in lines
+  /** @param {MouseEvent & { pointerId?: number, pointerType?: string, deltaY?: number, deltaMode?: number }} event */
+  function relay({ type: kind, pointerId: id = 0, pointerType, clientX: x, clientY: y, deltaY = 0, deltaMode, button }) {
+    say({ is: "pointer", pointer: { kind, id, x, y, by: deltaMode ? LINE_PX * deltaY : deltaY, button, touch: pointerType === "touch" } });
+  }
+  for (const name of /** @type {const} */ (["pointerdown", "pointerup", "pointercancel", "pointermove"])) addEventListener(name, relay, { capture: true });
+  addEventListener("pointerdown", () => { clicked = true; }, { capture: true });
   addEventListener("wheel", (event) => {
     const scrolls = yields && !clicked && !event.ctrlKey && !event.metaKey;
-    if (scrolls) event.stopImmediatePropagation(); // the client would keep it
-    say({ is: scrolls ? "scroll" : "touch" });
-  }, { capture: true, passive: true });
+    if (holds && !scrolls) event.preventDefault();
+    if (holds || scrolls) event.stopImmediatePropagation(); // the client would keep it
+    if (scrolls) say({ is: "scroll" }); else relay(event);
+  }, { capture: true, passive: false });
 
   // A file that is dragged here is the page's.
   for (const name of /** @type {const} */ (["dragenter", "dragover", "drop"])) {
     addEventListener(name, (event) => { event.preventDefault(); if (name === "dragenter") say({ is: "drag" }); });
   }
 
-  // Where the page moves the camera it hears of pointers and wheels, and the client, which would move
-  // it too, does not: its camera listens to moves at the document, its clicks at elements below it.
-  const LINE_PX = 33; // a wheel that counts in lines
+  // Where the page moves the camera the client, which would move it too, does not hear of pointers: its camera
+  // listens to moves at the document, its clicks at elements below it.
   let holds = false;
   function hold() {
     holds = true;
-    const relay = (/** @type {MouseEvent & { pointerId?: number, deltaY?: number, deltaMode?: number }} */ event) => {
-      const { type, pointerId: id = 0, clientX: x, clientY: y, deltaY = 0, deltaMode, button } = event;
-      say({ is: "pointer", pointer: { kind: type, id, x, y, by: deltaMode ? LINE_PX * deltaY : deltaY, button } });
-    };
-    for (const name of /** @type {const} */ (["pointerdown", "pointerup", "pointercancel", "pointermove"])) addEventListener(name, relay, { capture: true });
     document.documentElement.addEventListener("pointermove", (event) => event.stopPropagation());
-    // A wheel that scrolls the page around an embed has been stopped before it comes here.
-    addEventListener("wheel", (event) => { event.preventDefault(); event.stopImmediatePropagation(); relay(event); }, { capture: true, passive: false });
     for (const name of /** @type {const} */ (["keydown", "keyup"])) addEventListener(name, (event) => { if (event.key !== "Tab") event.stopPropagation(); }, { capture: true });
     addEventListener("contextmenu", (event) => event.preventDefault()); // the right button moves the view
   }

@@ -100,21 +100,16 @@ const vector = (part) => /** @type {Vector} */ ([part(0), part(1), part(2)]);
 /** @param {number[]} values */
 const midway = (values) => (Math.min(...values) + Math.max(...values)) / 2;
 
-/** @param {Numbers | Vector[]} points */
-const some = (points) => (Array.isArray(points[0]) ? /** @type {Vector[]} */ (points) : fewPoints(/** @type {Numbers} */ (points)));
-
-// The nearest view that shows all points: (3n) centres of modules that reach `radius` far, or a list of
-// few of them.
+// The nearest view that shows all points: centres of modules that reach `radius` far; see fewPoints.
 /**
- * @param {Numbers | Vector[]} points
+ * @param {Vector[]} points
  * @param {Seeing & { elevation: number, azimuth?: number | null, margin?: [number, number] }} seeing
  * @returns {View}
  */
 export function framing(points, { radius, aspect, field, home, azimuth = null, elevation, margin = [0.9, 0.72] }) {
-  const few = some(points);
-  azimuth ??= sideOf(few, aspect, home ?? 0);
+  azimuth ??= sideOf(points, aspect, home ?? 0);
   const axes = axesOf(azimuth, elevation);
-  const local = few.map((p) => vector((k) => dot(p, axes[k])));
+  const local = points.map((p) => vector((k) => dot(p, axes[k])));
   const middle = vector((k) => midway(local.map((p) => p[k])));
   const tall = Math.tan(field / 2);
   const wide = tall * aspect;
@@ -133,7 +128,7 @@ export function framing(points, { radius, aspect, field, home, azimuth = null, e
 
 // The least distance from which a view cuts nothing off, for the target that it has.
 /**
- * @param {Numbers | Vector[]} points
+ * @param {Vector[]} points
  * @param {View} view
  * @param {Seeing} seeing
  */
@@ -141,7 +136,7 @@ export function distanceNeeded(points, view, { radius, aspect, field }) {
   const [right, up, out] = axesOf(view.azimuth, view.elevation);
   const tall = Math.tan(field / 2);
   let needed = 0;
-  for (const p of some(points)) {
+  for (const p of points) {
     const off = vector((k) => p[k] - view.target[k]);
     const depth = dot(off, out);
     needed = Math.max(needed, (Math.abs(dot(off, right)) + radius) / (tall * aspect) + depth, (Math.abs(dot(off, up)) + radius) / tall + depth);
@@ -186,40 +181,25 @@ export function blended(views, weights, nearest) {
   };
 }
 
-// Glides to the view that it should have.
-export class Follower {
-  /** @type {View | null} */
-  view = null;
-  /** @type {View | null} */
-  goal = null;
-
-  /** @param {View} goal */
-  aim(goal, atOnce = false) {
-    this.goal = goal;
-    if (atOnce || !this.view) this.view = goal;
-  }
-
-  // True while it moves.
-  /** @param {number} seconds */
-  move(seconds) {
-    const { view, goal } = this;
-    if (!view || !goal || view === goal) return false;
-    const share = 1 - Math.exp(-seconds / SETTLE_S);
-    const turn = between(goal.azimuth - view.azimuth);
-    const rise = goal.elevation - view.elevation;
-    const off = Math.hypot(...goal.target.map((v, k) => v - view.target[k])) / goal.distance;
-    if (Math.max(off, Math.abs(turn), Math.abs(rise), Math.abs(goal.distance / view.distance - 1)) < SETTLED) {
-      this.view = goal;
-      return true;
-    }
-    this.view = {
-      target: vector((k) => view.target[k] + (goal.target[k] - view.target[k]) * share),
-      azimuth: view.azimuth + turn * share,
-      elevation: view.elevation + rise * share,
-      distance: view.distance * (goal.distance / view.distance) ** share,
-    };
-    return true;
-  }
+// A view some seconds later, which glides to the one that it should be: that one itself when it has arrived.
+/**
+ * @param {View} view
+ * @param {View} goal
+ * @param {number} seconds
+ * @returns {View}
+ */
+export function glided(view, goal, seconds) {
+  const share = 1 - Math.exp(-seconds / SETTLE_S);
+  const turn = between(goal.azimuth - view.azimuth);
+  const rise = goal.elevation - view.elevation;
+  const off = Math.hypot(...goal.target.map((v, k) => v - view.target[k])) / goal.distance;
+  if (Math.max(off, Math.abs(turn), Math.abs(rise), Math.abs(goal.distance / view.distance - 1)) < SETTLED) return goal;
+  return {
+    target: vector((k) => view.target[k] + (goal.target[k] - view.target[k]) * share),
+    azimuth: view.azimuth + turn * share,
+    elevation: view.elevation + rise * share,
+    distance: view.distance * (goal.distance / view.distance) ** share,
+  };
 }
 
 // A long chain is looked at from its side, on a tall window from nearer its end.

@@ -78,14 +78,12 @@ export function view({ source, figures, load, over = true, details = null, play 
   function start3d() {
     if (started) return;
     const computing = timeline.growing && performance.now() < MAX_WAIT_3D_MS;
-    if (sketch.worker && computing && shares && !through.on) return;
+    if (computing && shares && !through.on) return;
     started = true;
     // To ask is to start the browser's 3D graphics, which takes a second where they are software.
-    if (hasWebGL()) { load(frame); return; }
-    get("flat").hidden = false;
-    if (!sketch.worker) get("cover-text").textContent = "This browser cannot show 3D graphics";
+    if (hasWebGL()) load(frame); else get("flat").hidden = false;
   }
-  setTimeout(start3d, sketch.worker ? START_DELAY_MS : 0);
+  setTimeout(start3d, START_DELAY_MS);
   setTimeout(start3d, MAX_WAIT_3D_MS);
   timeline.on("settled", start3d);
 

@@ -2,7 +2,7 @@
 // web/viser/preview_scene.py.
 import { framing, picked, positionOf } from "./camera.js";
 import { decode } from "../lib/columns.js";
-import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
+import { Hand, Scene, cameraTo, linear, update, visibility } from "./scene.js";
 
 const MOST_TRIES = 8;
 const RETRY_S = 2;
@@ -25,7 +25,8 @@ export class PreviewStage extends Scene {
    * @param {PreviewHeard} heard
    */
   constructor(frame, heard) {
-    super(frame, { touch: () => { this.touched = true; } });
+    const hand = new Hand(() => { this.touched = true; }, { height: () => 1, follows: () => true, tap: (x, y) => this.tap(x, y) });
+    super(frame, { pointer: (pointer) => hand.hear(pointer) });
     this.listener = heard;
     /** @type {Record<string, boolean>} */
     this.layers = { solid: true, cells: true, path: true };
@@ -151,7 +152,7 @@ export class PreviewStage extends Scene {
     const { clientWidth: wide, clientHeight: high } = this.frame;
     if (!this.open || !this.bundle || this.touched || !wide || !high) return;
     const { corners, radius, camera } = this.bundle.header;
-    const view = framing(corners.flat(), {
+    const view = framing(corners, {
       radius, aspect: wide / high, field: camera.field_of_view_rad,
       azimuth: camera.azimuth_rad, elevation: camera.elevation_rad, margin: camera.margin,
     });

@@ -1,9 +1,13 @@
-// A 3D scene: viser's client in a frame, shown what the page says; see bridge.js and web/viser/scene_bundle.py.
+// A 3D scene: viser's client in a frame, shown what the page says, and the pointers on it; see bridge.js and web/viser/scene_bundle.py.
 // The frame is no part of the page, and what it says is looked at before it is believed.
 import { rayThrough } from "./camera.js";
 
 const FARTHEST = 1e9;
 const RELOAD_MS = 500; // before the client starts anew for the first time
+const STILL_PX = { mouse: 4, touch: 10 }; // how far a press may move and still be a tap; chosen
+const TURN_RAD = 2 * Math.PI; // for a way as long as the view is high
+const ZOOM_PER_PX = 0.0012; // of a wheel, as an exponent
+const MAX_WHEEL_PX = 400; // of one event
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
 export const linear = Uint8Array.from({ length: 256 }, (_, byte) => {
@@ -59,12 +63,6 @@ function staged(messages, arrays) {
 
 /**
  * @param {unknown} value
- * @returns {value is number}
- */
-const isShare = (value) => typeof value === "number" && value >= 0 && value <= 1;
-
-/**
- * @param {unknown} value
  * @returns {value is Vector}
  */
 const isVector = (value) => Array.isArray(value) && value.length === 3
@@ -82,9 +80,8 @@ function isPointer(value) {
 
 /** @template {Staged} [Told=Bundle] */
 export class Scene {
-  // Heard are: open(), touch() when the camera was taken hold of. `keys` pressed in the frame count as
-  // pressed in the page. With `holds` the page moves the camera: pointers are heard, and the client
-  // leaves them alone.
+  // Heard are: open(), and pointers. `keys` pressed in the frame count as pressed in the page. With `holds`
+  // the page moves the camera, and the client leaves pointers alone.
   /**
    * @param {HTMLIFrameElement} frame
    * @param {SceneHeard} heard
@@ -139,14 +136,11 @@ export class Scene {
   /** @param {SceneMessage[]} messages */
   apply(messages) { this.port?.postMessage({ do: "show", messages }); }
 
-  // Calls back after two pictures' time.
-  /** @param {() => void} then */
-  passed(then) { this.ask("pass", then); }
-
   // Calls back when what the client was given can be seen.
   /** @param {() => void} then */
   painted(then) { this.ask("paint", then); }
 
+  // Calls back after two pictures' time, or when they have been painted.
   /**
    * @param {"pass" | "paint"} what
    * @param {() => void} then
@@ -189,14 +183,14 @@ export class Scene {
   /** @returns {Eye | null} */
   get eye() { return this.camera; }
 
-  // Pick what is at a place of the picture, in shares of its width and height from the top left.
+  // Pick what is at a place of the picture, in pixels from the top left.
   /**
    * @param {number} x
    * @param {number} y
    */
   tap(x, y) {
     const { bundle, eye, frame: { clientWidth: wide, clientHeight: high } } = this;
-    if (bundle && eye && wide && high) this.pick(...rayThrough(eye, [x, y], wide / high, bundle.header.camera.field_of_view_rad));
+    if (bundle && eye && wide && high) this.pick(...rayThrough(eye, [x / wide, y / high], wide / high, bundle.header.camera.field_of_view_rad));
   }
 
   // A ray in the scene was clicked.
@@ -219,11 +213,7 @@ export class Scene {
       case "pointer":
         if (isPointer(told.pointer)) this.heard.pointer?.(told.pointer);
         return;
-      case "tap":
-        if (isShare(told.x) && isShare(told.y)) this.tap(told.x, told.y);
-        return;
       case "lost": this.reload(); return;
-      case "touch": this.heard.touch?.(); return;
       case "scroll": this.heard.scroll?.(); return;
       case "drag": this.frame.parentElement?.classList.add("dropping"); return;
       case "focus": this.frame.classList.toggle("focused", told.on === true); return;
@@ -237,6 +227,86 @@ export class Scene {
         asked?.then();
       }
     }
+  }
+}
+
+/** @typedef {{ x: number, y: number, fromX: number, fromY: number, button: number, still: number, drags: boolean }} Finger */
+
+// Pointers on a view, which move the camera. A press that hardly moves is a tap. One pointer turns the camera, with the right or the
+// middle button it moves the picture; two zoom, and move the picture unless the chain is followed.
+export class Hand {
+  /**
+   * @param {(orbit: Orbit) => void} does
+   * @param {{ height: () => number, follows: () => boolean, tap: (x: number, y: number) => void }} view its height in pixels
+   */
+  constructor(does, { height, follows, tap }) {
+    this.does = does;
+    this.height = height;
+    this.follows = follows;
+    this.tap = tap;
+    /** @type {Map<number, Finger>} */
+    this.fingers = new Map();
+  }
+
+  /** @param {Pointer} pointer */
+  hear({ kind, id, x, y, by, button, touch }) {
+    const { fingers } = this;
+    const finger = fingers.get(id);
+    if (kind === "pointerdown") {
+      for (const other of fingers.values()) other.drags = true;
+      fingers.set(id, { x, y, fromX: x, fromY: y, button, still: touch ? STILL_PX.touch : STILL_PX.mouse, drags: fingers.size > 0 });
+    } else if (kind === "pointerup" || kind === "pointercancel") {
+      fingers.delete(id);
+      if (kind === "pointerup" && finger && !finger.drags && finger.button === 0) this.tap(x, y);
+    } else if (kind === "wheel") this.does({ zoom: Math.exp(ZOOM_PER_PX * Math.min(MAX_WHEEL_PX, Math.max(-MAX_WHEEL_PX, by))) });
+    else if (kind === "pointermove") this.drag(id, x, y);
+  }
+
+  /**
+   * @param {number} id
+   * @param {number} x
+   * @param {number} y
+   */
+  drag(id, x, y) {
+    const finger = this.fingers.get(id);
+    if (!finger) return;
+    finger.drags ||= Math.hypot(x - finger.fromX, y - finger.fromY) > finger.still;
+    if (!finger.drags) return;
+    const before = this.spread();
+    const [dx, dy] = [(x - finger.x) / this.height(), (y - finger.y) / this.height()];
+    Object.assign(finger, { x, y });
+    if (this.fingers.size > 1) {
+      const after = this.spread();
+      /** @type {Orbit} */
+      const orbit = before > 0 && after > 0 ? { zoom: before / after } : {};
+      if (!this.follows()) orbit.move = [dx / this.fingers.size, -dy / this.fingers.size];
+      this.does(orbit);
+    } else this.does(finger.button > 0 ? { move: [dx, -dy] } : { turn: [-TURN_RAD * dx, TURN_RAD * dy] });
+  }
+
+  // How far two fingers are apart.
+  spread() {
+    const [a, b] = [...this.fingers.values()];
+    return a && b ? Math.hypot(a.x - b.x, a.y - b.y) : 0;
+  }
+
+  // Listens to an element of the page itself.
+  /** @param {HTMLElement} element */
+  on(element) {
+    const hear = (/** @type {PointerEvent | WheelEvent} */ event) => {
+      if (event.target !== element) return;
+      const { type: kind, offsetX: x, offsetY: y, button } = event;
+      if (event instanceof WheelEvent) {
+        event.preventDefault();
+        this.hear({ kind, id: 0, x, y, by: event.deltaY, button, touch: false });
+        return;
+      }
+      const { pointerId: id, pointerType } = event;
+      if (kind === "pointerdown") element.setPointerCapture(id);
+      this.hear({ kind, id, x, y, by: 0, button, touch: pointerType === "touch" });
+    };
+    for (const kind of /** @type {const} */ (["pointerdown", "pointermove", "pointerup", "pointercancel"])) element.addEventListener(kind, hear);
+    element.addEventListener("wheel", hear, { passive: false });
   }
 }
 

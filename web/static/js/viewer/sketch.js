@@ -17,14 +17,26 @@ export function tableColours() {
 
 // The radial gradient that an element has for a ground: its size and place in shares, and its colours;
 // null when it has another.
-/** @param {Element} element */
+/**
+ * @param {Element} element
+ * @returns {Ground | null}
+ */
 function gradientOf(element) {
   const text = getComputedStyle(element).backgroundImage;
   const place = /^radial-gradient\(([\d.]+)% ([\d.]+)% at ([\d.]+)% ([\d.]+)%/.exec(text)?.slice(1).map((v) => Number(v) / 100);
-  const stops = [...text.matchAll(/(rgba?\([^)]*\)) ([\d.]+)%/g)].map(([, colour, at]) => [Number(at) / 100, colour]);
+  const stops = [...text.matchAll(/(rgba?\([^)]*\)) ([\d.]+)%/g)].map(([, colour, at]) => /** @type {[number, string]} */ ([Number(at) / 100, colour]));
   return place && stops.length ? { place, stops } : null;
 }
 
+// The height of the ground, just below what is in view of the chain, in pitches.
+/** @param {Pick<Snapshot, "positions" | "framed">} shown */
+export function floorUnder({ positions, framed }) {
+  let low = Infinity;
+  for (let k = 2; k < 3 * framed; k += 3) low = Math.min(low, positions[k]);
+  return low - 0.5 - GROUND_GAP;
+}
+
+const GROUND_GAP = 0.35; // pitches
 const MAX_SIDE_PX = 8192; // of a picture; browsers have no larger canvases everywhere
 
 export class Sketch {
@@ -37,36 +49,36 @@ export class Sketch {
    */
   constructor(canvas, onFirst = () => {}) {
     this.canvas = canvas;
-    /** @type {ReturnType<typeof gradientOf>} */
+    /** @type {Ground | null} */
     this.painted = null; // the ground
     this.onDrawn = () => {};
-    /** @type {Worker | null} */
-    this.worker = null;
     this.waiting = false;
     /** @type {((png: Blob) => void)[]} */
     this.pictures = []; // who waits for one
-    /** @type {ArrayBuffer | null} */
+    /** @type {SketchFrame | null} */
     this.next = null;
     this.pitch = 1;
-    /** @type {TableTold | null} */
-    this.table = null;
-    if (!canvas.transferControlToOffscreen || !window.Worker) return;
     const paper = canvas.transferControlToOffscreen();
     // No module: browsers refuse those to a page that was opened as a file.
-    const worker = new Worker(Sketch.script);
-    this.worker = worker;
+    this.worker = new Worker(Sketch.script);
     let first = true;
-    worker.onmessage = ({ data }) => {
+    this.worker.onmessage = ({ data }) => {
       if (data instanceof Blob) { this.pictures.shift()?.(data); return; }
       if (first) { first = false; onFirst(); }
       this.onDrawn();
       this.waiting = false;
       if (this.next) { const next = this.next; this.next = null; this.post(next); }
     };
-    worker.postMessage({ is: "begin", paper, size: this.size(), ground: this.ground() }, [paper]);
-    addEventListener("themechange", () => { this.dress(); worker.postMessage({ is: "ground", ground: this.ground() }); });
-    new ResizeObserver(() => worker.postMessage({ is: "size", size: this.size() })).observe(canvas);
+    this.tell({ is: "begin", paper, size: this.size(), ...this.colours() }, [paper]);
+    addEventListener("themechange", () => this.tell({ is: "dress", ...this.colours() }));
+    new ResizeObserver(() => this.tell({ is: "size", size: this.size() })).observe(canvas);
   }
+
+  /**
+   * @param {SketchTold} message
+   * @param {Transferable[]} given
+   */
+  tell(message, given = []) { this.worker.postMessage(message, given); }
 
   // A ground that the drawing has in it covers what is behind, which the browser then need not put
   // together: that would take longer than all the rest where graphics are software.
@@ -81,15 +93,13 @@ export class Sketch {
   /** @param {Bundle} bundle */
   set({ header, neighbours }) {
     this.pitch = header.pitch;
-    this.table = header.table;
-    this.worker?.postMessage({ is: "outline", outline: {
+    this.tell({ is: "outline", outline: {
       ...header.sketch, neighbours: neighbours ?? null, rods: header.chain.cells, full: 1 / header.shown_size, table: header.table,
     } });
-    this.dress();
   }
 
-  // The table in the colours of the page.
-  dress() { if (this.table) this.worker?.postMessage({ is: "table", colours: tableColours() }); }
+  // Of the ground and a table, as the page has them.
+  colours() { return { ground: this.ground(), wood: tableColours() }; }
 
   /**
    * @param {Snapshot} shown
@@ -98,38 +108,22 @@ export class Sketch {
    * @param {number | null} ground
    */
   draw(shown, colours, view, ground) {
-    if (!this.worker) return;
-    const data = this.numbers(shown, colours, view, ground);
+    const frame = this.frame(shown, colours, view, ground);
     // A newer frame replaces one that still waits.
-    if (this.waiting) this.next = data; else this.post(data);
+    if (this.waiting) this.next = frame; else this.post(frame);
   }
 
-  // Little-endian float32: the camera's place, what it looks at and the height of the ground, how many
-  // modules are folded and which is the first of the straight ones, then centre and orientation of each
-  // module, in pitches; then the colours.
   /**
    * @param {Snapshot} shown
    * @param {Uint8Array} colours
    * @param {Eye} view
    * @param {number | null} ground
+   * @returns {SketchFrame}
    */
-  numbers({ positions, wxyzs, framed, core = 0, rod = Infinity }, colours, view, ground) {
-    const n = positions.length / 3;
-    const data = new ArrayBuffer(4 * (9 + 7 * n) + 3 * n);
-    const numbers = new Float32Array(data, 0, 9 + 7 * n);
-    numbers.set(view.position.map((v) => v / this.pitch), 0);
-    numbers.set(view.target.map((v) => v / this.pitch), 3);
-    let low = Infinity;
-    for (let i = 0; i < n; i++) {
-      for (let k = 0; k < 3; k++) numbers[9 + 7 * i + k] = positions[3 * i + k];
-      for (let k = 0; k < 4; k++) numbers[12 + 7 * i + k] = wxyzs[4 * i + k];
-      if (i < framed) low = Math.min(low, positions[3 * i + 2]);
-    }
-    numbers[6] = ground === null ? low - 0.85 : ground / this.pitch;
-    numbers[7] = core;
-    numbers[8] = Math.min(rod, n);
-    new Uint8Array(data, 4 * numbers.length).set(colours);
-    return data;
+  frame(shown, colours, { position, target }, ground) {
+    const { positions, wxyzs, core = 0, rod = Infinity } = shown;
+    const [eye, at] = [position, target].map((place) => place.map((v) => v / this.pitch));
+    return { positions, wxyzs, colours, eye, target: at, floor: ground === null ? floorUnder(shown) : ground / this.pitch, core, rod };
   }
 
   // The view as a PNG, `scale` times as large as on the page.
@@ -141,17 +135,17 @@ export class Sketch {
   picture(drawn, { scale, transparent }) {
     const { width, height } = this.size();
     const size = { width, height, scale: Math.min(scale, MAX_SIDE_PX / Math.max(width, height)) };
-    const data = this.numbers(...drawn);
+    const frame = this.frame(...drawn);
     return new Promise((done) => {
       this.pictures.push(done);
-      this.worker?.postMessage({ is: "picture", data, size, ground: transparent ? null : this.painted }, [data]);
+      this.tell({ is: "picture", frame, size, ground: transparent ? null : this.painted });
     });
   }
 
-  /** @param {ArrayBuffer} data */
-  post(data) {
+  /** @param {SketchFrame} frame */
+  post(frame) {
     this.waiting = true;
-    this.worker?.postMessage({ is: "frame", data }, [data]);
+    this.tell({ is: "frame", frame });
   }
 
   size() {

@@ -9,24 +9,31 @@ const GAP = 0.6; // and how bright it is
 
 /** @typedef {{ place: number[], stops: [at: number, colour: string][] }} Ground a gradient, in shares of the paper */
 /** @typedef {Outline & { neighbours: Int32Array | null, rods: boolean, full: number, table: TableTold | null }} Drawn */
+/**
+ * One frame, in pitches: poses and colours of the modules, the camera, and the height of the ground. Modules before `core` are folded,
+ * those from `rod` on straight.
+ * @typedef {{ positions: Floats, wxyzs: Floats, colours: Uint8Array, eye: Numbers, target: Numbers, floor: number, core: number, rod: number }} SketchFrame
+ */
+/** @typedef {{ top: Colour, edge: Colour }} Wood colours of a table */
 /** @typedef {{ i: number, many: number, hidden: number, far: number }} Piece */
 /** @typedef {(x: number, y: number, z: number, at: number[]) => number} See where a place is in the picture, and how deep */
 /**
  * What the page says.
- * @typedef {{ is: "begin", paper: OffscreenCanvas, size: typeof size, ground: Ground | null }
- *   | { is: "ground", ground: Ground | null }
+ * @typedef {{ is: "begin", paper: OffscreenCanvas, size: typeof size, ground: Ground | null, wood: Wood }
+ *   | { is: "dress", ground: Ground | null, wood: Wood }
  *   | { is: "size", size: typeof size }
- *   | { is: "table", colours: { top: Colour, edge: Colour } }
  *   | { is: "outline", outline: Drawn }
- *   | { is: "frame", data: ArrayBuffer }
- *   | { is: "picture", data: ArrayBuffer, size: typeof size, ground: Ground | null }} Told
+ *   | { is: "frame", frame: SketchFrame }
+ *   | { is: "picture", frame: SketchFrame, size: typeof size, ground: Ground | null }} SketchTold
  */
 
-// Both are there from "begin" on.
+// These three are there from "begin" on.
 /** @type {OffscreenCanvas} */
 let paper;
 /** @type {OffscreenCanvasRenderingContext2D} */
 let pen;
+/** @type {Wood} */
+let wood;
 let size = { width: 0, height: 0, scale: 1 };
 /** @type {Ground | null} */
 let ground = null;
@@ -34,29 +41,27 @@ let ground = null;
 let back = null;
 /** @type {Drawn | null} */
 let outline = null;
-/** @type {{ top: Colour, edge: Colour }} */
-let wood = { top: [222, 214, 200], edge: [184, 172, 152] };
-/** @type {ArrayBuffer | null} */
+/** @type {SketchFrame | null} */
 let latest = null;
 let due = false;
 
-onmessage = (/** @type {MessageEvent<Told>} */ { data }) => {
+onmessage = (/** @type {MessageEvent<SketchTold>} */ { data }) => {
   if (data.is === "picture") { picture(data); return; }
   if (data.is === "outline") { [outline, latest] = [data.outline, null]; return; }
   if (data.is === "begin") {
-    ({ paper, size, ground } = data);
+    ({ paper, size, ground, wood } = data);
     pen = penOf(paper, !ground);
-  } else if (data.is === "ground") {
+  } else if (data.is === "dress") {
+    ({ wood } = data);
     if (ground && data.ground) ({ ground } = data);
     back = null;
   } else if (data.is === "size") ({ size } = data);
-  else if (data.is === "table") wood = data.colours;
-  else latest = data.data;
+  else latest = data.frame;
   ask(data.is === "frame");
 };
 
 // Draws one frame on a paper of its own, of any size and with or without a ground, as a PNG.
-/** @param {Told & { is: "picture" }} asked */
+/** @param {SketchTold & { is: "picture" }} asked */
 async function picture(asked) {
   const own = { paper, pen, size, ground, back };
   ({ size, ground } = asked);
@@ -64,7 +69,7 @@ async function picture(asked) {
   pen = penOf(paper, !ground);
   back = null;
   clear();
-  if (outline) draw(outline, asked.data);
+  if (outline) draw(outline, asked.frame);
   const drawn = paper;
   ({ paper, pen, size, ground, back } = own);
   postMessage(await drawn.convertToBlob({ type: "image/png" }));
@@ -83,7 +88,7 @@ function ask(told) {
   owed ||= told;
   if (due) return;
   due = true;
-  (self.requestAnimationFrame ?? ((/** @type {() => void} */ then) => setTimeout(then, 16)))(() => {
+  requestAnimationFrame(() => {
     due = false;
     if (size.width && size.height) {
       clear();
@@ -150,23 +155,20 @@ function light(x, y, z) {
   return Math.min(1.2, 0.5 + 0.26 * (z * 0.5 + 0.5) + 0.36 * Math.max(0, z) + 0.3 * side);
 }
 
-const HEAD = 9; // numbers before those of the modules
 const GROUPED_PX = 6; // straight modules that are smaller are drawn as one
 const ALIKE = 48; // and so much their colours may differ
 
 /**
  * @param {Drawn} drawn
- * @param {ArrayBuffer} data
+ * @param {SketchFrame} frame
  */
-function draw({ modules, corners, faces, normals, neighbours, rods, full, table, field_of_view_rad: angle }, data) {
-  const numbers = new Float32Array(data, 0, HEAD + 7 * modules);
-  const colours = new Uint8Array(data, 4 * numbers.length, 3 * modules);
+function draw({ modules, corners, faces, normals, neighbours, rods, full, table, field_of_view_rad: angle }, frame) {
+  const { positions, wxyzs, colours, eye, target } = frame;
   const { width, height } = paper;
   pen.lineJoin = "round";
   pen.lineWidth = size.scale;
 
-  const eye = numbers.subarray(0, 3);
-  const out = unit([eye[0] - numbers[3], eye[1] - numbers[4], eye[2] - numbers[5]]);
+  const out = unit([eye[0] - target[0], eye[1] - target[1], eye[2] - target[2]]);
   const right = unit(cross([0, 0, 1], out));
   const up = cross(out, right);
   const zoom = height / 2 / Math.tan(angle / 2);
@@ -181,8 +183,8 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, table,
   };
   if (table && eye[2] > table.height) slab(table, see, [eye, out]);
   const radius = Math.max(...corners.map((corner) => Math.hypot(...corner)));
-  const drawn = piecesOf({ modules, faces, neighbours, rods, numbers, colours, see, zoom, radius, width, height });
-  shadow(drawn, numbers, see, width, height);
+  const drawn = piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, width, height });
+  shadow(drawn, frame, see, width, height);
   drawn.sort((a, b) => b.far - a.far);
 
   const reach = normals.map((normal, f) => dot(normal, corners[faces[f][0]]));
@@ -199,9 +201,8 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, table,
   };
   const r = new Float64Array(9);
   for (const { i, many, hidden } of drawn) {
-    const k = HEAD + 7 * i;
-    const [x, y, z] = [numbers[k], numbers[k + 1], numbers[k + 2]];
-    turn(numbers[k + 3], numbers[k + 4], numbers[k + 5], numbers[k + 6], r);
+    const [x, y, z] = [positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]];
+    turn(wxyzs, i, r);
     // The eye as the module sees it tells which faces look at us.
     const e = [eye[0] - x, eye[1] - y, eye[2] - z];
     // Modules that are large enough show their edges; on small ones the line closes hairlines.
@@ -281,10 +282,10 @@ function inFront(points, eye, out) {
 
 // What is to be drawn: modules, and straight stretches of `many` where they are small, that are in the
 // picture; a bit in `hidden` for each face that another one covers.
-/** @param {Pick<Drawn, "modules" | "faces" | "neighbours" | "rods"> & { numbers: Float32Array, colours: Uint8Array, see: See, zoom: number, radius: number, width: number, height: number }} drawn */
-function piecesOf({ modules, faces, neighbours, rods, numbers, colours, see, zoom, radius, width, height }) {
-  const core = numbers[7];
-  const rod = rods ? numbers[8] : modules; // what is straight looks like one long module
+/** @param {Pick<Drawn, "modules" | "faces" | "neighbours" | "rods"> & { frame: SketchFrame, see: See, zoom: number, radius: number, width: number, height: number }} drawn */
+function piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, width, height }) {
+  const { positions, colours, core } = frame;
+  const rod = rods ? Math.min(frame.rod, modules) : modules; // what is straight looks like one long module
   const all = 2 ** faces.length - 1;
   /** @type {Piece[]} */
   const found = [];
@@ -293,13 +294,13 @@ function piecesOf({ modules, faces, neighbours, rods, numbers, colours, see, zoo
     const around = (zoom * radius) / Math.max(NEAREST, depth);
     return depth > -radius && at[0] > -around && at[0] < width + around && at[1] > -around && at[1] < height + around;
   };
-  const seen = (/** @type {number} */ i) => see(numbers[HEAD + 7 * i], numbers[HEAD + 7 * i + 1], numbers[HEAD + 7 * i + 2], at);
+  const seen = (/** @type {number} */ i) => see(positions[3 * i], positions[3 * i + 1], positions[3 * i + 2], at);
   for (let i = 0; i < rod; i++) {
     let hidden = 0;
     if (neighbours && i < core) for (let f = 0; f < faces.length; f++) if (neighbours[i * faces.length + f] < core) hidden |= 1 << f;
     if (hidden === all) continue;
     const depth = seen(i);
-    if (inside(depth)) found.push({ i, many: 1, hidden, far: farOf(numbers, i) });
+    if (inside(depth)) found.push({ i, many: 1, hidden, far: farOf(frame, i) });
   }
   for (let i = rod; i < modules;) {
     const depth = seen(i);
@@ -309,17 +310,17 @@ function piecesOf({ modules, faces, neighbours, rods, numbers, colours, see, zoo
     if (depth > NEAREST) {
       while (j < modules && alike(colours, i, j) && inside(seen(j)) && Math.hypot(at[0] - left, at[1] - top) < GROUPED_PX * size.scale) j++;
     }
-    found.push({ i, many: j - i, hidden: 0, far: farOf(numbers, (i + j - 1) >> 1) });
+    found.push({ i, many: j - i, hidden: 0, far: farOf(frame, (i + j - 1) >> 1) });
     i = j;
   }
   return found;
 }
 
 /**
- * @param {Float32Array} numbers
+ * @param {SketchFrame} frame
  * @param {number} i
  */
-const farOf = (numbers, i) => Math.hypot(...[0, 1, 2].map((c) => numbers[HEAD + 7 * i + c] - numbers[c]));
+const farOf = ({ positions, eye }, i) => Math.hypot(...[0, 1, 2].map((c) => positions[3 * i + c] - eye[c]));
 
 /**
  * @param {Uint8Array} colours
@@ -337,26 +338,25 @@ function alike(colours, i, j) {
 let small = null;
 /**
  * @param {Piece[]} drawn
- * @param {Float32Array} numbers
+ * @param {SketchFrame} frame
  * @param {See} see
  * @param {number} width
  * @param {number} height
  */
-function shadow(drawn, numbers, see, width, height) {
+function shadow(drawn, { positions, floor }, see, width, height) {
   let [w, h] = [Math.ceil(width * SHADOW_SCALE), Math.ceil(height * SHADOW_SCALE)];
   small ??= new OffscreenCanvas(w, h);
   if (small.width !== w || small.height !== h) { small.width = w; small.height = h; }
   const brush = penOf(small, true);
   brush.clearRect(0, 0, w, h);
   brush.fillStyle = "#000";
-  const floor = numbers[6];
   const at = [0, 0];
   let [left, top, beyond, below] = [w, h, 0, 0];
   for (const { i, many } of drawn) {
-    const k = HEAD + 7 * i;
-    const e = HEAD + 7 * (i + many - 1);
-    const [x, y] = [Math.min(numbers[k], numbers[e]), Math.min(numbers[k + 1], numbers[e + 1])];
-    const [u, v] = [Math.max(numbers[k], numbers[e]), Math.max(numbers[k + 1], numbers[e + 1])];
+    const k = 3 * i;
+    const e = 3 * (i + many - 1);
+    const [x, y] = [Math.min(positions[k], positions[e]), Math.min(positions[k + 1], positions[e + 1])];
+    const [u, v] = [Math.max(positions[k], positions[e]), Math.max(positions[k + 1], positions[e + 1])];
     brush.beginPath();
     for (const [px, py] of [[x - 0.6, y - 0.6], [u + 0.6, y - 0.6], [u + 0.6, v + 0.6], [x - 0.6, v + 0.6]]) {
       see(px, py, floor, at);
@@ -377,15 +377,14 @@ function shadow(drawn, numbers, see, width, height) {
   pen.globalAlpha = 1;
 }
 
-// The rotation matrix of a quaternion, row by row.
+// The rotation matrix of a module's orientation, row by row.
 /**
- * @param {number} w
- * @param {number} x
- * @param {number} y
- * @param {number} z
+ * @param {Floats} wxyzs
+ * @param {number} i
  * @param {Float64Array} r
  */
-function turn(w, x, y, z, r) {
+function turn(wxyzs, i, r) {
+  const [w, x, y, z] = wxyzs.subarray(4 * i, 4 * i + 4);
   r[0] = 1 - 2 * (y * y + z * z); r[1] = 2 * (x * y - w * z); r[2] = 2 * (x * z + w * y);
   r[3] = 2 * (x * y + w * z); r[4] = 1 - 2 * (x * x + z * z); r[5] = 2 * (y * z - w * x);
   r[6] = 2 * (x * z - w * y); r[7] = 2 * (y * z + w * x); r[8] = 1 - 2 * (x * x + y * y);

@@ -3,9 +3,8 @@
 import { Scene, cameraTo, isSoftware, linear, update, visibility } from "./scene.js";
 import { KEYS } from "../player/keys.js";
 import { buriedBy } from "../player/kinematics.js";
-import { tableColours } from "./sketch.js";
+import { floorUnder, tableColours } from "./sketch.js";
 
-const GROUND_GAP = 0.35;
 const SINK_S = 0.05;
 const RISE_S = 0.5;
 const LEVEL = 0.01; // pitches from where it goes at which the ground arrives
@@ -15,7 +14,6 @@ const SLOW_MS = 70; // for a picture; below it the view keeps up
 const MEASURED = 4; // pictures, of which the slowest does not count: it may have compiled shaders
 const MANY = 300; // modules, which software never shows in time
 const REST_MS = 400;
-const MAX_TAP_PX = 8; // that a pointer moves while it taps
 
 // Discs on the table, that tell how hard modules press on it.
 const ABOVE = 0.02; // pitches that the lowest disc is above the table
@@ -209,11 +207,9 @@ export class Stage extends Scene {
    * @param {number} seconds
    * @param {Snapshot} snapshot
    */
-  moveGround(seconds, { positions, framed }) {
+  moveGround(seconds, snapshot) {
     if (this.table) return false;
-    let low = Infinity;
-    for (let k = 2; k < 3 * framed; k += 3) low = Math.min(low, positions[k]);
-    low = (low - 0.5 - GROUND_GAP) * this.pitch;
+    const low = floorUnder(snapshot) * this.pitch;
     if (this.ground === low) return false;
     const before = this.ground ?? low;
     this.ground = Math.abs(before - low) < LEVEL * this.pitch ? low : low + (before - low) * Math.exp(-seconds / (low < before ? SINK_S : RISE_S));
@@ -270,13 +266,6 @@ export class StandIn {
     this.timer = undefined;
     this.painted = () => {};
     this.busy = () => false; // whether more is to come by itself
-    // Until the view has started, the drawing hears of taps itself: see `.sketch` in fold.css.
-    let [fromX, fromY] = [0, 0];
-    canvas.addEventListener("pointerdown", ({ clientX, clientY }) => { [fromX, fromY] = [clientX, clientY]; });
-    canvas.addEventListener("click", ({ offsetX, offsetY, clientX, clientY }) => {
-      if (Math.hypot(clientX - fromX, clientY - fromY) > MAX_TAP_PX) return; // it turned the view
-      stage.tap(offsetX / canvas.clientWidth, offsetY / canvas.clientHeight);
-    });
     sketch.onDrawn = () => {
       if (this.latest) { canvas.classList.remove("gone"); stage.frame.classList.add("behind"); }
       this.painted();
@@ -307,7 +296,7 @@ export class StandIn {
   open() {
     this.opened = true;
     this.onOpen();
-    if (!this.slow || !this.given || !this.sketch.worker) { this.leave(); return; }
+    if (!this.slow || !this.given) { this.leave(); return; }
     this.latest = this.given;
     this.canvas.classList.add("standing-in");
     this.rest();
@@ -330,7 +319,7 @@ export class StandIn {
       return;
     }
     this.canvas.classList.remove("fading");
-    if (!this.slow || stage.through || !sketch.worker) {
+    if (!this.slow || stage.through) {
       stage.draw(shown, colours, eye);
       this.measure();
       if (this.latest) this.yield();
@@ -377,7 +366,7 @@ export class StandIn {
     const begun = performance.now();
     const told = !this.measuring;
     this.measuring = true;
-    this.stage.passed(() => {
+    this.stage.ask("pass", () => {
       if (told) {
         this.measuring = false;
         if (!document.hidden) this.times = [...this.times, performance.now() - begun].slice(-MEASURED);

@@ -1,3 +1,5 @@
+import { outward } from "./camera.js";
+
 // From where modules are seen best: from a side on which the fewest others stand before them.
 const TURNS = 16;
 const RISES = [0.15, 0.5, 0.9, -0.3];
@@ -12,10 +14,9 @@ const spread = (modules) => modules.filter((_, k) => k % Math.ceil(modules.lengt
  * @param {Floats} positions
  * @param {number[]} modules
  * @param {[azimuth: number, elevation: number]} home
- * @param {(azimuth: number, elevation: number) => Vector} outward
  * @returns {[azimuth: number, elevation: number]}
  */
-export function clearestSight(positions, modules, [azimuth, elevation], outward) {
+export function clearestSight(positions, modules, [azimuth, elevation]) {
   const few = spread(modules);
   const own = new Set(modules);
   /** @type {[azimuth: number, elevation: number]} */

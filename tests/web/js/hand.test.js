@@ -1,12 +1,14 @@
 // Control of the camera by pointers and wheels.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Hand } from "../../../web/static/js/viewer/controls.js";
+import { Hand } from "../../../web/static/js/viewer/scene.js";
 import { close } from "./vectors.js";
 
 function held(follows = true) {
   const done = [];
-  const hand = new Hand((orbit) => done.push(orbit), { height: () => 100, follows: () => follows });
+  const hand = new Hand((orbit) => done.push(orbit), {
+    height: () => 100, follows: () => follows, tap: (...place) => done.push({ tap: place }),
+  });
   const say = (kind, x = 0, y = 0, more = {}) => hand.hear({ kind, id: 1, x, y, by: 0, button: 0, ...more });
   return { done, say };
 }
@@ -45,4 +47,24 @@ test("two fingers zoom and move the picture only where nothing is followed", () 
     assert.equal("move" in done[0], !follows);
     assert.equal(done[0].turn, undefined);
   }
+});
+
+test("a press that hardly moves is a tap of one finger or of the main button", () => {
+  const { done, say } = held();
+  const press = (x, more) => {
+    done.splice(0);
+    say("pointerdown", 10, 10, more);
+    say("pointermove", x, 10, more);
+    say("pointerup", x, 10, more);
+    return done.map((what) => Object.keys(what)[0]);
+  };
+  assert.deepEqual(press(13), ["tap"]);
+  assert.deepEqual(done, [{ tap: [13, 10] }]);
+  assert.deepEqual(press(18), ["turn"]);
+  assert.deepEqual(press(18, { touch: true }), ["tap"]);
+  assert.deepEqual(press(13, { button: 2 }), []);
+  say("pointerdown", 90, 10, { id: 2 });
+  assert.deepEqual(press(10), ["zoom"]);
+  say("pointerup", 90, 10, { id: 2 });
+  assert.equal(done.length, 1);
 });

@@ -1,0 +1,34 @@
+"""Plain values: dataclasses as dictionaries and lists, as JSON files hold them, and back."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar, cast
+
+import msgspec
+
+T = TypeVar("T")
+
+
+def from_plain(values: Any, kind: type[T]) -> T:
+    """Build a value from plain ones; entries of a dictionary that are no fields are ignored.
+
+    Args:
+        values: The plain values.
+        kind: Type of the value: a dataclass, or a type of several of them.
+
+    Raises:
+        TypeError: A value is missing, or has another type.
+    """
+    try:
+        return msgspec.convert(values, kind)
+    except msgspec.ValidationError as error:
+        raise TypeError(str(error)) from error
+
+
+def plain_lists(values: Any) -> Any:
+    """Return plain values with lists for tuples, as JSON files hold them."""
+    if isinstance(values, dict):
+        return {key: plain_lists(value) for key, value in cast("dict[str, Any]", values).items()}
+    if isinstance(values, list | tuple):
+        return [plain_lists(value) for value in cast("list[Any]", values)]
+    return values
