@@ -55,7 +55,14 @@ VERDICT_PHRASES: Final = (
         "the chain floats, so a table does not support it. "
         "If it is laid on a table in each frame, the largest torque of a hinge is ",
     ),
-    (re.compile(r"\bthe chain needs (?=\S+ w·p\b)"), "a hinge needs a torque of "),
+    (
+        re.compile(r"\bthe chain needs (\S+ w·p .+?), expected at most (?=\S+ w·p)"),
+        r"a hinge needs a torque of \1, but the limit is ",
+    ),
+    (
+        re.compile(r"\binto the table in frame (\d+), expected at most (\S+)$"),
+        r"into the table in frame \1, but at most \2 pitch is allowed",
+    ),
     (re.compile(r"\bdoes not start folded as (?=\S)"), "does not start in the folded shape of "),
     (
         re.compile(r"\bthe playback passes (\S+ pitch) \(RMS\) from straight"),
@@ -64,7 +71,7 @@ VERDICT_PHRASES: Final = (
     (re.compile(r"\bhas numbers that are not finite\b"), "contains infinite or undefined numbers"),
     (
         re.compile(r"\bthe clearance between two frames could not be bounded\b"),
-        "the clearance between two frames could not be proved",
+        "it could not be proved that the modules stay apart from one frame to the next",
     ),
     (re.compile(r"\bthe frames have no plan\b"), "there is no plan for these frames"),
     (
@@ -83,14 +90,28 @@ VERDICT_PHRASES: Final = (
         r"the joint is \2",
     ),
     (re.compile(r"(?<=\d %) into the fold\b"), " through the motion"),
+    (re.compile(r"(?<=knotted) \(determinant 1\)"), ""),
     (
         re.compile(r"(?<=knotted \()determinant (\d+)(?=\))"),
         r"the determinant of its knot is \1; without a knot, it is 1",
     ),
     (
         re.compile(r"\bdrawn as it stalled, with its ends extended outwards, it has (?=\d)"),
-        "a drawing of it at the stall, with both ends extended outwards, has ",
+        "a drawing of the stalled chain, with both ends extended outwards, has ",
     ),
+    (
+        re.compile(r"\b(\d[\d\xa0]*) random pushes in a row, the limit, made no progress"),
+        r"the limit of \1 random pushes in a row without progress was reached",
+    ),
+    (
+        re.compile(r"\bwas exceeded ([\d\xa0]+) times; ([\d\xa0]+) times are allowed\b"),
+        r"was exceeded \1 times, but only \2 times are allowed",
+    ),
+    (
+        re.compile(r"\ba playback of windows\b"),
+        "a playback that stores only the hinges in motion",
+    ),
+    (re.compile(r"\bthe playback of another robot\b"), "the playback of another simulated robot"),
     (
         re.compile(r"\bthe (\d+) hinges (bent .+?°) at (.+?) cannot straighten, each by itself: "),
         r"none of the \1 hinges \2, at \3, can straighten by itself, "

@@ -214,14 +214,16 @@ def certify(
         verdict = find_verdict(chain, start, record, playback, sweeps, figures, size)
     on_table = None
     if parameters.world == "table" and playback is not None and not sweeper.is_cancelled:
-        progress(Progress(stage="certify", fraction=0.9, message="balancing every frame"))
+        progress(
+            Progress(stage="certify", fraction=0.9, message="computing the torques on the table")
+        )
         on_table = _on_table(chain, playback, parameters, forces)
         if not on_table.rests and not verdict.startswith("failed"):
             verdict = on_table.verdict
     found = None
     if with_margins and sweeps.plan is not None and verdict.startswith("verified"):
         assert playback is not None
-        progress(Progress(stage="certify", fraction=0.95, message="finding margins"))
+        progress(Progress(stage="certify", fraction=0.95, message="computing the margins"))
         found = margins(chain, playback.reference, sweeps.plan, size=size, cancelled=cancelled)
     return Certificate(
         verdict=verdict,

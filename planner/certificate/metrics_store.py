@@ -70,7 +70,7 @@ class Curves:
             attributes = group.attrs.asdict()
             arrays = {f.name: cast("zarr.Array[Any]", group[f.name]) for f in fields(cls)}
         except (OSError, ValueError, KeyError) as error:
-            raise TimelineError(f"no figures at {path}: {error}") from error
+            raise TimelineError(f"no readable figures at {path}: {error}") from error
         if attributes.get("format") != FIGURES_FORMAT:
             raise TimelineError(
                 f"got the format {attributes.get('format')!r} at {path}, "

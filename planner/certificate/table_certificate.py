@@ -279,7 +279,10 @@ def _clearances_above_table(chain: Chain, frames: Motion, height: float, size: f
         )
     found = np.concatenate(clearances)
     if not np.isfinite(found).all():
-        raise InputError("bad-table", "got frames that are not finite, expected numbers.")
+        raise InputError(
+            "bad-table",
+            "got frames with infinite or undefined positions, expected finite numbers.",
+        )
     return found
 
 

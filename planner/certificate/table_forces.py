@@ -51,9 +51,14 @@ class TableForces:
         except UNREADABLE as error:
             raise InputError(
                 "no-forces",
-                f"got {type(error).__name__}, expected {path.name} of a fold on a table.",
+                f"{path.name} cannot be read ({type(error).__name__}); expected the file that a "
+                "fold on a table writes.",
             ) from error
         shapes = [found[name].shape for name in ("torques", "pressed", "torque")]
         if [len(shape) for shape in shapes] != [2, 2, 1] or len({s[0] for s in shapes}) != 1:
-            raise InputError("no-forces", f"got arrays {shapes}, expected (F, J), (F, n), (F,).")
+            raise InputError(
+                "no-forces",
+                f"got arrays of the shapes {shapes}, expected (F, J), (F, n) and (F,) for F "
+                "frames, J hinges and n modules.",
+            )
         return cls(**found)

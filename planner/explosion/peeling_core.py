@@ -87,8 +87,8 @@ class Core:
         if np.abs(folded.positions - cells).max() > 1e-3:
             raise InputError(
                 "not-peelable",
-                "got a folded chain whose modules are off the cubic lattice, expected angles of 0 "
-                "or ±90°; use another strategy.",
+                "got a folded chain whose modules lie between the cells of the cubic lattice, "
+                "expected hinge angles of 0 or ±90°; use another strategy.",
             )
         self.cells = cells
         self.rotations = np.rint(folded.rotations)

@@ -107,7 +107,7 @@ def explode_as_published(
         checkpoint=Checkpoint(world.time_s, world.state),
         pulses=Pulses(0),
         recorder=Recorder(rule, sink),
-        watch=Watch(progress, cancelled, "exploding as published"),
+        watch=Watch(progress, cancelled, "exploding with the published parameters"),
         parameters=p,
     )
     record = run(explosion, "simultaneous", advice="")
@@ -215,8 +215,8 @@ class Published(Explosion[PublishedChain, Step]):
         if count * hinges > MAX_SNAPSHOT_ANGLES:
             return End(
                 "timeout",
-                f"the chain was not straight after {count} snapshots, the limit for its length; "
-                "set a longer snapshot_interval.",
+                f"the chain was not straight after {count} snapshots, the maximum for a chain of "
+                "this length; set a longer snapshot_interval.",
                 Spent("snapshots", MAX_SNAPSHOT_ANGLES // hinges, count),
             )
         if steps % STRAIGHT_CHECK_STEPS:

@@ -42,7 +42,7 @@ class Refusal:
     is_torque: bool = False
 
 
-TOO_CLOSE: Final = Refusal("modules would come too close")
+TOO_CLOSE: Final = Refusal("modules would come too close to each other")
 
 
 @dataclass(frozen=True, slots=True)

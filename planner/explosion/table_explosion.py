@@ -94,7 +94,7 @@ def explode_on_table(
     guard = Guard(chain, peelable, parameters)
     forces = TableForces(parameters, len(chain), projection, seed=seed)
     pulses = Pulses(parameters.most_pushes)
-    watch = Watch(progress, cancelled, "lying down")
+    watch = Watch(progress, cancelled, "unfolding the chain onto the table")
     peeling = build_peeling(
         peelable,
         parameters,
@@ -217,7 +217,6 @@ class TableRules:
         return End(
             "stalled",
             f"the chain is stuck with modules 0 to {window.first + 1} still folded: "
-            f"{refusal.reason}, and the torque limit is {limits.most_torque:g} w·p. Try another "
-            "path, or stronger motors.",
+            f"{refusal.reason}, the torque limit. Try another path, or stronger motors.",
             Spent("refusals", limits.refusals, ceil(self.guard.refused)),
         )

@@ -159,7 +159,7 @@ class Guard:
         if lowest < -MAX_TABLE_PENETRATION_PITCH:
             return Refusal(f"a module would sink {-lowest:.3f} pitch into the table")
         if self._loops(placed):
-            return Refusal("the chain would lie across itself in a loop that cannot open")
+            return Refusal("the chain would cross over itself in a loop that cannot open")
         options: dict[str, Any] = {"clamped": 0} if self._parameters.base == "clamped" else {}
         if self._parameters.friction and earlier is not None:
             options["friction"] = Friction(
@@ -169,4 +169,8 @@ class Guard:
             )
         if self._balance.within(self.bound, positions, rotations, placed.angles, **options):
             return None
-        return Refusal(f"a hinge would need more than {self.bound:.2f} w·p", is_torque=True)
+        return Refusal(
+            f"a hinge would need a torque of more than {self.bound:.2f} w·p (module weight × "
+            "pitch)",
+            is_torque=True,
+        )

@@ -63,7 +63,7 @@ def assembly_path(coarse: Ints, rng: np.random.Generator, *, side: int = 2) -> I
         (m · side³, 3) the cells in order.
     """
     if side < 2 or side % 2:
-        raise ValueError(f"got blocks with a side of {side} cells, expected an even number")
+        raise ValueError(f"got blocks {side} cells wide, expected an even width of at least 2")
     blocks = np.unique(np.asarray(coarse, dtype=np.int64), axis=0)
     order = coarse_path(blocks, rng)
     return None if order is None else filled_blocks(blocks[order], side)

@@ -169,7 +169,8 @@ def _spanning_tree(blocks: Ints, rng: np.random.Generator, tree: Tree) -> tuple[
     if part_count > 1:
         raise InputError(
             "disconnected",
-            f"got blocks in {part_count} parts, expected one part; keep the largest or join them.",
+            f"got blocks in {part_count} separate parts, expected one connected part; keep the "
+            "largest part or join the parts.",
         )
     if tree == "random":
         graph = minimum_spanning_tree(graph)

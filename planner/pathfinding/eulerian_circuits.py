@@ -40,7 +40,7 @@ def eulerian_circuit(pairs: Nodes, along: Array | None = None) -> Nodes:
         raise InputError(
             "no-trail",
             f"got {odd} nodes where an odd number of tetrahedra meet, expected an even number at "
-            "each node; otherwise no closed trail can visit all tetrahedra.",
+            "each node; a closed trail visits all tetrahedra only if all these numbers are even.",
             where=f"node {where}",
         )
     # Opposite ends at a node next to each other: sorted by node, then by axis of the step.
@@ -58,8 +58,8 @@ def eulerian_circuit(pairs: Nodes, along: Array | None = None) -> Nodes:
     if parts > 1:
         raise InputError(
             "no-trail",
-            f"the tetrahedra are in {parts} parts that share no hinge, expected one part; join the "
-            "cells by their faces or keep one part.",
+            f"got tetrahedra in {parts} parts that share no hinge, expected one connected part; "
+            "join the parts at the faces of cells, or keep one part.",
         )
     exits = np.empty(n, dtype=np.int64)
     circuit_order(partner, 0, exits)

@@ -114,18 +114,21 @@ def _refused_ends(cells: Ints, ends: Flags, start: int | None) -> str | None:
     excess = len(cells) - 2 * int(shades.sum())
     more = 0 if excess > 0 else 1
     if start is not None and not ends[start]:
-        return "The start cell is not on the surface."
+        return (
+            "The path must start on the surface, but the start cell is inside the shape. Choose a "
+            "start cell on the surface."
+        )
     if start is not None and excess and shades[start] != more:
         return (
-            "Imagine the cells coloured like a chessboard: if their number is odd, a path must "
-            "start on the colour that has more cells. The start cell has the other "
-            "colour; start in one of its neighbours."
+            "Imagine the cells coloured like a chessboard. A path through an odd number of cells "
+            "must start on the colour that has more cells. The start cell has the other colour; "
+            "start in a neighbouring cell."
         )
     if excess and int((ends & (shades == more)).sum()) < 2:
         return (
-            "Imagine the cells coloured like a chessboard: both ends of the path must be on the "
-            "colour that has more cells, but fewer than two cells of this colour are on the "
-            "surface."
+            "Imagine the cells coloured like a chessboard. A path through an odd number of cells "
+            "must start and end on the colour that has more cells. Both ends must also be on the "
+            "surface, but fewer than two cells of this colour are there."
         )
     return None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,6 +20,10 @@ from planner.pathfinding.lattice import STEPS, colours, neighbours, parts
 from planner.pathfinding.no_path_proofs import Problem, obstacles
 from planner.pathfinding.snake import is_box
 from planner.shapes.shape import Shape
+
+_PAST: Final = {"add": "added", "remove": "removed", "keep": "kept"}
+"""Verbs of repairs, and their past forms."""
+_IMPERATIVE: Final = re.compile(r"\b(?:add|remove|keep)\b")
 
 __all__ = ["Feasibility", "Problem", "Repair", "apply_repair", "feasibility"]
 
@@ -62,6 +67,16 @@ class Repair:
     add: tuple[Cell, ...] = ()
     drop: tuple[Cell, ...] = ()
     doubled: bool = False
+
+    @property
+    def as_step(self) -> str:
+        """The change, to follow a colon."""
+        return f"{self.detail[:1].lower()}{self.detail[1:]}"
+
+    @property
+    def done(self) -> str:
+        """The change as a sentence about the past, to follow a colon."""
+        return _IMPERATIVE.sub(lambda verb: _PAST[verb[0]], self.as_step)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -69,7 +69,7 @@ class Cubes:
             repair = requested_repair(shape, state, options)
             if repair is not None:
                 shape = apply_repair(shape, repair)
-                notes = (*notes, f"Repaired: {repair.detail}")
+                notes = (*notes, f"Repaired: {repair.done}")
                 state = feasibility(shape)
             else:
                 notes = (*notes, only_doubling(shape, state.repairs[0]))
@@ -107,19 +107,18 @@ class Cubes:
             if requested_repair(shape, state, options) is not None:
                 return
             raise InputError("no-path", only_doubling(shape, state.repairs[0]))
-        why = " ".join(problem.detail for problem in state.problems)
+        why = [f"{problem.detail[:1].upper()}{problem.detail[1:]}" for problem in state.problems]
         ways: list[str] = []
         if state.repairs:
-            ways.append(f"use the option 'repair' ({state.repairs[0].detail})")
+            ways.append(f"Use the option 'repair' to change the shape: {state.repairs[0].as_step}")
         if not any(problem.code == "disconnected" for problem in state.problems):
             ways.append(
-                "use the method 'blocks', which splits each cell into 2×2×2 modules, so that "
-                "there is always a path"
+                f"{'Or use' if ways else 'Use'} the method 'blocks', which splits each cell into "
+                "2×2×2 modules, so that there is always a path."
             )
         raise InputError(
             "no-path",
-            f"got cells without a path through them. {why} Expected cells with a path"
-            f"{'; ' if ways else ''}{', or '.join(ways)}.",
+            " ".join(["got cells without a path through all of them.", *why, *ways]),
         )
 
 
@@ -173,7 +172,7 @@ def only_doubling(shape: Shape, repair: Repair) -> str:
     count = modules_after(shape, repair)
     return (
         f"The only repair that was found makes {count} modules from {len(shape)} cells: "
-        f"{repair.detail} Request {count} modules with the repair, or use the method 'blocks'."
+        f"{repair.as_step} Request {count} modules to get this repair, or use the method 'blocks'."
     )
 
 

@@ -40,7 +40,7 @@ class Tetrahedra:
             notes = (f"Each cell became a ring of {TETRAHEDRA_PER_RING} tetrahedra.",)
         state = _feasibility(shape)
         if state.repairs and options.repair:
-            notes = (*notes, f"Repaired: {state.repairs[0].detail}")
+            notes = (*notes, f"Repaired: {state.repairs[0].done}")
             shape = apply_repair(shape, state.repairs[0])
             state = _feasibility(shape)
         chains: tuple[Chain, ...] = ()
@@ -82,8 +82,8 @@ class Tetrahedra:
             why = " ".join(problem.detail for problem in state.problems)
             raise InputError(
                 "no-path",
-                f"got cells that no chain of tetrahedra can fill. {why} Expected connected cells; "
-                f"use the option 'repair' ({state.repairs[0].detail}).",
+                f"got cells that no chain of tetrahedra can fill. {why} Use the option 'repair' to "
+                f"change the shape: {state.repairs[0].as_step}",
             )
 
 
@@ -106,8 +106,8 @@ def _feasibility(shape: Shape) -> Feasibility:
         ),
         repairs=(
             Repair(
-                detail=f"Keep the largest part and remove the other {len(cells)} "
-                f"cell{'' if len(cells) == 1 else 's'}.",
+                detail="Keep the largest part and remove the other "
+                f"{'cell' if len(cells) == 1 else f'{len(cells)} cells'}.",
                 drop=cells,
             ),
         ),

@@ -107,7 +107,8 @@ def knot_of(cells: ArrayLike, *, closed: bool = False) -> Knot:
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
         raise InputError(
             "not-cells",
-            f"got an array of shape {points.shape}, expected finite numbers of the shape (n, 3).",
+            f"got an array of shape {points.shape}, expected finite numbers in an array of shape "
+            "(n, 3).",
         )
     if len(points) < (MIN_STICKS if closed else 3):
         return UNKNOT

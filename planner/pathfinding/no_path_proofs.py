@@ -73,9 +73,9 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
         black = (n + excess) // 2
         yield Problem(
             code="parity",
-            detail=f"coloured like a chessboard, {black} cells are black and {n - black} are "
-            "white; a path alternates between the colours, so the numbers may differ by at "
-            "most one.",
+            detail="if the cells are coloured like a chessboard, "
+            f"{black} are black and {n - black} are white; a path alternates between the colours, "
+            "so the two numbers may differ by at most one.",
             cells=tuples(cells[balance == np.sign(balance.sum())]),
             amount=excess - 1,
         )
@@ -85,7 +85,7 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
         yield Problem(
             code="dead-ends",
             detail=f"{len(dead)} cells have only one neighbour; a path can start in one and end in "
-            "another, so at most two are possible.",
+            "another, so at most two such cells are possible.",
             cells=tuples(cells[dead]),
             amount=len(dead) - 2,
         )
@@ -130,8 +130,9 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
     if uneven:
         yield Problem(
             code="parity",
-            detail="a part is connected to the rest by a single cell. Coloured like a chessboard, "
-            "it has too many cells of one colour; a path alternates between the two colours.",
+            detail="one part of the shape is connected to the rest by a single cell. Coloured "
+            "like a chessboard, this part has too many cells of one colour; a path alternates "
+            "between the two colours.",
             cells=tuples(cells[sorted(cell for cell, _ in uneven)]),
             amount=max(amount for _, amount in uneven),
         )

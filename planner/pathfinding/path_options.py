@@ -79,7 +79,7 @@ class PathOptions:
     start: Cell | None = option(
         None,
         title="The cell where the chain starts",
-        help="The cell where the chain starts: `x,y,z`, one of the preview's `cells`.",
+        help="The cell where the chain starts, as `x,y,z`. The preview lists all cells as `cells`.",
         pattern=rf"^{CELL_TEXT}$",
         metavar="X,Y,Z",
         parse=parse_cell,

@@ -37,7 +37,7 @@ chain from unfolding. Larger values test longer paths, more slowly. Chosen."""
 NO_ASSEMBLY: Final = (
     "The search found no path whose cells can be removed one by one. It finds such paths for "
     "boxes, for shapes made of 2×2×2 blocks, and for shapes whose layers are each in one part. "
-    "Use the method 'blocks' or 'exact', or other ends."
+    "Use the method 'blocks' or 'exact', or choose other ends of the chain."
 )
 MAX_CHOICE_MODULES: Final = 20_000
 """Maximum number of cells or tetrahedra of a shape for which several paths are made, to choose the
@@ -215,8 +215,11 @@ def _turned_to(path: Ints, start: Ints, low: Ints, sides: tuple[int, int, int]) 
 
 def _no_snake(box: bool) -> str:
     if box:
-        return "A snake starts in a corner of its box; start there or use another method."
-    return "The cells do not fill a box; a snake needs one. Use the method 'blocks' or 'exact'."
+        return "A snake starts in a corner of its box; start in a corner or use another method."
+    return (
+        "The method 'snake' needs cells that fill a box, but these do not. Use the method 'blocks' "
+        "or 'exact'."
+    )
 
 
 def _blocks(shape: Shape, options: _Options, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:

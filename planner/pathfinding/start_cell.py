@@ -62,9 +62,9 @@ def starting_at(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
         turned = np.roll(cells, -at, axis=0)
     else:
         return chain, (
-            f"The file gives the order of this path, which can start in {_words(cells[0])} or "
-            f"{_words(cells[-1])}, but not in {_words(cells[at])}. Read the cells as voxels to "
-            "find other paths."
+            "The file gives the order of the cells, so the chain can start in "
+            f"{_words(cells[0])} or {_words(cells[-1])}, but not in {_words(cells[at])}. Read the "
+            "cells as voxels to find other paths."
         )
     path = Path.from_cells(turned, name=chain.name, pitch_m=chain.pitch_m)
     return Chain.from_path(path, module=chain.module), ""

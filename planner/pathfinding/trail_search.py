@@ -87,7 +87,7 @@ def find_trails(
 def _index(cells: Ints, start: Cell) -> int:
     at = np.flatnonzero((cells == np.array(start)).all(axis=1))
     if not len(at):
-        raise InputError("not-a-cell", f"got the start {start}, expected one of the cells.")
+        raise InputError("not-a-cell", f"got the start cell {start}, expected a cell of the shape.")
     return int(at[0])
 
 
@@ -103,8 +103,8 @@ def _cuts(nodes: Ints, pairs: Ints, free: Flags, first: int | None, ends: str) -
     elif ends == "surface":
         raise InputError(
             "no-start",
-            "the chain cannot start in this cell, because all its hinges are shared with other "
-            "cells; start in another cell.",
+            "the chain must start on the surface, but all hinges of the start cell are shared with "
+            "other cells; start in another cell.",
         )
     return np.flatnonzero(allowed)
 

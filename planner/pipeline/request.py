@@ -131,12 +131,13 @@ class FoldRequest(PathOptions):
         COMPUTING,
         title="Preferred plan",
         noun="preference",
-        help="Preferred plan. `computing` is the first verified plan. The others choose from "
-        "several verified plans: `time` by folding time at the joints' speed limit, `torque` "
-        "by torque at equal folding time, `clearance` by proved clearance, `margin` by the "
-        "largest error that one hinge may have before modules could touch. The choice takes "
-        "several times as long, because other strategies, paths and smoothings are tried. The "
-        "plan's `attempts` list all these plans with their figures.",
+        help="Preferred plan. `computing` takes the first verified plan. The other values compare "
+        "several verified plans and take the best: `time` the one with the shortest folding time "
+        "at the joints' speed limit, `torque` the one with the smallest torque at equal folding "
+        "time, `clearance` the one with the largest proved clearance, `margin` the one that stays "
+        "clear with the largest error of one hinge. Comparing takes several times as long, because "
+        "other strategies, paths and smoothings are tried. `attempts` in the plan lists all "
+        "compared plans with their figures.",
         label="Preferred plan",
         choices={**PREFERENCES},
     )

@@ -76,6 +76,7 @@ class Moments:
         """
         if values.get("format") != MOMENTS_FORMAT:
             raise InputError(
-                "wrong-format", f"got {values.get('format')!r}, expected {MOMENTS_FORMAT!r}."
+                "wrong-format",
+                f"got the format {values.get('format')!r}, expected {MOMENTS_FORMAT!r}.",
             )
         return from_plain(values, cls)

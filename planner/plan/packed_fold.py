@@ -93,7 +93,9 @@ def unpack(data: bytes, directory: FilePath) -> dict[str, Any]:
         arrays: Arrays = dict(file)
     header = json.loads(str(arrays.pop("header")))
     if header["format"] != PACKED_FORMAT:
-        raise InputError("not-packed", f"got {header['format']!r}, expected {PACKED_FORMAT!r}.")
+        raise InputError(
+            "not-packed", f"got the format {header['format']!r}, expected {PACKED_FORMAT!r}."
+        )
     found = _unpacked(arrays, header["coded"])
     for name, text in header["texts"].items():
         write_whole(directory / name, text.encode())
@@ -137,7 +139,9 @@ class _Packer:
         other = "reference_rad" if name == "joint_angles_rad" else name
         known = _unpacked(dict(self.arrays), self.coded).get(f"playback.npz/{other}")
         if known is None or not np.array_equal(known, array):
-            raise InputError("not-packable", f"{file}: {name} differs from the playback.")
+            raise InputError(
+                "not-packable", f"{file}: {name} differs from the array in playback.npz."
+            )
         return True
 
     def _add_angles(self, key: str, name: str, array: Array, reference: Array | None) -> None:

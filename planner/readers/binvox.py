@@ -54,7 +54,9 @@ def read_binvox(data: bytes, source: Source) -> Shape:
     depth, width, height = (int(w) for w in dim)
     runs = np.frombuffer(data, dtype=np.uint8, offset=end.end())
     if len(runs) % 2:
-        raise InputError("truncated", "the file ends within a run of voxels; send it again.")
+        raise InputError(
+            "truncated", "the file ends within a run of voxels; save or send it again."
+        )
     values, lengths = runs[0::2], runs[1::2].astype(np.int64)
     total, expected = int(lengths.sum()), depth * width * height
     if total != expected:

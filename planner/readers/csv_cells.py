@@ -68,7 +68,7 @@ def read_csv(text: str, source: Source) -> Path | Shape:
     except csv.Error as error:
         raise InputError(
             "bad-csv",
-            f"{error}; expected three whole numbers in each line.",
+            f"this line is not valid CSV ({error}); expected three whole numbers in each line.",
             where=f"line {reader.line_num}",
         ) from error
     return path_or_shape(cells_array(rows), source)
@@ -129,8 +129,8 @@ def _check_width(fields: list[str], line: int) -> None:
         raise InputError(
             "wrong-count",
             f"got {len(fields)} field{'' if len(fields) == 1 else 's'} "
-            f"({quote(', '.join(fields[:6]))}), expected x, y, z; name further columns in "
-            "a header line.",
+            f"({quote(', '.join(fields[:6]))}), expected three: x, y and z; if there are more "
+            "columns, name them in a header line.",
             where=f"line {line}",
         )
 

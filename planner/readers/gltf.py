@@ -92,10 +92,10 @@ def read_glb(data: bytes, source: Source) -> Solid:
     try:
         text = chunks[JSON_CHUNK].decode("utf-8")
     except UnicodeDecodeError as error:
-        raise _damaged("its JSON is not text") from error
+        raise _damaged("the JSON of the file is not text") from error
     value = parse(text)
     if not isinstance(value, dict):
-        raise _damaged("its JSON is not an object")
+        raise _damaged("the JSON of the file is not an object")
     solid = read_gltf(cast("Document", value), source, binary=chunks.get(BINARY_CHUNK))
     length = int.from_bytes(data[8:12], "little")
     return replace(solid, notes=(*solid.notes, TAIL_IGNORED)) if len(data) > length else solid
@@ -113,7 +113,7 @@ def read_gltf(document: Document, source: Source, binary: bytes | None = None) -
             points, faces = scene.triangles()
             points = points @ Y_TO_Z.T
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise _damaged(f"its scene is broken ({_reason(error)})") from error
+        raise _damaged(f"the scene is broken ({_reason(error)})") from error
     return Solid.from_triangles(
         points,
         faces,
@@ -131,7 +131,7 @@ def _reason(error: Exception) -> str:
         case _InvalidValueError():
             return str(error)
         case IndexError():
-            return "it refers to an entry that does not exist"
+            return "an entry refers to another one that does not exist"
         case _:
             return "an entry has a value of the wrong kind"
 
@@ -238,8 +238,8 @@ class _Scene:
         if (total := sum(points[mesh] for mesh in used)) > MAX_GLTF_VERTICES:
             raise InputError(
                 "too-large",
-                f"got {total} vertices in all parts, expected at most {MAX_GLTF_VERTICES}; join "
-                "parts that share vertices.",
+                f"got {total} vertices in all parts together, expected at most "
+                f"{MAX_GLTF_VERTICES}; simplify the meshes of the scene.",
             )
         parts = {mesh: [self._part(p) for p in every] for mesh, every in primitives.items()}
         # The last part comes first, as trimesh has it: how a solid is oriented depends on it.
@@ -257,7 +257,10 @@ class _Scene:
         if not nodes:
             return [(i, np.eye(4)) for i in range(len(self._document.get("meshes", [])))]
         if len(nodes) > MAX_NODES:
-            raise InputError("too-large", f"got {len(nodes)} nodes, expected at most {MAX_NODES}.")
+            raise InputError(
+                "too-large",
+                f"got {len(nodes)} nodes, expected at most {MAX_NODES}; simplify the scene.",
+            )
         scenes = self._document.get("scenes", [])
         if len(scenes) > 1 and "scene" not in self._document:
             self._notes[f"the file has {len(scenes)} scenes; the first one was read."] = None
@@ -286,7 +289,7 @@ class _Scene:
                 raise _damaged(f"the transform of node {index} has infinite or undefined numbers")
             extensions = node.get("extensions", {})
             if not extensions.get(VISIBILITY, {}).get("visible", True):
-                self._notes["hidden nodes were ignored."] = None
+                self._notes["hidden parts were ignored."] = None
                 visible = False
             if "mesh" in node and visible:
                 places = [transform]
@@ -296,7 +299,8 @@ class _Scene:
                 self._note_deformation(node)
             if len(meshes) > MAX_NODES:
                 raise InputError(
-                    "too-large", f"got {len(meshes)} parts, expected at most {MAX_NODES}."
+                    "too-large",
+                    f"got {len(meshes)} parts, expected at most {MAX_NODES}; join parts.",
                 )
             waiting += [(int(child), transform, visible) for child in node.get("children", [])]
         self._note_unreached(seen)
@@ -326,7 +330,10 @@ class _Scene:
         counts = counts or [_count(self._document["accessors"][k]) for k in attributes.values()]
         count = min(counts, default=1)
         if count > MAX_NODES:
-            raise InputError("too-large", f"got {count} instances, expected at most {MAX_NODES}.")
+            raise InputError(
+                "too-large",
+                f"got {count} copies (instances) of a mesh, expected at most {MAX_NODES}.",
+            )
         rows = [{n.lower(): v[k].tolist() for n, v in columns.items()} for k in range(count)]
         with np.errstate(all="ignore"):
             places = [node @ _transform(row) for row in rows]
@@ -395,7 +402,8 @@ class _Scene:
         accessor = self._document["accessors"][index]
         if "sparse" in accessor:
             raise InputError(
-                "unsupported", "the mesh has sparse data; export it without sparse data."
+                "unsupported",
+                "the mesh has sparse accessors, which are not supported; export it without them.",
             )
         if "bufferView" not in accessor:
             raise InputError(
@@ -404,7 +412,9 @@ class _Scene:
                 where=f"accessors[{index}]",
             )
         if accessor["type"] != expected:
-            raise _InvalidValueError(f"an accessor of type {quote(accessor['type'])}")
+            raise _InvalidValueError(
+                f"an accessor has the type {quote(accessor['type'])} instead of {expected}"
+            )
         kind = np.dtype(COMPONENT_TYPES[accessor["componentType"]])
         view = self._document["bufferViews"][accessor["bufferView"]]
         buffer = self._buffers[view["buffer"]]
@@ -416,7 +426,7 @@ class _Scene:
         start = int(view.get("byteOffset", 0)) + inner
         end = start + stride * (count - 1) + size
         if min(inner, start) < 0 or stride < size or stride > 4096:
-            raise _InvalidValueError("an accessor with impossible numbers")
+            raise _InvalidValueError("an accessor has an impossible offset or stride")
         if end > len(buffer) or end > start - inner + int(view["byteLength"]):
             raise InputError(
                 "truncated",
@@ -468,7 +478,7 @@ def _check_extensions(document: Document, notes: dict[str, None]) -> None:
 def _count(accessor: Document) -> int:
     count = int(accessor["count"])
     if count < 0:
-        raise _InvalidValueError(f"a count of {count}")
+        raise _InvalidValueError(f"an accessor has {count} values")
     return count
 
 

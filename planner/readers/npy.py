@@ -61,11 +61,10 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
     expected = math.prod(shape) * dtype.itemsize
     data_size = len(data) - start
     if data_size != expected:
-        code, word = ("truncated", "fewer") if data_size < expected else ("damaged", "more")
         raise InputError(
-            code,
-            f"got {data_size} bytes of data, {word} than the {expected} that its header declares; "
-            "save the file again.",
+            "truncated" if data_size < expected else "damaged",
+            f"the header declares {expected} bytes of data, but the file has {data_size}; save the "
+            "file again.",
         )
     flat = np.frombuffer(data, dtype=dtype, offset=start)
     if is_grid:
@@ -82,8 +81,8 @@ def _voxels(grid: NDArray[Any], source: Source) -> Shape:
     if len(other):
         raise InputError(
             "not-voxels",
-            f"got a grid with the value {other[0]:g}, expected only 0 and 1; compare it "
-            "with a threshold, e.g. grid > 0.5.",
+            f"got a grid with the value {other[0]:g}, expected only 0 and 1; compare the grid "
+            "with a threshold, for example grid > 0.5.",
         )
     filled = int(np.count_nonzero(grid))
     if filled > source.most_cells:

@@ -89,7 +89,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
 def _damaged(found: str, line: int | None = None) -> InputError:
     return InputError(
         "damaged",
-        f"got {found}, expected 'v x y z', or 'f' and vertex numbers.",
+        f"got {found}, expected 'v x y z' for a vertex, or 'f' and vertex numbers for a polygon.",
         where=None if line is None else f"line {line}",
     )
 
@@ -152,7 +152,7 @@ def _first_fault(data: bytes, vertices: int) -> InputError | None:
             elif kind == "f":
                 for corner in (parse_int(word.partition("/")[0]) for word in words):
                     if corner == 0:
-                        raise ValueError("the vertex number 0")
+                        raise ValueError("the vertex number 0 (OBJ counts from 1)")
                     if not -known <= corner <= vertices:
                         return InputError(
                             "bad-index",

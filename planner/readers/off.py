@@ -93,8 +93,8 @@ def _words(data: bytes, at: int, number: int) -> tuple[list[str], int, int]:
 def _truncated(lines: int, vertices: int, polygons: int) -> InputError:
     return InputError(
         "truncated",
-        f"got {lines} lines after the counts, expected {vertices} vertices and {polygons} "
-        "polygons.",
+        f"got {lines} lines after the counts, expected a line for each of {vertices} vertices and "
+        f"{polygons} polygons; save or send the file again.",
     )
 
 
@@ -151,7 +151,9 @@ def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
         for number, words in lines[vertices : vertices + polygons]:  # noqa: B007
             corners = parse_int(words[0])
             if not 0 <= corners <= MAX_POLYGON_CORNERS or corners >= len(words):
-                raise ValueError(f"a polygon with {quote(words[0])} corners")
+                raise ValueError(
+                    f"a polygon with {quote(words[0])} corners and {len(words) - 1} vertex numbers"
+                )
             flat += [parse_int(word) for word in words[1 : corners + 1]]
             counts.append(corners)
         rows = np.array(flat, dtype=np.int64)
@@ -159,8 +161,8 @@ def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
         found = str(error) if isinstance(error, ValueError) else "too few or too large numbers"
         raise InputError(
             "damaged",
-            f"got {found}; expected three coordinates, or a number of corners and that many "
-            "vertex numbers.",
+            f"got {found}; expected three coordinates, or the number of corners of a polygon and "
+            "then as many vertex numbers.",
             where=f"line {number}",
         ) from error
     more = len(lines) - vertices - polygons

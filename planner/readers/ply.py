@@ -89,7 +89,7 @@ def read_ply(data: bytes, source: Source) -> Solid:
             with np.errstate(invalid="ignore"):
                 rows = corners.astype(np.int64)
             if corners.dtype.kind == "f" and not np.array_equal(rows, corners):
-                raise _damaged("a face has a vertex number that is not whole")
+                raise _damaged("a face has a vertex number that is not a whole number")
             parts.append(fans(rows, counts) if element.name == "face" else _strips(rows, counts))
     others = [e.name for e in elements if e.count and any(p.length for p in e.properties)]
     lists = [name for name in others if name not in ("face", "tristrips")]
@@ -152,7 +152,8 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
             ):
                 if TYPES[length][0] == "f":
                     raise _damaged(
-                        f"line {number} declares lists whose length has the type {length}"
+                        f"line {number} gives the length of lists the type {length} instead of "
+                        "an integer type"
                     )
                 elements[-1].properties.append(
                     _Property(name=name, kind=TYPES[kind], length=TYPES[length])

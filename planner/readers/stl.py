@@ -127,8 +127,8 @@ def _binary(data: bytes, source: Source) -> Solid:
     if len(data) > expected + (MAX_TAIL_BYTES if count else 0):
         raise InputError(
             "damaged",
-            f"the header declares {count} triangles, but the file has {len(data) - expected} "
-            "more bytes after them; save the file again.",
+            f"the header declares {count} triangles, but {len(data) - expected} more bytes follow "
+            "them; save the file again.",
         )
     notes = () if len(data) == expected else (TAIL_IGNORED,)
     points, faces = triangles_in(data[:expected], "stl")

@@ -60,7 +60,9 @@ def parse(text: str, most_cells: int = MAX_CELLS) -> object:
                 where=where,
             ) from error
         raise InputError(
-            "bad-json", f"this is not JSON ({error.msg}); expected strict JSON.", where=where
+            "bad-json",
+            f"this is not valid JSON ({error.msg}); correct the file, or save it again.",
+            where=where,
         ) from error
     except RecursionError as error:
         raise InputError(
@@ -81,7 +83,7 @@ def _no_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         if key in result:
             raise InputError(
                 "duplicate-key",
-                f"the key {quote(key)!r} occurs twice; remove one of them.",
+                f"the key {quote(key)!r} occurs more than once; keep only one.",
                 where=f"key {quote(key)!r}",
             )
         result[key] = value
@@ -103,7 +105,7 @@ def refuse_unread_keys(document: dict[str, Any], known: Collection[str]) -> None
             raise InputError(
                 "unknown-key",
                 f"got the unknown key {quote(key)!r}, expected one of: {', '.join(known)}; "
-                "convert the values, or remove the key.",
+                "use a known key and convert the values, or remove the key.",
                 where=quote(key),
             )
 

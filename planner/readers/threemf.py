@@ -127,11 +127,11 @@ def read_threemf(data: bytes, source: Source) -> Solid:
             "unsupported", f"the archive's compression is not supported ({quote(str(error))})."
         ) from error
     except KeyError as error:
-        raise _damaged(f"its model lacks {quote(str(error))}") from error
+        raise _damaged(f"the model lacks {quote(str(error))}") from error
     except (ValueError, IndexError, OverflowError, struct.error) as error:
-        raise _damaged(f"its model is broken ({error})") from error
+        raise _damaged(f"the model is broken ({error})") from error
     except LookupError as error:
-        raise _damaged("its XML has an unknown encoding") from error
+        raise _damaged("the model's XML has an unknown encoding") from error
     return models.solid()
 
 
@@ -166,7 +166,7 @@ def _models(archive: zipfile.ZipFile) -> list[str]:
     if unpacked > MAX_UNPACKED_BYTES or _is_bomb(unpacked, packed):
         raise _bomb(unpacked, packed)
     if len({e.filename.strip("/").lower() for e in models}) < len(models):
-        raise _damaged("its archive has two models with the same name")
+        raise _damaged("the archive has two models with the same name")
     main = _main_model(archive)
     names = [e.filename for e in sorted(models, key=lambda e: e.filename.count("/"))]
     return sorted(names, key=lambda name: name.lower() != main)
@@ -247,10 +247,10 @@ class _Models:
                     parser.Parse(piece, False)
                 parser.Parse(b"", True)
         except expat.ExpatError as error:
-            raise _damaged(f"its XML is broken ({quote(str(error))})") from error
+            raise _damaged(f"the model's XML is broken ({quote(str(error))})") from error
 
     def _refuse_doctype(self, *_: Any) -> None:
-        raise _damaged("its XML declares a document type, which no 3MF model does")
+        raise _damaged("the model's XML declares a document type, which no 3MF model does")
 
     def _start_role(self, tag: str, fields: dict[str, str]) -> None:
         match tag:
@@ -356,7 +356,7 @@ class _Models:
         words = fields.get("transform", "").split()
         numbers = [parse_float(word) for word in words] if words else IDENTITY
         if len(numbers) != 12 or not np.isfinite(numbers).all():
-            raise ValueError("a transform that is not twelve numbers")
+            raise ValueError("a transform that does not consist of twelve finite numbers")
         key = path.strip("/").lower() or self._name, fields["objectid"]
         return key, np.array(numbers).reshape(4, 3)
 
@@ -401,9 +401,10 @@ class _Models:
             if not len(corners):
                 continue
             if corners.min() < 0 or corners.max() >= len(own):
+                wrong = corners.min() if corners.min() < 0 else corners.max()
                 raise InputError(
                     "bad-index",
-                    f"a triangle uses vertex {corners.max()}, but there are {len(own)} vertices, "
+                    f"a triangle uses vertex {wrong}, but there are {len(own)} vertices, "
                     "counted from 0; export the model again.",
                 )
             with np.errstate(all="ignore"):
@@ -459,7 +460,7 @@ class _Models:
             return known[key]
         if key not in self._objects or depth > MAX_NESTING:
             found = "parts nested too deeply" if key in self._objects else "a missing object"
-            raise _damaged(f"its model refers to {found}")
+            raise _damaged(f"the model refers to {found}")
         model = self._objects[key]
         triangles, instances = len(model.corners), 1
         for part, _ in model.parts:

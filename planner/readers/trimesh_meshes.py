@@ -91,7 +91,7 @@ def incomplete(kind: Format, found: str) -> InputError:
     """Return the error for a mesh that cannot be read to its end."""
     return InputError(
         "damaged",
-        f"got an incomplete {kind.upper()} mesh ({found}), expected a whole one; save it again.",
+        f"got an incomplete {kind.upper()} mesh ({found}), expected a complete one; save it again.",
     )
 
 

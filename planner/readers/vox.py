@@ -68,7 +68,7 @@ def read_vox(data: bytes, source: Source) -> Shape:
         InputError: Chunks and their headers disagree.
     """
     if len(data) < FILE_HEADER_BYTES + CHUNK_HEADER_BYTES or data[8:12] != b"MAIN":
-        raise _damaged("its first chunk is not MAIN")
+        raise _damaged("the first chunk of the file is not MAIN")
     content = _chunks(data)
     if not content.models:
         raise InputError("empty", "got a .vox file without voxels.")
@@ -78,7 +78,8 @@ def read_vox(data: bytes, source: Source) -> Shape:
     for model, placed in placements:
         if not 0 <= model < len(content.models):
             raise _damaged(
-                f"its scene refers to model {model}, but the file has {len(content.models)} models"
+                f"the scene refers to model {model}, but the last model of the file is "
+                f"{len(content.models) - 1}"
             )
         total += len(content.models[model])
         if total > source.most_cells:
@@ -119,15 +120,18 @@ def _chunks(data: bytes) -> _File:
         if start + size > len(data):
             raise InputError(
                 "truncated",
-                f"a chunk {quote(kind.decode('latin-1'))!r} declares {size} bytes, but the file "
-                f"ends after {len(data) - start}; save or send it again.",
+                f"the chunk {quote(kind.decode('latin-1'))!r} declares {size} bytes, but the file "
+                f"ends after {len(data) - start} of them; save or send it again.",
             )
         _take(kind, _Reader(data[start : start + size]), content)
         at = start + size
     else:
-        raise InputError("too-large", f"got more than {MAX_CHUNKS} chunks.")
+        raise InputError(
+            "too-large",
+            f"the file has more than {MAX_CHUNKS} chunks, which is too many; simplify the model.",
+        )
     if len(content.sizes) != len(content.models):
-        raise _damaged(f"it has {len(content.models)} models but {len(content.sizes)} sizes")
+        raise _damaged(f"the file has {len(content.models)} models but {len(content.sizes)} sizes")
     return content
 
 
@@ -274,7 +278,7 @@ def _placements(content: _File) -> list[tuple[int, _Placed]]:
     while waiting:
         node, above = waiting.pop()
         if node in seen or len(seen) > MAX_SCENE_NODES:
-            raise _damaged(f"its scene uses node {node} twice, or has too many nodes")
+            raise _damaged(f"the scene uses node {node} twice, or has too many nodes")
         seen.add(node)
         if node in content.hidden or content.layers.get(node) in content.hidden_layers:
             _note(content, HIDDEN)
@@ -283,14 +287,14 @@ def _placements(content: _File) -> list[tuple[int, _Placed]]:
             child, own = content.moves[node]
             shift = above.turn @ own.shift + above.shift
             if np.abs(shift).max() > 1 << 30:
-                raise _damaged("its scene is too large")
+                raise _damaged("the scene is too large")
             waiting.append((child, _Placed(turn=above.turn @ own.turn, shift=shift)))
         elif node in content.groups:
             waiting += [(child, above) for child in content.groups[node]]
         elif node in content.shapes:
             placements += [(model, above) for model in content.shapes[node]]
         else:
-            raise _damaged(f"its scene refers to node {node}, which does not exist")
+            raise _damaged(f"the scene refers to node {node}, which does not exist")
     if any(len(cells) for model, cells in enumerate(content.models) if model not in content.named):
         _note(content, "models outside of the scene were ignored.")
     return placements

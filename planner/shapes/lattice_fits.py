@@ -434,6 +434,6 @@ def _volume(solid: Solid) -> float:
             return volume
     raise InputError(
         "no-volume",
-        "the mesh encloses no volume, expected a closed surface; close it, or give its walls some "
-        "thickness.",
+        "got a mesh that encloses no volume, expected a closed surface; close its holes, or give "
+        "its walls some thickness.",
     )

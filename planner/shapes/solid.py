@@ -176,8 +176,7 @@ def _without_slivers(points: Array, corners: Ints, said: list[str]) -> Ints:
     dropped = len(corners) - int(good.sum())
     if dropped == len(corners):
         raise InputError(
-            "degenerate",
-            f"all {dropped} triangles have no area; expected a closed surface.",
+            "degenerate", "got only triangles without area, expected a closed surface."
         )
     if dropped:
         were = "triangle without area was" if dropped == 1 else "triangles without area were"
@@ -195,11 +194,11 @@ def _check_extents(points: Array, triangles: int) -> None:
         or spread[0] <= MIN_THICKNESS_SHARE**2 * spread[-1]
     ):
         size = " × ".join(f"{e:g}" for e in extents)
-        what = "one triangle encloses" if triangles == 1 else f"{triangles} flat triangles enclose"
+        what = "one triangle" if triangles == 1 else f"{triangles} triangles"
         raise InputError(
             "flat",
-            f"got a mesh of {size} whose {what} no volume, expected a closed surface; give it some "
-            "thickness.",
+            f"got a flat mesh of {what}, which measures {size}, expected a closed surface; give "
+            "the mesh some thickness.",
         )
 
 
@@ -209,7 +208,9 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
         raise _no_surface(len(solid.faces))
     points, corners = welded(solid.vertices, solid.faces, tolerance=0.0)
     if not len(corners):
-        raise InputError("degenerate", "got triangles that coincide, expected a closed surface.")
+        raise InputError(
+            "degenerate", "got only triangles that lie on each other, expected a closed surface."
+        )
     edges = edges_of(corners)
     if edges.open:
         # Walls of two bodies may lie on each other; without one of them the mesh would be open.
@@ -232,9 +233,9 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
         closed = closed_holes(points, corners, edges)
         # A triangle without area that was left out leaves a hole without area.
         if closed.holes and closed.share > MIN_NOTED_HOLE_SHARE:
-            word, verb = ("hole was", "is") if closed.holes == 1 else ("holes were", "are")
+            word, its = ("hole was", "its") if closed.holes == 1 else ("holes were", "their")
             share = (
-                f", which {verb} {100 * closed.share:.0f} % of the surface"
+                f"; {its} area is {100 * closed.share:.0f} % of the surface"
                 if closed.share > 0.05
                 else ""
             )
@@ -266,7 +267,9 @@ def _outside_out(solid: Solid, said: list[str]) -> Solid:
         return solid
     oriented = orient_bodies(solid.vertices, solid.faces)
     if oriented is None:
-        said.append("its triangles have inconsistent orientations, so the inside was estimated.")
+        said.append(
+            "the triangles have inconsistent orientations, so the inside of the mesh was estimated."
+        )
         return replace(solid, oriented=False)
     if oriented.volume <= MIN_FILLED_SHARE * float(np.prod(solid.extents)):
         raise InputError(

@@ -131,8 +131,8 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
         notes.append(f"the cells contain only {100 * kept:.0f} % of the volume; use more modules.")
     elif iou < POOR_IOU:
         notes.append(
-            f"the shape is thinner than the cells, which match only {100 * iou:.0f} % of it; "
-            "use more modules."
+            f"the shape is thinner than a cell, and the match between cells and shape is only "
+            f"{100 * iou:.0f} %; use more modules."
         )
     if better:
         notes.append("the next smaller number of modules keeps more of the shape.")

@@ -81,8 +81,9 @@ class Program:
         self._highs.setOptionValue("simplex_scale_strategy", 0)
         if (status := self._highs.getModelStatus()) != OPTIMAL:
             raise PlannerError(
-                f"got the solver status {self._highs.modelStatusToString(status)}, expected an "
-                "optimum; please report this error together with the plan."
+                f"the solver of the contact forces got the status "
+                f"{self._highs.modelStatusToString(status)}, expected an optimum; please report "
+                "this error together with the plan."
             )
 
     def _pass(self, matrix: Columns, weight: Array, hinges: int, most: float) -> None:
@@ -111,7 +112,9 @@ class Program:
             np.zeros(columns, dtype=np.int32),  # none of them is a whole number
         )
         if passed == highspy.HighsStatus.kError:
-            raise PlannerError("got poses that the solver refuses, expected finite numbers")
+            raise PlannerError(
+                "got poses that the solver of the contact forces rejects, expected finite numbers"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

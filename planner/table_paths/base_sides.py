@@ -41,6 +41,17 @@ PLANE_SYMMETRIES: Final = tuple(
 lattice of cells to itself; paths that they map to each other count as the same."""
 
 
+SIDE_NAMES: Final[dict[str, str]] = {
+    "+x": "right",
+    "-x": "left",
+    "+y": "back",
+    "-y": "front",
+    "+z": "top",
+    "-z": "bottom",
+}
+"""Names, for texts, of the sides on which a shape may lie on the table."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Side:
     """A shape that lies on one of its sides.

@@ -16,20 +16,10 @@ from planner.pathfinding.knots import knot_of
 from planner.pathfinding.no_path_proofs import tuples
 from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
 from planner.shapes.shape import Shape
-from planner.table_paths.base_sides import sides_of
+from planner.table_paths.base_sides import SIDE_NAMES, sides_of
 from planner.table_paths.mending import added_words, cells_to_add, with_cells
 from planner.table_paths.no_table_path_proofs import NoPath, closest, most_telling, ruled_out
 from planner.table_paths.table_paths import paths_or_reasons
-
-SIDE_NAMES: dict[str, str] = {
-    "+x": "right",
-    "-x": "left",
-    "+y": "back",
-    "-y": "front",
-    "+z": "top",
-    "-z": "bottom",
-}
-"""Names, for notes to the user, of the sides on which a shape may lie on the table."""
 
 
 class TableCubes:

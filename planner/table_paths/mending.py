@@ -66,8 +66,8 @@ def with_cells(shape: Shape, added: list[Cell]) -> Shape:
 
 
 def added_words(added: list[Cell]) -> str:
-    """Return what a repair did, as a sentence."""
-    return f"Added {len(added)} cell{'s' * (len(added) != 1)}."
+    """Return what a repair did, to follow a colon."""
+    return f"added {len(added)} cell{'s' * (len(added) != 1)}."
 
 
 def _with(cells: Ints, added: list[Cell]) -> Ints:

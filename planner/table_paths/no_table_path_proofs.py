@@ -12,7 +12,12 @@ from planner.pathfinding import Cell
 from planner.pathfinding.lattice import parts
 from planner.pathfinding.no_path_proofs import obstacles, tuples
 from planner.table_paths.ascending_sat_paths import find_ascending_path
-from planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, Side, stands
+from planner.table_paths.base_sides import (
+    MIN_BALANCE_MARGIN_PITCH,
+    SIDE_NAMES,
+    Side,
+    stands,
+)
 from planner.table_paths.rules import FALLS, rule_violations
 
 Code = Literal["overhang", "parts", "hairpins-only", "not-stable", "no-path"]
@@ -26,9 +31,17 @@ FALLING_EFFORT: Final = 1.5
 tried if no path was found that never goes down; shared among the shape's orientations on the table.
 Larger values find more paths, more slowly. Chosen."""
 NO_TABLE_PATH_REMEDY: Final = (
-    "Add the missing cells, fold a part of the shape, or fold it in zero gravity."
+    "Add cells, fold only a part of the shape, or fold it in zero gravity."
 )
-LAY: Final = "Lay it on another side, or give it a wider foot."
+SHORT_REASONS: Final[dict[Code, str]] = {
+    "hairpins-only": "every path turns back directly above itself",
+    "no-path": "it has no path",
+    "not-stable": "it would tip over or almost tip over",
+    "overhang": "separate parts are joined only by cells with nothing below",
+    "parts": "a layer has several parts",
+}
+"""Reasons by their codes, as clauses, for all sides but the one that comes closest to a path."""
+LAY: Final = "Lay the shape on another side, or give it a wider foot."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,8 +72,7 @@ class NoPath:
     @property
     def text(self) -> str:
         """Text of side, detail and remedy."""
-        side = "in this position" if self.down == "-z" else f"with its {self.down} side down"
-        return f"{side}: {self.detail} {self.remedy}"
+        return f"with its {SIDE_NAMES[self.down]} side down: {self.detail} {self.remedy}"
 
 
 def ruled_out(side: Side) -> NoPath | None:
@@ -85,7 +97,7 @@ def ruled_out(side: Side) -> NoPath | None:
             return reason
         margin = stands(cells[cells[:, 2] <= height])
         if margin < MIN_BALANCE_MARGIN_PITCH:
-            return _tipping(side, margin, f"the part up to layer {height}", layer)
+            return _tipping(side, margin, _lowest_layers(height + 1), layer)
     return None
 
 
@@ -96,16 +108,16 @@ def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
         faults = rule_violations(side.cells[found.order])
         if not faults:
             return found.order, None
-        detail = f"no path was found that stays balanced throughout: {faults[0].detail}"
+        detail = f"the search found a path, but the chain cannot follow it: {faults[0].detail}"
         return None, _no_path(side, "not-stable", detail, faults[0].cells)
     if found.status == "undecided":
-        detail = "no path from the floor up was found, but one may exist."
+        detail = "the search found no path that only climbs from the floor, but one may exist."
         return None, _no_path(side, "no-path", detail, may_fall=True)
     free = find_ascending_path(side.cells, seed=seed, hairpins_allowed=True)
     if free.status == "found":
-        return None, _hairpins_only(side, "every path from the floor up")
-    proved = "proved that no path exists" if free.status == "infeasible" else "found no path"
-    detail = f"the search {proved} from the floor up."
+        return None, _hairpins_only(side, "every path that only climbs from the floor")
+    found_none = "proved that there is no" if free.status == "infeasible" else "found no"
+    detail = f"the search {found_none} path that only climbs from the floor."
     return None, _no_path(side, "no-path", detail, may_fall=True)
 
 
@@ -130,7 +142,7 @@ def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPat
         )
         if free.status == "found":
             return None, _hairpins_only(
-                side, "every path that starts flat on the floor, whether it only climbs or not,"
+                side, "every path that starts flat on the floor, even if it goes down in between,"
             )
     return None, None
 
@@ -143,8 +155,12 @@ def closest(reasons: tuple[NoPath, ...]) -> NoPath:
 def most_telling(reasons: tuple[NoPath, ...]) -> tuple[str, str]:
     """Return code and detail without any path: of the closest side, and codes of the rest."""
     first = closest(reasons)
-    others = [f"{reason.down} {reason.code}" for reason in reasons if reason is not first]
-    rest = f" Reasons on other sides: {', '.join(others)}." if others else ""
+    others = [
+        f" With its {SIDE_NAMES[reason.down]} side down, {SHORT_REASONS[reason.code]}."
+        for reason in reasons
+        if reason is not first
+    ]
+    rest = "".join(others)
     return first.code, f"got a shape without a path for a table; {first.text}{rest}"
 
 
@@ -154,7 +170,7 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
         problems = obstacles(layer) if len(layer) > 2 else ()
         if not problems:
             return None
-        detail = f"layer {height}: {problems[0].detail}"
+        detail = f"layer {height + 1} from the bottom: {problems[0].detail}"
         reason = _no_path(side, "no-path", detail, problems[0].cells, may_fall=True)
         return replace(reason, cause=problems[0].code)
     cells = side.cells
@@ -163,21 +179,21 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
         hanging = _borne_by_nothing(cells)
         detail = (
             f"{len(hanging)} cell{'s' * (len(hanging) != 1)} with nothing below "
-            f"join{'s' * (len(hanging) == 1)} {joined} separate parts; a chain that only climbs "
-            "cannot fold them."
+            f"connect{'s' * (len(hanging) == 1)} {joined} separate parts; a chain that only climbs "
+            "cannot fold such a shape."
         )
         return _no_path(side, "overhang", detail, tuples(hanging), may_fall=True)
     detail = (
-        f"layer {height} consists of {count} separate parts; a chain that only climbs cannot "
-        "leave a layer and come back."
+        f"layer {height + 1} from the bottom consists of {count} separate parts; a chain that only "
+        "climbs cannot leave a layer and come back."
     )
     return _no_path(side, "parts", detail, tuples(layer), may_fall=True)
 
 
 def _hairpins_only(side: Side, which: str) -> NoPath:
     detail = (
-        f"{which} turns back directly above itself somewhere, and a chain cannot fold such a turn "
-        "on a table."
+        f"{which} turns back directly above itself somewhere. On a table, a chain cannot fold such "
+        "a turn."
     )
     return _no_path(side, "hairpins-only", detail, may_fall=True)
 
@@ -187,6 +203,11 @@ def _borne_by_nothing(cells: Ints) -> Ints:
     known = {tuple(cell) for cell in cells.tolist()}
     hanging = [z > 0 and (x, y, z - 1) not in known for x, y, z in cells.tolist()]
     return cells[np.array(hanging, dtype=np.bool_)]
+
+
+def _lowest_layers(count: int) -> str:
+    layers = "layer" if count == 1 else f"{count} layers"
+    return f"a chain folds the lowest {layers} first, and this part"
 
 
 def _tipping(side: Side, margin: float, what: str, cells: Ints) -> NoPath:

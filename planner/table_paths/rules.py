@@ -98,8 +98,8 @@ def _of_the_start(order: Ints) -> list[Fault]:
     if order[0, 2] == 0 and order[1, 2] == 0:
         return []
     detail = (
-        "the first link does not lie on the floor, but the path must start with a link on the "
-        "floor."
+        "the path must start with two cells on the floor, but at least one of its first two cells "
+        "is higher."
     )
     return [Fault(code="first-link", detail=detail, at=0, cells=_named(order[:2]))]
 
@@ -119,8 +119,8 @@ def _downs(order: Ints, rule: Rule) -> list[Fault]:
     return [
         Fault(
             code="goes-down",
-            detail=f"the link from cell {k} to cell {k + 1} goes down, but the path must rise "
-            "layer by layer.",
+            detail=f"the path goes down from cell {k} to cell {k + 1}, but it must rise layer by "
+            "layer.",
             at=k,
             cells=_named(order[k : k + 2]),
         )
@@ -133,7 +133,7 @@ def _hairpins(order: Ints) -> list[Fault]:
         Fault(
             code="hairpin",
             detail=f"the path turns back directly above itself at cells {a} to {b}, but it must "
-            "not reverse its direction across vertical links.",
+            "not: on a table, a chain cannot fold such a turn.",
             at=a,
             cells=_named(order[a : b + 1]),
         )
@@ -147,10 +147,11 @@ def _unstable(order: Ints) -> list[Fault]:
         return []
     k = bad[0]
     detail = (
-        f"the first {k + 1} cells would tip over: their centre of mass must be at least "
-        f"{MIN_BALANCE_MARGIN_PITCH:g} module widths inside their base. In total, "
-        f"{len(bad)} beginnings of the path would tip over."
+        f"the first {k + 1} cells of the path would tip over: their centre of mass must be at "
+        f"least {MIN_BALANCE_MARGIN_PITCH:g} module widths inside the edge of their base."
     )
+    if more := len(bad) - 1:
+        detail += f" {more} longer beginning{'s' * (more > 1)} of the path would tip over, too."
     return [Fault(code="not-stable", detail=detail, at=k, cells=_named(order[k : k + 1]))]
 
 

@@ -50,15 +50,21 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
     if told["module_size"] != size:
         yield f"module_size: got {told['module_size']:g}, expected {size:g}"
     if told["bent_above_rad"] > MAX_UNREPORTED_BEND_RAD:
-        yield f"bent_above_rad: got {told['bent_above_rad']:.3g}, expected less than a right angle"
+        yield (
+            f"bent_above_rad: got {told['bent_above_rad']:.3g}, expected at most "
+            f"{MAX_UNREPORTED_BEND_RAD:.3g}"
+        )
     if not np.allclose(
         angles_rad[:first], chain.folded_rad[:first], rtol=0.0, atol=SINGLE_PRECISION_ANGLE_RAD
     ):
-        yield f"first_hinge: got {first}, expected only folded hinges before it"
+        yield f"first_hinge: got {first}, but a hinge before it is not folded"
     bent = np.flatnonzero(np.abs(angles_rad) > told["bent_above_rad"])
     expected = bent[bent >= first].tolist()
     if [turn["hinge"] for turn in told["turns"]] != expected:
-        yield f"turns: got {len(told['turns'])}, expected one for each of {len(expected)} hinges"
+        yield (
+            f"turns: got {len(told['turns'])} turns, expected one turn of each bent hinge, in "
+            f"order ({len(expected)} in all)"
+        )
         return
     if not told["turns"] and not told["moves"]:
         yield "turns and moves: got none, expected at least one blocked turn or move"
@@ -70,7 +76,11 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
         if turn["module"] != module or not i <= module < j:
             yield f"{name}: got modules {i} and {j}, expected one on each side of module {module}"
         if turned * angles_rad[hinge] >= 0.0 or abs(turned) > MAX_BLOCKED_TURN_RAD + AXIS_ROUNDING:
-            yield f"{name}: got a turn of {turned:.3g} rad, expected a small turn towards straight"
+            most = MAX_BLOCKED_TURN_RAD
+            yield (
+                f"{name}: got a turn of {turned:.3g} rad, expected one towards straight of at most "
+                f"{most:.3g} rad"
+            )
         now = angles_rad.copy()
         now[hinge] += turned
         poses = forward_kinematics(chain.module, now)
@@ -87,7 +97,8 @@ def _moves_differ(chain: Chain, told: BlockFigures, size: float) -> Differences:
         yield "moves: expected each of the six directions once"
     joint = told["first_hinge"] // chain.module.hinges_per_joint
     if told["unit"] is None or told["unit"][1] != joint + chain.module.rigid_links:
-        yield f"unit: got {told['unit']}, expected one that ends at the end of the core"
+        last = joint + chain.module.rigid_links
+        yield f"unit: got {told['unit']}, expected modules that end with module {last}"
         return
     low, high = told["unit"]
     folded = forward_kinematics(chain.module, chain.folded_rad)
@@ -95,10 +106,13 @@ def _moves_differ(chain: Chain, told: BlockFigures, size: float) -> Differences:
         (a, b), moved = move["modules"], move["moved"]
         name = f"direction {move['direction']}"
         if not (low <= a <= high and 0 <= b < low):
-            yield f"{name}: got modules {a} and {b}, expected one in the unit and one in the core"
+            yield (
+                f"{name}: got modules {a} and {b}, expected one of modules {low} to {high}, and "
+                "one before them"
+            )
         if not 0.0 < moved <= MAX_BLOCKED_MOVE_PITCH:
             most = MAX_BLOCKED_MOVE_PITCH
-            yield f"{name}: got a move of {moved:g}, expected one of at most {most:g}"
+            yield f"{name}: got a move of {moved:g} pitch, expected at most {most:g} pitch"
         positions = folded.positions.copy()
         positions[low:] += moved * np.array(move["direction"])
         poses = Poses(positions=positions, rotations=folded.rotations)
@@ -117,13 +131,15 @@ def _overlap_differs(
     """Yield the reasons why two modules are no obstacle to each other as reported."""
     i, j = pair
     if not 0 <= i < j < len(chain) or j - i < chain.module.apart:
-        yield f"{name}: got modules {i} and {j}, expected two that are not linked"
+        yield f"{name}: got modules {i} and {j}, expected two modules that are not linked"
         return
     found = overlap(chain, poses, i, j, size)
     if not (found > 0.0 and abs(found - told) <= REPORTED_OVERLAP_TOLERANCE_PITCH):
-        yield f"{name}: modules {i} and {j} overlap by {found:.3g}, expected {told:.3g}"
+        yield (
+            f"{name}: modules {i} and {j} overlap by {found:.3g} pitch, expected {told:.3g} pitch"
+        )
     if overlap(chain, before, i, j, size) > AXIS_ROUNDING:
-        yield f"{name}: modules {i} and {j} overlap before the motion, expected two that do not"
+        yield f"{name}: modules {i} and {j} already overlap before the motion"
 
 
 def overlap(chain: Chain, poses: Poses, i: int, j: int, size: float) -> float:

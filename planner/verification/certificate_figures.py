@@ -65,11 +65,15 @@ class ReportedFigures:
                 for n in _ROUNDING_DEPENDENT_FIGURES
                 if n not in ("in_betweens", "min_clearance_record_at")
             ]
-            notes.append("There is no record.npz, so figures of the record were not compared.")
+            notes.append(
+                "There is no record.npz, so the figures of the explosion were not compared."
+            )
         if (mine.get("robots") or [])[1:] and self.playback and self.playback.others_rad is None:
             aside |= {"exempt_pairs", "max_angle_rad"}
             loose = [n for n in loose if n not in ("in_betweens", "robots")]
-            notes.append("Figures of the robots that are not shown were not compared.")
+            notes.append(
+                "The playbacks of the other robots are missing, so their figures were not compared."
+            )
         if self.earlier and "simulated" not in self.certificate:
             # Earlier versions told the bound of the plan alone, told less of the rest,
             # and looked at other places in between.
@@ -77,8 +81,8 @@ class ReportedFigures:
             loose = [name for name in loose if name in self.certificate]
             aside |= {f.name for f in fields(Certificate)} - set(self.certificate)
             notes.append(
-                "The certificate is from an earlier version: its figures were compared, except "
-                "clearance_bound and in_betweens."
+                "The certificate is from an earlier version. Its figures clearance_bound and "
+                "in_betweens were not compared."
             )
         names = [f.name for f in fields(Certificate) if f.name not in aside]
         yield from figure_differences(

@@ -95,7 +95,7 @@ def check_reason(
     try:
         differences = tuple(_differences(chain, record, told, parameters))
     except UNREADABLE as error:
-        differences = (f"the evidence cannot be computed again ({type(error).__name__}: {error})",)
+        differences = (f"the evidence cannot be checked ({type(error).__name__}: {error})",)
     return ReasonCheck(kind=str(told.get("kind")), words=stuck["words"], differences=differences)
 
 
@@ -105,13 +105,13 @@ def _differences(
     last = record.frames[-1:].dense(chain)
     angles = last.joint_angles_rad[0]
     if record.status not in ("stalled", "timeout", "diverged"):
-        yield f"status: got {record.status}, which needs no reason"
+        yield f"status: got {record.status}, but a run with this status did not stall"
     elif told["kind"] == "knot":
         yield from knot_differs(last.poses(chain).positions[0], told)
     elif told["kind"] == "blocks":
         peels = record.strategy == "peel"
         if told["first_hinge"] and not peels:
-            yield f"first_hinge: got {told['first_hinge']}, expected 0 without peeling"
+            yield f"first_hinge: got {told['first_hinge']}, expected 0, as the strategy is not peel"
         size = float(parameters["module_size"])
         if _limits_of(record) != "table":  # on a table, this size is what is kept clear
             how: dict[str, Any] = parameters[_limits_of(record)] or {}
@@ -164,7 +164,10 @@ def _spent_differs(
     if spent == "refusals":
         most = float(parameters["table"]["most_torque"])
         if record.table is None or record.table.bound < most:
-            yield f"spent: got refusals, expected a bound of {most:g} w·p or more in the record"
+            yield (
+                f"spent: got refusals, expected that the record allows torques up to {most:g} w·p "
+                "at the end"
+            )
 
 
 def _counted(record: Record, spent: SpentKind) -> int:

@@ -96,25 +96,31 @@ def _reason_of_sealed(path: FilePath, known: Digests | None) -> str | None:
         return None
     text = json.dumps(read_group(path).attrs.asdict().get("id"))
     return (
-        None if digests_of_texts({"id": text})["id"] == identity else "it belongs to another fold"
+        None
+        if digests_of_texts({"id": text})["id"] == identity
+        else "the file belongs to another fold"
     )
 
 
 def _reason_by_digest(directory: FilePath, name: str, known: dict[str, str]) -> str | None:
     here = digests_of(directory, [name])[name]
     changed = [field for field in {**known, **here} if known.get(field) != here.get(field)]
-    return f"it was changed: {', '.join(changed[:3])}" if changed else None
+    return f"these fields were changed: {', '.join(changed[:3])}" if changed else None
 
 
 def _reason_by_itself(path: FilePath) -> str | None:
     """Return what can be seen of a file without a manifest."""
     if path.suffix == ".json":
         values = json.loads(path.read_bytes())
-        return None if isinstance(values, dict | list) else f"got {type(values).__name__}"
+        return (
+            None
+            if isinstance(values, dict | list)
+            else f"got {type(values).__name__}, expected an object or a list"
+        )
     if path.suffix == ".npz":
         with ZipFile(path) as file:
             broken = file.testzip()
-        return None if broken is None else f"{broken} was changed"
+        return None if broken is None else f"the field {broken} was changed"
     return None
 
 

@@ -61,7 +61,10 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
         and np.allclose((over, under), other[:2], rtol=0.0, atol=CROSSING_TOLERANCE_EDGES)
         for (over, under, sign), other in zip(sorted(seen), sorted(diagram), strict=True)
     ):
-        yield f"diagram: the polygon has {len(seen)} crossings, which differ from the evidence"
+        yield (
+            f"diagram: the polygon has {len(seen)} crossings, which differ from those of the "
+            "evidence"
+        )
         return
     drawn = invariants_of_crossings(seen)
     if not told["closings"]:
@@ -76,7 +79,7 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
         )
         found = invariants_of(np.concatenate([moved, outside]), rng)
         if found is None or drawn is None:
-            yield "determinant: it cannot be computed again for so many crossings"
+            yield "determinant: there are too many crossings to compute it again"
             return
         if not found.knotted:
             yield "knot: two values of the chain's polynomial show no knot"
@@ -84,8 +87,8 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
             yield f"determinant: got {told['determinant']}, expected {found.determinant}"
         if drawn != found:
             yield (
-                f"polygon: got the determinant {drawn.determinant}, expected the chain's "
-                f"determinant, {found.determinant}, and the chain's polynomial"
+                f"polygon: got the determinant {drawn.determinant}, expected the determinant "
+                f"{found.determinant} and the polynomial of the chain"
             )
 
 
@@ -114,8 +117,8 @@ def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Diff
         others = np.delete(positions, end, axis=0)
         if _distances(others, positions[end], corner).min() < MIN_FREE_LINE_PITCH:
             yield (
-                f"closings: the line from module {end} crosses other modules, expected a free line "
-                f"or {MIN_CLOSINGS} lines"
+                f"closings: the line from module {end} crosses other modules, expected a line that "
+                f"crosses none, or at least {MIN_CLOSINGS} closings"
             )
 
 

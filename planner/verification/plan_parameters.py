@@ -124,7 +124,7 @@ def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differ
         smoothed = plan.smoothing is not None
         parameters = request.parameters(smoothed=smoothed)
     except (*UNREADABLE, PlannerError) as error:
-        yield f"request.json: it cannot be read ({error})"
+        yield f"request.json cannot be read ({error})"
         return
     told = {"seed": plan.seed, "preset": plan.preset}
     told["refold"] = plan.start is not None

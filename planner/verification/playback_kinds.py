@@ -41,8 +41,8 @@ def kind_differs(plan: Plan, playback: Playback, *, earlier: bool) -> Difference
     """
     wanted = plan_preset(plan).explosion is not None
     if wanted != (plan.explosion is not None):
-        need = "its results" if wanted else "null"
-        yield f"plan.npz explosion: expected {need} with the preset {plan.preset}"
+        need = "null, expected results" if wanted else "results, expected null"
+        yield f"plan.npz explosion: got {need}, as the preset is {plan.preset}"
     direct = plan.explosion is None and not plan.motion.is_windowed
     limit = int(playback_number(plan, "dynamic_up_to"))
     short = len(plan.chain) <= limit
@@ -81,7 +81,7 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
     played, reference = playback.frames, playback.reference
     moves = reference.steps(plan.chain)[0].any()
     if not np.isfinite(played.errors).all():
-        yield "timeline.zarr joint errors: got no numbers, expected errors of a simulation"
+        yield "timeline.zarr joint errors: got undefined numbers, expected errors of a simulation"
     if moves and np.array_equal(played.angles_rad, reference.angles_rad):
         yield (
             "timeline.zarr joint angles: got exactly those of plan.npz, expected those of a "

@@ -64,7 +64,7 @@ def stage_files_differ(
         try:
             yield from differences()
         except (*UNREADABLE, PlannerError) as error:
-            yield f"{name}: it cannot be read ({error})"
+            yield f"{name} cannot be read ({error})"
 
 
 _RESULT_FILES: Final = {names.PLAYBACK: "playback", names.RECORD: "explosion"}
@@ -126,14 +126,14 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
     numbers = np.rint(frames.time_s / (every * told["step_s"])).astype(np.int64)
     numbers[-1] = len(angles) - 1
     if (np.diff(numbers) < 0).any() or numbers[0] < 0 or numbers.max() >= len(angles):
-        yield f"{name}: its times are not those of the frames"
+        yield f"{name}: the times of the snapshots are not those of the frames"
         return
     yield from array_difference(angles[numbers], frames.joint_angles_rad, name, atol=PLAN_STEP_RAD)
     held = np.searchsorted(numbers, np.arange(len(angles)), side="right") - 1
     far = np.abs(angles - frames.joint_angles_rad[held]).max(axis=1)
     near = far <= FRAME_SPACING_RAD + PLAN_STEP_RAD
     if not near.all():
-        yield f"{name}[{int(np.argmax(~near))}]: it differs from the frame of the record"
+        yield f"{name}[{int(np.argmax(~near))}] differs from the frame of the record"
 
 
 def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:

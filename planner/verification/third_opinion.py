@@ -78,7 +78,7 @@ class Contact:
     def words(self) -> str:
         """Plain English for the contact."""
         pair = "modules" if self.modules is None else "modules {} and {}".format(*self.modules)
-        return f"{pair} come too close at frame {self.frame:.3f}"
+        return f"{pair} come too close to each other at frame {self.frame:.3f}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,8 +108,9 @@ class Opinion:
         """Plain English for what was looked at."""
         return (
             f"{self.program} finds no modules within {self.clearance:.4f} pitches of each other "
-            f"({self.intervals} intervals, divided into {self.parts} straight parts that deviate "
-            f"from the motion by at most {self.deviation:.1g} pitches; took {self.seconds:.1f} s)"
+            f"({self.intervals} intervals between frames were divided into {self.parts} straight "
+            f"parts, which deviate from the motion by at most {self.deviation:.1g} pitches; the "
+            f"check took {self.seconds:.1f} s)"
         )
 
     @property

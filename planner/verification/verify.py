@@ -136,7 +136,7 @@ def verify(
             if len(changed) <= MAX_DIFFERENCES
             else f", and {len(changed) - MAX_DIFFERENCES} more"
         )
-        told = f"{error} These files were changed: {'; '.join(changed[:MAX_DIFFERENCES])}{more}."
+        told = f"{error} These fields were changed: {'; '.join(changed[:MAX_DIFFERENCES])}{more}."
         if isinstance(error, InputError):
             raise InputError(error.code, told) from error
         raise TimelineError(told) from error
@@ -207,7 +207,7 @@ def _check_figures(
 ) -> None:
     """Compare the reported figures with a certificate computed again; prove its bounds again."""
     simulated = told.playback is not None and told.playback.simulated
-    alone = ", except simulated torques and the largest error between frames"
+    alone = " (not computed again: simulated torques, and the largest error between frames)"
     found.look(
         f"the certificate's figures were computed again and match{alone if simulated else ''}",
         told.differences(certificate, found.notes),
@@ -287,7 +287,7 @@ def _reason(directory: FilePath, plan: Plan, found: _Findings) -> ReasonCheck | 
         found.look(
             "the reason why the explosion stalled was confirmed",
             (
-                f"the reason why the explosion stalled: {difference}"
+                f"the reason why the explosion stalled is not confirmed: {difference}"
                 for difference in reason.differences
             ),
         )
@@ -315,8 +315,8 @@ def _check_manifest(directory: FilePath, found: _Findings, *, earlier: bool) -> 
     changed = manifest.changed_fields(directory)
     if changed is None and not earlier:
         found.problems.append(
-            f"failed: {manifest.FILE}: it is missing, expected the digests of all fields; copy it "
-            "with the fold's other files."
+            f"failed: {manifest.FILE}, the file with the digests of all fields, is missing; copy "
+            "it with the fold's other files."
         )
     elif changed is None:
         found.notes.append(
@@ -326,10 +326,10 @@ def _check_manifest(directory: FilePath, found: _Findings, *, earlier: bool) -> 
         )
     else:
         found.look(
-            "every field of every file matches its digest in manifest.json (figures.zarr, the "
-            "plots, is checked in no other way)",
+            "every field of every file matches its digest in manifest.json (the plots in "
+            "figures.zarr are checked in no other way)",
             (
-                field if field.endswith(manifest.MISSING) else f"{field}: it was changed"
+                field if field.endswith(manifest.MISSING) else f"{field} was changed"
                 for field in changed
             ),
         )
@@ -364,8 +364,8 @@ def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differe
     if earlier and (fewer := EXEMPT_PAIR_LINE.sub(needed, text)) != text:
         text = fewer
         notes.append(
-            "model.xml is from an earlier version and exempts neighbours from collision checks; "
-            "the replay checked them nevertheless."
+            "An earlier version wrote model.xml. It exempts neighbouring modules from collision "
+            "checks, but the replay checked them."
         )
     try:
         size = plan_parameters(plan, None).module_size

@@ -51,7 +51,7 @@ from server.errors import (
     WebsocketNeeded,
     refusal_of,
 )
-from server.files.trajectories import Acceleration, Form, MotorsWanted, Retimed, Speed, Wanted
+from server.files.trajectories import MotorsWanted, Retimed, Wanted
 from server.http.client_address import address_of
 from server.http.limited_stream import LimitedStream
 from server.http.websockets import close, first_of, receive
@@ -105,6 +105,13 @@ COMPUTING_PROBLEMS: Final = (404, 409, 413, 422, 429, 503)
 """HTTP statuses of refusals to compute them."""
 
 
+Speed = Annotated[float, Query(ge=1e-3, le=1e3, description="Maximum joint speed, rad/s.")]
+Acceleration = Annotated[
+    float, Query(ge=1e-3, le=1e4, description="Maximum joint acceleration, rad/s².")
+]
+Form = Literal["csv", "json"]
+
+
 @router.get(
     "/trajectory",
     summary="Get the plan with time stamps for a robot",
@@ -121,7 +128,7 @@ async def get_trajectory(
     context: Here,
     max_speed: Speed = 1.0,
     max_acceleration: Acceleration = 2.0,
-    form: Form = "json",
+    form: Annotated[Form, Query(alias="format")] = "json",
     rate: Annotated[
         float | None,
         Query(gt=0, le=1e4, description="Rows per second. Default: one row per frame of the plan."),
@@ -167,6 +174,49 @@ async def get_trajectory(
     )
 
 
+async def motors_in_query(
+    module_mass: Annotated[float, Query(gt=0, le=1e6, description="Mass of a module, kg.")],
+    max_speed: Speed = 1.0,
+    max_acceleration: Acceleration = 2.0,
+    pitch: Annotated[
+        float | None,
+        Query(
+            gt=0,
+            le=1e3,
+            description="Distance between module centres, m. Default: the plan's pitch.",
+        ),
+    ] = None,
+    gravity: Annotated[
+        float,
+        Query(
+            ge=0,
+            le=1e3,
+            description="Gravity, m/s². It acts in the worst direction for each joint.",
+        ),
+    ] = 9.81,
+    floating: Annotated[
+        bool,
+        Query(
+            description="True: the chain floats without gravity. False: its middle module is held."
+        ),
+    ] = False,
+    motor_torque: Annotated[
+        float | None, Query(gt=0, le=1e9, description="Largest torque of a motor, N·m.")
+    ] = None,
+    form: Annotated[Form, Query(alias="format")] = "json",
+) -> tuple[float, float, MotorsWanted]:
+    """Return the speed and acceleration of the motion, rad/s and rad/s², and the motors."""
+    motors = MotorsWanted(
+        module_mass_kg=module_mass,
+        pitch_m=pitch,
+        gravity_m_s2=gravity,
+        held=not floating,
+        motor_torque_nm=motor_torque,
+        form=form,
+    )
+    return max_speed, max_acceleration, motors
+
+
 @router.get(
     "/motors",
     summary="Get the torques that the plan needs",
@@ -181,10 +231,10 @@ async def get_motors(
     request: Request,
     fold_id: str,
     context: Here,
-    motors: Annotated[MotorsWanted, Depends(MotorsWanted)],
+    query: Annotated[tuple[float, float, MotorsWanted], Depends(motors_in_query)],
 ) -> Response:
     """Compute the torques by inverse dynamics for the motion that `trajectory` returns."""
-    speed, acceleration = motors.max_speed, motors.max_acceleration
+    speed, acceleration, motors = query
     row, wanted = await asyncio.to_thread(_wanted, context, fold_id, speed, acceleration)
     if row.modules > MAX_MOTOR_MODULES:
         raise TooLarge(

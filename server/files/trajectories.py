@@ -11,10 +11,8 @@ import shutil
 import weakref
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 from zipfile import BadZipFile, ZipFile
-
-from fastapi import Query
 
 from planner.file_names import PLAN
 from planner.readers.limits import megabytes
@@ -51,13 +49,6 @@ takes more memory; a smaller one is slower. Chosen."""
 MAX_RETIMED_PLAN_BYTES: Final = 64 * 2**20
 """Maximum file size of a plan to which the service gives a new timing for a robot, in bytes; larger
 plans are left to the command line. A larger value lets one request take more memory. Chosen."""
-
-
-Speed = Annotated[float, Query(ge=1e-3, le=1e3, description="Maximum joint speed, rad/s.")]
-Acceleration = Annotated[
-    float, Query(ge=1e-3, le=1e4, description="Maximum joint acceleration, rad/s².")
-]
-Form = Annotated[Literal["csv", "json"], Query(alias="format")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,42 +100,23 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorsWanted:
-    """Query for a table of motors: the robot, its motion, and the table's format."""
+    """Robot of a table of motors, and the table's format.
 
-    module_mass_kg: Annotated[
-        float, Query(alias="module_mass", gt=0, le=1e6, description="Mass of a module, kg.")
-    ]
-    max_speed: Speed = 1.0
-    max_acceleration: Acceleration = 2.0
-    pitch_m: Annotated[
-        float | None,
-        Query(
-            alias="pitch",
-            gt=0,
-            le=1e3,
-            description="Distance between module centres, m. Default: the plan's pitch.",
-        ),
-    ] = None
-    gravity_m_s2: Annotated[
-        float,
-        Query(
-            alias="gravity",
-            ge=0,
-            le=1e3,
-            description="Gravity, m/s². It acts in the worst direction for each joint.",
-        ),
-    ] = 9.81
-    floating: Annotated[
-        bool,
-        Query(
-            description="True: the chain floats without gravity. False: its middle module is held."
-        ),
-    ] = False
-    motor_torque_nm: Annotated[
-        float | None,
-        Query(alias="motor_torque", gt=0, le=1e9, description="Largest torque of a motor, N·m."),
-    ] = None
-    form: Form = "json"
+    Attributes:
+        module_mass_kg: Mass of a module.
+        pitch_m: Distance of neighbouring modules; the plan's when None.
+        gravity_m_s2: Gravity.
+        held: True if the root module is fixed.
+        motor_torque_nm: Torque limit of a motor, N·m; None if not given.
+        form: ``csv`` or ``json``.
+    """
+
+    module_mass_kg: float
+    pitch_m: float | None
+    gravity_m_s2: float
+    held: bool
+    motor_torque_nm: float | None
+    form: Literal["csv", "json"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True, eq=False)
@@ -236,7 +208,7 @@ class Trajectories:
 
         def made() -> bytes:
             with self._motions.directory() as place:
-                self._call("motors", place, wanted, asdict(motors))
+                self._call("motors", place, wanted, {**wanted.request(), **asdict(motors)})
                 with open(place / MOTORS_FILE, "rb") as table:
                     found = table.read(MAX_MOTOR_TABLE_BYTES + 1)
                 if len(found) > MAX_MOTOR_TABLE_BYTES:

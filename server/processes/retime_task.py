@@ -93,7 +93,7 @@ def motors(directory: Path) -> dict[str, Any]:
         module_mass_kg=request["module_mass_kg"],
         pitch_m=chain.pitch_m if pitch_m is None else pitch_m,
         gravity_m_s2=request["gravity_m_s2"],
-        held=not request["floating"],
+        held=request["held"],
     )
     table = motor_table(chain, trajectory, build, motor_torque_nm=request["motor_torque_nm"])
     text = table.as_csv() if request["form"] == "csv" else json.dumps(table.as_dict())

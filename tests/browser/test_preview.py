@@ -137,7 +137,7 @@ def test_missing_path_is_explained_repaired_and_unrepaired(visit: Visit) -> None
     page.locator("[name=world][value=table]").check(force=True)
     add = page.get_by_role("button", name=re.compile(r"^Add \d cells?: \d+ modules"))
     expect(add).to_be_visible()
-    expect(page.locator("#problems")).to_contain_text("5 cells are black and 3 are white")
+    expect(page.locator("#problems")).to_contain_text("5 are black and 3 are white")
     assert page.evaluate(WIDTH) <= 390
     modules = re.findall(r"\d+", add.inner_text())[1]
     add.tap()

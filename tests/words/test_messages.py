@@ -48,13 +48,29 @@ VERDICTS = {
         "If it is laid on a table in each frame, the largest torque of a hinge is 2 w·p"
     ),
     "failed: the chain needs 3.2 w·p in frame 4 (without friction), expected at most 2 w·p": (
-        "failed: a hinge needs a torque of 3.2 w·p in frame 4 (without friction), expected at most "
+        "failed: a hinge needs a torque of 3.2 w·p in frame 4 (without friction), but the limit is "
         "2 w·p"
     ),
     "the chain is knotted (determinant 3): drawn as it stalled, with its ends extended outwards, "
     "it has 3 crossings": (
         "the chain is knotted (the determinant of its knot is 3; without a knot, it is 1): a "
-        "drawing of it at the stall, with both ends extended outwards, has 3 crossings"
+        "drawing of the stalled chain, with both ends extended outwards, has 3 crossings"
+    ),
+    "the chain is knotted (determinant 1): drawn as it stalled, with its ends extended outwards, "
+    "it has 11 crossings": (
+        "the chain is knotted: a drawing of the stalled chain, with both ends extended outwards, "
+        "has 11 crossings"
+    ),
+    "1\u00a0000 random pushes in a row, the limit, made no progress; 2 hinges were still bent": (
+        "the limit of 1\u00a0000 random pushes in a row without progress was reached; "
+        "2 hinges were still bent"
+    ),
+    "the torque limit was exceeded 41 times; 40 times are allowed": (
+        "the torque limit was exceeded 41 times, but only 40 times are allowed"
+    ),
+    "failed: modules sink 0.1 pitch into the table in frame 3, expected at most 0.02": (
+        "failed: modules sink 0.1 module widths into the table in frame 3, but at most 2 % of "
+        "a module width is allowed"
     ),
     "the 4 hinges bent by more than 6° at modules 1, 2 and 3 more cannot straighten, each by "
     "itself: module 1 against 9, module 2 against 8, and 1 pairs more; modules 5 to 7, which come "
@@ -78,7 +94,8 @@ VERDICTS = {
         "failed: the plan contains infinite or undefined numbers"
     ),
     "failed: in the plan, the clearance between two frames could not be bounded": (
-        "failed: in the plan, the clearance between two frames could not be proved"
+        "failed: in the plan, it could not be proved that the modules stay apart from one frame to "
+        "the next"
     ),
     "failed: the frames have no plan": "failed: there is no plan for these frames",
     "failed: modules 2 and 9 overlap by 1.03 pitch at module size 0.95": (

@@ -142,7 +142,7 @@ def test_figures_of_several_chunks_are_computed_and_read_in_any_range(tmp_path: 
             assert getattr(part, field.name).dtype == values.dtype
     np.testing.assert_array_equal(Curves.load(path).min_clearance, figures.min_clearance)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["figures", "t"]
-    with pytest.raises(TimelineError, match="no figures at"):
+    with pytest.raises(TimelineError, match="no readable figures at"):
         Figures.load(tmp_path / "nothing")
     for start, stop in ((-1, 3), (5, 4), (0, 301)):
         with pytest.raises(TimelineError, match="300 frames"):

@@ -79,7 +79,7 @@ def test_refusal_of_a_loop_raises_no_bound() -> None:
     row = line(24)
     guard = Guard(row, Peelable(row), replace(TableParameters(), refusals=0))
     refusal = None
-    for sides, why in ((6, ""), (13, "across itself")):
+    for sides, why in ((6, ""), (13, "cross over itself")):
         turns = np.zeros((row.joint_count, 2))
         turns[4 : 4 + sides, 0] = 2.0 * np.pi / 12  # about the vertical
         bend = WindowConfiguration(time_s=0.0, first=0, angles=turns.ravel())

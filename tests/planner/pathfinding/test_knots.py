@@ -113,5 +113,5 @@ def test_trefoil_cut_open_anywhere_is_a_trefoil() -> None:
 
 @pytest.mark.parametrize("bad", [[(0, 0)], [(0.0, 0.0, np.nan)], 3])
 def test_invalid_cells_are_refused(bad: object) -> None:
-    with pytest.raises(InputError, match="finite numbers of the shape \\(n, 3\\)"):
+    with pytest.raises(InputError, match="finite numbers in an array of shape \\(n, 3\\)"):
         knot_of(np.asarray(bad))

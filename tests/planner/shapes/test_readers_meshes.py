@@ -209,9 +209,9 @@ def test_ply_with_other_properties_and_elements_is_read(
 def test_flat_meshes_are_refused_with_their_size() -> None:
     one = refusal_of(b"v 0 0 0\nv 3 0 3\nv 0 3 3\nf 1 2 3\n")
     assert one.code == "flat"
-    assert "a mesh of 3 × 3 × 3 whose one triangle encloses no volume" in one.detail
+    assert "a flat mesh of one triangle, which measures 3 × 3 × 3" in one.detail
     two = refusal_of(b"v 0 0 0\nv 3 0 0\nv 0 3 0\nv 3 3 0\nf 1 2 3\nf 2 3 4\n")
-    assert "3 × 3 × 0 whose 2 flat triangles enclose no volume" in two.detail
+    assert "a flat mesh of 2 triangles, which measures 3 × 3 × 0" in two.detail
 
 
 def test_off_with_comments_and_colours_is_read() -> None:

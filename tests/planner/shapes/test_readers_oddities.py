@@ -149,7 +149,7 @@ REFUSED: dict[str, tuple[bytes, str, str]] = {
     "a vertex number that is not whole": (
         re.sub(rb"\n3 1 3 0", b"\n3 1.5 3 0", FLOATS_PLY, count=1),
         "damaged",
-        "not whole",
+        "not a whole number",
     ),
     "an underscore in PLY": (PLY.replace(b"-1.0", b"-1_0.0", 1), "damaged", "-1_0.0"),
     "an underscore in OFF": (OFF.replace(b"-1.0", b"-1_0.0", 1), "damaged", "-1_0.0"),

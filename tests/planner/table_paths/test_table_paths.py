@@ -99,9 +99,9 @@ PLUS = np.array([(1, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0), (1, 2, 0)])
 def test_shape_without_a_path_is_refused_with_the_reason() -> None:
     for cells, code, words in (
         (front("######", "##....", "##...."), "not-stable", "centre of mass"),
-        (np.concatenate([TEE, TEE + (0, 1, 0)]), "not-stable", "cells would tip over"),
+        (np.concatenate([TEE, TEE + (0, 1, 0)]), "not-stable", "cells of the path would tip over"),
         (front("####", "#..#", "#..#"), "overhang", "2 cells with nothing below"),
-        (front("#..#", "#..#", "####"), "parts", "layer 1"),
+        (front("#..#", "#..#", "####"), "parts", "layer 2"),
         (front("###", "###"), "hairpins-only", "turns back directly above itself"),
         (PLUS, "no-path", "chessboard"),
         (box_array(1, 1, 6), "no-path", "only one cell touches the floor"),
@@ -127,7 +127,9 @@ def test_parity_of_a_layer_is_a_reason() -> None:
     comb = np.concatenate([box_array(5, 1, 1), 2 * box_array(3, 1, 1) + (0, 1, 0)])
     (side,) = sides_of(np.concatenate([comb, comb + (0, 0, 1)]).astype(np.int64), turned=False)
     reason = ruled_out(side)
-    assert reason is not None and "layer 0: coloured like a chessboard" in reason.detail
+    assert (
+        reason is not None and "layer 1 from the bottom: if the cells are coloured" in reason.detail
+    )
 
 
 @pytest.mark.long

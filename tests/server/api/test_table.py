@@ -103,7 +103,7 @@ def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(idle: Serv
     none, same = slab_without_a_path(idle)
     (problem,) = none["feasibility"]["problems"]
     assert problem["detail"].startswith(
-        "coloured like a chessboard, 5 cells are black and 3 are white"
+        "if the cells are coloured like a chessboard, 5 are black and 3 are white"
     )
     assert set(map(tuple, problem["cells"])) <= set(map(tuple, none["cells"]))
     offers = idle.http.post("/api/shapes/offers", data=same).json()["offers"]

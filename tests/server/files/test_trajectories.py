@@ -44,8 +44,8 @@ request = {"max_speed": 1.0, "max_acceleration": 2.0, "module_mass_kg": 0.1, "pi
 for task, more in (
     (retime, {}),
     (clearance, {"rate_hz": 1.0}),
-    (motors, {"floating": False, "gravity_m_s2": 9.81}),
-    (motors, {"floating": True, "gravity_m_s2": 0.0}),
+    (motors, {"held": True, "gravity_m_s2": 9.81}),
+    (motors, {"held": False, "gravity_m_s2": 0.0}),
 ):
     with TemporaryDirectory() as place:
         shutil.copyfile(sys.argv[1], Path(place) / "plan.npz")
@@ -165,7 +165,14 @@ def test_files_of_the_child_are_read_within_bounds(
         with pytest.raises(kind):
             motions.retime(**bounds)
     spoiled = Path(MOTORS_FILE)
-    robot = MotorsWanted(module_mass_kg=0.1, form="csv")
+    robot = MotorsWanted(
+        module_mass_kg=0.1,
+        pitch_m=None,
+        gravity_m_s2=9.81,
+        held=True,
+        motor_torque_nm=None,
+        form="csv",
+    )
     with pytest.raises(TooLarge):
         asyncio.run(motions.trajectories().motors(wanted, robot, "a"))
 
