@@ -47,7 +47,7 @@ def open_all_pages(base_url: str, browser: Browser) -> None:
         page.wait_for_function("() => +document.getElementById('scrub').value > 0")
     page.locator("#sketch.gone").wait_for(state="attached")  # the 3D view is shown
     open_tab(page, "downloads")
-    links = page.locator("#panel-downloads .downloads a")
+    links = page.locator("#panel-downloads .downloads a:visible")
     for href in links.evaluate_all("(all) => all.map((one) => one.href)"):
         assert httpx.head(href).is_success, href
     assert page.locator('meta[property="og:image"]').get_attribute("content") == (

@@ -73,7 +73,7 @@ def test_tools_files_and_a_drawn_path(visit: Visit, service: Service) -> None:
     # Files that cannot be used are refused with the service's message; a mesh becomes as many
     # cells.
     open_file(page, "cube.npy", data.getvalue()[:-3])
-    expect(page.locator("#reading")).to_contain_text("fewer than")
+    expect(page.locator("#reading")).to_contain_text("but the file has")
     open_file(page, "brick.stl", stl())
     page.locator("#mesh-cells").fill("16")
     page.locator("#mesh-cells").press("Enter")

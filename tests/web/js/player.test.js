@@ -231,6 +231,32 @@ test("the camera goes to modules that are to be looked at, and back", async () =
   close([player.rig.view.distance], [whole.distance], { rtol: 0.05 });
 });
 
+test("the search for the next change continues in frames that arrive later, unless another frame is requested", async () => {
+  const { player, timeline } = await shown();
+  const there = timeline.row;
+  const change = (hidden) => {
+    timeline.row = there;
+    player.send({ do: "seek", frame: 0 });
+    timeline.row = (frame) => (frame >= hidden ? null : there.call(timeline, frame));
+    player.send({ do: "change", way: 1 });
+    return player.playhead.frame;
+  };
+  const found = change(Infinity);
+  const half = Math.floor(found / 2);
+  assert.ok(half > 0);
+  assert.equal(change(half), half);
+  player.send({ do: "change", way: 1 }); // pressed again, it continues the same search
+  assert.equal(player.playhead.frame, half);
+  timeline.row = there;
+  timeline.tell("loaded");
+  assert.equal(player.playhead.frame, found);
+  change(half);
+  player.send({ do: "step", by: -1 });
+  timeline.row = there;
+  timeline.tell("loaded");
+  assert.equal(player.playhead.frame, half - 1);
+});
+
 function head(last = 239, growing = false) {
   const timeline = { last, growing };
   return { timeline, playhead: new Playhead(timeline) };

@@ -78,10 +78,21 @@ test("missing frames count as long as the last one in a step in time", () => {
 test("the next change is where a hinge has turned visibly, or another phase begins", () => {
   const angles = [0, 0.02, 0.04, 0.06, 0.06, 0.06, 0.06];
   const turns = timeline(angles.map((_, k) => k), angles, [0, 0, 0, 0, 0, 1, 1]);
-  assert.deepEqual([0, 0.5, 3, 5, 6].map((frame) => nextChange(turns, frame, 1)), [3, 3, 5, 6, 6]);
-  assert.deepEqual([6, 4.5, 3, 1, 0].map((frame) => nextChange(turns, frame, -1)), [4, 4, 0, 0, 0]);
+  assert.deepEqual([0, 0.5, 3, 5, 6].map((frame) => nextChange(turns, frame, 1).frame), [3, 3, 5, 6, 6]);
+  assert.deepEqual([6, 4.5, 3, 1, 0].map((frame) => nextChange(turns, frame, -1).frame), [4, 4, 0, 0, 0]);
   const partly = timeline([0, 1, null, 3, 4]);
-  assert.deepEqual([nextChange(partly, 0, 1), nextChange(partly, 2, 1), nextChange(partly, 4, -1)], [2, 3, 2]);
+  assert.deepEqual([nextChange(partly, 0, 1), nextChange(partly, 2, 1), nextChange(partly, 4, -1)].map(({ frame }) => frame), [2, 3, 2]);
+});
+
+test("a search for a change continues at a frame that was missing", () => {
+  const angles = [0, 0.01, 0.02, 0.06, 0.06];
+  const partly = timeline([0, 1, null, null, 4], angles);
+  const stopped = nextChange(partly, 0, 1);
+  assert.equal(stopped.frame, 2);
+  assert.deepEqual(nextChange(partly, 2, 1, stopped.from), stopped);
+  const complete = timeline([0, 1, 2, 3, 4], angles);
+  assert.deepEqual(nextChange(complete, 2, 1, stopped.from), { frame: 3, from: null });
+  assert.deepEqual(nextChange(complete, 3, 1), { frame: 4, from: null });
 });
 
 test("the search for a change also looks at hinges outside of windows", async () => {
@@ -94,7 +105,7 @@ test("the search for a change also looks at hinges outside of windows", async ()
     for (const way of [1, -1]) {
       let k = frame;
       do k += way; while (k > 0 && k < peeled.last && !turned(k));
-      assert.equal(nextChange(peeled, frame, way), Math.min(Math.max(k, 0), peeled.last));
+      assert.equal(nextChange(peeled, frame, way).frame, Math.min(Math.max(k, 0), peeled.last));
     }
   }
 });

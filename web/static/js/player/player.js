@@ -90,6 +90,7 @@ export class Player extends PlayerState {
     timeline.on("grew", () => this.grew());
     timeline.on("settled", () => { this.story.settled(); this.show(); });
     timeline.on("loaded", () => {
+      if (this.searchOn()) this.show();
       if (this.shown && (!this.shown.exact || this.rig.approximate)) this.show(true);
     });
     if (timeline.chain) queueMicrotask(() => this.begin());
@@ -193,7 +194,7 @@ export class Player extends PlayerState {
 
   begin() {
     const { timeline } = this;
-    this.shown = null;
+    this.shown = this.search = null;
     this.colourBy(colouring(this.colouring?.key ?? "error", timeline, this.colouring?.figures));
     this.rig.begin();
     this.stage?.set(timeline.bundle);

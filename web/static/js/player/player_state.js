@@ -34,6 +34,8 @@ export class PlayerState extends Emitter {
   marked = [];
   /** @type {"stuck" | "selected"} */
   markedAs = "stuck";
+  /** @type {{ way: number, from: Row } | null} of a change that may lie in frames that are not here yet */
+  search = null;
   /** @type {Snapshot | null} */
   shown = null;
 
@@ -63,11 +65,31 @@ export class PlayerState extends Emitter {
    * @returns {Command}
    */
   sought(message) {
-    const { timeline, playhead: { frame } } = this;
+    const { timeline, search, playhead: { frame } } = this;
+    this.search = null;
     if (message.do === "pass") return { do: "seek", frame: after(timeline, frame, message.seconds) };
     if (message.do === "fold") return { do: "seek", frame: frameFolded(timeline, message.percent / 100) ?? frame };
-    if (message.do === "change") return { do: "seek", frame: nextChange(timeline, frame, message.way) };
-    return message;
+    if (message.do !== "change") return message;
+    if (search?.way === message.way && !timeline.row(frame)) { this.search = search; return { do: "seek", frame }; }
+    return { do: "seek", frame: this.changeFrom(frame, message.way) };
+  }
+
+  /**
+   * @param {number} frame
+   * @param {number} way
+   * @param {Row | null} start of a search that goes on
+   */
+  changeFrom(frame, way, start = null) {
+    const { frame: found, from } = nextChange(this.timeline, frame, way, start);
+    this.search = from && { way, from };
+    return found;
+  }
+
+  // Goes on with a search whose frame is here now; true where it did.
+  searchOn() {
+    const { search, timeline, playhead: { frame } } = this;
+    if (!search || !timeline.row(frame)) return false;
+    return this.playhead.do({ do: "seek", frame: this.changeFrom(frame, search.way, search.from) });
   }
 
   /** @param {number | null} module */

@@ -166,24 +166,28 @@ export function after(timeline, frame, seconds) {
 }
 
 // The next frame, `way` 1 on or -1 back, at which some hinge has turned by what one sees since this one,
-// or another phase goes on, or that is not here; the end when none is found before.
+// or another phase goes on; the end when none is found before. A search that meets a frame that is not
+// here stops there: it goes on from that frame with the row that it told as `from`.
 /**
  * @param {Timeline} timeline
  * @param {number} frame
  * @param {number} way
+ * @param {Row | null} from
+ * @returns {{ frame: number, from: Row | null }}
  */
-export function nextChange(timeline, frame, way) {
+export function nextChange(timeline, frame, way, from = null) {
   const { last } = timeline;
   const begin = way > 0 ? Math.floor(frame) : Math.ceil(frame);
-  const start = timeline.row(begin);
-  let k = begin + way;
+  const start = from ?? timeline.row(begin);
+  let k = from ? begin : begin + way;
   for (; start && k > 0 && k < last; k += way) {
     const row = timeline.row(k);
-    if (!row || row.phase !== start.phase) break;
+    if (!row) return { frame: k, from: start };
+    if (row.phase !== start.phase) break;
     const [first, end] = differing(start, row);
     let turned = 0;
     for (let j = first; j < end && turned <= SEEN_RAD; j++) turned = Math.abs(angleIn(row, j) - angleIn(start, j));
     if (turned > SEEN_RAD) break;
   }
-  return Math.min(Math.max(k, 0), last);
+  return { frame: Math.min(Math.max(k, 0), last), from: null };
 }
