@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 from rich.console import Console
 
+from cli.exit_statuses import INVALID_INPUT
 from planner.errors import InputError
 from planner.file_names import PLAN
 from planner.readers.angle_strings import HEADING
@@ -99,4 +100,4 @@ def refuse(error: InputError, as_json: bool) -> NoReturn:
         print(json.dumps({"status": "invalid", "error": problem}), flush=True)
     else:
         Console(stderr=True, soft_wrap=True, highlight=False).print(str(error), markup=False)
-    raise typer.Exit(2)
+    raise typer.Exit(INVALID_INPUT)

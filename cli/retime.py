@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from cli.exit_statuses import NOT_ACHIEVED
 from cli.inputs import read_plan, refuse
 from cli.options import AsJson, FoldDirectory
 from planner.certificate.figures import CertificateFigures
@@ -100,7 +101,7 @@ def retime(
     else:
         _show(retimed.facts(), motors, out)
     if not retimed.is_clear or (motors is not None and motors.would_do is False):
-        raise typer.Exit(3)
+        raise typer.Exit(NOT_ACHIEVED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

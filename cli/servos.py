@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from cli.exit_statuses import NOT_ACHIEVED
 from cli.inputs import read_plan, refuse
 from cli.options import AsJson
 from planner.chain.cantilever_statics import GRAVITY_M_S2
@@ -91,7 +92,7 @@ def servos(
     else:
         _show(sizing, rows, wanted, suitable)
     if not any(fit.would_do for fit in sizing.fits):
-        raise typer.Exit(3)
+        raise typer.Exit(NOT_ACHIEVED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

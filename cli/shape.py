@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from cli.exit_statuses import NOT_ACHIEVED
 from cli.inputs import read_input, refuse
 from cli.options import PATH_OPTIONS, AsJson, takes
 from planner.chain.path import Path as CellPath
@@ -67,7 +68,7 @@ def shape(
     if not prepared.chains:
         if not as_json:
             print_no_path(prepared, offers)
-        raise typer.Exit(3)
+        raise typer.Exit(NOT_ACHIEVED)
 
 
 def print_no_path(prepared: Preparation, offers: Sequence[Offer]) -> None:

@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from cli.exit_statuses import NOT_ACHIEVED
 from planner.chain.module import module_named
 from words import certificate as certificate_words
 from words.messages import verdict_for_people
@@ -31,7 +32,7 @@ def finish(
         show(summary, out)
         if more is not None:
             more(summary)
-    raise typer.Exit(0 if summary["status"] == "verified" else 3)
+    raise typer.Exit(0 if summary["status"] == "verified" else NOT_ACHIEVED)
 
 
 def show_choice(choice: Choice | None) -> None:

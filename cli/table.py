@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from cli.exit_statuses import NOT_ACHIEVED
 from cli.inputs import refuse
 from cli.options import AsJson
 from planner.certificate.table_certificate import table_certificate
@@ -89,7 +90,7 @@ def table(
     else:
         _show(found, written)
     if not found.rests:
-        raise typer.Exit(3)
+        raise typer.Exit(NOT_ACHIEVED)
 
 
 def _file(plan: Path) -> Path:

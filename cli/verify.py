@@ -10,9 +10,10 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from cli.exit_statuses import NOT_ACHIEVED
 from cli.inputs import refuse
 from cli.options import AsJson, FoldDirectory
-from planner.certificate.sweeps import followed
+from planner.certificate.swept_motions import followed
 from planner.clearance.margins import largest_size as find_largest
 from planner.errors import InputError, TimelineError
 from planner.file_names import PLAN, PLAYBACK
@@ -63,7 +64,7 @@ def verify(
     else:
         _show(result, largest)
     if not result.verified:
-        raise typer.Exit(3)
+        raise typer.Exit(NOT_ACHIEVED)
 
 
 def _verification(

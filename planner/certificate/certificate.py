@@ -18,7 +18,7 @@ from planner.arrays import Array
 from planner.certificate.earlier_certificates import told_honestly
 from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
 from planner.certificate.plan_figures import largest_angle, plan_figures, robot_figures
-from planner.certificate.sweeps import Sweeper, followed
+from planner.certificate.swept_motions import Sweeper, followed
 from planner.certificate.table_certificate import table_certificate
 from planner.certificate.table_figures import TableCertificate
 from planner.certificate.table_forces import TableForces

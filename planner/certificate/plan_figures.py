@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.certificate.figures import RobotFigures
-from planner.certificate.sweeps import Sweeps, followed
+from planner.certificate.swept_motions import Sweeps, followed
 from planner.chain.cantilever_statics import GRAVITY_M_S2, static_torque
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances

@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
 from planner.certificate.plan_figures import distances_from_shape, rms
-from planner.certificate.sweeps import Sweeps, followed, others
+from planner.certificate.swept_motions import Sweeps, followed, others
 from planner.chain.chain import Chain
 from planner.chain.rotations import aligned_distances
 from planner.clearance.sweep import Sweep

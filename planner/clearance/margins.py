@@ -17,7 +17,7 @@ from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.kinematics import forward_kinematics
 from planner.clearance.exempt_pairs import Place
-from planner.clearance.rounding import clearance_rounding
+from planner.clearance.rounding_errors import clearance_rounding
 from planner.clearance.sweep import (
     Sweep,
     between_frames,

@@ -32,6 +32,10 @@ from planner.kernels.module import ChainModel, ModuleStates
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+MAX_DIRECT_CONTACTS = 500
+"""Maximum number of contact points of a simulation step whose forces are solved exactly, at a cost
+that grows with the square of their number; with more, forces are approximate, off by some per cent.
+Larger values are more exact and slower. Decision 0015."""
 MAX_PIVOTS = 100
 """Maximum number of pivots with which the linear complementarity problem of the contact forces is
 solved exactly; beyond it the slower, approximate gradient solver takes over. Chosen."""

@@ -23,6 +23,7 @@ from planner.kernels.articulated import (
     unconstrained_accelerations,
 )
 from planner.kernels.contact_forces import (
+    MAX_DIRECT_CONTACTS,
     ContactModel,
     PairContacts,
     add_contacts,
@@ -42,10 +43,6 @@ MAX_STOP_ITERATIONS: Final = 3
 """Maximum number of times that a step's accelerations are computed again to find which hinges at
 their stops are held and which turn back. Larger values give exact results in more steps, and are
 slower. Chosen."""
-MAX_DIRECT_CONTACTS: Final = 500
-"""Maximum number of contact points of a simulation step whose forces are solved exactly, at a cost
-that grows with the square of their number; with more, forces are approximate, off by some per cent.
-Larger values are more exact and slower. Decision 0015."""
 
 
 def build_chain_model(

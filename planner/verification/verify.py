@@ -29,8 +29,8 @@ from planner.playback.playback import Playback
 from planner.progress import Report, silent
 from planner.verification.certificate_figures import ReportedFigures
 from planner.verification.failure_evidence import ReasonCheck
+from planner.verification.plan_consistency import formats_differ, lacking
 from planner.verification.plan_failure import reason_of
-from planner.verification.plan_formats import formats_differ, lacking
 from planner.verification.plan_parameters import plan_parameters, request_differs
 from planner.verification.playback_kinds import kind_differs
 from planner.verification.replay import Replay, replay, replay_differs, stride_of

@@ -16,6 +16,7 @@ import uvicorn
 from fastapi import FastAPI
 from fastapi.responses import RedirectResponse
 
+from cli.exit_statuses import INVALID_INPUT
 from cli.tour import stored_tour
 from planner.certificate.earlier_certificates import told_honestly
 from planner.certificate.figures import CertificateFigures, FoldSummary
@@ -172,7 +173,7 @@ def play(
             return
     except (TimelineError, InputError) as error:
         typer.echo(f"{error}", err=True)
-        raise typer.Exit(2) from error
+        raise typer.Exit(INVALID_INPUT) from error
 
     if not (directory / FIGURES).exists():
         # Folds that were cancelled have none, and those of earlier versions.

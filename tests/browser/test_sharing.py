@@ -100,6 +100,7 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     page.locator("#colour-by").select_option("own-file")
     box, numbers = page.locator(".own-values"), page.locator(".own-values input")
     heat = "Heat (K)\n" + "".join(f"{k}\n" for k in range(len(STAIRS)))
+    expect(box).to_be_visible()  # its scripts are here
     numbers.set_input_files({"name": "a.csv", "mimeType": "text/csv", "buffer": heat.encode()})
     expect(page.locator("#legend-low")).to_have_text("0 K")
     box.get_by_role("button", name="Save with this fold").click()

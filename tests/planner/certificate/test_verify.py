@@ -2,6 +2,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -20,8 +21,9 @@ from planner.motion.timeline import TimelineWriter
 from planner.parameters.playback import PlaybackParameters
 from planner.pipeline.manifest import write_manifest
 from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
+from planner.plan.plan import Plan, read_values
 from planner.plan.shape_writers import write_chain
+from planner.verification.plan_consistency import lacking
 from planner.verification.replay import replay
 from planner.verification.verify import verify
 from tests.golden.cases import HOOK
@@ -159,6 +161,18 @@ def test_fields_missing_in_all_files_are_named(directory: FilePath) -> None:
     for part, names in (*gone.items(), ("", ("attempts", "angles"))):
         for name in names:
             assert f"plan.npz.{part}.{name}".replace("..", ".") in found
+
+
+def test_each_figure_missing_in_a_certificate_is_named(folded: Any) -> None:
+    values = read_values(folded.directory / "plan.npz")
+    for name in values["certificate"].keys() - {"margins"}:
+        rest = {key: value for key, value in values["certificate"].items() if key != name}
+        forged = {**values, "certificate": rest}
+        with suppress(InputError):
+            found = lacking(
+                Plan.of_values(forged, "plan.npz"), forged, folded.record, folded.playback
+            )
+            assert any(f"certificate.{name}" in line for line in found)
 
 
 def test_straight_line_without_torques_is_verified(tmp_path: FilePath) -> None:

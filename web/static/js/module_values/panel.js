@@ -46,7 +46,7 @@ export class OwnPanel {
       this.asked = true;
       try {
         const kept = await this.load();
-        if (kept?.data) [this.own, this.kept] = [unpacked(kept, this.player.timeline.chain.modules), true];
+        if (kept?.data && !this.own) [this.own, this.kept] = [unpacked(kept, this.player.timeline.chain.modules), true];
       } catch (error) { this.error.textContent = wordsOf(error); }
     }
     this.colour();

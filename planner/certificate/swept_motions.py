@@ -9,7 +9,7 @@ from typing import Any
 from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.clearance.exempt_pairs import Place
-from planner.clearance.rounding import clearance_rounding
+from planner.clearance.rounding_errors import clearance_rounding
 from planner.clearance.sweep import BOUND_RATIO, Sweep, sweep
 from planner.motion.motion import Motion
 from planner.motion.record import Record

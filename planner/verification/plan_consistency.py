@@ -1,4 +1,4 @@
-"""Formats of a plan: a check that ``plan.json`` and ``plan.npz`` are equal and complete."""
+"""Consistency of a plan's two files: ``plan.json`` and ``plan.npz`` must be equal and complete."""
 
 from __future__ import annotations
 
