@@ -167,11 +167,9 @@ def test_each_figure_missing_in_a_certificate_is_named(folded: Any) -> None:
     values = read_values(folded.directory / "plan.npz")
     for name in values["certificate"].keys() - {"margins"}:
         rest = {key: value for key, value in values["certificate"].items() if key != name}
-        forged = {**values, "certificate": rest}
         with suppress(InputError):
-            found = lacking(
-                Plan.of_values(forged, "plan.npz"), forged, folded.record, folded.playback
-            )
+            plan = Plan.of_values(forged := {**values, "certificate": rest}, "plan.npz")
+            found = lacking(plan, forged, folded.record, folded.playback)
             assert any(f"certificate.{name}" in line for line in found)
 
 

@@ -19,7 +19,6 @@ from server.cli.command_line import COMMANDS, application
 from tests.run_python import ROOT, run_python
 
 COMMAND_DIRS = (ROOT / "cli", ROOT / "server" / "cli")
-SHARED = {"__init__", "command_line", "inputs", "options", "progress_bars", "summary"}
 
 
 def foldback(*arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -40,8 +39,9 @@ def foldback_json(*arguments: object, status: int = 0) -> Any:
 
 def test_every_command_is_offered() -> None:
     """The help texts are stored and compared by tests/server/contract."""
-    files = {path.stem for folder in COMMAND_DIRS for path in folder.glob("*.py")} - SHARED
-    assert set(COMMANDS) == files
+    files = [path for folder in COMMAND_DIRS for path in folder.glob("*.py")]
+    named = {path.stem for path in files if f"\ndef {path.stem}(" in path.read_text()}
+    assert set(COMMANDS) == named | {"admin"}  # a group of commands
     assert foldback("--version").stdout.strip() == f"foldback {version('foldback')}"
 
 
