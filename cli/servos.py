@@ -66,12 +66,15 @@ def servos(
         typer.Option(
             "--shape",
             metavar="NAME=TORQUE",
-            help="Also list servos for a shape that needs this torque; repeatable.",
+            help="Name of a shape and its torque, w·p: also list servos for this shape; "
+            "repeatable.",
         ),
     ] = None,
     plan: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Also show the shortest folding time of this fold."),
+        typer.Option(
+            metavar="DIR", help="Folder of a fold: also show how fast each servo can fold it."
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -204,15 +207,16 @@ def _show(
     suitable: dict[str, list[str]],
 ) -> None:
     fits = sizing.fits
-    share = f"servos hold {sizing.share:.2g} of their stall torque"
+    share = f"continuous torque {sizing.share:.2g} × stall torque"
     title = f"Pitch {1e3 * sizing.pitch_m:g} mm, {sizing.casing.about}, {share}"
     console = Console(highlight=False)
     timed = any(row["least_s"] is not None for row in rows)
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    for heading in ("Servo", "Module\ng", "Needs\nN·m", "Gives\nN·m", "Up to\nw·p", "Pitch\nmm"):
+    headings = ("Servo", "Module,\ng", "Needs,\nN·m", "Gives,\nN·m", "Gives,\nw·p", "Pitch,\nmm")
+    for heading in headings:
         table.add_column(heading, justify="left" if heading == "Servo" else "right", no_wrap=True)
     if timed:
-        table.add_column("Folds\nin s", justify="right", no_wrap=True)
+        table.add_column("Folding\ntime, s", justify="right", no_wrap=True)
     table.add_column("Suitable")
     for fit, row in zip(fits, rows, strict=True):
         cells = [
@@ -226,7 +230,7 @@ def _show(
         if timed:
             cells.append("–" if row["least_s"] is None else f"{row['least_s']:.2g}")
         unsaid = "" if fit.servo.turns_enough else " ?"
-        answer = f"yes, {fit.margin:.1f}×{unsaid}" if fit.would_do else ", ".join(fit.against)
+        answer = f"yes, {fit.margin:.1f}× need{unsaid}" if fit.would_do else ", ".join(fit.against)
         table.add_row(*cells, answer)
     console.print(table)
     if any(fit.would_do and not fit.servo.turns_enough for fit in fits):
