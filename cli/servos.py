@@ -217,7 +217,7 @@ def _show(
         table.add_column(heading, justify="left" if heading == "Servo" else "right", no_wrap=True)
     if timed:
         table.add_column("Folding\ntime, s", justify="right", no_wrap=True)
-    table.add_column("Suitable")
+    table.add_column("Suitable,\ngives ÷ needs")
     for fit, row in zip(fits, rows, strict=True):
         cells = [
             f"{fit.servo.maker} {fit.servo.name}",
@@ -230,7 +230,7 @@ def _show(
         if timed:
             cells.append("–" if row["least_s"] is None else f"{row['least_s']:.2g}")
         unsaid = "" if fit.servo.turns_enough else " ?"
-        answer = f"yes, {fit.margin:.1f}× need{unsaid}" if fit.would_do else ", ".join(fit.against)
+        answer = f"yes, {fit.margin:.1f}×{unsaid}" if fit.would_do else ", ".join(fit.against)
         table.add_row(*cells, answer)
     console.print(table)
     if any(fit.would_do and not fit.servo.turns_enough for fit in fits):
