@@ -101,7 +101,9 @@ def find_ffmpeg() -> str:
 
         return get_ffmpeg_exe()
     except (ImportError, RuntimeError):
-        raise NoEncoderError("no ffmpeg is on PATH, and imageio-ffmpeg is not installed") from None
+        raise NoEncoderError(
+            "no ffmpeg is on PATH, and imageio-ffmpeg is not installed; install one of them"
+        ) from None
 
 
 class Mp4Encoder(Encoder):
