@@ -34,7 +34,7 @@ NO_TABLE_PATH_REMEDY: Final = (
     "Add cells, fold only a part of the shape, or fold the whole shape in zero gravity."
 )
 SHORT_REASONS: Final[dict[Code, str]] = {
-    "hairpins-only": "every path goes up and turns back directly above itself",
+    "hairpins-only": "every path turns back directly above itself",
     "no-path": "it has no path",
     "not-stable": "it would tip over or almost tip over",
     "overhang": "separate parts are joined only by cells with nothing below",
@@ -192,7 +192,7 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
 
 def _hairpins_only(side: Side, which: str) -> NoPath:
     detail = (
-        f"{which} somewhere goes up and turns back directly above itself. On a table, a chain "
+        f"{which} somewhere turns back directly above itself. On a table, a chain "
         "cannot make such a turn."
     )
     return _no_path(side, "hairpins-only", detail, may_fall=True)

@@ -132,8 +132,8 @@ def _hairpins(order: Ints) -> list[Fault]:
     return [
         Fault(
             code="hairpin",
-            detail=f"the path goes up and turns back directly above itself at cells {a} to {b}. "
-            "On a table, a chain cannot make such a turn.",
+            detail=f"the path turns back directly above itself at cells {a} to {b}. On a "
+            "table, a chain cannot make such a turn.",
             at=a,
             cells=_named(order[a : b + 1]),
         )

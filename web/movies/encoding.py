@@ -101,9 +101,7 @@ def find_ffmpeg() -> str:
 
         return get_ffmpeg_exe()
     except (ImportError, RuntimeError):
-        raise NoEncoderError(
-            "no ffmpeg is on PATH, and imageio-ffmpeg is not installed; install one of them"
-        ) from None
+        raise NoEncoderError("no ffmpeg is on PATH, and imageio-ffmpeg is not installed") from None
 
 
 class Mp4Encoder(Encoder):
