@@ -187,7 +187,8 @@ def draw() -> str:
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" '
         'font-family="system-ui, sans-serif" font-size="13">',
-        "<title>Components of the code; every import points down or to the left</title>",
+        "<title>Components of the code; every line leads down or to a column on the left, "
+        "from a component to one that it imports</title>",
         f'<rect width="{WIDTH}" height="{height}" fill="#fbfaf7"/>',
     ]
     for component, other in sorted(arrows()):

@@ -74,8 +74,8 @@ class Settings(BaseSettings):
     """Storage for the folds of one visitor, waiting folds included. Exports, pictures and movies do
     not count."""
     keep_days: float | None = Field(default=None, gt=0)
-    """Days after which a fold that is not viewed is deleted. Default: never. Gallery folds and
-    pinned folds stay."""
+    """Days after which a fold that is not viewed is deleted. Default: never. Gallery folds, and
+    folds pinned with `foldback admin pin`, stay."""
     imprint_url: str | None = None
     """Address of a page about the operator of the service, such as https://…. The page `/privacy`
     links to it."""
@@ -113,9 +113,9 @@ class Settings(BaseSettings):
     """Number of long folds that a worker computes at once. In addition, it computes the same number
     of short folds (up to 10 s)."""
     prewarm: bool = True
-    """Prepare the compiled solvers and the first page at start. `false` saves about 500 MB of
-    memory while the service is idle, but the first visitor waits a few seconds longer. Start each
-    new version once with `true`, which compiles the solvers."""
+    """Load the solvers (compiled kernels) and prepare the landing page at start. `false` saves
+    about 500 MB of memory while the service is idle, but the first visitor waits a few seconds
+    longer. Start each new version once with `true`, which compiles the solvers."""
     finished_folds: bool = True
     """Add the package's finished folds to a new database. Folds that were deleted are not added
     again."""
@@ -178,15 +178,15 @@ class Settings(BaseSettings):
     """Maximum time to prepare a preview. On a busy machine, a preview may run until it has used
     this much processor time, but at most six times as long."""
     preview_search_seconds: PositiveFloat = 4.0
-    """Maximum time of the search for a path before the cells are split into smaller ones. It is
-    part of `FOLDBACK_PREVIEW_SECONDS`."""
+    """Maximum time of the search for a path in a preview. If this time is not enough, the preview
+    shows no path and suggests changes. This time is part of `FOLDBACK_PREVIEW_SECONDS`."""
     files_waiting: Count = 8
     """Maximum number of exports and pictures that wait or are being created."""
     files_waiting_of_visitor: Count = 3
     """Maximum number of one visitor's exports and pictures that wait or are being created."""
     answers_waiting: Count = 12
-    """Maximum number of large responses (frames, trajectories, motors) that wait or are being
-    prepared."""
+    """Maximum number of large responses (frames, trajectories, tables of motors) that wait or
+    are being prepared."""
     answers_waiting_of_visitor: Count = 4
     """Maximum number of one visitor's large responses that wait or are being prepared."""
     previews_waiting: Count = 8
@@ -208,9 +208,11 @@ class Settings(BaseSettings):
     stage_seconds: PositiveFloat = 1800.0
     """Maximum wall-clock time of one stage of a fold."""
     stage_cpu_seconds: PositiveFloat = 3600.0
-    """Maximum processor time of a fold."""
+    """Maximum processor time of a fold, for all its stages together. After a pause, the time counts
+    from zero."""
     child_memory_bytes: int = Field(default=2048 * MIB_BYTES, ge=128 * MIB_BYTES)
-    """Maximum memory of a fold."""
+    """Maximum memory of one computing process. Each fold has one; others read uploads, prepare
+    previews, compute trajectories, and draw pictures and movies."""
     niceness: int = Field(default=19, ge=0, le=19)
     """`nice` value of computing processes; higher values leave more time for pages."""
 
@@ -227,23 +229,23 @@ class Settings(BaseSettings):
     max_streams: Count = 512
     """Maximum number of open event streams (`/events`)."""
     max_streams_of_visitor: Count = 16
-    """Maximum number of open event streams to one address."""
+    """Maximum number of open event streams of one visitor."""
     max_waits: Count = 512
     """Maximum number of requests that wait for frames (`?wait=`)."""
     max_waits_of_visitor: Count = 32
-    """Maximum number of requests from one address that wait for frames."""
+    """Maximum number of one visitor's requests that wait for frames."""
     max_robots: Count = 32
     """Maximum number of connected robots (`/play`)."""
     max_robots_of_visitor: Count = 8
-    """Maximum number of robots connected from one address."""
+    """Maximum number of connected robots of one visitor."""
     max_classes: Count = 32
     """Maximum number of classes: fold pages that a leader shows to followers with *Follow me*."""
     max_classes_of_visitor: Count = 4
-    """Maximum number of classes that may be led from one address."""
+    """Maximum number of classes that one visitor may lead."""
     max_followers: Count = 400
     """Maximum number of followers in all classes together."""
     max_followers_of_visitor: Count = 100
-    """Maximum number of followers from one address."""
+    """Maximum number of followers that count as one visitor."""
     embed_origins: Names = ()
     """Sites that may embed folds, such as `https://…`, separated by commas; `*` allows all."""
     frames_per_answer: Count = 2000

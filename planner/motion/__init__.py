@@ -1,1 +1,1 @@
-"""Motion: joint angles over time, dense or windowed, and a timeline on disk."""
+"""Motion: joint angles over time, of all hinges or a moving window, and a timeline on disk."""

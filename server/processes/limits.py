@@ -61,7 +61,7 @@ shapes; one visitor uses at most one of each at a time. A larger value takes mor
 one lets visitors wait longer. Chosen."""
 INTERACTIVE_CHILDREN: Final = 2 * READER_PROCESSES + 2
 """Number of computing processes of the web process: those that read uploads, those that compute
-previews, one that retimes plans, and one that draws pictures."""
+previews, one that computes trajectories, and one that draws pictures."""
 PR_SET_DUMPABLE: Final = 4
 """Option of prctl(2) that decides if other processes of the same user may read a process's memory
 (linux/prctl.h)."""

@@ -18,7 +18,7 @@ PAGE = (ROOT / "docs" / "operations.md").read_text(encoding="utf-8")
 
 
 def test_table_of_settings_is_up_to_date() -> None:
-    assert make_settings.with_table(PAGE) == PAGE, "run `python docs/make_settings.py`"
+    assert make_settings.with_table(PAGE) == PAGE, "run `python -m docs.make_settings`"
     for name in Settings.model_fields:
         assert f"| `FOLDBACK_{name.upper()}` |" in PAGE
     assert all(field.description for field in Settings.model_fields.values())
