@@ -78,8 +78,8 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
         if turned * angles_rad[hinge] >= 0.0 or abs(turned) > MAX_BLOCKED_TURN_RAD + AXIS_ROUNDING:
             most = MAX_BLOCKED_TURN_RAD
             yield (
-                f"{name}: got a turn of {turned:.3g} rad, expected a turn towards straight of "
-                f"at most {most:.3g} rad"
+                f"{name}: got a turn of {turned:.3g} rad, expected a turn towards its straight "
+                f"position of at most {most:.3g} rad"
             )
         now = angles_rad.copy()
         now[hinge] += turned

@@ -161,7 +161,7 @@ def test_blocked_turns_are_confirmed(spirals: Stuck) -> None:
 
 def test_falsified_turn_is_refuted(spirals: Stuck) -> None:
     for values, words in (
-        ({"turned_rad": 1.0}, "expected a turn towards straight"),
+        ({"turned_rad": 1.0}, "expected a turn towards its straight"),
         ({"modules": [0, 30]}, "overlap by"),
         ({"modules": [20, 30]}, "on each side"),
         ({"overlap": 0.5}, "expected 0.5"),
