@@ -108,8 +108,8 @@ class Opinion:
         """Plain English for what was looked at."""
         return (
             f"{self.program} finds no modules within {self.clearance:.4f} pitches of each other "
-            f"({self.intervals} intervals between frames were divided into {self.parts} straight "
-            f"parts, which deviate from the motion by at most {self.deviation:.1g} pitches; the "
+            f"({self.intervals} intervals between frames were checked as {self.parts} straight "
+            f"motions; these differ from the plan by at most {self.deviation:.1g} pitches; the "
             f"check took {self.seconds:.1f} s)"
         )
 
