@@ -60,10 +60,12 @@ class Origin:
 
     file: Uploaded = None
     shape: GalleryShape = None
-    preview: Annotated[str | None, id_field("Or: the id of a preview.")] = None
+    preview: Annotated[str | None, id_field("Instead of a file: the id of a preview.")] = None
     fold: Annotated[
         str | None,
-        id_field("Or: the id of a fold whose input and shape options are used again."),
+        id_field(
+            "Instead of a file: the id of a fold whose input and shape options are used again."
+        ),
     ] = None
     refold: Annotated[
         str | None,
@@ -75,8 +77,8 @@ class Origin:
     smooth: Annotated[
         str | None,
         id_field(
-            "Or: the id of a verified fold. A new fold makes its motion shorter and smoother. "
-            "Preset and strategy do not apply, because there is no new explosion."
+            "Instead of a shape: the id of a verified fold. A new fold makes its motion shorter "
+            "and smoother. Preset and strategy do not apply, because there is no new explosion."
         ),
     ] = None
 
