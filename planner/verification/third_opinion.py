@@ -116,8 +116,12 @@ class Opinion:
     @property
     def problems(self) -> Differences:
         """Plain English for its contacts."""
+        limit = self.clearance + 2.0 * self.deviation
         for contact in self.contacts:
-            yield f"plan.npz: {self.program}: {contact.words}"
+            yield (
+                f"plan.npz: {self.program}: {contact.words}; expected a distance of more than "
+                f"{limit:.4f} pitches"
+            )
 
 
 @dataclass(frozen=True, slots=True)
