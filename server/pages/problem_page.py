@@ -40,7 +40,7 @@ def not_found_page(
 
 
 def no_such_page(request: Request, words: tuple[str, str]) -> Response:
-    """Return the page for a missing page, in a service or in a viewer of one directory."""
+    """Return a page with a heading and a text, in a service or a viewer of one directory."""
     return not_found_page(*words, service=viewing_of(request).settings is not None)
 
 
