@@ -37,7 +37,9 @@ refused, as no id is longer. A smaller value could refuse valid ids. Chosen."""
 OPTIONAL_ID: Final = "^[A-Za-z0-9_-]*$"
 Cells = list[list[int]]
 Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]
-GalleryShape = Annotated[str | None, Form(description="Or: the name of a gallery shape.")]
+GalleryShape = Annotated[
+    str | None, Form(description="Name of a gallery shape, instead of another input.")
+]
 
 
 def id_field(description: str) -> Any:
@@ -60,22 +62,22 @@ class Origin:
 
     file: Uploaded = None
     shape: GalleryShape = None
-    preview: Annotated[str | None, id_field("Or: the id of a preview.")] = None
+    preview: Annotated[str | None, id_field("Id of a preview, instead of another input.")] = None
     fold: Annotated[
         str | None,
-        id_field("Or: the id of a fold whose input and shape options are used again."),
+        id_field("Id of a fold whose input and shape options are used again."),
     ] = None
     refold: Annotated[
         str | None,
         id_field(
-            "The id of a finished fold. Its chain unfolds and then folds into the shape, which "
-            "must have the same number of modules of the same kind."
+            "Id of a finished fold. Its chain unfolds and then folds into the shape of this "
+            "request, which must have the same number of modules of the same kind."
         ),
     ] = None
     smooth: Annotated[
         str | None,
         id_field(
-            "Or: the id of a verified fold. A new fold makes its motion shorter and smoother. "
+            "Id of a verified fold. The new fold is a shorter and smoother version of its motion. "
             "Preset and strategy do not apply, because there is no new explosion."
         ),
     ] = None

@@ -44,7 +44,7 @@ async def previewed_in_form(
     shape: GalleryShape = None,
     preview: Annotated[
         str | None,
-        id_field("Or: the id of an earlier preview. Its shape is previewed with these options."),
+        id_field("Id of an earlier preview. Its shape is previewed with these options."),
     ] = None,
 ) -> Origin:
     """Return the origin of a preview that a form names."""

@@ -43,7 +43,7 @@ test("a refusal says what is wrong and where", () => {
   assert.equal(refusalWords({ detail: "got 3, expected 2", where: "seed" }, 422), "Seed: got 3, expected 2");
   assert.equal(refusalWords({ detail: "the module size is too large", where: "module_size" }, 422), "The module size is too large");
   assert.equal(refusalWords({ detail: "got an empty file, expected cells.", message: "This file is empty." }, 422), "This file is empty.");
-  assert.equal(refusalWords({}, 503), "The server answered with status 503.");
+  assert.equal(refusalWords({}, 503), "The request failed: the server answered with status 503.");
 });
 
 /**
@@ -58,11 +58,11 @@ function motors(torque, peak) {
 }
 
 test("without a motor the answer is the required torque, not a refusal", () => {
-  assert.equal(motorWords(motors(null, 201)), "Motors of 201 N·m or more are strong enough. joint_2_y needs the highest torque: 201 N·m, 0.47 s after the start.");
+  assert.equal(motorWords(motors(null, 201)), "Motors with a torque of 201 N·m or more are strong enough. joint_2_y needs the highest torque: 201 N·m, 0.47 s after the start.");
 });
 
 test("required figures are rounded up", () => {
-  assert.match(motorWords(motors(null, 201.2)), /^Motors of 202 N·m or more/);
+  assert.match(motorWords(motors(null, 201.2)), /^Motors with a torque of 202 N·m or more/);
 });
 
 test("the judgement of a motor is a sentence", () => {
@@ -72,6 +72,6 @@ test("the judgement of a motor is a sentence", () => {
 
 test("while the share is unknown, the text does not mention a first start", () => {
   assert.equal(preparingWords({ fraction: 0, remaining_s: null }), "Starting the solvers…");
-  assert.equal(verdictOf({ status: "queued", stage: null, summary: {}, progress: { preparing: { fraction: 0.42, remaining_s: 25 } } }).text, "Preparing the solvers 42 %");
+  assert.equal(verdictOf({ status: "queued", stage: null, summary: {}, progress: { preparing: { fraction: 0.42, remaining_s: 25 } } }).text, "Preparing the solvers: 42 %");
   assert.match(preparingWords({ fraction: 0.42, remaining_s: 25 }), /^First start: .*, 42 % done\. .* · about 25 s left$/);
 });

@@ -76,7 +76,7 @@ class Showing {
   show({ playing, frame, frames, phase, time_s: time, error_rad: error }) {
     this.scrub.max = String(frames - 1);
     this.scrub.value = String(Math.round(frame));
-    const words = [PHASES[phase], time === null ? null : seconds(time), error === null ? null : `error ${radians(error)}`];
+    const words = [PHASES[phase], time === null ? null : seconds(time), error === null ? null : `joint error ${radians(error)}`];
     const told = words.filter(Boolean).join(" · ");
     within(this.figure, ".run-now").textContent = told;
     this.scrub.setAttribute("aria-valuetext", `${PHASES[phase]}, frame ${Math.round(frame) + 1} of ${frames}`);

@@ -16,7 +16,7 @@ export function remaining(value) {
 export function preparingWords({ fraction, remaining_s: left }) {
   const percent = Math.floor(100 * fraction);
   if (!percent) return "Starting the solvers…"; // it is not known yet whether any are to be compiled
-  const words = `First start: preparing the solvers, ${percent} % done. This happens only once`;
+  const words = `First start of foldback: preparing the solvers, ${percent} % done. This happens only once`;
   return left ? `${words} · ${remaining(left)}` : words;
 }
 

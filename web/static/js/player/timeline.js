@@ -43,7 +43,7 @@ class DamagedError extends Error {}
 class RefusedError extends Error {
   /** @param {Response} answer */
   constructor(answer) {
-    super(`The server answered with status ${answer.status}.`);
+    super(`The request failed: the server answered with status ${answer.status}.`);
     const retryS = answer.status === BUSY ? Number(answer.headers.get("Retry-After")) : 0;
     this.pauseMs = retryS > 0 ? 1000 * retryS : 4 * RETRY_MS;
   }
